@@ -1,8 +1,8 @@
-"""What was compiled once, kept in the user's cache folder: programs and object code, never results.
+"""Persistent cache of compiled programs and object code (never of results) in the user's cache folder.
 
-The folder (`BONDGRAPH_CACHE`, else `bondgraph` where the system keeps caches) belongs to the user alone. An entry is a file whose name is the
-hash of all that it depends on, with the hash of its own content in front; it appears whole or not at all, so any number of processes may share
-the folder. An entry that is not what it says is as good as none. `BONDGRAPH_CACHE=` (empty) keeps nothing.
+The folder (`BONDGRAPH_CACHE`, else `bondgraph` in the system's cache folder) belongs to the user alone. An entry is a file whose name is the hash of
+all data on which it depends, and begins with the hash of its own content. It is written completely or not at all, so any number of processes may share
+the folder. An invalid entry is ignored. `BONDGRAPH_CACHE=` (empty) turns the cache off.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ VARIABLE = "BONDGRAPH_CACHE"
 SCHEMA = b"bondgraph-cache/1\n"
 MOST_BYTES = 500_000_000
 LARGEST_ENTRY = 100_000_000
-PRUNED_TO = 0.7  # of the most bytes
+PRUNED_TO = 0.7  # fraction of the largest size that remains after pruning
 PACKAGES = ("bondgraph", "compiler")
 
 
 def fetch(key: str) -> Any:
-    """What is kept under a key; None if there is nothing that can be trusted."""
+    """Return the value of a key; None if there is no valid entry."""
     folder = _folder()
     if folder is None:
         return None
@@ -43,14 +43,14 @@ def fetch(key: str) -> Any:
     if head != SCHEMA or hashlib.sha256(key.encode() + body).digest() != digest:
         return None
     try:
-        os.utime(path)  # what was used last is thrown away last
+        os.utime(path)  # pruning removes the least recently used entries
         return _Known(io.BytesIO(body)).load()
-    except Exception:  # whatever is wrong with it, it can be made again
+    except Exception:  # the value can be made again, whatever the error
         return None
 
 
 def keep(key: str, value: object) -> None:
-    """Keep something under a key, if that is possible."""
+    """Store a value under a key, if possible."""
     folder = _folder()
     if folder is None:
         return
@@ -70,11 +70,11 @@ def keep(key: str, value: object) -> None:
             raise
         _prune(folder)
     except OSError:
-        return  # a full or closed disk is no reason to fail
+        return  # a full or read-only disk is no error
 
 
 def key_of(*parts: object) -> str:
-    """A key for all that something depends on; the version of our own code is among it."""
+    """Return a key for all data on which a value depends; it includes the version of our own code."""
     digest = hashlib.sha256(code_version().encode())
     for part in parts:
         data = part if isinstance(part, bytes) else str(part).encode("utf-8", "surrogatepass")
@@ -84,7 +84,7 @@ def key_of(*parts: object) -> str:
 
 @lru_cache
 def code_version() -> str:
-    """What tells this code and this Python from all others: names, sizes and times of our files."""
+    """Return a unique text of this code and this Python: names, sizes and times of our files."""
     digest = hashlib.sha256()
     root = Path(__file__).resolve().parent.parent
     for package in PACKAGES:
@@ -97,7 +97,7 @@ def code_version() -> str:
 
 
 class _Known(pickle.Unpickler):
-    """Only our own nouns, and paths: nothing that a pickle could be made to do."""
+    """Unpickler of our own data classes and paths only, so that a pickle cannot run code."""
 
     def find_class(self, module: str, name: str) -> Any:
         known = (module.startswith("compiler.") and name[:1].isupper()) or module.startswith("pathlib")
@@ -107,7 +107,7 @@ class _Known(pickle.Unpickler):
 
 
 def _prune(folder: Path) -> None:
-    """Throw away what was not used for longest, if there is too much."""
+    """Remove the least recently used entries if the folder is too large."""
     entries = []
     with os.scandir(folder) as found:
         for entry in found:
@@ -124,7 +124,7 @@ def _prune(folder: Path) -> None:
 
 
 def _folder() -> Path | None:
-    """The folder, made if need be; None if nothing can be kept, or somebody else could write there."""
+    """Return the folder, created if necessary; None if nothing can be stored, or if another user could write there."""
     path = _place()
     if path is None:
         return None
@@ -158,7 +158,7 @@ def _place() -> Path | None:
 
 
 def _ours(found: os.stat_result) -> bool:
-    """Whether a file or folder belongs to this user, and nobody else may write to it."""
+    """Return True if a file or folder belongs to this user, and no other may write to it."""
     if os.name != "posix":
         return True
     return found.st_uid == os.geteuid() and not found.st_mode & 0o022

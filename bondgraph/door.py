@@ -1,6 +1,6 @@
-"""The one door to the compiler: everything that the product uses of it passes here.
+"""Interface to the compiler: the only module of the product that imports from it.
 
-Names are fetched when they are first used, so that opening the door loads no stage that is not needed.
+Names are imported at their first use, so that no unnecessary stage is loaded.
 """
 
 from __future__ import annotations
@@ -286,7 +286,7 @@ _opened: list[bool] = []
 
 
 def _open() -> None:
-    """Give the compiler a place for what is the same for every text."""
+    """Give the compiler a cache for data that are equal for all texts."""
     from . import cache
 
     import_module("compiler.kept").keep_on(cache)
@@ -294,7 +294,7 @@ def _open() -> None:
 
 
 def _other_compiler(error: ModuleNotFoundError) -> ImportError:
-    """A file `compiler.py` beside the user's script hides ours: say so."""
+    """Return the error for a file `compiler.py` beside the user's script, which hides our package."""
     import sys
 
     found = getattr(sys.modules.get("compiler"), "__file__", None)

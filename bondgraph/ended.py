@@ -1,4 +1,4 @@
-"""Where a run ended, so that another goes on from there; and how that stands in a file beside the numbers of the result."""
+"""Checkpoint of a run, from which another run goes on; and its form in a file with the numbers of the result."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ if TYPE_CHECKING:
 
 SCHEMA = "bondgraph-run/1"
 RUN, PAST, STARTS, STOPS = "the run", "past of delayed signals", "starts of that past", "stops of that past"
-LARGEST = 4_000_000_000  # bytes of a file that is read
+LARGEST = 4_000_000_000  # most bytes of a file that is read
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Past:
-    """What delayed signals have been: on [start, stop], a polynomial for each."""
+    """History of delayed signals: on each [start, stop], a polynomial per signal."""
 
     names: tuple[str, ...]
     starts: list[float]
     stops: list[float]
     pieces: list[Any]  # (degree + 1, signals)
-    cuts: list[float]  # where a delayed signal will jump
-    first: Any  # what they were before the run
+    cuts: list[float]  # instants at which a delayed signal will jump
+    first: Any  # values before the run
     last: Any
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class End:
-    """Where a run ended, by the author's names, in SI.
+    """Checkpoint at the end of a run, by the author's names, in SI.
 
-    `identity` is that of the equations; `until` how far the run was to go: up to there `magnitudes` hold.
+    `identity`: that of the equations; `until`: planned end of the run, up to which `magnitudes` are valid.
     """
 
     identity: str
@@ -45,18 +45,18 @@ class End:
     time: float
     until: float
     stored: Mapping[str, float]  # states and storages that depend on them
-    peaks: Mapping[str, float]  # the largest that they have been
-    unknowns: Mapping[str, float]  # of algebraic loops
+    peaks: Mapping[str, float]  # their largest values so far
+    unknowns: Mapping[str, float]  # unknowns of algebraic loops
     magnitudes: Mapping[str, float]
-    modes: Mapping[str, float]  # what only events change
-    on: tuple[tuple[str, int, bool], ...]  # instance and place of each event, and whether its condition holds
-    off: tuple[str, ...]  # junctions
+    modes: Mapping[str, float]  # discrete variables that only events change
+    on: tuple[tuple[str, int, bool], ...]  # instance and place of each event, and truth of its condition
+    off: tuple[str, ...]  # junctions that are off
     preferences: tuple[tuple[str, str], ...]  # storage -> integral or derivative
     past: Past | None = None
 
 
 def arrays_of(result: Result) -> dict[str, Any]:
-    """What a file of a result holds besides its columns."""
+    """Return the contents of a result's file besides its columns."""
     import numpy as np
 
     told: dict[str, Any] = {
@@ -98,7 +98,7 @@ def arrays_of(result: Result) -> dict[str, Any]:
 
 
 def read(path: str | Path) -> Result:
-    """A result from its file. Raises OSError, and `UsageError` if the file is none."""
+    """Return a result from its file. Raises OSError, and `UsageError` if the file is not valid."""
     import numpy as np
 
     path = Path(path)

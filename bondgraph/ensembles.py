@@ -1,4 +1,4 @@
-"""Runs of one model with many settings: what each of them found, or why it did not."""
+"""Ensemble: runs of one model with many settings, each with its result or its error."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 class Ensemble:
     """Runs in the order of their settings.
 
-    `ensemble[3]` is the result of the fourth run (raises what went wrong in it), `ensemble["x"]` the output `x` of all of them,
-    shape (runs, points), NaN where a run failed. `failures` says which did, and why.
+    `ensemble[3]` is the result of the fourth run (raises its error), `ensemble["x"]` the output `x` of all of them, shape (runs, points), NaN where a run
+    failed. `failures` has the failed runs with their errors.
     """
 
     settings: tuple[Mapping[str, str | float], ...]
@@ -42,7 +42,7 @@ class Ensemble:
 
     @cached_property
     def failures(self) -> Mapping[int, Exception]:
-        """The number of each run that failed, and what went wrong."""
+        """Index of each failed run, and its error."""
         return {i: o for i, o in enumerate(self.outcomes) if isinstance(o, Exception)}
 
     @cached_property
@@ -54,7 +54,7 @@ class Ensemble:
 
     @property
     def time(self) -> NDArray[np.float64]:
-        """The instants of all runs, shape (points,), in s. Raises `UsageError` if they differ, `RunFailed` if no run has a result."""
+        """Instants of all runs, shape (points,), in s. Raises `UsageError` if they differ, `RunFailed` if no run has a result."""
         import numpy as np
 
         time = self._first.time
@@ -63,15 +63,15 @@ class Ensemble:
         return time
 
     def unit(self, name: str) -> str:
-        """The SI unit of an output."""
+        """Return the SI unit of an output."""
         return self._first.unit(name)
 
     def __getitem__(self, key: int | str) -> Any:
-        """A run by its number; or an output by its name, shape (runs, points), in SI."""
+        """Return a run by its index; or an output by its name, shape (runs, points), in SI."""
         if not isinstance(key, str):
             found = self.outcomes[key]
             if isinstance(found, Exception):
-                raise found.with_traceback(None)  # it may have been raised before
+                raise found.with_traceback(None)  # the exception may have been raised before
             return found
         import numpy as np
 
@@ -82,14 +82,14 @@ class Ensemble:
         return values
 
     def final(self, name: str) -> NDArray[np.float64]:
-        """The last value of an output in each run, shape (runs,), in SI; NaN where a run failed."""
+        """Return the last value of an output in each run, shape (runs,), in SI; NaN where a run failed."""
         import numpy as np
 
         self._first.unit(name)
         return np.array([np.nan if isinstance(o, Exception) else o.final(name) for o in self.outcomes])
 
     def _arrays(self) -> Arrays:
-        """Outputs over (run, time); what was set as numbers stands over `run`. NaN where a run failed."""
+        """Return outputs over (run, time), and numeric settings over `run`. NaN where a run failed."""
         import numpy as np
 
         from .exports import Arrays
@@ -101,7 +101,7 @@ class Ensemble:
         names = dict.fromkeys(n for s in self.settings for n in s)
         for name in names:
             values = [s.get(name, np.nan) for s in self.settings]
-            if all(isinstance(v, int | float) for v in values):  # texts have units of their own
+            if all(isinstance(v, int | float) for v in values):  # texts have their own units
                 variables[f"set {name}"] = (("run",), np.array(values, dtype=float), "SI")
         return Arrays(
             {"run": (runs, "1"), "time": (self.time, "s")},
@@ -110,13 +110,13 @@ class Ensemble:
         )
 
     def to_xarray(self) -> xarray.Dataset:
-        """Outputs over `run` and `time` in SI, with what was set. Raises MissingPackage without xarray, as `time` otherwise."""
+        """Return outputs over `run` and `time` in SI, with the settings. Raises MissingPackage without xarray, otherwise as `time`."""
         from .exports import dataset
 
         return dataset(self._arrays())
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """The same into a .npz, .nc (NetCDF) or .mat (MATLAB) file. Raises OSError, UsageError."""
+        """Write the same into a .npz, .nc (NetCDF) or .mat (MATLAB) file. Raises OSError, UsageError."""
         from .exports import write_arrays
 
         write_arrays(path, self._arrays())

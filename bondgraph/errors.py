@@ -1,4 +1,4 @@
-"""What can go wrong outside the text of a model: in a call, in the numbers, in an installation."""
+"""Errors outside the text of a model: in a call, in the numbers, in an installation."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ if TYPE_CHECKING:
 
 
 class UsageError(Exception):
-    """The call makes no sense: an unknown name, a value that cannot be; the message says what is possible."""
+    """Raised for an invalid call: an unknown name, an impossible value; the message lists the possible ones."""
 
 
 class ManyRuns(UsageError):
-    """An experiment that is more than one run, or none: `Model.run` does what it says."""
+    """Raised for an experiment that is more than one run, or none: `Model.run` executes it."""
 
 
 class RunFailed(Exception):
-    """The text is fine, but the numbers failed; the message says at which time and with which quantity.
+    """Raised if the text is valid, but the numbers failed; the message has the time and the quantity.
 
-    `result` is what was computed up to then, if the run had begun.
+    `result` is the part computed up to then, if the run had begun.
     """
 
     result: Result | None = None
 
 
 class RunInterrupted(KeyboardInterrupt):
-    """Somebody pressed Ctrl-C while a run was on its way; `result` is what was computed up to then."""
+    """Raised if Ctrl-C was pressed during a run; `result` is the part computed up to then."""
 
     def __init__(self, what: str, result: Result) -> None:
         super().__init__(what)
@@ -37,7 +37,7 @@ class RunInterrupted(KeyboardInterrupt):
 
 
 class RunBroken(Exception):
-    """Something of ours, or of the machine, gave way in the middle of a run; `result` is what was computed up to then."""
+    """Raised for a defect of this program, or of the machine, in the middle of a run; `result` is the part computed up to then."""
 
     def __init__(self, what: str, result: Result | None = None) -> None:
         super().__init__(what)
@@ -45,11 +45,11 @@ class RunBroken(Exception):
 
 
 class PointBroken(RunFailed):
-    """The same at one of many points, which did not end the others."""
+    """Raised for the same at one of many points; the others went on."""
 
 
 class RateNotFinite(RunFailed):
-    """A rate is no number, at a time and in a state; shape (n,), unknowns of loops included."""
+    """Raised if a rate is not finite, at a time and state; shape (n,), unknowns of loops included."""
 
     def __init__(self, what: str, time: float, state: Any, mode: Any = None) -> None:
         super().__init__(what)
@@ -60,11 +60,11 @@ class RateNotFinite(RunFailed):
             type(self),
             (str(self), self.time, self.state, self.mode),
             self.__dict__,
-        )  # as it goes from one process to another
+        )  # for the transfer between processes
 
 
 class StepsCollapsed(RunFailed):
-    """No step is short enough at a time and in a state; `ahead`: where the flow leads from there, ever further."""
+    """Raised if no step is short enough at a time and state; `ahead`: points ever further along the flow."""
 
     def __init__(self, what: str, time: float, state: Any, ahead: tuple[tuple[float, Any], ...], mode: Any) -> None:
         super().__init__(what)
@@ -75,18 +75,18 @@ class StepsCollapsed(RunFailed):
 
 
 class MissingPackage(ImportError):
-    """An optional package is not installed; the message says how to get it."""
+    """Raised if an optional package is not installed; the message says how to install it."""
 
 
 class UnknownOutput(KeyError):
-    """A result was asked for a name that it does not have."""
+    """Raised if a result has no output of the requested name."""
 
     def __str__(self) -> str:
         return str(self.args[0])  # KeyError itself would show the quoted representation of the message
 
 
 class NotLossless(RunFailed):
-    """A method that keeps the energy was asked for, and the model gains or loses some: when and where."""
+    """Raised if an energy-conserving method was requested for a model that gains or loses energy; with time and state."""
 
     def __init__(self, time: float, state: Any, mode: Any) -> None:
         super().__init__(f"at t = {time:.9g} s the model gains or loses energy")

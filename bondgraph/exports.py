@@ -1,4 +1,4 @@
-"""Numbers with units, written to files that others read: CSV, npz, NetCDF, MAT; and handed over to xarray. In SI; each file whole or not at all."""
+"""Export of numbers with units: CSV, npz, NetCDF, MAT files, and xarray. In SI; each file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -20,13 +20,16 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 ENDINGS = (".csv", ".npz", ".nc", ".mat")
-LONGEST = 63  # letters of a name in MATLAB
+LONGEST = 63  # most letters of a name in MATLAB
 
 
 @dataclass(frozen=True, eq=False)
 class Arrays:
-    """`coordinates`: by the name of a dimension its values (n,) and unit; `variables`: by name the dimensions, an array over them, and the unit;
-    `attributes` of the whole. Numbers beside a dimension that is numbered from 0 have that dimension, too."""
+    """Data of an export.
+
+    `coordinates`: values (n,) and unit by the name of a dimension; `variables`: by name the dimensions, an array over them, and the unit; `attributes`
+    of the whole. A dimension without coordinates is numbered from 0.
+    """
 
     coordinates: Mapping[str, tuple[Array, str]]
     variables: Mapping[str, tuple[tuple[str, ...], Array, str]]
@@ -40,7 +43,7 @@ class Arrays:
 
 
 def dataset(arrays: Arrays) -> Any:
-    """An `xarray.Dataset`; each variable has its `units`. Raises `MissingPackage` without xarray."""
+    """Return an `xarray.Dataset`; each variable has its `units`. Raises `MissingPackage` without xarray."""
     try:
         import xarray
     except ImportError as error:
@@ -51,7 +54,7 @@ def dataset(arrays: Arrays) -> Any:
 
 
 def write_arrays(path: str | os.PathLike[str], arrays: Arrays) -> None:
-    """Into a file of one of `ENDINGS`; CSV for one dimension alone. Raises `UsageError`, OSError."""
+    """Write a file with one of `ENDINGS`; CSV for a single dimension only. Raises `UsageError`, OSError."""
     match Path(path).suffix.lower():
         case ".csv":
             if len({d for dims, _, _ in arrays.variables.values() for d in dims}) > 1:
@@ -72,12 +75,12 @@ def write_columns(
     path: str | os.PathLike[str], columns: Mapping[str, Array], units: Mapping[str, str], along: str,
     attributes: Mapping[str, str | int | float | None],
 ) -> None:  # fmt: skip
-    """Columns of one length; `along` names what they are numbered by. Raises as `write_arrays`."""
+    """Write columns of one length; `along` is the name of their common dimension. Raises as `write_arrays`."""
     write_arrays(path, Arrays({}, {n: ((along,), v, units[n]) for n, v in columns.items()}, attributes))
 
 
 def write_csv(path: str | os.PathLike[str], columns: Mapping[str, Array], units: Mapping[str, str]) -> None:
-    """17 significant digits; a heading with a comma or a quote stands in quotes."""
+    """Write CSV with 17 significant digits; a heading with a comma or a quote is quoted."""
     import numpy as np
 
     heads = ['"' + f"{n} [{units[n]}]".replace('"', '""') + '"' for n in columns]
@@ -87,7 +90,7 @@ def write_csv(path: str | os.PathLike[str], columns: Mapping[str, Array], units:
 
 
 def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
-    """Arrays for `numpy.load`; equal ones give equal bytes."""
+    """Write arrays for `numpy.load`; equal arrays give equal bytes."""
     import zipfile
 
     import numpy as np
@@ -113,7 +116,7 @@ def _attributes(arrays: Arrays) -> dict[str, Any]:
 
 
 def _netcdf(path: str | os.PathLike[str], arrays: Arrays) -> None:
-    """NetCDF 3 with 64-bit offsets, which all readers know; by scipy."""
+    """Write NetCDF 3 with 64-bit offsets, which all readers support; by scipy."""
     from scipy.io import netcdf_file
 
     buffer = io.BytesIO()
@@ -141,7 +144,7 @@ def _netcdf_name(name: str) -> str:
 
 
 def _matlab(path: str | os.PathLike[str], arrays: Arrays) -> None:
-    """Names that MATLAB takes; `names` and `units` are structures from these to the author's."""
+    """Write a .mat file with names that MATLAB accepts; `names` and `units` are structures from these to the author's."""
     from scipy.io import savemat
 
     told = {n: (v, u) for n, (v, u) in arrays.coordinates.items()} | {
@@ -161,7 +164,7 @@ def _matlab(path: str | os.PathLike[str], arrays: Arrays) -> None:
 
 
 def _matlab_name(name: str, taken: set[str]) -> str:
-    """Letters, digits and underscores, beginning with a letter; `d[1]` is `d_1`."""
+    """Return a name of letters, digits and underscores, beginning with a letter; `d[1]` is `d_1`."""
     plain = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "x"
     plain = plain if plain[0].isalpha() else f"x_{plain}"
     found, number = plain[:LONGEST], 1

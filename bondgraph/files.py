@@ -1,4 +1,4 @@
-"""Files that are either written whole or not touched at all."""
+"""Atomic files: written completely or not at all."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from typing import BinaryIO
 
 
 def check_writable(path: str | os.PathLike[str]) -> Path:
-    """The file that `path` names, links followed.
+    """Return the file that `path` names, with links resolved.
 
-    Raises OSError if a file cannot be put there: its folder is missing or closed, or what is there is no plain file or is
-    protected against writing.
+    Raises OSError if a file cannot be written there: its folder is missing or closed, or the existing entry is no plain file or is write-protected.
     """
     target = Path(os.path.realpath(path))
     if not target.parent.is_dir():
@@ -31,19 +30,19 @@ def check_writable(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """A stream that becomes the file `path` when the block ends well; whatever else happens, nothing has changed.
+    """Provide a stream that becomes the file `path` when the block ends without an exception; otherwise nothing changes.
 
-    The bytes go to a temporary file of the same folder, which then takes the name in one step. Raises OSError.
+    The bytes go to a temporary file of the same folder, which is then renamed in one step. Raises OSError.
     """
     target = check_writable(path)
     temporary = target.with_name(f".{target.name[:64]}.{os.urandom(6).hex()}.part")
-    # Opened plainly and not with `tempfile`, so that a new file gets the permissions that the user's umask gives.
+    # Opened without `tempfile`, so that a new file gets the permissions of the user's umask.
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
         with os.fdopen(descriptor, "wb") as stream:
             yield stream
             stream.flush()
-            os.fsync(stream.fileno())  # a full disk shows here, before the old file is gone
+            os.fsync(stream.fileno())  # a full disk raises here, before the old file is replaced
         if target.exists():
             os.chmod(temporary, stat.S_IMODE(target.stat().st_mode))
         os.replace(temporary, target)
@@ -53,6 +52,6 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write `text` as UTF-8 with its line ends as they are, whole or not at all. Raises OSError."""
+    """Write `text` as UTF-8 with its line ends unchanged, completely or not at all. Raises OSError."""
     with replacing(path) as stream:
         stream.write(text.encode("utf-8"))

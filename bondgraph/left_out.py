@@ -1,4 +1,4 @@
-"""What a run with a bandwidth left out, and what it estimates that this does."""
+"""Truncation report of a run with a bandwidth: the truncated modes, and an estimate of their effect."""
 
 from __future__ import annotations
 
@@ -9,32 +9,31 @@ from typing import Any
 
 from .quantities import behind
 
-NAMED = 3  # modes, outputs and instants in a sentence
+NAMED = 3  # most modes, outputs and instants in a sentence
 
 
 @dataclass(frozen=True, slots=True)
 class FastMode:
-    """A motion faster than the bandwidth: frequency in Hz (abs(eigenvalue)/2pi), damping, elements with the largest shares in it."""
+    """A mode faster than the bandwidth: frequency in Hz (abs(eigenvalue)/2pi), damping ratio, elements with the largest shares in it."""
 
     frequency: float
     damping: float
     elements: tuple[str, ...]
 
     def is_like(self, other: FastMode) -> bool:
-        """Whether it is told as the same mode at another instant: the same elements, and frequencies within one in a hundred."""
+        """Return True if both count as the same mode at two instants: equal elements, and frequencies within 1 %."""
         return self.elements == other.elements and abs(self.frequency - other.frequency) <= 0.01 * other.frequency
 
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """What was left out of a run with a bandwidth in Hz.
+    """Truncation report of a run with a bandwidth in Hz.
 
-    `faster`: how many modes ring faster (what decays without a turn is none of them); `modes`: those that rang and were left out, at
-    `instants` in s. `outputs`: the amplitude of this in each output (SI), the largest of the run; of one that goes with the square (a power)
-    the largest that it lacks. `kept`: by how much what is kept lacks what the ringing does to it, in each output (SI); 0 if that is surely
-    below the tolerance of the run, NaN (null in JSON) if it is not known, and `reason` says why. `energy`: in J, if the run has a balance.
-    `reason`: why nothing, or not all, was left out; "" if there is nothing to tell. All but the bandwidth are estimates of modes that
-    change slowly.
+    `faster`: number of faster oscillating modes (without those that decay without oscillation); `modes`: those that were truncated, at `instants` in s.
+    `outputs`: largest amplitude of the truncated modes in each output of the run (SI); for an output that is proportional to the square (a power) the
+    largest missing part. `kept`: upper bound on the shift of the slow solution in each output (SI); 0 if it is surely below the tolerance of the run,
+    NaN (null in JSON) if unknown, with the cause in `reason`. `energy`: in J, if the run has a balance. `reason`: reason why not all, or no, modes were
+    truncated; "" if there is none. All values except the bandwidth are estimates for modes that change slowly.
     """
 
     bandwidth: float
@@ -50,7 +49,7 @@ class LeftOut:
         return self.sentence({})
 
     def sentence(self, units: Mapping[str, str]) -> str:
-        """As one sentence. `units`: of the outputs."""
+        """Return the report as one sentence. `units`: of the outputs."""
         head = f"bandwidth {told_hertz(self.bandwidth)}: "
         if not self.instants:
             return f"{head}nothing was left out: {self.reason}"
@@ -72,7 +71,7 @@ class LeftOut:
         return "; ".join([*parts, *([self.reason] if self.reason else [])])
 
     def to_json(self) -> dict[str, Any]:
-        """Part of `bondgraph-result/1`."""
+        """Return JSON values, a part of `bondgraph-result/1`."""
         modes = [{"frequency": m.frequency, "damping": m.damping, "elements": list(m.elements)} for m in self.modes]
         told = {"frequency": self.bandwidth, "faster": self.faster, "modes": modes, "instants": list(self.instants)}
         return {
@@ -85,7 +84,7 @@ class LeftOut:
 
 
 def read_left_out(told: Mapping[str, Any]) -> LeftOut:
-    """From what `to_json` gives."""
+    """Return a report from the result of `to_json`."""
     modes = tuple(FastMode(m["frequency"], m["damping"], tuple(m["elements"])) for m in told["modes"])
     return LeftOut(
         told["frequency"], told["faster"], modes, tuple(told["instants"]), _read(told["outputs"]), _read(told["kept"]), told["energy"],
@@ -94,7 +93,7 @@ def read_left_out(told: Mapping[str, Any]) -> LeftOut:
 
 
 def joined(before: LeftOut | None, after: LeftOut | None) -> LeftOut | None:
-    """Of two parts of a run."""
+    """Return the common report of two parts of a run."""
     if before is None or after is None:
         return after if before is None else before
     energies = [part.energy for part in (before, after) if part.energy is not None]
@@ -108,7 +107,7 @@ def joined(before: LeftOut | None, after: LeftOut | None) -> LeftOut | None:
 
 
 def told_hertz(frequency: float) -> str:
-    """A frequency as people say it."""
+    """Return a frequency as text with a suitable unit."""
     if not frequency > 0 or not math.isfinite(frequency):
         return f"{frequency:g} Hz"
     for unit, factor in (("GHz", 1e9), ("MHz", 1e6), ("kHz", 1e3), ("Hz", 1.0), ("mHz", 1e-3)):
@@ -132,7 +131,7 @@ def _largest(values: Mapping[str, float], units: Mapping[str, str]) -> str:
 
 
 def _larger(first: Mapping[str, float], second: Mapping[str, float]) -> dict[str, float]:
-    """What is not known in one of them is not known."""
+    """Return the larger value of each name; NaN (unknown) if one of them is NaN."""
     both = {n: (first.get(n, 0.0), second.get(n, 0.0)) for n in {**first, **second}}
     return {n: math.nan if any(map(math.isnan, pair)) else max(pair) for n, pair in both.items()}
 
@@ -146,7 +145,7 @@ def _all_known(values: Mapping[str, float]) -> bool:
 
 
 def _told(values: Mapping[str, float]) -> dict[str, float | None]:
-    """For JSON, which has no NaN."""
+    """Return the values for JSON, with null for NaN."""
     return {n: None if math.isnan(v) else v for n, v in values.items()}
 
 

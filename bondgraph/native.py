@@ -1,4 +1,4 @@
-"""Object code of LLVM's text, with care: what could take the process down with it is compiled in a child."""
+"""Object code from LLVM text, compiled in a child process if it could end this one."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from . import cache
 from .errors import RunFailed
 
 LONGEST_HERE = 400_000  # characters of text that are compiled in this process
-PATIENCE = 300  # s for a child
+PATIENCE = 300  # s: time limit of a child process
 
-announce: Callable[[str], None] | None = None  # whom to tell what takes some seconds
-_WORKING: set[str] = set()  # processors for which code has been made here
+announce: Callable[[str], None] | None = None  # called with a message before work of some seconds
+_WORKING: set[str] = set()  # processors for which code has been compiled here
 
 _CHILD = """
 import sys
@@ -25,14 +25,14 @@ sys.stdout.buffer.write(object_code(text, {level}))
 
 
 class CannotCompile(RunFailed):
-    """LLVM does not make code of this; the numpy target does."""
+    """Raised if LLVM cannot compile a program; the numpy target can."""
 
 
 def compiled_safely(text: str, level: int) -> bytes:
-    """The object code of a module. Raises `CannotCompile`.
+    """Return the object code of a module. Raises `CannotCompile`.
 
-    LLVM ends the process where something is beyond it: code for a processor that it has never made code for here, and very long
-    functions, are therefore compiled in a child first.
+    LLVM ends the process at unsupported input: therefore code for a processor that is new here, and very long functions, are compiled in a child process
+    first.
     """
     from .door import object_code, processor
 
@@ -50,7 +50,7 @@ def compiled_safely(text: str, level: int) -> bytes:
 
 
 def kernel(name: str, text: Callable[[], str], level: int) -> bytes:
-    """The object code of a part of this package that is the same for all models, from the cache if it is there."""
+    """Return the object code of a part of this package that is equal for all models, from the cache if it is there."""
     from .door import processor
 
     key = cache.key_of("kernel", name, processor(), level)
@@ -65,7 +65,7 @@ def kernel(name: str, text: Callable[[], str], level: int) -> bytes:
 
 
 def in_child(text: str, level: int) -> bytes:
-    """The object code of a module, made by another process. Raises `CannotCompile`."""
+    """Return the object code of a module, compiled by another process. Raises `CannotCompile`."""
     import subprocess
 
     root = str(Path(__file__).resolve().parent.parent)

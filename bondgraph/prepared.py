@@ -1,5 +1,7 @@
-"""A model made ready for one scene: its program and what a run asks besides. From the cache if it has been there before; then no stage of
-the compiler is loaded, unless something goes wrong and has to be told in the author's words."""
+"""Compiled scene: the program of a model for one scene, and the data for a run.
+
+It comes from the cache if it exists there; then no stage of the compiler is loaded, except for an error message in the author's terms.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,11 @@ if TYPE_CHECKING:
     from .door import Certificate, Compilation, Facts, Plan, Program, Scene, Source, StateSpace
 
 TARGETS = ("native", "numpy")
-HIDDEN = "BONDGRAPH_WITHOUT_LLVM"  # an environment variable: with any value in it there is no LLVM
+HIDDEN = "BONDGRAPH_WITHOUT_LLVM"  # environment variable: any value disables LLVM
 
 
 def chosen_target(target: str | None) -> str:
-    """The target that is asked for, or the fastest that this machine has. Raises `UsageError`."""
+    """Return the requested target, or the fastest that this machine has. Raises `UsageError`."""
     from .door import native_available
 
     possible = not os.environ.get(HIDDEN) and native_available()
@@ -36,7 +38,7 @@ def chosen_target(target: str | None) -> str:
 
 
 def many_runs(plan: Plan, scene: Scene) -> str | None:
-    """Why the experiment of a scene is more than one run, or none; None if it is one. What is set is not swept."""
+    """Return the reason why the experiment of a scene is more than one run, or none; None if it is one. Settings are not swept."""
     set_here = {o.path for o in scene.overrides}
     names = ", ".join(f"`{s.name}`" for s in plan.sweeps if s.name not in set_here)
     if names:
@@ -51,7 +53,7 @@ def many_runs(plan: Plan, scene: Scene) -> str | None:
 
 
 class Prepared:
-    """`compilation` makes the stages of the compiler, when one is needed; `opened` the same with opened loops."""
+    """Compiled scene. `compilation` makes the stages of the compiler when needed; `opened` the same with opened loops."""
 
     def __init__(
         self, source: Source, scene: Scene, everything: bool, target: str, compilation: Callable[[], Compilation],
@@ -59,21 +61,21 @@ class Prepared:
     ) -> None:  # fmt: skip
         self.source, self.scene, self.everything, self.target = source, scene, everything, target
         self._compilation, self._opened = compilation, opened
-        self.kept: dict[object, Any] = {}  # what analyses made of it and need again at other values
+        self.kept: dict[object, Any] = {}  # cached results of analyses, for use at other values
 
     @cached_property
     def compilation(self) -> Compilation:
-        """The stages, made anew."""
+        """Stages of the compiler, made again."""
         return self._compilation()
 
     @property
     def state_space(self) -> StateSpace:
-        """What messages and energies are told from."""
+        """Equations for messages and energies."""
         return self.compilation.state_space
 
     @cached_property
     def program(self) -> Program:
-        """The program of the target. One with loops knows where it is to be had with these opened."""
+        """Program of the target. One with loops has a reference to the program with opened loops."""
         program = self._found[0]
         if program.unknowns.names and not self.scene.opened:
             program.kept["opened"] = self._opened
@@ -81,25 +83,25 @@ class Prepared:
 
     @cached_property
     def plan(self) -> Plan:
-        """What the experiment says."""
+        """Plan of the experiment."""
         plan: Plan = self._found[1]
         return plan
 
     @cached_property
     def facts(self) -> Facts:
-        """What a run asks besides."""
+        """Further data for a run."""
         facts: Facts = self._found[2]
         return facts
 
     @cached_property
     def certificate(self) -> Certificate:
-        """What kind of equations these are."""
+        """Kind of the equations."""
         certificate: Certificate = self._found[3]
         return certificate
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:
-        """What results record: the same in all of them."""
+        """Columns of the results, common to all of them."""
         outputs = self.program.outputs
         return tuple(Column(n, u) for n, u in zip(outputs.names, outputs.units, strict=True))
 
@@ -126,7 +128,7 @@ class Prepared:
         made = self.compilation
         with uncollected():
             try:
-                if many_runs(made.plan, self.scene) is not None:  # told before anything else is
+                if many_runs(made.plan, self.scene) is not None:  # reported before any other error
                     return made.program, made.plan, made.facts, made.certificate
                 _ = made.lowered
             except ValuesNeeded as needed:

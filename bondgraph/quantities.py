@@ -11,7 +11,7 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*
 
 
 def quantity(text: str, unit: str, what: str) -> float:
-    """Its value in SI; `unit` is one of its kind. Raises `UsageError`, with `what` it was meant for."""
+    """Return the value in SI; `unit` is one of its kind. Raises `UsageError`, with `what` for the purpose."""
     from .door import CompilationFailed, Source, read_unit
 
     found = _NUMBER.fullmatch(text)
@@ -24,13 +24,13 @@ def quantity(text: str, unit: str, what: str) -> float:
             if scale.dimension == read_unit(Source(what, unit)).dimension:
                 return scale.to_si(number)
         except CompilationFailed:
-            pass  # no unit: the same answer as for one of another kind
+            pass  # no unit: the same error as for one of another kind
     kind = "a bare number" if unit == "1" else f"in {unit}"
     raise UsageError(f"{what}: `{text.strip()}` is no quantity {kind}; write a number with its unit, or one in SI")
 
 
 def quantities(text: str, unit: str, what: str) -> list[float]:
-    """`1 mm, 2 mm`, or `1 mm .. 2 mm : 11` with both ends. Raises `UsageError`."""
+    """Return the values of `1 mm, 2 mm`, or of `1 mm .. 2 mm : 11` with both ends. Raises `UsageError`."""
     low, dots, rest = text.partition("..")
     if not dots:
         return [quantity(part, unit, what) for part in text.split(",")]
@@ -44,7 +44,7 @@ def quantities(text: str, unit: str, what: str) -> list[float]:
 
 
 def in_unit(value: float, unit: str, kind: str, what: str) -> float:
-    """A value in SI, of a `kind` like `N/m`, in another unit of that kind; a percentage of a bare number. Raises `UsageError`."""
+    """Return a value in SI, of a `kind` such as `N/m`, in another unit of that kind; a percentage of a bare number. Raises `UsageError`."""
     from .door import CompilationFailed, Source, read_unit
 
     try:
@@ -57,5 +57,5 @@ def in_unit(value: float, unit: str, kind: str, what: str) -> float:
 
 
 def behind(unit: str) -> str:
-    """A unit as it stands behind a number; a bare number has none."""
+    """Return a unit as text after a number; empty for a bare number."""
     return "" if unit in ("", "1") else f" {unit}"

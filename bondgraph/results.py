@@ -1,4 +1,4 @@
-"""What a run found: time, outputs by the author's names, how they were computed, and where the energy went."""
+"""Result of a run: time, outputs by the author's names, data of the computation, and the energy balance."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Column:
 
 
 class Reporting(Protocol):
-    """How a report shows a column: `shown = SI * scale + offset`, in `unit`. `compiler.scene.Reported` is one."""
+    """Column of a report: `shown = SI * scale + offset`, in `unit`. `compiler.scene.Reported` is one."""
 
     @property
     def name(self) -> str: ...
@@ -61,9 +61,9 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class ElementEnergy:
-    """What one element did in a run, in J: change of its stored energy, supplied as a source, dissipated.
+    """Energy of one element in a run, in J: change of its stored energy, supplied as a source, dissipated.
 
-    `residual`: what its bonds brought and none of the three explains: the error of the run, or a law that creates energy.
+    `residual`: work of its bonds that none of the three explains: the error of the run, or a law that creates energy.
     """
 
     name: str
@@ -76,7 +76,7 @@ class ElementEnergy:
 
 @dataclass(frozen=True, slots=True)
 class EnergyBalance:
-    """The energy of a run, in J: each element, the sums, and `residual = supplied - stored - dissipated`."""
+    """Energy balance of a run, in J: each element, the sums, and `residual = supplied - stored - dissipated`."""
 
     elements: tuple[ElementEnergy, ...]
     stored: float
@@ -87,7 +87,7 @@ class EnergyBalance:
 
 @dataclass(frozen=True, slots=True)
 class LimitLeft:
-    """A limit that a model requires was left in a run: the first instant, and the values there in SI.
+    """Violation of a limit that a model requires: the first instant, and the values there in SI.
 
     `owner` is the instance ("" for the model itself), `place` the line of the limit, `stands` that of the instance.
     """
@@ -105,7 +105,7 @@ class LimitLeft:
 
     @property
     def words_at_rest(self) -> str:
-        """The same without the instant."""
+        """Message without the instant."""
         who = f"`{self.owner}` ({self.stands})" if self.owner else "the model"
         shown = ", ".join(f"{name} = {value:.6g}{f' {unit}' * (unit != '1')}" for name, value, unit in self.values)
         about = f" ({self.text})" if self.text else ""
@@ -115,7 +115,7 @@ class LimitLeft:
 
 @dataclass(frozen=True, slots=True)
 class ToleranceDoubt(LimitLeft):
-    """A tolerance of a run that may not mean what it says; `text` is the sentence that tells why, `time` since when. The other fields say nothing."""
+    """A tolerance of a run that may not be meaningful; `text` gives the reason, `time` since when. The other fields have no meaning."""
 
     def __str__(self) -> str:
         return self.text
@@ -123,7 +123,7 @@ class ToleranceDoubt(LimitLeft):
 
 @dataclass(frozen=True, slots=True)
 class Occurrence:
-    """An event that acted in a run: when, its condition as written, the instance ("" for the model itself), its line."""
+    """Record of an event in a run: its time, its condition as written, the instance ("" for the model itself), its line."""
 
     time: float
     condition: str
@@ -137,16 +137,14 @@ class Occurrence:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """One run. `result["x"]` is the output `x` over `result.time`, in SI.
+    """Result of one run; `result["x"]` is the output `x` over `result.time`, in SI.
 
-    `time` (n,) in s; `values` (n, m) in SI, one column for each of `columns`; `report` says what the experiment shows, in
-    which unit; `steps` and `evaluations` count the solver's work, `rtol` is the relative tolerance that it was given,
-    `wall_time` in s. `energy` is there if it was asked for. `warnings` are the limits of the model (`require`) that the run
-    left: it went on, but there the model does not hold; and tolerances that may not mean what they say (`ToleranceDoubt`).
-    `certificate` says what kind of equations were solved,
-    `notes` what became known of the run on its way, `events` which `when`s acted, one after the other. `stopped` says why a run ended before
-    its end ("" if it did not), `end` where it stands, so that `simulate(start=result)` goes on. `left_out` is what was faster than the bandwidth, if
-    one was asked for, `check` the run beside its repetition. Raises ValueError if the shapes do not fit.
+    `time` (n,) in s; `values` (n, m) in SI, one column for each of `columns`; `report`: outputs shown by the experiment, with units; `steps` and
+    `evaluations` count the solver's work, `rtol` is its relative tolerance, `wall_time` in s. `energy`: balance, if requested. `warnings`: violated limits
+    of the model (`require`), where the run went on although the model is not valid, and tolerances that may not be meaningful (`ToleranceDoubt`).
+    `certificate`: kind of the solved equations; `notes`: remarks on the run; `events`: the `when`s that acted, in order. `stopped`: reason of an early
+    end ("" if there is none); `end`: checkpoint, from which `simulate(start=result)` goes on. `left_out`: truncated modes, if a bandwidth was
+    requested; `check`: comparison with a repetition. Raises ValueError if the shapes do not fit.
     """
 
     model: str
@@ -179,19 +177,19 @@ class Result:
         return f"<Result of {self.title}: {len(self.time)} instants of {', '.join(self.names) or 'nothing'}>"
 
     def _repr_html_(self) -> str:
-        """A table with little curves, for notebooks."""
+        """Return a table with small curves, for notebooks."""
         from .page.notebook import result_html
 
         return result_html(self)
 
     @property
     def title(self) -> str:
-        """Model and experiment, as headings name them."""
+        """Model and experiment, as in headings."""
         return self.model if self.experiment is None else f"{self.model}: {self.experiment}"
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the outputs, in order; `time` is not among them."""
+        """Names of the outputs, in order, without `time`."""
         return tuple(column.name for column in self.columns)
 
     @cached_property
@@ -209,7 +207,7 @@ class Result:
         raise UnknownOutput(f"there is no output `{name}` in the result of {self.title}; {hint}")
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """The output of that name over time (n,), in SI; "time" is time. Raises KeyError with the nearest name."""
+        """Return the output of that name over time (n,), in SI; "time" is time. Raises KeyError with the nearest name."""
         if name == "time" and name not in self._places:
             return self.time
         column: NDArray[np.float64] = self.values[:, self._place(name)]
@@ -222,29 +220,29 @@ class Result:
         return iter(self.names)
 
     def unit(self, name: str) -> str:
-        """The SI unit of an output, "1" for a bare number. Raises KeyError."""
+        """Return the SI unit of an output, "1" for a bare number. Raises KeyError."""
         if name == "time" and name not in self._places:
             return "s"
         return self.columns[self._place(name)].unit
 
     def final(self, name: str) -> float:
-        """The last value of an output in SI, NaN if there is no instant. Raises KeyError."""
+        """Return the last value of an output in SI, NaN if there is no instant. Raises KeyError."""
         values = self[name]
         return float(values[-1]) if len(values) else math.nan
 
     def shown(self) -> tuple[tuple[Reporting, NDArray[np.float64]], ...]:
-        """What to show people: the report in its units and order, then what it leaves out, in SI."""
+        """Return the columns for display: the report in its units and order, then the other outputs, in SI."""
         reported = [item for item in self.report if item.name in self._places]
         told = {item.name for item in reported}
         others = [Shown(column.name, column.unit) for column in self.columns if column.name not in told]
         return tuple((item, self[item.name] * item.scale + item.offset) for item in (*reported, *others))
 
     def to_numpy(self) -> dict[str, NDArray[np.float64]]:
-        """Arrays (n,) in SI by name, `time` first."""
+        """Return arrays (n,) in SI by name, `time` first."""
         return {"time": self.time, **{name: self[name] for name in self.names}}
 
     def to_pandas(self) -> pandas.DataFrame:
-        """A table in SI with `time` (s) as its index; `table.attrs["units"]` maps names to units.
+        """Return a table in SI with `time` (s) as its index; `table.attrs["units"]` maps names to units.
 
         Raises MissingPackage without pandas.
         """
@@ -257,10 +255,10 @@ class Result:
         return table
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write `time [s],x [m],…` and the values in SI with 17 significant digits; whole or not at all.
+        """Write `time [s],x [m],…` and the values in SI with 17 significant digits; completely or not at all.
 
-        UTF-8, line feeds, RFC 4180: a name with a comma, a quote or a line break stands in quotes. A value that is no
-        number is `nan`, `inf` or `-inf`. Raises OSError.
+        UTF-8, line feeds, RFC 4180: a name with a comma, a quote or a line break is quoted. A value that is not finite is `nan`, `inf` or `-inf`.
+        Raises OSError.
         """
         import numpy as np
 
@@ -274,7 +272,7 @@ class Result:
                 stream.write("".join(row % tuple(numbers) for numbers in rows).encode("ascii"))
 
     def to_npz(self, path: str | os.PathLike[str]) -> None:
-        """Write the arrays of `to_numpy` for `numpy.load`, for each a text `unit of NAME`, and what `read_result` needs; whole or not at all.
+        """Write the arrays of `to_numpy` for `numpy.load`, for each a text `unit of NAME`, and the data for `read_result`; completely or not at all.
 
         Equal results give equal bytes. Raises OSError.
         """
@@ -295,13 +293,13 @@ class Result:
         return Arrays({"time": (self.time, "s")}, {n: (("time",), self[n], self.unit(n)) for n in self.names}, told)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Outputs over `time` in SI, each with its `units`. Raises MissingPackage without xarray."""
+        """Return outputs over `time` in SI, each with its `units`. Raises MissingPackage without xarray."""
         from .exports import dataset
 
         return dataset(self._arrays())
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Into a .csv, .npz, .nc (NetCDF) or .mat (MATLAB) file, by its ending. Raises OSError, UsageError for another ending."""
+        """Write a .csv, .npz, .nc (NetCDF) or .mat (MATLAB) file, by its ending. Raises OSError, UsageError for another ending."""
         from .exports import write_arrays
 
         ending = os.path.splitext(os.fspath(path))[1].lower()
@@ -378,21 +376,21 @@ class Result:
         plot_result(self, path)
 
     def summary(self, sparks: bool = False) -> str:
-        """A table for terminals: the outputs in the units of the report, the solver's work, the energy if asked for."""
+        """Return a table for terminals: the outputs in the units of the report, the solver's work, the energy if requested."""
         from .views.tables import summary
 
         return summary(self, sparks)
 
 
 def extremes(values: NDArray[np.float64]) -> dict[str, float]:
-    """`final`, `minimum` and `maximum` of a column (n,); NaN where there is none."""
+    """Return `final`, `minimum` and `maximum` of a column (n,); NaN where there is none."""
     if not len(values):
         return {"final": math.nan, "minimum": math.nan, "maximum": math.nan}
     return {"final": float(values[-1]), "minimum": float(values.min()), "maximum": float(values.max())}
 
 
 def _csv_field(text: str) -> str:
-    """A heading as a field; what a spreadsheet would take for a formula stands in brackets: `-x [m]` is `(-x [m])`."""
+    """Return a heading as a field; text that a spreadsheet would take for a formula is in brackets: `-x [m]` becomes `(-x [m])`."""
     if text[:1] in "=+-@\t\r":
         text = f"({text})"
     if any(mark in text for mark in ',"\r\n'):
@@ -413,7 +411,7 @@ def _last(time: NDArray[np.float64]) -> float | None:
 
 
 def read_result(path: str | os.PathLike[str]) -> Result:
-    """A result from a file of `to_npz`. Raises OSError, and UsageError if the file is none."""
+    """Return a result from a file of `to_npz`. Raises OSError, and UsageError if the file is not valid."""
     from .ended import read
 
     return read(os.fspath(path))

@@ -1,4 +1,4 @@
-"""A run beside its repetition by another method: what differs, and whether the tolerance covers it."""
+"""Comparison of a run with its repetition by another method: the differences, and if the tolerance covers them."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import Any
 
 from .quantities import behind
 
-FACTOR = 30  # times rtol: what a tolerance is taken to promise of an output's magnitude, as errors of steps add up
+# in units of rtol: difference relative to an output's magnitude that a tolerance covers, as step errors add up
+FACTOR = 30
 
 
 @dataclass(frozen=True, slots=True)
 class OutputDifference:
-    """The largest difference of an output between two runs, and its largest magnitude, in SI; `promised` is what the tolerance covers."""
+    """Largest difference of an output between two runs, and its largest magnitude, in SI; `promised` is the difference that the tolerance covers."""
 
     name: str
     unit: str
@@ -23,21 +24,21 @@ class OutputDifference:
 
     @property
     def share(self) -> float:
-        """The difference as a share of the magnitude."""
+        """Difference relative to the magnitude."""
         return self.difference / self.magnitude if self.magnitude else (0.0 if not self.difference else math.inf)
 
     @property
     def holds(self) -> bool:
-        """Whether the tolerance covers the difference."""
-        return self.difference <= self.promised  # no number is covered by none
+        """True if the tolerance covers the difference."""
+        return self.difference <= self.promised  # False for NaN
 
 
 @dataclass(frozen=True, slots=True)
 class RunCheck:
-    """A run and its repetition with `solver` at `rtol`, restarted in `parts` parts, so that events are searched more finely.
+    """Comparison of a run with its repetition by `solver` at `rtol`, restarted in `parts` parts, so that events are searched more finely.
 
-    `events`: how many acted in the run and in the repetition; `shift`: the largest difference of their instants in s (NaN where the numbers
-    differ), of which `allowed` is covered. `failure`: why there is no repetition, or "".
+    `events`: numbers of events in the run and in the repetition; `shift`: largest difference of their instants in s (NaN if the numbers differ), of which
+    `allowed` is covered. `failure`: reason why there is no repetition, or "".
     """
 
     solver: str
@@ -51,14 +52,14 @@ class RunCheck:
 
     @property
     def holds(self) -> bool:
-        """Whether the tolerance covers all differences."""
+        """True if the tolerance covers all differences."""
         if self.failure or self.events[0] != self.events[1] or self.shift > self.allowed:
             return False
         return all(row.holds for row in self.outputs)
 
     @property
     def sentence(self) -> str:
-        """The verdict."""
+        """Conclusion as a sentence."""
         if self.failure:
             return f"The check does not hold: the run could not be repeated: {self.failure}"
         if self.events[0] != self.events[1]:
@@ -75,7 +76,7 @@ class RunCheck:
         return "The check holds: the tolerance covers all differences."
 
     def to_json(self) -> dict[str, Any]:
-        """{holds, sentence, solver, rtol, parts, outputs: {name: {unit, difference, magnitude, covered, holds}}, events, shift}; null: no number."""
+        """Return {holds, sentence, solver, rtol, parts, outputs: {name: {unit, difference, magnitude, covered, holds}}, events, shift}; null: not finite."""
 
         def number(value: float) -> float | None:
             return value if math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""The first file of a new user: a model that runs, and says in a dozen comments how it is read."""
+"""First file of a new user: a model that runs, with a dozen comments that explain how to read it."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ _TAKEN = frozenset(["Se", "Sf", "MSe", "MSf", "C", "I", "IC", "R", "MR", "RS", "
 
 
 def starter_text(name: str) -> str:
-    """A first model, for `bondgraph new NAME`: it checks without a mistake, runs, and is formatted.
+    """Return a first model, for `bondgraph new NAME`: it checks without an error, runs, and is formatted.
 
-    The model is called after `name`, the stem of the file: `mass-spring 2` becomes `MassSpring2`. What a name cannot have is
-    left out; if nothing is left, the model is called `First`.
+    The model is named after `name`, the stem of the file: `mass-spring 2` becomes `MassSpring2`. Characters that a name cannot have are omitted; if
+    nothing remains, the model is called `First`.
     """
     words = re.findall(r"[A-Za-z0-9]+", name)
     model = "".join(word[0].upper() + word[1:] for word in words) or "First"

@@ -1,4 +1,4 @@
-"""What the commands that analyse a model have in common: what they are asked with, and how they answer."""
+"""Common parts of the analysis commands: their arguments, and their output."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ Write = Callable[[str], Any]
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A model's file, and with what it is analysed."""
+    """A model's file, and the options of its analysis."""
 
     file: str
-    name: str | None  # of the model, if the file has several
+    name: str | None  # name of the model, if the file has several
     experiment: str | None
     settings: Mapping[str, str]
     outputs: tuple[str, ...] | None  # None: all
@@ -46,17 +46,19 @@ class Asked:
 
     @property
     def model(self) -> Model:
-        """The model, read anew."""
+        """Read the model again and return it."""
         return load(self.file, self.name)
 
     def answer(self, found: Any) -> None:
-        """Print what was found."""
+        """Print a result."""
         echo(found, self.as_json)
 
 
 def analysis(name: str, of_outputs: bool = True) -> Callable[[Command], click.Command]:
-    """A command that takes a file, `-e`, `--set`, `--output` (if it is `of_outputs`), `--json`, `--model`, and options of its own, which
-    come first in its help. It is called with `Asked` and its own options; what goes wrong in it is told."""
+    """Return a command with a file, `-e`, `--set`, `--output` (if `of_outputs`), `--json`, `--model`, and its own options, which come first in its help.
+
+    It is called with `Asked` and its own options; its errors are reported.
+    """
 
     def decorate(function: Command) -> click.Command:
         @wraps(function)
@@ -78,26 +80,26 @@ def analysis(name: str, of_outputs: bool = True) -> Callable[[Command], click.Co
 
 
 def picture_option(metavar: str, words: str) -> Callable[[Command], Command]:
-    """`--plot`, which draws what was found."""
+    """Return the option `--plot`, which draws the result."""
     return click.option("--plot", metavar=metavar, help=f"{words} (.png, .svg or .pdf).")
 
 
 def check_targets(*targets: tuple[str | None, tuple[str, ...], str]) -> None:
-    """That what is asked to be written can be, before anything is computed: paths, their endings, the options that name them."""
+    """Check before any computation that files can be written: paths, their endings, the options that name them."""
     for path, endings, option in targets:
         if path is not None:
             check_target(path, endings, option)
 
 
 def write_all(*targets: tuple[str | None, Write]) -> None:
-    """Write what was asked for."""
+    """Write the requested files."""
     for path, write in targets:
         if path is not None:
             write(path)
 
 
 def bounds(text: str, option: str, example: str) -> tuple[str, str]:
-    """Both ends of `LOW .. HIGH`."""
+    """Return both ends of `LOW .. HIGH`."""
     low, dots, high = text.partition("..")
     if not dots:
         raise click.UsageError(f"{option} takes {example}; this is `{text}`")
@@ -110,7 +112,7 @@ over_option = click.option(
 
 
 def frequencies_of(over: str | None) -> tuple[float | None, float | None]:
-    """Both ends in Hz; None where they are left to the model."""
+    """Return both ends in Hz; None where the model decides."""
     if over is None:
         return None, None
     from ..quantities import quantity

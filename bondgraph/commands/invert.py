@@ -72,7 +72,7 @@ def command(
 
 
 def _write(found: Any, written: Sequence[tuple[str | None, tuple[str, ...], str]]) -> None:
-    """What was asked for, if there is such a thing of what was found."""
+    """Write the requested files. Raises `click.UsageError` for a file that the result does not have."""
     ways = (("write", "to_csv"), ("to_model",), ("plot",))
     for (path, _, option), names in zip(written, ways, strict=True):
         way = next((getattr(found, name) for name in names if hasattr(found, name)), None)

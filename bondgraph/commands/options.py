@@ -1,4 +1,4 @@
-"""What several commands take: their options, and what is made of them."""
+"""Common options of several commands, and their processing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..model import Model
     from ..studies.sharing import Sharing
 
-TABLES = (".csv", ".npz", ".nc", ".mat")  # what tables are written to
+TABLES = (".csv", ".npz", ".nc", ".mat")  # endings of files for tables
 
 model_option = click.option("--model", metavar="NAME", help="The model to use, if the file has several.")
 file_argument = click.argument("file", metavar="FILE")
@@ -89,7 +89,7 @@ def check_target(path: str, endings: tuple[str, ...], option: str) -> None:
 
 @contextmanager
 def shared_out(jobs: int | None, journal: str | None, words: str) -> Iterator[Sharing]:
-    """Processes that make many points (None: one for each core), a bar on the terminal, and a journal to go on from."""
+    """Provide processes for many points (None: one for each core), with a progress bar on the terminal, and a journal to go on from."""
     from ..studies.journal import Journal
     from ..studies.progress import bar
     from ..studies.sharing import Sharing, cores

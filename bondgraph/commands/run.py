@@ -129,22 +129,20 @@ def command(
 def _make_ready(
     model: Model, experiment: str | None, given: dict[str, str], outputs: tuple[str, ...] | None, energy: bool, target: str | None
 ) -> bool:  # fmt: skip
-    """Compile before anything runs; a run may be long, and what it leaves behind is collected again, but for what is there now.
-
-    Whether the experiment has analyses besides."""
+    """Compile before the run, and turn on garbage collection for later objects; return True if the experiment also has analyses."""
     from ..prepared import chosen_target
     from ..simulation.settings import settle
 
     chosen = chosen_target(target)
     plan = model.prepared(settle(model, experiment, given, outputs, energy, chosen).scene, energy, chosen).plan
-    if not gc.isenabled():  # else somebody looks after it
+    if not gc.isenabled():  # otherwise the caller controls it
         gc.freeze()
         gc.enable()
     return bool(plan.studies)
 
 
 def _show(result: Result, out: str | None, plot: str | None, over: str | None, as_json: bool, summary: bool) -> None:
-    """Write and tell what a run found."""
+    """Write and print the result of a run."""
     for left in result.warnings:
         click.echo(f"warning: {left}", err=True)
     for note in result.notes:
@@ -160,7 +158,7 @@ def _show(result: Result, out: str | None, plot: str | None, over: str | None, a
 
 
 def _how_to_go_on(result: Result, file: str, out: str | None) -> str:
-    """What is left of a run that stopped early, and what can be done with it."""
+    """Return a message on the part of a run that stopped early, and on how to go on."""
     count = f"{len(result.time)} instant{'s' * (len(result.time) != 1)}"
     if out is None:
         return f"{count} {'were' if len(result.time) != 1 else 'was'} computed; `--out R.npz` keeps what there is"
@@ -171,7 +169,7 @@ def _how_to_go_on(result: Result, file: str, out: str | None) -> str:
 
 
 def _has_bars() -> bool:
-    """Whether what is printed goes to a terminal that has bars among its letters; a file or a pipe gets plain tables."""
+    """Return True if the output is a terminal that can show bars; a file or a pipe gets plain tables."""
     if not sys.stdout.isatty() or os.environ.get("TERM") == "dumb":
         return False
     try:
@@ -188,7 +186,7 @@ def _run_all(
     by: tuple[int | None, str | None],
     shown: tuple[Any, Any, bool],
 ) -> None:
-    """An experiment that sweeps, or analyses instead of a simulation."""
+    """Execute an experiment with sweeps, or with analyses instead of a simulation."""
     out, plot, as_json = shown
     if out is not None:
         check_target(out, TABLES, "--out (of an experiment with a sweep or an analysis)")

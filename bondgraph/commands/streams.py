@@ -1,7 +1,7 @@
-"""The standard streams of a process that is a command: none is missing, and none can break it.
+"""Standard streams of a command's process: none is missing, and none can end the process.
 
-A reader who has seen enough (`| head -1`), a closed stream and a full device end no command: it goes on, writes its files and ends with its
-own exit code. `Outlet.problem` keeps what went wrong, for what is to be told at the end.
+A reader that has seen enough (`| head -1`), a closed stream and a full device end no command: it goes on, writes its files and ends with its own exit
+code. `Outlet.problem` stores the error, for a message at the end.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .telling import USAGE
 
 
 class Outlet(io.RawIOBase):
-    """The raw stream `target` until it cannot be written; from then on nothing, and `problem` says why."""
+    """The raw stream `target` until it cannot be written; from then on output is discarded, and `problem` has the error."""
 
     def __init__(self, target: io.RawIOBase) -> None:
         self.target = target
@@ -41,15 +41,14 @@ class Outlet(io.RawIOBase):
 
     @property
     def is_told(self) -> bool:
-        """Whether somebody expects what could not be written: a reader who went away does not."""
+        """True if the error must be reported: not for a reader that has closed the pipe."""
         return self.problem is not None and self.problem.errno not in (errno.EPIPE, errno.EBADF)
 
 
 def open_streams() -> Outlet | None:
-    """Put outlets where the standard output and errors are, and the null device where a stream is closed.
+    """Replace the standard output and errors by outlets, and closed streams by the null device.
 
-    Returns the outlet of the standard output; None if it is no file of this process. No file that is opened later gets the
-    number of a closed stream.
+    Return the outlet of the standard output; None if it is no file of this process. No file opened later gets the number of a closed stream.
     """
     if None in (sys.stdin, sys.stdout, sys.stderr):
         while (descriptor := os.open(os.devnull, os.O_RDWR)) < 3:
@@ -61,10 +60,10 @@ def open_streams() -> Outlet | None:
 
 
 def _guarded(stream: TextIO | None, descriptor: int) -> tuple[Outlet | None, TextIO]:
-    """An outlet to a stream (None: to the null device), and the text stream that writes to it: it takes every letter."""
+    """Return an outlet to a stream (None: to the null device), and the text stream that writes to it and accepts every character."""
     buffer = io.FileIO(descriptor, "w", closefd=False) if stream is None else getattr(stream, "buffer", None)
     raw = getattr(buffer, "raw", buffer)  # an unbuffered stream writes to the raw one
-    if not isinstance(raw, io.RawIOBase):  # text that somebody gathers in this process
+    if not isinstance(raw, io.RawIOBase):  # text collected within this process
         return None, stream or io.StringIO()
     outlet = Outlet(raw)
     encoding = stream.encoding if stream is not None else "utf-8"
@@ -73,7 +72,7 @@ def _guarded(stream: TextIO | None, descriptor: int) -> tuple[Outlet | None, Tex
 
 
 def told_at_the_end(outlet: Outlet | None, code: int) -> int:
-    """The exit code `code`, or that of an output that somebody expects and that could not be written."""
+    """Return the exit code `code`, or that of a failed output that a reader expects."""
     sys.stdout.flush()
     if outlet is not None and outlet.is_told and outlet.problem is not None:
         print(f"bondgraph: the standard output cannot be written: {outlet.problem.strerror}", file=sys.stderr)

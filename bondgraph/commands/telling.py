@@ -1,4 +1,4 @@
-"""What can go wrong becomes a message and an exit code."""
+"""Error reporting: errors become a message and an exit code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ WRONG, USAGE, FAILED, DEFECT, INTERRUPTED = 1, 2, 3, 70, 130
 
 
 def harmless(message: str) -> str:
-    """A message whose names of files are data: they cannot rewrite the terminal."""
+    """Return a message with names of files made harmless: they cannot change the terminal."""
     from ..views.tables import visible
 
     return "\n".join(map(visible, message.split("\n")))
@@ -27,7 +27,7 @@ def stop(message: str, code: int) -> NoReturn:
 
 @contextmanager
 def problems_told() -> Iterator[None]:
-    """Turn what can go wrong into a message and an exit code."""
+    """Convert errors into a message and an exit code."""
     from ..errors import MissingPackage, RunFailed, UsageError
 
     try:

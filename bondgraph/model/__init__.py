@@ -28,24 +28,24 @@ __all__ = ["LIBRARY", "STAGES", "Model", "Parameter", "certify", "check", "load"
 
 
 def load(path_or_text: str | Path, model: str | None = None) -> Model:
-    """A model from a file, or from a text with at least one line break or brace.
+    """Return a model from a file, or from a text with at least one line break or brace.
 
-    `model` names one of several. Nothing is compiled yet: mistakes are told when something is asked of the model, or by
-    `check`. Raises OSError if the file cannot be read, `CompilationFailed` if it is not UTF-8.
+    `model` names one of several. Nothing is compiled yet: errors are raised at the first use of the model, or by `check`. Raises OSError if the file
+    cannot be read, `CompilationFailed` if it is not UTF-8.
     """
     return Model(_source(path_or_text), model)
 
 
 def check(path_or_text: str | Path, model: str | None = None) -> tuple[Diagnostic, ...]:
-    """Everything that is wrong with a file or text; empty if nothing is."""
+    """Return all errors of a file or text; empty if there are none."""
     return certify(path_or_text, model)[0]
 
 
 def certify(path_or_text: str | Path, model: str | None = None) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
-    """As `check`; and if nothing is wrong, what kind of equations a run solves (None for a file of parts)."""
+    """Return the same as `check`; and, without errors, the kind of equations that a run solves (None for a file of parts)."""
     try:
         source = _source(path_or_text)
-    except door.CompilationFailed as failed:  # it is no text
+    except door.CompilationFailed as failed:  # the file is no text
         return failed.diagnostics, None
     return door.examine(source, model, LIBRARY)
 
@@ -57,7 +57,7 @@ def _source(path_or_text: str | Path) -> Source:
 
 
 class Model(Shown, Analysed):
-    """One model of a text. Compiled when it is first asked; raises `CompilationFailed` with all that is wrong."""
+    """One model of a text, compiled at its first use. Raises `CompilationFailed` with all errors."""
 
     def run(
         self, experiment: str = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
@@ -65,10 +65,10 @@ class Model(Shown, Analysed):
         outputs: Sequence[str] | None = None, target: str | None = None, executor: Any = None, solver: str | None = None,
         sharing: Sharing | None = None, bandwidth: str | float | None = None,
     ) -> Outcome:  # fmt: skip
-        """All that an experiment says: its sweeps, analyses and simulation; "" the first. Arguments as `simulate` takes them.
+        """Execute an experiment: its sweeps, analyses and simulation; "": the first. Arguments as for `simulate`.
 
-        `executor`: of the standard interface (`concurrent.futures`, a Dask client): its workers make the points. `sharing`
-        says more: workers of our own, a journal to go on from after a crash, progress.
+        `executor`: with the standard interface (`concurrent.futures`, a Dask client): its workers compute the points. `sharing` has more options: our own
+        workers, a journal to go on from after a crash, progress.
         """
         from ..studies.experiment import Options, run
 
@@ -81,9 +81,11 @@ class Model(Shown, Analysed):
         points: int | None = None, rtol: float | None = None, outputs: Sequence[str] | None = None, executor: Any = None,
         solver: str | None = None, sharing: Sharing | None = None, bandwidth: str | float | None = None,
     ) -> Outcome:  # fmt: skip
-        """`of` equilibrium, modes or simulate, or several of them, at each point of a grid of `values` (texts with units, numbers in SI, or
-        one text, `1 mm .. 2 mm : 11`), the last name running fastest; `together`: the first of each, the second of each and
-        so on. `executor` and `sharing` as in `run`. A point that fails is NaN in the table, and `failures` says why."""
+        """Compute equilibrium, modes or simulate, or several of them (`of`), at each point of a grid of `values`.
+
+        `values`: texts with units, numbers in SI, or one text, `1 mm .. 2 mm : 11`; the last name runs fastest. `together`: the first of each, the second of
+        each and so on. `executor` and `sharing` as in `run`. A failed point is NaN in the table, with its reason in `failures`.
+        """
         from ..studies.experiment import Options
         from ..studies.sweep import sweep
 
@@ -97,13 +99,13 @@ class Model(Shown, Analysed):
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None, outputs: Sequence[str] | None = None,
         to: str | float | None = None, rtol: float | None = None, sharing: Sharing | None = None,
     ) -> MonteCarlo:  # fmt: skip
-        """What tolerances do: `of` equilibrium (outputs at rest), modes (frequencies) or simulate (outputs at the end) at `samples`
-        quasi-random points, with statistics, Sobol indices and swings.
+        """Compute the effect of tolerances at `samples` quasi-random points, with statistics, Sobol indices and swings.
 
-        `vary`: distributions by parameter, as texts: `normal(1.95 um, 50 nm)`, `lognormal(mean, standard deviation)`, `uniform(low, high)`,
-        `triangular(low, most likely, high)`, `truncated(one of these, low, high)`. `correlations`: by pairs of names, of a Gaussian copula.
-        `indices`: rows that Sobol indices stand on, a power of two (None: up to 1024; 0: none). `sharing`: who makes the points (None: all cores).
-        Points that fail are told and in no statistic. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if all fail.
+        `of`: equilibrium (outputs at equilibrium), modes (frequencies) or simulate (outputs at the end). `vary`: distributions by parameter, as texts:
+        `normal(1.95 um, 50 nm)`, `lognormal(mean, standard deviation)`, `uniform(low, high)`, `triangular(low, most likely, high)`,
+        `truncated(one of these, low, high)`. `correlations`: by pairs of names, of a Gaussian copula. `indices`: number of rows for Sobol indices, a power
+        of two (None: up to 1024; 0: none). `sharing`: the workers (None: all cores).
+        Failed points are reported and not in the statistics. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if all fail.
         """
         from ..simulation.run import Wanted
         from ..studies.montecarlo import Chance, montecarlo
@@ -120,13 +122,12 @@ class Model(Shown, Analysed):
         self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | Sought], experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, explain: bool | None = None,
     ) -> Fit:  # fmt: skip
-        """The `parameters` that explain measured data best, by weighted least squares with exact derivatives; 95 % intervals, and what the
-        data leave open.
+        """Fit `parameters` to measured data by weighted least squares with exact derivatives; with 95 % intervals and undetermined directions.
 
-        `data`: CSV files with units in their headings: what was set, and outputs at rest, `frequency 1 [Hz]` of modes, or outputs over `time [s]`;
-        `sigma NAME` is the standard deviation. `parameters`: by name bounds as text (`1.5 um .. 2.5 um`, `log 1 N/m .. 100 N/m`; "": it keeps its sign).
-        The search begins where the model has them, or where `settings` do. `explain`: tell which few parameters would do alone (None: if
-        the data leave some open). Raises `UsageError`, `CompilationFailed`, `RunFailed`, OSError.
+        `data`: CSV files with units in their headings: settings, and outputs at equilibrium, `frequency 1 [Hz]` of modes, or outputs over `time [s]`;
+        `sigma NAME` is the standard deviation. `parameters`: bounds by name as text (`1.5 um .. 2.5 um`, `log 1 N/m .. 100 N/m`; "": it keeps its sign).
+        The search begins at the values of the model or of `settings`. `explain`: also fit small sets of parameters alone (None: if the data leave some
+        undetermined). Raises `UsageError`, `CompilationFailed`, `RunFailed`, OSError.
         """
         from ..studies.fit import fit
         from ..studies.measured import Measurements
@@ -142,17 +143,17 @@ class Model(Shown, Analysed):
         outputs: Sequence[str] | None = None, target: str | None = None, start: Result | str | Path | None = None, solver: str | None = None,
         bandwidth: str | float | None = None, check: bool = False,
     ) -> Result:  # fmt: skip
-        """Run an experiment ("" the first, None none); what is given here overrides what it says.
+        """Run an experiment ("": the first, None: none); arguments override it.
 
         `settings`: parameters and inputs by name, as texts with units or numbers in SI. `to`: the end, as text or s.
-        `points`: equally spaced instants, both ends included (default 501). `outputs`: only these. `energy` adds the energy
-        balance. `target`: native (machine code) or numpy; the first that this machine has. `solver`: automatic, exponential
-        (linear models), explicit, radau, rodas (stiff models) or energy (lossless models).
-        `bandwidth`: a frequency as text or in Hz; what is faster need not be followed, and the result's `left_out` says what was not.
-        `start`: a result of the same model, or its .npz file, to go on from where that ended.
-        `check`: repeat the run by another method, with a tenth of the tolerance and a finer search of events; the result's `check` says what differs.
-        Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have
-        the `result` up to then.
+        `points`: equally spaced instants, both ends included (default 501). `outputs`: only these. `energy` adds the energy balance. `target`: native
+        (machine code) or numpy; by default the first that this machine has. `solver`: automatic, exponential (linear models), explicit, radau, rodas (stiff
+        models) or energy (lossless models).
+        `bandwidth`: a frequency as text or in Hz; faster modes need not be followed, and the result's `left_out` reports the truncated ones.
+        `start`: a result of the same model, or its .npz file, from whose end the run goes on.
+        `check`: repeat the run by another method, with a tenth of the tolerance and a finer search for events; the result's `check` has the differences.
+        Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have the
+        `result` up to then.
         """
         from ..errors import UsageError
         from ..results import read_result
@@ -181,12 +182,12 @@ class Model(Shown, Analysed):
         workers: int | None = None, executor: Any = None, progress: Callable[[int, int], None] | None = None,
         journal: Journal | None = None, bandwidth: str | float | None = None,
     ) -> Ensemble:  # fmt: skip
-        """Run an experiment once for each of several settings; all else as in `simulate`, and so is each result, to the last bit.
+        """Run an experiment once for each of several settings; otherwise as `simulate`, with equal results to the last bit.
 
-        The model is compiled once. What goes wrong in a run is kept with it; the others go on. `workers`: how many at once (default: as many
-        as there are cores), or an `executor` of your own, of the interface of `concurrent.futures`, or a Dask client. `progress` is told how many are
-        done, and of how many; `journal` keeps what is done in a file, from which the same call goes on after a crash.
-        Raises `UsageError` for what no run can be made with, `RunBroken` if a defect broke all.
+        The model is compiled once. An error in a run is stored with it; the others go on. `workers`: number of parallel runs (default: number of cores), or
+        an `executor` with the interface of `concurrent.futures`, or a Dask client. `progress` is called with the number of finished runs and of all;
+        `journal` stores results in a file, from which the same call goes on after a crash.
+        Raises `UsageError` for arguments with which no run is possible, `RunBroken` if a defect ended all.
         """
         from ..simulation.run import Wanted
         from ..studies.runs import simulate_many
@@ -198,7 +199,7 @@ class Model(Shown, Analysed):
 
 
 def _sharing(sharing: Sharing | None, executor: Any) -> Sharing:
-    """Who makes the points: this process, if nothing is said."""
+    """Return the workers; by default this process alone."""
     from ..studies.sharing import Sharing
 
     return sharing if sharing is not None else Sharing(workers=1, executor=executor)

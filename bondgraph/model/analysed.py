@@ -1,4 +1,4 @@
-"""What is asked of a model without running it: rest, linear models, modes, responses, branches, inputs for outputs."""
+"""Analyses of a model without a run: equilibria, linear models, modes, responses, branches, inversion."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Analysed(Compiled):
-    """The part of a model that analyses it."""
+    """Analyses of a model."""
 
     def port_hamiltonian(
         self,
@@ -35,9 +35,9 @@ class Analysed(Compiled):
         settings: Mapping[str, str | float] | None = None,
         time: float = 0.0,
     ) -> PortHamiltonian:
-        """E x' = (J - R) z + G u with E' z = grad H at a state (by name, in SI; the rest at its start), J skew, R not negative.
+        """Return E x' = (J - R) z + G u with E' z = grad H at a state (by name, in SI; the rest at its start), J skew, R positive semidefinite.
 
-        Raises `UsageError` for what has no such form (mechanisms, heat from loss) and where resistors create energy.
+        Raises `UsageError` for models without such a form (mechanisms, heat from loss) and where resistors create energy.
         """
         from ..analysis.port_hamiltonian import port_hamiltonian
 
@@ -45,13 +45,13 @@ class Analysed(Compiled):
         return port_hamiltonian(compilation, state or {}, time)
 
     def symbolic_port_hamiltonian(self) -> SymbolicPortHamiltonian:
-        """J, R, G and H in sympy, for linear resistors and no storage in derivative form. Raises `UsageError`."""
+        """Return J, R, G and H in sympy, for linear resistors and no storage in derivative form. Raises `UsageError`."""
         from ..analysis.port_hamiltonian import symbolic_port_hamiltonian
 
         return symbolic_port_hamiltonian(self._with_inputs())
 
     def operating_point(self, asked: Asked | None = None) -> OperatingPoint:
-        """The model at one state and instant, with the slopes of everything; what the analyses below stand on.
+        """Return the model at one state and instant, with all derivatives; the analyses below use it.
 
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if there is no such state.
         """
@@ -63,9 +63,9 @@ class Analysed(Compiled):
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
         outputs: Sequence[str] | None = None, time: float | None = None,
     ) -> Equilibrium:  # fmt: skip
-        """The state of rest that is reached from the start, inputs held as they are at `time` (s; None: where the experiment begins).
+        """Return the equilibrium reached from the start, with inputs held as at `time` (s; None: begin of the experiment).
 
-        `experiment`: None none, "" the first; what it sets and where it starts counts. Raises as `operating_point`.
+        `experiment`: None: none, "": the first; its settings and start values are used. Raises as `operating_point`.
         """
         from ..analysis.equilibrium import equilibrium
         from ..analysis.operating_point import Asked
@@ -77,8 +77,10 @@ class Analysed(Compiled):
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
         state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
     ) -> Linearization:  # fmt: skip
-        """A, B, C, D by the exact derivatives of the equations, from `inputs` (None: the model's; parameters and signals may be such,
-        too) to `outputs` (None: all), at the equilibrium, the "start", or given states (by name, in SI). Raises as `operating_point`."""
+        """Return A, B, C, D by exact derivatives of the equations, at the equilibrium, the "start", or given states (by name, in SI).
+
+        From `inputs` (None: the model's; parameters and signals are allowed too) to `outputs` (None: all). Raises as `operating_point`.
+        """
         from ..analysis.linear import linearization
         from ..analysis.operating_point import Asked
 
@@ -89,7 +91,7 @@ class Analysed(Compiled):
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
         state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
     ) -> Modes:  # fmt: skip
-        """Frequencies (Hz), damping, shapes and the energy of each element, at the equilibrium, the "start" or given states."""
+        """Return frequencies (Hz), damping, shapes and the energy of each element, at the equilibrium, the "start" or given states."""
         from ..analysis.modes import modes
         from ..analysis.operating_point import Asked
 
@@ -100,8 +102,10 @@ class Analysed(Compiled):
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None, outputs: Sequence[str] | None = None,
         time: float | None = None,
     ) -> Sensitivity:  # fmt: skip
-        """Derivatives of outputs at rest and of frequencies and damping by parameters or inputs (None: all parameters that follow
-        from no others), exact. One that follows from others is taken by itself, the others held. Raises as `operating_point`."""
+        """Return exact derivatives of outputs at equilibrium, frequencies and damping by parameters or inputs (None: all independent parameters).
+
+        A dependent parameter is treated as independent, with the others fixed. Raises as `operating_point`.
+        """
         from ..analysis.operating_point import Asked
         from ..analysis.sensitivity import independent, sensitivity
 
@@ -114,8 +118,10 @@ class Analysed(Compiled):
         outputs: Sequence[str] | None = None, low: float | None = None, high: float | None = None, points: int = 400,
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None, time: float | None = None,
     ) -> ResponseSensitivity:  # fmt: skip
-        """Derivatives of the frequency response at rest by parameters (None: all that follow from no others), exact, from `low` to `high` in Hz.
-        Raises as `response`."""
+        """Return exact derivatives of the frequency response at equilibrium by parameters (None: all independent ones), from `low` to `high` in Hz.
+
+        Raises as `response`.
+        """
         from ..analysis.linear_sensitivity import response_sensitivity
 
         point, given, by = self._moved_linear(
@@ -128,8 +134,10 @@ class Analysed(Compiled):
         outputs: Sequence[str] | None = None, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
         time: float | None = None,
     ) -> Sensitivity:  # fmt: skip
-        """Derivatives of the entries of A, B, C and D at rest, named `A[row, column]`, by parameters (None: all that follow from no others),
-        exact. Raises as `linearize`, and `UsageError` where closing joints tie coordinates."""
+        """Return exact derivatives of the entries of A, B, C and D at equilibrium, named `A[row, column]`, by parameters (None: all independent ones).
+
+        Raises as `linearize`, and `UsageError` where loop joints tie coordinates.
+        """
         from ..analysis.linear_sensitivity import linear_sensitivity
 
         point, given, by = self._moved_linear(
@@ -141,7 +149,7 @@ class Analysed(Compiled):
         self, parameters: tuple[str, ...] | None, inputs: tuple[str, ...] | None, outputs: tuple[str, ...] | None, experiment: str | None,
         settings: Mapping[str, str | float] | None, time: float | None,
     ) -> tuple[OperatingPoint, tuple[str, ...], tuple[str, ...]]:  # fmt: skip
-        """The model at rest with the slopes by inputs and parameters, and what these are."""
+        """Return the model at equilibrium with the derivatives by inputs and parameters, and the names of both."""
         from ..analysis.operating_point import Asked
         from ..analysis.sensitivity import independent
 
@@ -154,8 +162,10 @@ class Analysed(Compiled):
         self, parameters: Sequence[str] | None = None, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
         to: str | float | None = None, points: int = 101, outputs: Sequence[str] | None = None, rtol: float = 1e-8,
     ) -> RunSensitivity:  # fmt: skip
-        """Derivatives of a run's outputs at all instants by parameters or inputs, integrated beside the states (no differences). Steps whose
-        instants move with a parameter count. Raises as `simulate`, and `UsageError` for events and delays."""
+        """Return derivatives of a run's outputs at all instants by parameters or inputs, integrated together with the states (no differences).
+
+        Steps at instants that depend on a parameter are included. Raises as `simulate`, and `UsageError` for events and delays.
+        """
         from ..analysis.run_sensitivity import run_sensitivity
 
         return run_sensitivity(
@@ -166,8 +176,10 @@ class Analysed(Compiled):
         self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, outputs: Sequence[str] | None = None, branches: bool = False,
     ) -> Branch:  # fmt: skip
-        """The branch of states of rest from `low` towards `high` of a parameter or input, round its folds, until it leaves that range
-        or has `most` points; `points` is the range over the first step. `branches`: those that cross it too. Raises as `operating_point`."""
+        """Follow the branch of equilibria from `low` towards `high` of a parameter or input, through its folds, until it leaves the range.
+
+        `most`: largest number of points; `points`: the range over the first step. `branches`: also the branches that cross it. Raises as `operating_point`.
+        """
         from ..analysis.branch import follow
         from ..analysis.operating_point import Asked
         from ..analysis.sensitivity import independent
@@ -197,12 +209,12 @@ class Analysed(Compiled):
         settings: Mapping[str, str | float] | None = None, *, to: str | float | None = None, start: str | float = 0.0, points: int = 501,
         moving: bool = False, limits: Mapping[str, str | float] | None = None,
     ) -> Inversion | FeedForward:  # fmt: skip
-        """Inputs that give outputs. Of `inputs`, `push1/pull1` is a pair of which one is zero; there are as many inputs or pairs as targets.
+        """Return inputs for given outputs. In `inputs`, `push1/pull1` is a pair with one of them zero; there are as many inputs or pairs as targets.
 
-        Without `to`: inputs that hold outputs at their `targets` (texts with units, or SI), at rest. With it: inputs over time, from `start`
-        to `to`, with which outputs go along `targets`: expressions of time such as "8 um*smoothstep9(time, 0 s, 5 ms)", or points
-        (times, values); from rest, unless the model is `moving`. `limits`: how large inputs may be. Raises as `operating_point`,
-        `RunFailed` if there are none, and `UsageError` where a path is not smooth enough.
+        Without `to`: inputs that hold outputs at their `targets` (texts with units, or SI), at equilibrium. With it: inputs over time, from `start` to `to`,
+        with which outputs follow `targets`: expressions of time such as "8 um*smoothstep9(time, 0 s, 5 ms)", or points (times, values); from rest, unless
+        the model is `moving`. `limits`: largest inputs. Raises as `operating_point`, `RunFailed` if there are none, and `UsageError` where a path is not
+        smooth enough.
         """
         from ..analysis.inversion.asking import inverted
 
@@ -214,11 +226,11 @@ class Analysed(Compiled):
         to: str | float | None = None, start: str | float | None = None, points: int = 501, moving: bool = False,
         limits: Mapping[str, str | float] | None = None, sharing: Sharing | None = None,
     ) -> Outcome | FeedForward:  # fmt: skip
-        """`invert` with setpoints of a CSV file, whose headings are outputs with units: `x [um],phi [deg]`.
+        """Apply `invert` to setpoints of a CSV file, whose headings are outputs with units: `x [um],phi [deg]`.
 
-        Each line is held at rest: an `Outcome` with a row of inputs for each; columns of parameters or inputs are set in their line. With a
-        column `time [s]` outputs go along the path through the lines (a spline, at rest at both ends), from the first to the last unless `start`
-        and `to` say so. Raises as `invert`, and OSError.
+        Each line is held at equilibrium: an `Outcome` with a row of inputs for each; columns of parameters or inputs are settings of their line. With a
+        column `time [s]` outputs follow the path through the lines (a spline, at rest at both ends), from the first to the last unless `start` and `to` are
+        given. Raises as `invert`, and OSError.
         """
         from ..studies.setpoints import invert_file
 
@@ -230,8 +242,10 @@ class Analysed(Compiled):
         low: float | None = None, high: float | None = None, points: int = 400, experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
     ) -> Response:  # fmt: skip
-        """The frequency response, exact from the linear model, from `low` to `high` in Hz (None: a decade around its modes); of a sampled loop
-        (`every`) with its hold, up to half the rate of its samples."""
+        """Return the frequency response, exact from the linear model, from `low` to `high` in Hz (None: a decade around its modes).
+
+        For a sampled loop (`every`) with its hold, up to half the sampling rate.
+        """
         from ..analysis.linear import linearization
         from ..analysis.operating_point import Asked
         from ..analysis.response import response
@@ -247,8 +261,10 @@ class Analysed(Compiled):
         self, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, rtol: float = 1e-9,
     ) -> Measured:  # fmt: skip
-        """One point of a frequency response as an experimenter finds it: `given` moves harmonically about its value, by `amplitude` in
-        SI, until all transients are gone, and `seen` is taken apart into harmonics. Raises as `simulate`, and `UsageError` if it never settles."""
+        """Measure one point of a frequency response: `given` moves harmonically about its value, by `amplitude` in SI, until all transients have decayed.
+
+        Then `seen` is decomposed into harmonics. Raises as `simulate`, and `UsageError` if it never settles.
+        """
         from ..analysis.excitation import excite
 
         return excite(self._whole, given, seen, frequency, amplitude, experiment, dict(settings or {}), rtol)

@@ -1,4 +1,4 @@
-"""A text and what it is compiled to: stages, programs, names."""
+"""Compiled forms of a text: stages, programs, names."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from . import Model
 
 LIBRARY = Path(__file__).parent.with_name("library")
-MOST_KEPT = 64  # scenes of which stages and programs are kept
+MOST_KEPT = 64  # most scenes whose stages and programs are kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Parameter:
 
 
 class Compiled:
-    """One model of a text, compiled when it is first asked; raises `CompilationFailed` with all that is wrong."""
+    """One model of a text, compiled at its first use. Raises `CompilationFailed` with all errors."""
 
     def __init__(self, source: Source, model: str | None = None) -> None:
         self.source = source
@@ -43,32 +43,32 @@ class Compiled:
         return f"<bondgraph model {self.model or ''} of {self.source.name}>"
 
     def compilation(self, scene: Scene | None = None, everything: bool = False) -> Compilation:
-        """The compiler's stages for one scene (default: no experiment)."""
+        """Return the compiler's stages for one scene (default: no experiment)."""
         scene = scene if scene is not None else door.Scene(self.model, None)
         key = (scene, everything)
         compilation = self._compilations.get(key)
         if compilation is None:
             compilation = door.Compilation(self.source, scene, LIBRARY, everything)
-            for other in list(self._compilations.values())[:1]:  # the text is parsed once
+            for other in list(self._compilations.values())[:1]:  # parse the text only once
                 compilation.__dict__["tree"] = other.tree
             like = self._compilations.get((replace(scene, preferences=(), off=None), everything))
-            if like is not None and "_built" in like.__dict__:  # and opened once
+            if like is not None and "_built" in like.__dict__:  # expand it only once
                 compilation.__dict__["_built"] = like.__dict__["_built"]
             _kept(self._compilations, key, compilation)
         return compilation
 
     @property
     def compiled(self) -> int:
-        """How many scenes are held in compiled form."""
+        """Number of scenes held in compiled form."""
         return len(self._compilations)
 
     def forget(self) -> None:
-        """Let go of all that was compiled; it is made anew, or fetched from the cache, where it is asked for again."""
+        """Discard all compiled forms; they are made again, or taken from the cache, at the next use."""
         self._compilations.clear()
         self._prepared.clear()
 
     def prepared(self, scene: Scene, everything: bool, target: str) -> Prepared:
-        """The program for one scene and what a run asks besides; from the cache if it has been there before."""
+        """Return the compiled scene: its program and the data for a run; from the cache if it exists there."""
         from ..prepared import Prepared
 
         key = (scene, everything, target)
@@ -83,12 +83,12 @@ class Compiled:
 
     @cached_property
     def name(self) -> str:
-        """The model's name."""
+        """Name of the model."""
         return self.compilation().whole_graph.name
 
     @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
-        """All parameters and constants by path, those of instances included, with their values in SI."""
+        """All parameters and constants by path, with those of instances, and their values in SI."""
         quantities = self.compilation().whole_graph.quantities
         return {
             n: Parameter(q.value, q.unit, q.description)
@@ -98,14 +98,14 @@ class Compiled:
 
     @cached_property
     def inputs(self) -> tuple[str, ...]:
-        """The inputs of the model itself."""
+        """Inputs of the model itself."""
         return tuple(
             n for n, q in self.compilation().whole_graph.quantities.items() if q.role == "input" and "." not in n
         )
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:
-        """The declared outputs."""
+        """Declared outputs."""
         return tuple(self.compilation().whole_graph.outputs)
 
     @cached_property
@@ -116,20 +116,21 @@ class Compiled:
 
     @property
     def certificate(self) -> Certificate:
-        """What kind of equations the model has, whatever the outputs need; `print` it, or read its fields.
+        """Kind of equations of the model, whatever the outputs need; `print` it, or read its fields.
 
-        Raises `CompilationFailed`, also where only the program of the equations cannot be made."""
+        Raises `CompilationFailed`, also where only the program of the equations cannot be made.
+        """
         compilation = self.compilation(everything=True)
         compilation.look_at_laws()
         return compilation.certificate
 
     @property
     def graph(self) -> networkx.MultiDiGraph:
-        """The bond graph in networkx; nodes carry `node=`, edges (half arrows) `bond=`."""
+        """Return the bond graph in networkx; nodes have `node=`, edges (half arrows) `bond=`."""
         return self.compilation().whole_graph.network
 
     def _with_inputs(self) -> Compilation:
-        """The equations with every input as a symbol; where a storage would need an input's derivative, with its default."""
+        """Return the equations with every input as a symbol; where a storage would need an input's derivative, with its default."""
         free = self.compilation(door.Scene(self.model, None, free=frozenset(self.inputs)), everything=True)
         try:
             _ = free.state_space
@@ -146,18 +147,18 @@ class Compiled:
         free: tuple[str, ...] = (),
         outputs: Sequence[str] | None = None,
     ) -> Scene:
-        """What a run asks: an experiment ("" the first, None none), settings (texts are expressions with units, numbers SI)."""
+        """Return a run's scene: an experiment ("": the first, None: none), settings (texts are expressions with units, numbers SI)."""
         overrides = tuple(_override(name, value) for name, value in (settings or {}).items())
         return door.Scene(self.model, experiment, overrides, frozenset(free), names_of(outputs))
 
     @property
     def _whole(self) -> Model:
-        """This, of which a part is written here."""
+        """Return this object as a `Model`, of which this class is one part."""
         return cast("Model", self)
 
 
 def _kept(things: dict[Any, Any], key: object, thing: object) -> None:
-    """Keep something by its key, and of all only the latest. Threads that share a model may do so at once."""
+    """Store a value by its key, and keep only the latest ones. Threads that share a model may do so at once."""
     for old in list(things)[: max(0, len(things) - MOST_KEPT + 1)]:
         things.pop(old, None)
     things[key] = thing
@@ -172,5 +173,5 @@ def _override(name: str, value: str | float) -> Override:
 
 
 def names_of(names: Sequence[str] | None) -> tuple[str, ...] | None:
-    """One name, or several."""
+    """Return one name, or several, as a tuple."""
     return (names,) if isinstance(names, str) else None if names is None else tuple(names)

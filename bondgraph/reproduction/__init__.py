@@ -1,4 +1,4 @@
-"""A folder of models with a list of published values: everything is computed again, and a page says how well it agrees."""
+"""Reproduction of published values: every entry of a list in a folder is computed again, and a page shows the agreement."""
 
 from .reproduce import reproduce
 

@@ -1,4 +1,4 @@
-"""What a list of published values has come to: values beside computed ones, computed tables, errata; as a page, as JSON."""
+"""Result of a reproduction: published and computed values, computed tables, errata; as a page, as JSON."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SCHEMA = "bondgraph-reproduction/1"
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """A published value and the computed one in the printed unit; `digits` is what print allows."""
+    """A published value and the computed one in the printed unit; `digits` is the printed precision."""
 
     where: str
     what: str
@@ -25,19 +25,19 @@ class Compared:
 
     @property
     def error(self) -> float:
-        """Relative to what is published; absolute where that is zero."""
+        """Error relative to the published value; absolute where that is zero."""
         off = self.computed - self.published
         return off / abs(self.published) if self.published else off
 
     @property
     def agrees(self) -> bool:
-        """Whether it is within what print allows."""
+        """True if the error is within the printed precision."""
         return abs(self.computed - self.published) <= self.digits * (1 + 1e-9)
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Computed, not in print: `heads` with units, and rows of numbers (or of words, in the first column)."""
+    """A computed table that is not in print: `heads` with units, and rows of numbers (or of words, in the first column)."""
 
     where: str
     what: str
@@ -48,7 +48,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """A picture beside the page."""
+    """A picture file of the page."""
 
     where: str
     what: str
@@ -57,7 +57,7 @@ class Drawn:
 
 @dataclass(frozen=True, slots=True)
 class Erratum:
-    """What is wrong in print."""
+    """An error in print."""
 
     where: str
     text: str
@@ -76,12 +76,15 @@ class Reproduction:
 
     @property
     def agrees(self) -> bool:
-        """Whether all values agree."""
+        """True if all values agree."""
         return all(v.agrees for v in self.values)
 
     def to_json(self) -> dict[str, Any]:
-        """By the schema `bondgraph-reproduction/1`: {schema, title, source, agrees, values: [{where, what, unit, published, computed, digits,
-        error, agrees, note}], tables: [{where, what, heads, rows, note}], errata: [{where, text}]}."""
+        """Return JSON values by the schema `bondgraph-reproduction/1`.
+
+        {schema, title, source, agrees, values: [{where, what, unit, published, computed, digits, error, agrees, note}], tables: [{where, what, heads, rows,
+        note}], errata: [{where, text}]}.
+        """
         values = [
             {
                 "where": v.where, "what": v.what, "unit": v.unit, "published": v.published,
@@ -104,7 +107,7 @@ class Reproduction:
         return {**told, "errata": [{"where": e.where, "text": e.text} for e in self.errata]}
 
     def page(self) -> str:
-        """A page in Markdown, with the pictures that lie beside it."""
+        """Return a page in Markdown, with links to its pictures."""
         rows = ["| where | what | published | computed | relative error | |", "|---|---|---:|---:|---:|---|"]
         for v in self.values:
             error = f"{v.error:+.2g}" if v.published else f"{v.error:+.2g}{behind(v.unit)} off"
@@ -135,7 +138,7 @@ class Reproduction:
         return "\n\n".join(parts) + "\n"
 
     def summary(self) -> str:
-        """A table for terminals."""
+        """Return a table for terminals."""
         from ..views.tables import aligned, visible
 
         rows: list[tuple[str, ...]] = [("where", "what", "published", "computed", "error", "")]

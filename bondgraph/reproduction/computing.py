@@ -1,4 +1,4 @@
-"""What entries of a list name, computed: each experiment once, whatever reads it."""
+"""Computation of a list's entries: each experiment once, however many entries use it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from ..analysis.outcome import Outcome, Point
     from ..model import Model
 
-DIGITS = 6  # of computed tables
+DIGITS = 6  # digits of computed tables
 
 
 class Computing:
-    """The models of a folder and what was made with them."""
+    """Models of a folder and their results."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -29,7 +29,7 @@ class Computing:
         self._outcomes: dict[tuple[str, str], Outcome] = {}
 
     def model(self, file: str) -> Model:
-        """A model of the folder, read once."""
+        """Return a model of the folder, read once."""
         from ..model import load
 
         if file not in self._models:
@@ -37,7 +37,7 @@ class Computing:
         return self._models[file]
 
     def outcome(self, file: str, experiment: str) -> Outcome:
-        """Of an experiment; "" the model at rest."""
+        """Return the outcome of an experiment; "": of the model at equilibrium."""
         from ..studies.experiment import Options, run
         from ..studies.sweep import sweep
 
@@ -53,7 +53,7 @@ class Computing:
 
     # ------------------------------------------------------------ values
     def values(self, entry: Mapping[str, Any]) -> list[Compared]:
-        """A published value, or one for each point of a sweep."""
+        """Return a published value, or one for each point of a sweep."""
         outcome = self.outcome(entry["model"], entry["experiment"])
         published = entry["published"]
         if not isinstance(published, list):
@@ -82,7 +82,7 @@ class Computing:
 
     # ------------------------------------------------------------ tables
     def table(self, entry: Mapping[str, Any]) -> Table:
-        """All points of an experiment, as it reports them."""
+        """Return all points of an experiment, as it reports them."""
         outcome = self.outcome(entry["model"], entry["experiment"])
         names = list(outcome.names)
         shown = [outcome.shown.get(n, (outcome.units[n], 1.0, 0.0)) for n in names]
@@ -96,7 +96,7 @@ class Computing:
         return Table(entry["where"], entry["what"], heads, tuple(rows), str(entry.get("note", "")))
 
     def inversion(self, entry: Mapping[str, Any]) -> Table:
-        """Inputs that hold setpoints at rest, and what the model shows there, found again by its own search for rest."""
+        """Return inputs that hold setpoints at equilibrium, and the model's outputs there, verified by a separate equilibrium search."""
         model, by, outputs = self.model(entry["model"]), list(map(str, entry["by"])), list(map(str, entry["outputs"]))
         known = model.compilation().whole_graph.outputs
         show = [_unit_of(text, known) for text in entry.get("show", ())]
@@ -122,7 +122,7 @@ class Computing:
 
 
 def taken(point: Point, name: str, entry: Mapping[str, Any], final: float) -> float:
-    """What is asked of a run: where it ends, or how far an output goes, after some instant."""
+    """Return the value requested from a run: its last value, or a minimum, maximum or range after some instant."""
     take = entry.get("take", "final")
     if take == "final" or point.run is None or name not in point.run:
         return final
@@ -137,7 +137,7 @@ def taken(point: Point, name: str, entry: Mapping[str, Any], final: float) -> fl
 
 
 def _setting(outcome: Outcome, i: int, entry: Mapping[str, Any]) -> str:
-    """What is swept there, in words."""
+    """Return the swept values as text."""
     told = []
     for name, value in outcome.points[i].settings.items():
         unit, scale, _ = _shown_sweep(outcome, name, entry)
@@ -146,7 +146,7 @@ def _setting(outcome: Outcome, i: int, entry: Mapping[str, Any]) -> str:
 
 
 def _shown_sweep(outcome: Outcome, name: str, entry: Mapping[str, Any]) -> tuple[str, float, float]:
-    """What is swept, in the unit that the entry names (`swept_in`), else in SI."""
+    """Return unit, scale and offset of a swept value: the unit named by the entry (`swept_in`), else SI."""
     unit = str(entry.get("swept_in", outcome.swept[name]))
     return unit, in_unit(1.0, unit, outcome.swept[name], name), 0.0
 
@@ -156,7 +156,7 @@ def _head(name: str, unit: str) -> str:
 
 
 def _unit_of(text: str, known: Mapping[str, Any]) -> tuple[str, str]:
-    """`missed1 in nm`."""
+    """Return name and unit of a text such as `missed1 in nm`."""
     name, _, unit = text.partition(" in ")
     if name not in known:
         raise UsageError(f"there is no output `{name}`; outputs are {', '.join(known)}")

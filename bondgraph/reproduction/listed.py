@@ -1,4 +1,4 @@
-"""The list of a folder: read, and looked at as far as words and kinds go."""
+"""List of a folder: reading, and check of its words and kinds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import UsageError
 
 FILE = "published.toml"
-MOST = 10_000  # entries of a kind
+MOST = 10_000  # most entries of a kind
 TAKES = ("final", "minimum", "maximum", "peak to peak")
 KINDS = ("time", "phase", "energy", "response", "sweep", "surface", "modes")
 Words = Mapping[str, type | tuple[type, ...]]
@@ -27,7 +27,7 @@ SECTIONS: Mapping[str, Words] = {
 
 
 def listed(folder: Path) -> Mapping[str, Any]:
-    """The list as TOML has it. Raises `UsageError`, OSError."""
+    """Return the list as read from TOML. Raises `UsageError`, OSError."""
     path = folder / FILE
     try:
         found = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -53,7 +53,7 @@ def _check(path: Path, section: str, number: int, entry: Mapping[str, Any], word
 
 
 def inside(folder: Path, file: str) -> Path:
-    """A file of the folder. Raises `UsageError`."""
+    """Return the path of a file in the folder. Raises `UsageError`."""
     path = (folder / file).resolve()
     if not path.is_relative_to(folder.resolve()):
         raise UsageError(f"`{file}` lies outside of {folder}")

@@ -1,4 +1,4 @@
-"""Figures beside a page: what a list asks to be drawn."""
+"""Figures of a page, as requested by a list."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .computing import Computing
 
 
 def draw_all(computing: Computing, entries: Sequence[Mapping[str, Any]], page: Path, kind: str) -> tuple[Drawn, ...]:
-    """Each into `PAGE_N.KIND` in the folder of the page. Raises `UsageError`, `MissingPackage`, OSError, and as `Model.run`."""
+    """Draw each figure into `PAGE_N.KIND` in the folder of the page. Raises `UsageError`, `MissingPackage`, OSError, and as `Model.run`."""
     drawn = []
     for number, entry in enumerate(entries, 1):
         path = page.with_name(f"{page.stem}_{number}.{kind}")

@@ -1,4 +1,4 @@
-"""A list of published values, computed again."""
+"""Reproduction of a list of published values."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from .listed import listed
 def reproduce(
     folder: str | os.PathLike[str], page: str | os.PathLike[str] | None = None, pictures: str = ""
 ) -> Reproduction:
-    """Run all that `published.toml` of a folder names. `pictures`: "svg" or "png" are drawn beside a `page`, which is not written here.
+    """Run all entries of `published.toml` of a folder. `pictures`: "svg" or "png" are drawn beside a `page`, which is not written here.
 
-    Raises `UsageError` for a list that makes no sense, and as `Model.run`.
+    Raises `UsageError` for an invalid list, and as `Model.run`.
     """
     place = Path(folder)
     found = listed(place)

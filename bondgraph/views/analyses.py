@@ -23,21 +23,21 @@ if TYPE_CHECKING:
     from ..analysis.sensitivity import Sensitivity
     from ..analysis.verdict import Verdict
 
-WIDEST = 12  # columns of a matrix that are shown
-LONGEST = 60  # rows
-PEAKS = 5  # of a response
-SHOWN = 12  # points of a branch
-STRONGEST = 8  # parameters of a quantity that are shown
-SHARES = 3  # elements of a mode that are named
+WIDEST = 12  # most columns of a matrix
+LONGEST = 60  # most rows
+PEAKS = 5  # most peaks of a response
+SHOWN = 12  # most points of a branch
+STRONGEST = 8  # most parameters of a quantity
+SHARES = 3  # most elements of a mode
 
 
 def title(model: str, experiment: str | None, what: str) -> str:
-    """`Model: experiment, what`."""
+    """Return `Model: experiment, what`."""
     return visible(f"{model}{f': {experiment}' if experiment else ''}, {what}")
 
 
 def equilibrium_text(found: Equilibrium) -> str:
-    """Outputs, states and unknowns, and whether it is stable."""
+    """Return outputs, states and unknowns, and the stability."""
     rows: list[tuple[str, ...]] = []
     shown = {r.name: r for r in found.report}
     for word in ("outputs", "states", "unknowns"):
@@ -54,7 +54,7 @@ def equilibrium_text(found: Equilibrium) -> str:
 
 
 def stability_text(found: Verdict) -> str:
-    """The verdict in one line."""
+    """Return the verdict as one line."""
     if found.stable is False:
         return f"unstable: it leaves with exp({found.growth:.6g} t/s)"
     if found.stable is None and not found.undecided:
@@ -72,7 +72,7 @@ def _eigenvalue(value: complex) -> str:
 
 
 def linearization_text(found: Linearization) -> str:
-    """The matrices with the names of rows and columns."""
+    """Return the matrices with the names of rows and columns."""
     head = title(found.model, found.experiment, f"linear at t = {found.time:.6g} s")
     parts = [head]
     for name, matrix, rows, columns in (
@@ -98,7 +98,7 @@ def _matrix(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[str])
 
 
 def modes_text(found: Modes) -> str:
-    """A line for each mode, and where its energy is."""
+    """Return a line for each mode, with the distribution of its energy."""
     rows = [("frequency", "damped", "damping", "where its energy is")]
     rows += [
         (f"{m.frequency:.9g} Hz", f"{m.damped_frequency:.9g} Hz", f"{m.damping:.4g}", _where(m)) for m in found.modes
@@ -119,7 +119,7 @@ def _unit(unit: str) -> str:
 
 
 def response_text(found: Response) -> str:
-    """For each way from an input to an output: at the ends, and peaks and dips in between."""
+    """Return for each pair of input and output the response at the ends, and peaks and dips in between."""
     size, phase = found.magnitude, found.phase
     rows: list[tuple[str, ...]] = [("from", "to", "frequency", "magnitude", "phase", "")]
     for j, given in enumerate(found.inputs):
@@ -145,14 +145,14 @@ def _extremum_row(names: tuple[str, str], found: Extremum, unit: str) -> tuple[s
 
 
 def _largest(found: Sequence[Extremum]) -> list[Extremum]:
-    """The highest peaks and the deepest dips, rising in frequency."""
+    """Return the highest peaks and the deepest dips, rising in frequency."""
     peaks = sorted((e for e in found if e.kind == "peak"), key=lambda e: -e.magnitude)[:PEAKS]
     dips = sorted((e for e in found if e.kind == "dip"), key=lambda e: e.magnitude)[:PEAKS]
     return sorted([*peaks, *dips], key=lambda e: e.frequency)
 
 
 def response_sensitivity_text(found: ResponseSensitivity) -> str:
-    """For each way from an input to an output, at the ends and at peaks: what one percent of each parameter does, the largest first."""
+    """Return for each pair of input and output, at the ends and at peaks, the effect of one percent of each parameter, the largest first."""
     told, relative, phase = found.response, np.nan_to_num(found.relative), found.phase * found.at / 100
     rows = [("from", "to", "frequency", "magnitude", "by", "percent per percent", "degrees per percent")]
     for j, given in enumerate(told.inputs):
@@ -177,7 +177,7 @@ def response_sensitivity_text(found: ResponseSensitivity) -> str:
 
 
 def outcome_text(found: Outcome) -> str:
-    """A row for each point of a sweep; of a single point all that it has."""
+    """Return a row for each point of a sweep; for a single point all its results."""
     if not found.swept:
         (point,) = found.points
         made = (point.equilibrium, point.modes, *point.responses, *(found for _, found in point.analyses), point.run)
@@ -204,7 +204,7 @@ def _column_unit(found: Outcome, name: str) -> str:
 
 
 def sensitivity_text(found: Sensitivity) -> str:
-    """For each quantity its value, then what one percent of each parameter does to it, the largest first."""
+    """Return for each quantity its value, then the effect of one percent of each parameter, the largest first."""
     rows = [("", "value", "by", "slope in SI", "percent per percent")]
     relative = np.nan_to_num(found.relative)
     for i, name in enumerate(found.quantities):
@@ -218,7 +218,7 @@ def sensitivity_text(found: Sensitivity) -> str:
 
 
 def branch_text(found: Branch) -> str:
-    """Folds and losses of stability, then some points in between."""
+    """Return folds and losses of stability, and some points in between."""
     names = [found.parameter, *list(found.outputs)[: WIDEST - 1]]
     unit = [_unit(found.units.get(n, "1")) for n in names]
     rows: list[tuple[str, ...]] = [("", *(short(n, 24) for n in names)), ("", *unit)]
@@ -240,7 +240,7 @@ def branch_text(found: Branch) -> str:
 
 
 def inversion_text(found: Inversion) -> str:
-    """The inputs, and the outputs beside their targets."""
+    """Return the inputs, and the outputs with their targets."""
     rows: list[tuple[str, ...]] = [("input", "value", "", "")]
     rows += [(short(n), f"{v:.9g}", _unit(found.units.get(n, "1")), "") for n, v in found.inputs.items()]
     rows.append(("output", "target", "", "off by"))

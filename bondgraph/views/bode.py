@@ -1,4 +1,4 @@
-"""A frequency response drawn: magnitude above phase, a pair of panels for each output."""
+"""Bode plot: magnitude above phase, a pair of panels for each output."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .tables import short, visible
 if TYPE_CHECKING:
     from ..analysis.response import Response
 
-MOST = 3  # outputs that are drawn
-NARROW = 5.0  # of the first frequency
+MOST = 3  # most outputs
+NARROW = 5.0  # ratio of the last to the first frequency below which the axis is linear
 
 
 def plot_response(found: Response, path: str | os.PathLike[str]) -> None:
-    """Draw into `path`; whole or not at all. Raises UsageError, MissingPackage, OSError."""
+    """Draw into `path`; completely or not at all. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     drawn(lambda: _figure(found), path)
 
@@ -48,7 +48,7 @@ def _figure(found: Response) -> Any:
     panels[-1].set_xlabel("frequency [Hz]")
     panels[-1].set_xlim(found.frequencies[0], found.frequencies[-1])
     if found.frequencies[-1] < NARROW * found.frequencies[0]:
-        panels[-1].set_xscale("linear")  # a logarithmic axis has one tick there, or none
+        panels[-1].set_xscale("linear")  # a logarithmic axis would have at most one tick
     if len(found.outputs) > MOST:
         figure.supxlabel(
             f"not drawn: {', '.join(short(n, 24) for n in found.outputs[MOST:])}", fontsize=7, parse_math=False
@@ -57,7 +57,7 @@ def _figure(found: Response) -> Any:
 
 
 def _legend(panel: Any, names: list[str]) -> None:
-    """Texts are put in afterwards: as labels, names that begin with `_` would be left out, and `$` would begin a formula."""
+    """Set the texts of a legend afterwards: as labels, names that begin with `_` would be omitted, and `$` would begin a formula."""
     legend = panel.legend(panel.get_lines(), [str(i) for i in range(len(names))], frameon=False, fontsize=8)
     for text, name in zip(legend.get_texts(), names, strict=True):
         text.set_parse_math(False)

@@ -1,4 +1,4 @@
-"""Causality explained: every stroke and why, storages in derivative form and what forces them, algebraic loops, and what to do."""
+"""Explanation of causality: every stroke with its reason, storages in derivative form with their cause, algebraic loops, and advice."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 SCHEMA = "bondgraph-causality/1"
 FLOWS = {"C": "flow", "I": "effort", "IC": "other variable"}
-LONGEST_SEARCH = 400  # variables of a loop from which its shortest cycle is looked for
+LONGEST_SEARCH = 400  # most variables of a loop from which its shortest cycle is searched
 
 
 @dataclass(frozen=True, slots=True)
 class StrokeRow:
-    """One bond: the stroke stands at the end that is given the effort."""
+    """One bond: the stroke is at the end that receives the effort."""
 
     bond: str  # in the textbooks' notation: `push ->| body`, `body |-> spring`
     effort_from: str
@@ -32,7 +32,7 @@ class StrokeRow:
 
 @dataclass(frozen=True, slots=True)
 class DerivativeRow:
-    """A storage in derivative form, the chain of bonds to what forces it, and what the author can do."""
+    """A storage in derivative form, the chain of bonds to its cause, and advice for the author."""
 
     storage: str
     place: str
@@ -45,17 +45,17 @@ class DerivativeRow:
 
 @dataclass(frozen=True, slots=True)
 class LoopRow:
-    """An algebraic loop: its shortest cycle in the order in which one thing gives the next, and what the author can do."""
+    """An algebraic loop: its shortest cycle in the order of computation, and advice for the author."""
 
     members: tuple[str, ...]
-    cycle: tuple[tuple[str, str, str], ...]  # variable, whose equation gives it, where
+    cycle: tuple[tuple[str, str, str], ...]  # variable, element whose equation computes it, line
     variables: int
     advice: str
 
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """What `bondgraph causality` tells. `diagnostics` are what stands in the way of equations with these strokes."""
+    """Contents of `bondgraph causality`. `diagnostics`: obstacles to equations with these strokes."""
 
     model: str
     left_out: int
@@ -65,7 +65,7 @@ class Explanation:
     diagnostics: tuple[Diagnostic, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """`bondgraph-causality/1`."""
+        """Return JSON values by `bondgraph-causality/1`."""
         told = [
             {"file": d.span.source.name, "line": d.span.line, "column": d.span.column, "code": d.code, "message": d.sentence, "help": d.help}
             for d in self.diagnostics
@@ -81,7 +81,7 @@ class Explanation:
         }  # fmt: skip
 
     def text(self) -> str:
-        """For people: a table of the strokes, then storages and loops one by one."""
+        """Return text for readers: a table of the strokes, then storages and loops one by one."""
         return "\n".join(visible(line) for line in self._lines())
 
     def _lines(self) -> Iterator[str]:
@@ -113,7 +113,7 @@ class Explanation:
 
 
 def explain(compilation: Compilation) -> Explanation:
-    """The explanation of a scene. Raises `CompilationFailed` if there are no strokes."""
+    """Return the explanation of a scene. Raises `CompilationFailed` if there are no strokes."""
     causal = compilation.causal
     system, found = None, tuple["Diagnostic", ...]()
     try:
@@ -131,7 +131,7 @@ def explain(compilation: Compilation) -> Explanation:
 
 
 def told(diagnostics: Sequence[Diagnostic]) -> str:
-    """Diagnostics as the other commands show them."""
+    """Return diagnostics as the other commands show them."""
     return "\n\n".join(map(render, diagnostics))
 
 
@@ -183,7 +183,7 @@ def _derivative(causal: CausalGraph, item: Dependence) -> DerivativeRow:
 
 
 def _dependence(name: str, node: Any, forcing: Any, because: Because) -> tuple[str, str]:
-    """What forces a storage, and what the author can do about it."""
+    """Return the cause of a storage's derivative form, and advice for the author."""
     stored = node.kind.value
     variable = "effort" if stored == "C" else "flow"
     parting = "R or I on a 1-junction" if stored == "C" else "R or C on a 0-junction"
@@ -229,7 +229,7 @@ def _dependence(name: str, node: Any, forcing: Any, because: Because) -> tuple[s
 
 
 def _loops(causal: CausalGraph, system: EquationSystem) -> Iterator[LoopRow]:
-    """Blocks of assignments that need each other, each with its shortest cycle."""
+    """Yield blocks of mutually dependent assignments, each with its shortest cycle."""
     inputs: list[list[int]] = [[] for _ in system.variables]
     assigned = {a.target: a for a in system.assignments}
     for target, assignment in assigned.items():
@@ -260,7 +260,7 @@ def _implicit(owner: str, variable: str) -> str:
 
 
 def _junctions(causal: CausalGraph, numbers: Mapping[str, int], members: Sequence[str]) -> list[Any]:
-    """The junctions of a loop; what its bonds merely share has no equation, so also those that join two of its elements."""
+    """Return the junctions of a loop, including those that join two of its elements: variables shared by bonds have no equation."""
     graph = causal.graph
     inside = [numbers[m] for m in members if m in numbers]
     found = [n for n in inside if graph.nodes[n].kind.value in ("0", "1")]
@@ -272,7 +272,7 @@ def _junctions(causal: CausalGraph, numbers: Mapping[str, int], members: Sequenc
 
 
 def _shortest_cycle(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> list[int]:
-    """The variables of a shortest cycle, each computed from the one before it (and the first from the last)."""
+    """Return the variables of a shortest cycle, each computed from the one before it (and the first from the last)."""
     inside, best = set(block), list[int]()
     for start in block[:LONGEST_SEARCH]:
         best = _cycle_through(start, inside, inputs, len(best) or len(block) + 1) or best
@@ -280,8 +280,8 @@ def _shortest_cycle(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> li
 
 
 def _cycle_through(start: int, inside: set[int], inputs: Sequence[Sequence[int]], below: int) -> list[int]:
-    """A shortest cycle through a variable; empty if it has not fewer than so many."""
-    readers: dict[int, tuple[int, int]] = {start: (start, 1)}  # variable -> the one that reads it, how far it is
+    """Return a shortest cycle through a variable; empty if it does not have fewer variables than `below`."""
+    readers: dict[int, tuple[int, int]] = {start: (start, 1)}  # variable -> the one that reads it, distance
     queue = [start]
     for here in queue:
         length = readers[here][1]

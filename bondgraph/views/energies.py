@@ -1,4 +1,4 @@
-"""Energy over time drawn: what was given, and where it is; below, the elements that have most of it."""
+"""Plot of energy over time: supplied energy and its distribution; below, the elements with most of it."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .tables import short, time_unit, visible
 if TYPE_CHECKING:
     from ..analysis.energies import Energies
 
-MOST = 6  # elements
+MOST = 6  # most elements
 PREFIXES = ((1e-15, "fJ"), (1e-12, "pJ"), (1e-9, "nJ"), (1e-6, "uJ"), (1e-3, "mJ"), (1.0, "J"), (1e3, "kJ"), (1e6, "MJ"))  # fmt: skip
 
 
 def plot_energies(found: Energies, path: str | os.PathLike[str]) -> None:
-    """Draw into `path`; whole or not at all. Raises UsageError, MissingPackage, OSError."""
+    """Draw into `path`; completely or not at all. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     drawn(lambda: _figure(found), path)
 

@@ -1,4 +1,4 @@
-"""Equations for people: in sympy, as text, as LaTeX; under the author's names, in causal order."""
+"""Equations for readers: in sympy, as text, as LaTeX; with the author's names, in causal order."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ from ..door import Apply, Expression, LinearLoop, StateSpace, Symbol, Unknown, t
 from ..errors import UsageError
 from .tables import visible
 
-LARGEST = 1e6  # symbols and operations of one state equation in sympy
+LARGEST = 1e6  # most symbols and operations of one state equation in sympy
 
 
 class Equations(dict[str, Any]):
-    """Equations in sympy by name; of states their rates, of unknowns what vanishes. A mapping that notebooks typeset."""
+    """Equations in sympy by name: rates of states, residuals of unknowns. Notebooks typeset this mapping."""
 
     def __init__(self, equations: Mapping[str, Any], rates: bool) -> None:
         super().__init__(equations)
         self.rates = rates
 
     def _repr_latex_(self) -> str | None:
-        """As LaTeX, for notebooks."""
+        """Return LaTeX, for notebooks."""
         from ..page.notebook import equations_latex
 
         return equations_latex(self, self.rates) if self else None
 
 
 def state_equations(space: StateSpace) -> Equations:
-    """State -> right side in sympy, over parameters, inputs, `time`, states and the unknowns of nonlinear loops.
+    """Return state -> right-hand side in sympy, over parameters, inputs, `time`, states and the unknowns of nonlinear loops.
 
-    Assignments are put in, in causal order; a linear loop is solved symbolically for its cut variables.
+    Assignments are substituted, in causal order; a linear loop is solved symbolically for its cut variables.
     """
     value = symbolic_values(space)
     return Equations({space.variables[s.variable].name: value(s.rate) for s in space.states}, rates=True)
 
 
 def algebraic_equations(space: StateSpace) -> Equations:
-    """Unknown of a nonlinear loop -> an expression in sympy that vanishes, over what `state_equations` is over."""
+    """Return unknown of a nonlinear loop -> an expression in sympy that vanishes, over the same symbols as in `state_equations`."""
     value = symbolic_values(space)
     return Equations({space.variables[u.variable].name: value(u.residual) for u in space.unknowns}, rates=False)
 
 
 def symbolic_values(space: StateSpace) -> Callable[[int | float], Any]:
-    """What a variable or number is in sympy, with all assignments put in. Raises `UsageError` if that would be too much to hold."""
+    """Return a function from variable or number to sympy, with all assignments substituted. Raises `UsageError` if the result would be too large."""
     import sympy
 
     _check_size(space)
@@ -69,7 +69,7 @@ def symbolic_values(space: StateSpace) -> Callable[[int | float], Any]:
 
 
 def _check_size(space: StateSpace) -> None:
-    """Put into one another, the equations of a long chain of bodies grow without bound: that is told, not tried."""
+    """Raise `UsageError` if substitution would be too large: the equations of a long chain of bodies grow without bound."""
     sizes: dict[int, float] = {}
     for step in space.steps:
         if isinstance(step, LinearLoop):
@@ -88,7 +88,7 @@ def _check_size(space: StateSpace) -> None:
 
 
 def _size(expression: Expression, sizes: Mapping[int, float]) -> float:
-    """Symbols and operations of an expression, written out, with what its variables stand for."""
+    """Return the number of symbols and operations of an expression after substitution of its variables."""
     known: dict[Expression, float] = {}
     stack = [expression]
     while stack:
@@ -106,7 +106,7 @@ def _size(expression: Expression, sizes: Mapping[int, float]) -> float:
 
 
 def _named_parameters(space: StateSpace) -> set[int]:
-    """What the author named and what depends on parameters alone: it keeps its name."""
+    """Return the author's names that depend on parameters alone: they are not substituted."""
     static = {i for i, v in enumerate(space.variables) if v.role == "parameter"}
     for step in space.steps:
         if not isinstance(step, LinearLoop) and all(isinstance(a, float) or a in static for a in step.arguments):
@@ -115,9 +115,9 @@ def _named_parameters(space: StateSpace) -> set[int]:
 
 
 def equations_text(space: StateSpace, latex: bool) -> str:
-    """One equation a line, in the order in which they are computed; then the rates of the states."""
+    """Return one equation per line, in the order of computation; then the rates of the states."""
     lines = list(_latex_lines(space) if latex else _text_lines(space))
-    lines = [visible(line) for line in lines]  # names of files among them
+    lines = [visible(line) for line in lines]  # they contain names of files
     if latex:
         return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
     return "\n".join(lines)
@@ -159,7 +159,7 @@ def _solved_for(space: StateSpace, unknown: Unknown) -> str:
 
 
 def to_number(value: float) -> Any:
-    """A number as sympy prints it well."""
+    """Return a number in a form that sympy prints well."""
     import sympy
 
     return sympy.Integer(int(value)) if value == int(value) and abs(value) < 1e15 else sympy.Float(value, 15)
@@ -213,5 +213,5 @@ _ESCAPES = {
 
 
 def latex_name(name: str) -> str:
-    """A dotted name in upright letters; nothing in it can end its group."""
+    """Return a dotted name in upright letters; no part of it can end its group."""
     return r"\mathrm{" + "".join(_ESCAPES.get(c, c) for c in name.replace(" -> ", r">")) + "}"

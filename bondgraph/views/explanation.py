@@ -1,4 +1,4 @@
-"""`bondgraph explain`: what a run leaves out and why, what remains, how often it is computed, and which lines are expensive."""
+"""Contents of `bondgraph explain`: omitted parts of a run with reasons, the remaining ones, their evaluations, and expensive lines."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from ..door import Certificate, Cost, Lowered, Span
 
 SCHEMA = "bondgraph-explanation/1"
-SHOWN = 10  # lines of the table of what is expensive
-LISTED = 6  # names of one line of the text
+SHOWN = 10  # most lines of the table of expensive lines
+LISTED = 6  # most names in one line of the text
 
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """A node that gives nothing in this run, and the quantities that make it so."""
+    """A node without effect in this run, and the quantities that cause it."""
 
     name: str
     place: str
@@ -30,7 +30,7 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """What `bondgraph explain` tells of one scene."""
+    """Contents of `bondgraph explain` for one scene."""
 
     model: str
     experiment: str | None
@@ -39,12 +39,12 @@ class Explanation:
     certificate: Certificate
     cost: Cost
     arguments: tuple[str, ...]  # parameters that stay arguments of the program
-    conditions: tuple[str, ...] = ()  # on states, which are located in a run: where they stand
-    bends: int = 0  # of laws of states, at which steps may end
+    conditions: tuple[str, ...] = ()  # lines of conditions on states, which are located in a run
+    bends: int = 0  # number of kinks in laws of states, at which steps may end
     bandwidth: float | None = None  # in Hz
 
     def to_json(self) -> dict[str, Any]:
-        """`bondgraph-explanation/1`."""
+        """Return JSON values by `bondgraph-explanation/1`."""
         count = self.cost
         return {
             "schema": SCHEMA, "model": self.model, "experiment": self.experiment, "outputs": list(self.outputs),
@@ -61,7 +61,7 @@ class Explanation:
         }  # fmt: skip
 
     def text(self) -> str:
-        """For people."""
+        """Return text for readers."""
         return "\n".join(visible(line) for line in self._lines())
 
     def _lines(self) -> Iterator[str]:
@@ -118,7 +118,7 @@ class Explanation:
 
 
 def explain(compilation: Compilation) -> Explanation:
-    """The explanation of a scene. Raises `CompilationFailed`."""
+    """Return the explanation of a scene. Raises `CompilationFailed`."""
     certificate = compilation.certificate
     lowered = compilation.lowered
     names = [lowered.space.variables[v].name for v in lowered.parameters]
@@ -130,7 +130,7 @@ def explain(compilation: Compilation) -> Explanation:
 
 
 def _conditions(lowered: Lowered) -> dict[str, None]:
-    """Where conditions on states stand, each place once; those of `when` are told as events."""
+    """Return the lines of conditions on states, each once; those of `when` are reported as events."""
     told = {(e.span.source.name, e.span.line) for e in lowered.space.events}
     notes = (item.note for item in lowered.events.located)
     return {f"`{n.owner}` ({_place(n.span)})": None for n in notes if (n.span.source.name, n.span.line) not in told}
@@ -146,7 +146,7 @@ def _left_out(compilation: Compilation) -> Iterator[LeftOut]:
 
 
 def _zeros_behind(compilation: Compilation, references: Iterable[Any]) -> dict[str, None]:
-    """The parameters and inputs that are zero behind what is read, in the order of reading."""
+    """Return the parameters and inputs that are zero among the dependencies of some references, in the order of reading."""
     found: dict[str, None] = {}
     waiting, seen = list(references), set[str]()
     while waiting:

@@ -1,4 +1,4 @@
-"""Inputs found along a path: as a table for terminals, and drawn."""
+"""Inputs along a path: as a table for terminals, and as a plot."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .tables import aligned, short, time_unit, visible
 if TYPE_CHECKING:
     from ..analysis.inversion.feed_forward import FeedForward
 
-ROWS = 11  # instants that are shown
+ROWS = 11  # instants in the table
 
 
 def feed_forward_text(found: FeedForward) -> str:
-    """Some instants of the inputs and outputs, how often outputs were differentiated, and notes."""
+    """Return some instants of the inputs and outputs, the number of differentiations of the outputs, and notes."""
     columns = {**found.inputs, **found.outputs}
     rows: list[tuple[str, ...]] = [
         ("time", *(short(n, 20) for n in columns)),
@@ -37,13 +37,13 @@ def _unit(unit: str) -> str:
 
 
 def plot_feed_forward(found: FeedForward, path: str | os.PathLike[str]) -> None:
-    """Draw into `path`; whole or not at all. Raises UsageError, MissingPackage, OSError."""
+    """Draw into `path`; completely or not at all. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     drawn(lambda: _figure(found), path)
 
 
 def _figure(found: FeedForward) -> Any:
-    """Outputs above, by units; inputs below, what pulls drawn downwards."""
+    """Return a figure with outputs above, by units; inputs below, pulling ones drawn downwards."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -80,7 +80,7 @@ def _panels(found: FeedForward) -> list[tuple[str, list[tuple[str, Any]]]]:
 
 
 def _legend(panel: Any, names: list[str]) -> None:
-    """Texts are put in afterwards: as labels, names that begin with `_` would be left out, and `$` would begin a formula."""
+    """Set the texts of a legend afterwards: as labels, names that begin with `_` would be omitted, and `$` would begin a formula."""
     legend = panel.legend(
         panel.get_lines(), [str(i) for i in range(len(names))], loc="upper left", bbox_to_anchor=(1.005, 1.02),
         borderaxespad=0.0, frameon=False, fontsize=8,

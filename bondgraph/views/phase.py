@@ -1,4 +1,4 @@
-"""Outputs of a run drawn over another one, with arrows in the direction of time; and a branch of rest over its parameter."""
+"""Phase plot of a run's outputs over another one, with arrows in the direction of time; and plot of a branch of equilibria over its parameter."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from ..analysis.branch import Branch
     from ..results import Result
 
-ARROWS = (0.2, 0.45, 0.7)  # of the length of a curve
+ARROWS = (0.2, 0.45, 0.7)  # positions, as fractions of the length of a curve
 LOOKS = {"fold": "o", "branch": "D", "oscillation": "s"}
 
 
 def plot_phase(result: Result, over: str, path: str | os.PathLike[str]) -> None:
-    """A panel for each output that is shown, over the output `over`. Raises UsageError, MissingPackage, OSError."""
+    """Draw a panel for each shown output, over the output `over`. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     shown = {item.name: (item.unit, values) for item, values in result.shown()}
     if over not in shown:
@@ -48,7 +48,7 @@ def _phase(title: str, over: str, shown: dict[str, tuple[str, Any]]) -> Any:
 
 
 def _arrows(panel: Any, x: Any, y: Any, colour: str) -> None:
-    """Along the curve as it is seen, so that slow parts do not have them all."""
+    """Draw arrows by the visible length of the curve, so that they do not gather on slow parts."""
     spans = [float(np.ptp(v)) or 1.0 for v in (x, y)]
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x) / spans[0], np.diff(y) / spans[1]))])
     if not way[-1] > 0:
@@ -62,7 +62,7 @@ def _arrows(panel: Any, x: Any, y: Any, colour: str) -> None:
 
 
 def plot_branch(found: Branch, path: str | os.PathLike[str], names: Sequence[str] = ()) -> None:
-    """Outputs of rest over the parameter: stable parts whole, unstable ones dashed, what is special marked. Raises UsageError, MissingPackage."""
+    """Draw outputs of equilibria over the parameter: stable parts solid, unstable ones dashed, special points marked. Raises UsageError, MissingPackage."""
     check_picture(path)
     unknown = [n for n in names if n not in found.outputs and n not in found.states]
     if unknown:
@@ -89,7 +89,7 @@ def _branch(found: Branch, names: Sequence[str]) -> Any:
 
 
 def _line(panel: Any, found: Branch, name: str) -> None:
-    """Cut where stability changes: at what is special between two points, if it was found."""
+    """Draw a line, cut where stability changes: at the special point between two points, if it was found."""
     x, y, stable = list(found.values), list(found[name]), list(found.stable)
     cuts = [i for i in range(1, len(x)) if stable[i] != stable[i - 1]]
     for i in reversed(cuts):

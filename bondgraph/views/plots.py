@@ -1,4 +1,4 @@
-"""A result drawn over time, for a report: matplotlib's objects only, so that no figure of the caller's session is touched."""
+"""Plot of a result over time, for a report: made of matplotlib's objects only, so that no figure of the caller's session changes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 ENDINGS = (".png", ".svg", ".pdf")
 PANELS = 6
-CURVES = 16  # in one panel: more than a legend can tell apart
-# Okabe and Ito's colours, told apart by colour-blind readers; the dashes tell them apart in print and show the lower one
+CURVES = 16  # most curves in one panel: a legend cannot distinguish more
+# Okabe and Ito's colours, which colour-blind readers can distinguish; the dashes distinguish them in print and show the lower one
 # of two curves that coincide, as those of symmetric models do.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#444444")
 DASHES = ((0, ()), (0, (5, 1.6)), (0, (5, 1.4, 1.2, 1.4)), (0, (1.4, 1.2)))
@@ -42,10 +42,7 @@ STYLE = {
 
 
 def check_picture(path: str | os.PathLike[str]) -> None:
-    """Whether a picture can be drawn into a file of that name.
-
-    Raises UsageError for an unknown ending, MissingPackage without matplotlib.
-    """
+    """Raise `UsageError` for a file name with an unknown ending, or `MissingPackage` without matplotlib."""
     from importlib.util import find_spec
 
     if Path(path).suffix.lower() not in ENDINGS:
@@ -55,17 +52,16 @@ def check_picture(path: str | os.PathLike[str]) -> None:
 
 
 def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
-    """Draw one panel for each unit that is shown, over a common time axis, into `path`; whole or not at all.
+    """Draw one panel for each shown unit, over a common time axis, into `path`; completely or not at all.
 
-    Six panels and sixteen curves in each at most; what does not fit is named below. Raises UsageError, MissingPackage,
-    OSError.
+    At most six panels with sixteen curves each; omitted ones are named below. Raises UsageError, MissingPackage, OSError.
     """
     check_picture(path)
     drawn(lambda: _figure(result), path)
 
 
 def drawn(make: Callable[[], Any], path: str | os.PathLike[str]) -> None:
-    """Make a figure in our style and write it into `path`; whole or not at all."""
+    """Make a figure in our style and write it into `path`; completely or not at all."""
     import matplotlib
 
     kind = Path(path).suffix.lower()[1:]
@@ -77,7 +73,7 @@ def drawn(make: Callable[[], Any], path: str | os.PathLike[str]) -> None:
 
 
 def group_by_unit(result: Result) -> dict[str, list[Curve]]:
-    """The curves (name, values in the unit) of each unit that is shown, in the order in which the units appear."""
+    """Return the curves (name, values in the unit) of each shown unit, in the order in which the units appear."""
     groups: dict[str, list[Curve]] = {}
     for item, values in result.shown():
         groups.setdefault(item.unit, []).append((item.name, values))
@@ -122,8 +118,8 @@ def _panel(panel: Any, time: NDArray[np.float64], unit: str, curves: Sequence[Cu
     panel.set_axisbelow(True)
     panel.spines[["top", "right"]].set_visible(False)
     panel.margins(x=0.0, y=0.08)
-    # The legend stands beside the curves and never on them. It gets its texts afterwards: as labels, names that begin
-    # with `_` would be left out, and `$` would begin a formula.
+    # The legend is beside the curves and never on them. Its texts are set afterwards: as labels, names that begin
+    # with `_` would be omitted, and `$` would begin a formula.
     labels = [f"{place}" for place in range(len(curves))]
     legend = panel.legend(
         panel.get_lines(), labels, loc="upper left", bbox_to_anchor=(1.005, 1.02), borderaxespad=0.0, frameon=False,

@@ -1,4 +1,4 @@
-"""The stages of the compiler as stable text: a debugging aid, the golden files of the tests, the examples of the documents."""
+"""Stages of the compiler as stable text: for debugging, for the golden files of the tests, for the examples of the documents."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .tables import visible
 
 
 def stage_text(compilation: Compilation, stage: str) -> str:
-    """The text of one stage."""
+    """Return the text of one stage."""
     writers: dict[str, Callable[[Compilation], Iterator[str]]] = {
         "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction, "code": _code, "text": _text,
     }  # fmt: skip
@@ -23,7 +23,7 @@ def _place(span: Any) -> str:
 
 
 def _syntax(compilation: Compilation) -> Iterator[str]:
-    """The tree, a node a line."""
+    """Yield the tree, one node per line."""
     from dataclasses import fields, is_dataclass
 
     def walk(node: Any, name: str, depth: int) -> Iterator[str]:
@@ -59,7 +59,7 @@ def _end(graph: Any, end: Any) -> str:
 
 
 def _graph(compilation: Compilation) -> Iterator[str]:
-    """Nodes, bonds, quantities."""
+    """Yield nodes, bonds, quantities."""
     graph = compilation.whole_graph
     yield f"graph {graph.name}: {len(graph.nodes)} nodes, {len(graph.bonds)} bonds"
     for node in graph.nodes:
@@ -89,7 +89,7 @@ def _graph(compilation: Compilation) -> Iterator[str]:
 
 
 def _parts(mechanism: Mechanism) -> Iterator[str]:
-    """Bodies, frames and joints, with what each joint leaves."""
+    """Yield bodies, frames and joints, with the degrees of freedom of each joint."""
     yield f"    {'planar' if mechanism.planar else 'spatial'}: {len(mechanism.bodies)} bodies, {len(mechanism.joints)} joints"
     for body in mechanism.bodies:
         yield f"    body {body.name}  # {_place(body.span)}"
@@ -102,7 +102,7 @@ def _parts(mechanism: Mechanism) -> Iterator[str]:
 
 
 def _causality(compilation: Compilation) -> Iterator[str]:
-    """Every bond with its stroke (|) at the end that is given the effort, and why it stands there."""
+    """Yield every bond with its stroke (|) at the end that receives the effort, and its reason."""
     causal = compilation.causal
     graph = causal.graph
     gone = len(compilation.whole_graph.nodes) - len(graph.nodes)
@@ -114,7 +114,7 @@ def _causality(compilation: Compilation) -> Iterator[str]:
 
 
 def _equations(compilation: Compilation) -> Iterator[str]:
-    """All assignments, before anything is left out or ordered."""
+    """Yield all assignments, before reduction and ordering."""
     from ..door import to_sympy
     from .equations import to_number
 
@@ -141,7 +141,7 @@ def _equations(compilation: Compilation) -> Iterator[str]:
 
 
 def _reduction(compilation: Compilation) -> Iterator[str]:
-    """What this run computes, in order."""
+    """Yield the computations of this run, in order."""
     from .equations import equations_text
 
     space = compilation.state_space
@@ -163,5 +163,5 @@ def _code(compilation: Compilation) -> Iterator[str]:
 
 
 def _text(compilation: Compilation) -> Iterator[str]:
-    """Back in the language, flat."""
+    """Yield the model in the language, flat."""
     yield write_text(compilation.whole_graph).rstrip()

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from ..studies.fitted import Fit
     from ..studies.tolerances import MonteCarlo
 
-STRONGEST = 8  # parameters of a quantity that are shown
-SLIGHT = 0.05  # weights in a direction that are not shown
-VAGUE = 0.3  # a relative change of which no more is known is told
+STRONGEST = 8  # most parameters of a quantity
+SLIGHT = 0.05  # smaller weights in a direction are not shown
+VAGUE = 0.3  # relative standard deviation from which on a direction is reported
 
 
 def montecarlo_text(found: MonteCarlo) -> str:
-    """Statistics of each quantity, then what moves it."""
+    """Return statistics of each quantity, then its strongest parameters."""
     count = f"{len(found)} points, seed {found.seed}"
     parts = [title(found.model, found.experiment, count), _statistics(found)]
     parts += [_shares(found, i) for i in range(len(found.quantities))]
@@ -42,7 +42,7 @@ def _statistics(found: MonteCarlo) -> str:
 
 
 def _shares(found: MonteCarlo, i: int) -> str:
-    """Parameters in the order in which they swing a quantity."""
+    """Return the parameters in the order of their swing of a quantity."""
     name = found.quantities[i]
     low, high = (f"{100 * t:g} %" for t in found.swing.tails)
     head = [f"what moves {short(name)}", f"at {low}", f"at {high}"]
@@ -67,7 +67,7 @@ def _share(value: float) -> str:
 
 
 def fit_text(found: Fit) -> str:
-    """Parameters, how well the data are met, what they leave open, what would explain them."""
+    """Return parameters, quality of the fit, undetermined directions, explanations."""
     parts = [title(found.model, found.experiment, "fitted"), _parameters(found), _met(found)]
     if any(d.open or d.deviation > VAGUE for d in found.directions):
         parts.append(_open(found))
@@ -117,7 +117,7 @@ def _explanations(found: Fit) -> str:
 
 
 def run_sensitivity_text(found: RunSensitivity) -> str:
-    """For each output what one percent of a parameter does: at the end, and at most on the way."""
+    """Return for each output the effect of one percent of a parameter: at the end, and at most during the run."""
     rows = [("", "by", "at the end", "", "1 % moves it by", "at most", "at")]
     for i, name in enumerate(found.outputs):
         for j, parameter in enumerate(found.parameters):

@@ -1,4 +1,4 @@
-"""Studies drawn: histograms of what varies, and tornados of what moves it."""
+"""Plots of studies: histograms of quantities, and tornado plots of their causes."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ STRONGEST = 10
 
 
 def plot_histograms(found: MonteCarlo, path: str | os.PathLike[str]) -> None:
-    """One panel for each quantity, six at most. Raises UsageError, MissingPackage, OSError."""
+    """Draw one panel for each quantity, six at most. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     drawn(lambda: _histograms(found), path)
 
 
 def plot_tornado(found: MonteCarlo, path: str | os.PathLike[str]) -> None:
-    """The same of how far parameters swing each quantity."""
+    """Draw the swing of each quantity by the parameters, as `plot_histograms`."""
     check_picture(path)
     drawn(lambda: _tornado(found), path)
 
@@ -85,7 +85,7 @@ def _tornado(found: MonteCarlo) -> Any:
         middle = found.swing.middle[i] * scale + offset
         ends = found.swing.ends[i] * scale + offset
         size = np.nan_to_num(np.ptp(ends, axis=1))
-        order = np.argsort(size, kind="stable")[-bars:]  # the strongest last, which is on top
+        order = np.argsort(size, kind="stable")[-bars:]  # the strongest is last, and so on top
         for side, colour in ((0, COLOURS[0]), (1, COLOURS[1])):
             panel.barh(np.arange(bars), ends[order, side] - middle, left=middle, color=colour, height=0.7)
         panel.axvline(middle, color="#444444", linewidth=0.8)
@@ -98,7 +98,7 @@ def _tornado(found: MonteCarlo) -> Any:
 
 
 def plot_fit(found: Fit, path: str | os.PathLike[str]) -> None:
-    """Measured and computed, one panel for each quantity of each file. Raises UsageError, MissingPackage, OSError."""
+    """Draw measured and computed values, one panel for each quantity of each file. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     drawn(lambda: _fit(found), path)
 

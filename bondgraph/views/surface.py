@@ -1,4 +1,4 @@
-"""What a sweep over two quantities found, as a relief: lines of equal height over both."""
+"""Contour plot of a sweep over two quantities."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COLOURS = "cividis"  # even in grey, and for colour-blind readers
 
 
 def plot_surface(found: Outcome, name: str, path: str | os.PathLike[str]) -> None:
-    """Draw the output `name` into `path`; whole or not at all. Raises UsageError, MissingPackage, OSError."""
+    """Draw the output `name` into `path`; completely or not at all. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     if len(found.swept) != 2:
         raise UsageError("a relief is of two quantities that are swept")

@@ -1,4 +1,4 @@
-"""A sweep drawn: what was found over what was swept last, a curve for each combination of the others."""
+"""Plot of a sweep: results over the last swept name, a curve for each combination of the others."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def plot_outcome(found: Outcome, path: str | os.PathLike[str]) -> None:
-    """Draw into `path`; whole or not at all. Raises UsageError, MissingPackage, OSError."""
+    """Draw into `path`; completely or not at all. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     if found.swept:
         drawn(lambda: _figure(found), path)

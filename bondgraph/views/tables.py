@@ -1,4 +1,4 @@
-"""Results as plain text for terminals: no colour, no escape sequence, nothing wider than what it tells."""
+"""Results as plain text for terminals: no colour, no escape sequence, no wider than necessary."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TIME_UNITS = (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("ps", 1e12), (
 
 
 def time_unit(largest: float) -> tuple[str, float]:
-    """The unit in which a time of that many seconds reads best, and how many of it make a second."""
+    """Return the most readable unit for a time of that many seconds, and the number of units in a second."""
     for unit, factor in TIME_UNITS:
         if abs(largest) * factor >= 0.9999999:
             return unit, factor
@@ -29,17 +29,17 @@ def time_unit(largest: float) -> tuple[str, float]:
 
 
 def visible(text: str) -> str:
-    """The text with control and bidirectional characters spelt out, so that a name cannot rewrite a terminal or a plot."""
+    """Return the text with control and bidirectional characters spelt out, so that a name cannot change a terminal or a plot."""
     return "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in text)
 
 
 def counted(number: int, what: str) -> str:
-    """`1 loop`, `2 loops`."""
+    """Return `1 loop`, `2 loops`."""
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Rows as lines with aligned columns; what is very long is not waited for."""
+    """Yield rows as lines with aligned columns; very long cells do not widen a column."""
     if not rows:
         return
     widths = [min(72, max(len(r[i]) for r in rows)) for i in range(len(rows[0]))]
@@ -48,7 +48,7 @@ def columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 def short(name: str, longest: int = LONGEST_NAME) -> str:
-    """A name as tables and legends show it: visible, and cut in the middle if it is a very long expression."""
+    """Return a name for tables and legends: visible, and cut in the middle if it is a very long expression."""
     name = visible(name)
     if len(name) <= longest:
         return name
@@ -57,8 +57,10 @@ def short(name: str, longest: int = LONGEST_NAME) -> str:
 
 
 def summary(result: Result, sparks: bool = False) -> str:
-    """The table of a result: each output's last, least and greatest value, the solver's work, the energy if it is there.
-    `sparks`: each output also as a row of little bars over time, for terminals that have them."""
+    """Return the table of a result: each output's last, least and greatest value, the solver's work, the energy if present.
+
+    `sparks`: each output also as a row of small bars over time, for terminals that support them.
+    """
     rows = [
         (
             short(item.name), *(f"{v:.6g}" for v in extremes(values).values()), "" if item.unit == "1" else item.unit,
@@ -82,7 +84,7 @@ def summary(result: Result, sparks: bool = False) -> str:
 
 
 def _check(check: RunCheck) -> str:
-    """The run beside its repetition: output by output, and the verdict."""
+    """Return the comparison of the run with its repetition: output by output, and the conclusion."""
     if check.failure:
         return visible(check.sentence)
     head = f"check: repeated with {check.solver}, rtol {check.rtol:g}, in {check.parts} parts"
@@ -99,8 +101,10 @@ def _check(check: RunCheck) -> str:
 
 
 def spark(time: NDArray[np.float64], values: NDArray[np.float64], width: int = SPARKS) -> str:
-    """Values over time as a row of bars from the least to the greatest: each column the mean of its share of the time, a blank where
-    nothing finite is. What does not change is a row in the middle."""
+    """Return values over time as a row of bars from the least to the greatest: each column is the mean of its part of the time.
+
+    A blank where no value is finite. A constant is a row in the middle.
+    """
     import numpy as np
 
     finite = np.isfinite(values)
@@ -120,7 +124,7 @@ def spark(time: NDArray[np.float64], values: NDArray[np.float64], width: int = S
             share = (float(here.mean()) - low) / (high - low) if high > low else 0.5
             level = BARS[min(len(BARS) - 1, int(share * len(BARS)))]
         elif (columns == column).any():
-            level = " "  # values that are no numbers
+            level = " "  # values that are not finite
         bars.append(level)
     return "".join(bars)
 
@@ -160,7 +164,7 @@ def _energy(energy: EnergyBalance) -> str:
 
 
 def aligned(rows: Sequence[tuple[str, ...]], sides: str) -> str:
-    """Rows as lines; `sides` has < or > for each column."""
+    """Return rows as lines; `sides` has < or > for each column."""
     widths = [max(len(row[place]) for row in rows) for place in range(len(sides))]
     lines = ("  ".join(f"{t:{s}{w}}" for t, s, w in zip(row, sides, widths, strict=True)).rstrip() for row in rows)
     return "\n".join(lines)
