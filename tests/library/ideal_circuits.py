@@ -1,9 +1,10 @@
-"""Circuits with ideal diodes and switches, solved exactly and written independently of the product.
+"""Circuits with ideal diodes and switches, solved exactly and independently of the product.
 
-Node voltages and branch currents as E z' = A z (sources are states of oscillators), one pencil for each set of what conducts; its finite
-part (Weierstrass form, by an ordered Schur decomposition) is stepped by matrix exponentials. Switching instants are roots of voltages
-of diodes that block and currents of diodes that conduct, by Brent's method. After an instant the set is the one under which all of
-these have the right sign a little later; what is stored passes over by the projector along the infinite part (charge and flux stay).
+Node voltages and branch currents as E z' = A z (sources are states of oscillators), one pencil for each set of conducting elements; its
+finite part (Weierstrass form, by an ordered Schur decomposition) is stepped by matrix exponentials. Switching instants are roots of the
+voltages of blocking diodes and the currents of conducting diodes, by Brent's method. After an instant the new set is the one for which
+all of these have the right sign a little later; stored quantities pass over by the projector along the infinite part (charge and flux
+are conserved).
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Circuit:
         self.pencils: dict[tuple[bytes, int], tuple[np.ndarray, np.ndarray, np.ndarray] | None] = {}
 
     def start(self) -> np.ndarray:
-        """What holds before the run, consistent or not: E z says what is stored."""
+        """Values before the run, consistent or not: E z holds the stored quantities."""
         z = np.zeros(self.size)
         z[-1] = 1.0
         for k, (*_, phase) in enumerate(self.sources):
@@ -204,7 +205,7 @@ def _first_flip(
 def selected(
     circuit: Circuit, z: np.ndarray, on: np.ndarray, interval: int, grid: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The set of diodes under which all signs are right a little later, the nearest first, and what passes over."""
+    """Set of conducting diodes for which all signs are right a little later, the nearest first, and the quantities that pass over."""
 
     def wrong(trial: np.ndarray) -> np.ndarray | None:
         found = circuit.pencil(trial, interval)

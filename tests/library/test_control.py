@@ -47,7 +47,7 @@ PLANT = """
 
 
 def test_pid_does_not_wind_up() -> None:
-    """The integral of a command at its limit goes to what keeps it there, and no further: a first-order lag with T_t."""
+    """The integral of a command at its limit goes to the value that keeps it there, and no further: a first-order lag with T_t."""
     found = run(
         "control", "Pid",
         """

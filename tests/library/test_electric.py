@@ -76,7 +76,7 @@ def test_diode_in_steady_state_follows_shockley(u: float, n: float) -> None:
 
 
 def test_diode_blocks_backwards() -> None:
-    """A germanium diode at -5 V: its saturation current. What the solver leaves of the voltages is told by R_s."""
+    """A germanium diode at -5 V: its saturation current. The error of the voltages is measured by R_s."""
     found = run("electric", "Diode", DIODE % (-5, 1), 1e-6, settings={"d.I_s": "10 uA"})
     near(found.final("i"), -1e-5, scale=5 / 2)
     assert found.final("i") == pytest.approx(-1e-5, rel=1e-3)
@@ -191,7 +191,7 @@ def test_mos_is_level_1(ug: float, ud: float, polarity: int) -> None:
     ],
 )
 def test_transistors_give_no_energy(part: str, pins: tuple[str, ...], field: str, ports: tuple[str, ...]) -> None:
-    """Two voltages that sweep all regions at unrelated frequencies: what the field takes is never negative."""
+    """Two voltages that sweep all regions at unrelated frequencies: the power into the field is never negative."""
     power = " + ".join(f"t.{field}.{p}.u*t.{field}.{p}.i" for p in ports)
     found = run(
         "electric", part,

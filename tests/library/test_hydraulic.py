@@ -251,7 +251,7 @@ CYLINDER = """
 
 
 def test_cylinder_comes_to_rest_against_a_spring() -> None:
-    """P_a A_a (1 + P_a/2E) - P_b A_b (1 + P_b/2E) = k x: what the oil stores pushes the piston, too."""
+    """P_a A_a (1 + P_a/2E) - P_b A_b (1 + P_b/2E) = k x: the energy stored in the oil pushes the piston, too."""
     found = run("hydraulic", "Cylinder", CYLINDER, 30)
     leak = 1e-16 * 75e5 / (1 + 2 * 1.001e10 * 1e-16)  # past the piston, and so through throttles and connections
     a, b, bulk = 80e5 - 1.001e10 * leak, 5e5 + 1.001e10 * leak, 1.4e9

@@ -147,7 +147,7 @@ def test_flexure_rests_where_its_energy_says(turn: float) -> None:
 
 @pytest.mark.parametrize(("part", "p"), [("LeafFlexure", 0.0), ("ReinforcedFlexure", 0.72)])
 def test_leaf_springs_have_the_stiffness_of_beams(part: str, p: float) -> None:
-    """(4.14): what is thick does not bend; each stiffness by a load of its own."""
+    """(4.14): thick parts do not bend; each stiffness by a load of its own."""
     dimensions = DIMENSIONS + (f", p = {p}" if p else "")
     x, y, phi = leaf(part, dimensions, 1e-6, 0, 0, 2)
     near(x, 1e-6 * (1e-3) ** 3 * (1 - p**3) / (12 * 150e9 * SECOND_MOMENT))

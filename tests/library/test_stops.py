@@ -24,7 +24,7 @@ BOUNCING = """
 
 
 def flights() -> tuple[list[float], float]:
-    """When a ball that falls from 1 m touches the ground, and how fast it leaves the last time."""
+    """Times at which a ball that falls from 1 m touches the ground, and its speed after the last of them."""
     speed, times = math.sqrt(2 * G), [math.sqrt(2 / G)]
     while 0.8 * speed >= 1e-3:
         speed *= 0.8
@@ -70,7 +70,7 @@ def test_a_mass_between_two_walls() -> None:
 
 
 def swing(k: float, r: float, m: float, v: float) -> tuple[float, float]:
-    """How long a mass touches a spring and a damper that do not pull, and how fast it leaves."""
+    """Contact time of a mass with a spring and a damper that do not pull, and its speed afterwards."""
     delta = r / (2 * m)
     w = math.sqrt(k / m - delta**2)
 
@@ -110,7 +110,7 @@ def test_a_spring_and_a_damper_that_do_not_pull(kind: str) -> None:
 
 
 def test_stops_at_the_limits_of_a_joint() -> None:
-    """A rail with limits, and stops that stand where they are: the spring reads the joint's coordinate, wherever it starts."""
+    """A rail with limits, and stops at fixed places: the spring reads the joint's coordinate, for any start."""
     body = """
         parameter low = -2 mm, high = 4 mm
         multibody drive : planar {

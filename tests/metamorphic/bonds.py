@@ -1,4 +1,4 @@
-"""Bonds one by one, and bonds turned around: the arrow, what is read of it, and the sides of what it goes through."""
+"""Bonds one by one, and reversed bonds: the arrow, the readings of the bond, and the sides of the elements that it passes."""
 
 from __future__ import annotations
 
@@ -88,11 +88,11 @@ def inner_statements(lines: list[str]) -> Statements:
 
 
 def turned(statements: Statements) -> Statements:
-    """Every bond turned that can be: between junctions, at sources, through transformers and gyrators. Needs single bonds.
+    """Reverse every bond that can be: between junctions, at sources, through transformers and gyrators. Needs single bonds.
 
-    Between junctions of one kind only the arrow turns: its effort (or flow) is nobody else's. Between a 0 and a 1, which give
-    both, the turned bond carries the opposite power, so one of the two must change its sign: a transformer of -1 says so.
-    At a source, what the junction shares stays and the other variable changes its sign, in the law and wherever it is read.
+    Between junctions of one kind only the arrow turns: its effort (or flow) belongs to no other bond. Between a 0 and a 1, which give
+    both, the reversed bond carries the opposite power, so one of the two must change its sign, by a transformer of -1.
+    At a source, the variable that the junction shares stays and the other changes its sign, in the law and in all readings.
     """
     outside = Counter(_members(statements))
     statements = with_domains(statements)
@@ -100,7 +100,7 @@ def turned(statements: Statements) -> Statements:
 
 
 def with_domains(statements: Statements) -> Statements:
-    """Every junction with its domain, as a bond that is cut no longer tells it to the next."""
+    """Every junction with its domain, as a bond that is cut no longer passes it on."""
     loaded = Loader(None).load(parse(Source("one.bg", text_of(statements))))
     tables: dict[str, DomainTable] = {}
 
@@ -125,7 +125,7 @@ def with_domains(statements: Statements) -> Statements:
 
 
 def _members(node: Any) -> Iterator[str]:
-    """All names that stand behind a dot."""
+    """All names after a dot."""
     if isinstance(node, tree.Member):
         yield node.name
     elif isinstance(node, tuple):

@@ -1,4 +1,4 @@
-"""Changes of a text that change nothing of what it says: statements to statements, and how names are called afterwards."""
+"""Changes of a text that keep its meaning: statements to statements, and the names after the change."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def same(name: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Changed:
-    """A changed text, and what outputs and states of the first text are called in it: more than one name if there are copies."""
+    """A changed text, and the names in it of outputs and states of the first text: more than one name if there are copies."""
 
     text: str
     model: str

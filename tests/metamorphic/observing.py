@@ -1,4 +1,4 @@
-"""What is compared of two texts that say the same: their certificates, rates and outputs at random states, results of runs."""
+"""Comparison of two texts of equal meaning: their certificates, rates and outputs at random states, results of runs."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def first_cases(held: bool = False) -> list[Case]:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What the compiler knows of the form of a model."""
+    """The compiler's data on the form of a model."""
 
     states: int
     loops: int
@@ -117,7 +117,7 @@ class Text:
 
     @property
     def runs(self) -> bool:
-        """Whether the experiment says how long to run, and has no step that is not a run."""
+        """Return True if the experiment has an end of the run, and no step other than runs."""
         return self.compilation.plan.stop is not None and not self.compilation.plan.sweeps
 
     @property
@@ -223,7 +223,7 @@ CANCELS = 1e-2  # below this share of another output of its unit, what is left m
 
 
 def largest(values: Any, units: Sequence[str]) -> Any:
-    """What differences in each column are measured by: the largest magnitude in it; 1 where all is zero."""
+    """Scale of differences in each column: the largest magnitude in it; 1 for a column of zeros."""
     found = np.abs(values).max(axis=0, initial=0.0)
     for unit in set(units):
         same = np.array([u == unit for u in units])
@@ -240,7 +240,7 @@ def difference(first: Any, second: Any, units: Sequence[str]) -> float:
 
 
 def order(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
-    """Where the wanted names stand."""
+    """Positions of the wanted names."""
     missing = set(wanted) - set(names)
     assert not missing, f"{sorted(missing)} not among {list(names)}"
     return [names.index(w) for w in wanted]

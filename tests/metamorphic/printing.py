@@ -182,7 +182,7 @@ def _statement(node: Any, margin: str) -> str:
 
 
 def _step(node: Any, margin: str) -> str:
-    """An experiment, and what stands in it."""
+    """An experiment with its steps."""
     match node:
         case tree.Experiment():
             return _block(f"experiment {node.name}", node.steps, margin)
@@ -274,7 +274,7 @@ def _declaration(node: tree.Declaration) -> str:
 
 
 def place(node: tree.Path | tree.Nest) -> str:
-    """What a bond reaches."""
+    """Endpoint of a bond."""
     if isinstance(node, tree.Path):
         return path_text(node)
     return f"{node.kind}({', '.join(map(place, node.members))})"

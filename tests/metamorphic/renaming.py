@@ -1,8 +1,8 @@
-"""Every declared name renamed, with all that refers to it; and a file with all that it imports as one text.
+"""Renaming of every declared name, with all references to it; and a file with all its imports as one text.
 
-A `Key` is the identity of a declared name: the file or model that declares it, the name, and for what stands in a mechanism or a
-field also what it stands in. Renaming asks a function for the new word of each key, and looks names up as the language says:
-what a law calls by the letters of its own element stays.
+A `Key` is the identity of a declared name: the file or model that declares it, the name, and for names in a mechanism or a
+field also the name of that. Renaming gets the new word of each key from a function, and resolves names by the rules of the language:
+the letters of an element in its own law stay.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NUMBERS = ("parameter", "constant", "input", "signal")  # roles that a law can r
 
 @dataclass(eq=False)
 class File:
-    """What one file declares and imports."""
+    """Declarations and imports of one file."""
 
     path: str
     statements: tuple[tree.Node, ...]
@@ -35,7 +35,7 @@ class File:
 
 @dataclass(eq=False)
 class Definition:
-    """What one model declares: name -> its role, its declaration, or its mechanism."""
+    """Declarations of one model: name -> its role, its declaration, or its mechanism."""
 
     file: File
     model: tree.Model
@@ -157,7 +157,7 @@ class Renamer:
 
 
 class Place:
-    """Where something is read: in a file, a model, a function, a mechanism or the law of an element."""
+    """Place of a reading: in a file, a model, a function, a mechanism or the law of an element."""
 
     def __init__(
         self,
@@ -385,7 +385,7 @@ def kind_of(definition: Definition, entry: Any) -> Definition | None:
 
 
 def bundled(source: Source) -> tuple[tree.Node, ...]:
-    """A file and what it imports as the statements of one text; equal names of several files get a number."""
+    """A file and its imports as the statements of one text; equal names of several files get a number."""
     files = read_files(source)
     main = next(reversed(files.values()))
     taken: dict[str, Key] = {}

@@ -86,7 +86,7 @@ class Powers:
         return replace(node, value=value, unit=KELVIN if scale_of(u).offset else u, index=self.scaled(node.index))
 
     def _in_unit(self, value: tree.Expression, u: tree.Unit) -> tree.Expression:
-        """A value after `name : unit =`, where a bare number stands in that unit."""
+        """A value after `name : unit =`, where a bare number is in that unit."""
         if not bare(value):
             return self.scaled(value)  # type: ignore[no-any-return]
         scale = scale_of(u)

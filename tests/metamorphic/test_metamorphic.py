@@ -1,9 +1,9 @@
-"""Texts that say the same give the same: for each model in `models/` and each circuit here, in other words, order, shape and units.
+"""Texts of equal meaning give equal results: each model in `models/` and each circuit here, in other words, order, shape and units.
 
 Certificates are equal; rates and outputs at random states, and results of equal steps, agree to 1e-11 of the largest magnitude.
-Runs with error control agree to 10 tolerances: where rounding tips a decision of the solver, steps differ, and results with them.
+Runs with error control agree to 10 tolerances: if rounding changes a decision of the solver, steps differ, and results with them.
 
-By default all changes at once are made of every model, and each by itself of a few; BONDGRAPH_METAMORPHIC=3 in the environment
+By default all changes together are made of every model, and each alone of a few; BONDGRAPH_METAMORPHIC=3 in the environment
 tries each on every model and experiment, with that many seeds.
 """
 
@@ -88,7 +88,7 @@ def same_names(case: Case, statements: Statements) -> Changed:
 
 
 def compiled(case: Case, changed: Changed) -> Text:
-    """The changed text; if something is wrong with it, that and the text are told."""
+    """The changed text. If it has an error, the error and the text are reported."""
     source = Source(f"{case.path.stem}, changed.bg", changed.text)
     try:
         return Text(source, changed.experiment, changed.model)
@@ -137,9 +137,9 @@ def agree(case: Case, changed: Changed, powers: Powers | None = None) -> Text:
 
 
 def state_places(changed: Changed, old: tuple[str, ...], new: tuple[str, ...]) -> list[list[int]] | None:
-    """Where the states of the first text stand in the second, copy by copy.
+    """Positions of the states of the first text in the second, copy by copy.
 
-    None where another of the storages that depend on each other has become the state: then only results can be compared.
+    None if another of several dependent storages has become the state: then only results can be compared.
     """
     names = [[changed.states(n)[k] for n in old] for k in range(changed.copies)]
     if {n for copy in names for n in copy} == set(new):
@@ -215,7 +215,7 @@ def test_formatted(case: Case) -> None:
 
 @each_case
 def test_one_file_for_all(case: Case) -> None:
-    """What is imported may as well stand in the file itself, and nothing hangs on line breaks, brackets or spaces: bit by bit."""
+    """Imported models may as well be in the file, and line breaks, brackets or spaces change nothing: bit by bit."""
     second = agree(case, same_names(case, statements_of(case)))
     assert len(second.program.states.names) == len(original(case).program.states.names)
     assert np.array_equal(steps(case, second), steps_of(case), equal_nan=True)
@@ -315,14 +315,14 @@ def test_other_units(case: Case, seed: int) -> None:
 
 @each_case
 def test_outputs_carry_their_units(case: Case) -> None:
-    """What a table or plot shows is what the text says."""
+    """A table or plot shows the units of the text."""
     first = original(case)
     declared = first.compilation.whole_graph.outputs
     assert first.program.outputs.units == tuple(declared[n].unit for n in first.program.outputs.names)
 
 
 def test_magnitudes_follow_the_units() -> None:
-    """With units a million times smaller or larger nothing overflows in the search for magnitudes of what starts at rest."""
+    """With units a million times smaller or larger nothing overflows in the search for magnitudes of states that start at zero."""
     (case,) = [c for c in CASES if c.name == "quarter_car-bump"]
     powers = Powers(2)
     second = compiled(case, same_names(case, powers.scaled(statements_of(case))))

@@ -80,7 +80,7 @@ def _reads(definition: Definition, value: tree.Expression | None) -> bool:
 def _steps(
     experiment: tree.Experiment, definition: Definition, passed: set[str], instances: list[str], outer: Any
 ) -> Iterator[tree.Node]:
-    """What the experiment sets and how long it runs, said of the outer model."""
+    """Settings and duration of the experiment, as steps of the outer model."""
     for step in experiment.steps:
         if isinstance(step, tree.Set):
             if step.target.head in passed:
@@ -183,7 +183,7 @@ def _known(words: str, graph: BondGraph) -> tuple[str, str]:
 
 
 def _gives(name: str, definition: Definition) -> bool:
-    """Whether the arrow goes out of an element."""
+    """Return True if the arrow goes out of an element."""
     bonds = (s for s in definition.model.statements if isinstance(s, tree.Bonds))
     return any(isinstance(p, tree.Path) and p.head == name for b in bonds for p in b.places[0])
 
@@ -287,7 +287,7 @@ def _opened_item(
 def _opened_inputs(
     s: tree.Quantities, items: tuple[tree.Item, ...], prefix: str, bound: dict[str, tree.Expression]
 ) -> list[tree.Node]:
-    """What is bound becomes a signal, what is not stays an input."""
+    """A bound input becomes a signal, any other stays an input."""
     signals = tuple(i for i in items if i.name.removeprefix(prefix) in bound)
     inputs = tuple(i for i in items if i.name.removeprefix(prefix) not in bound)
     shown: list[tree.Node] = [replace(s, role="signal", items=signals)] if signals else []

@@ -33,7 +33,7 @@ Value = float | str  # a number, or the name of a parameter
 
 
 def bound(value: Value) -> Bound:
-    """A number, or what a parameter is."""
+    """A number, or a reference to a parameter."""
     if isinstance(value, str):
         return Bound(Formula(1, Symbol(0)), (Quantity(value),))
     return Bound(Formula(0, Number(float(value))), ())
@@ -46,13 +46,13 @@ def vector(values: Sequence[Value]) -> Vector:
 
 
 def is_turning(port: str) -> bool:
-    """Whether a port is one of rotation."""
+    """Return True for a port of rotation."""
     return port.rpartition(".")[2].startswith(("phi", "r"))
 
 
 @dataclass
 class Drawing:
-    """Bodies and joints; `parameters` may stand for numbers."""
+    """Bodies and joints, with numbers or `parameters`."""
 
     planar: bool = False
     gravity: Sequence[Value] = (0.0, 0.0, 0.0)

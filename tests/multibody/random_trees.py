@@ -30,7 +30,7 @@ def rotation(v: Any) -> Any:
 
 @dataclass
 class Part:
-    """One body and what it hangs on by."""
+    """One body and its joint."""
 
     kind: str
     parent: int  # -1: ground

@@ -86,7 +86,7 @@ class Manipulator:
 @pytest.mark.parametrize("arms", [2, 3, 4, 5, 8, 12])
 @pytest.mark.parametrize("axes", ["from", "to", "middle"])
 def test_accelerations_of_any_number_of_arms(arms: int, axes: str) -> None:
-    """Order 2(n + 3), no constraint; to 1e-12 of the largest force's acceleration, whatever the axes of the flexures."""
+    """Order 2(n + 3), no constraint; to 1e-12 of the largest force's acceleration, for all axes of the flexures."""
     made = Manipulator(arms, seed=arms)
     compilation = compiled(made.text(axes))
     running = Running(compilation)

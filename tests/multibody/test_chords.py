@@ -1,4 +1,4 @@
-"""Joints that constrain nothing: what they measure, its rates, and efforts that are dual to these, for all motions."""
+"""Joints that constrain nothing: their coordinates, the rates of these, and efforts dual to the rates, for all motions."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ CASES = [
 @pytest.mark.parametrize("case", CASES, ids=str)
 @pytest.mark.parametrize("seed", [3, 5])
 def test_power_and_rates(case: Any, seed: int) -> None:
-    """Flows are linear in the rates: c' = J q'. Efforts e act as J^T e on the coordinates, and c' is the rate of what is read."""
+    """Flows are linear in the rates: c' = J q'. Efforts e act as J^T e on the coordinates, and c' is the rate of the readings."""
     tree = RandomTree(4, seed, ("hinge", "float", "ball", "universal", "slide"))
     made = Measured(tree, *case)
     q, rates = tree.sample()
@@ -59,7 +59,7 @@ def test_power_and_rates(case: Any, seed: int) -> None:
     np.testing.assert_allclose(got, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
     def moved(t: float) -> Any:
-        """What is read a little later, along the rates."""
+        """Readings a little later, along the rates."""
         old = tree.attitudes
         try:
             there = q + t * rates
@@ -92,7 +92,7 @@ def times(p: Any, q: Any) -> Any:
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-3, 0.0199, 0.0201, 1.0, 3.1, 4.0, 6.2])
 def test_rotation_vectors_from_zero_to_two_pi(angle: float) -> None:
-    """The rotation vector of a body is angle times axis; smooth at zero, and told from the turn the other way round."""
+    """The rotation vector of a body is angle times axis; smooth at zero, and distinct from the opposite rotation."""
     tree = RandomTree(1, 0, ("float",))
     tree.turned[0] = 0.0
     drawn = tree.drawing()

@@ -146,7 +146,7 @@ def test_gaps_rates_and_accelerations_belong_together(name: str) -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_multipliers_do_no_work_of_their_own(name: str) -> None:
-    """Their matrix is symmetric and positive, and what is solved for in the program makes all residuals vanish."""
+    """Their matrix is symmetric and positive, and the program's solution for them makes all residuals zero."""
     at = Anywhere(CASES[name])
     matrix = at.of(at.program.jacobian, at.state)[at.count :, at.count :]
     assert np.abs(matrix - matrix.T).max() < 1e-12 * np.abs(matrix).max()
@@ -204,7 +204,7 @@ def test_what_closing_joints_lock_costs_no_small_steps(kind: str, target: str) -
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
 def test_loops_stay_closed_at_every_reported_instant(rtol: float, tmp_path: Path) -> None:
-    """Position and velocity, whatever the tolerance; between steps as well."""
+    """Position and velocity, for any tolerance; between steps as well."""
     model = loaded(tmp_path, CRANK % ("start phi.omega = 60 [rad/s]", "", ""))
     found = model.simulate(to=0.3, rtol=rtol, points=307, energy=True)
     assert np.abs([found["open_x"], found["open_y"]]).max() < 1e-12 * 0.17
@@ -222,7 +222,7 @@ def test_loops_stay_closed_at_every_reported_instant(rtol: float, tmp_path: Path
 
 
 def test_the_reaction_of_a_closing_joint(tmp_path: Path) -> None:
-    """What the wrist pushes on the piston with is mass times acceleration, along the bore."""
+    """The force of the wrist on the piston is mass times acceleration, along the bore."""
     found = loaded(tmp_path, CRANK % ("start phi.omega = 60 [rad/s]", "", "")).simulate(to=0.2, rtol=1e-9, points=2001)
     speed = np.gradient(np.gradient(found["x"], found.time, edge_order=2), found.time, edge_order=2)
     assert np.abs(found["fx"] - 0.8 * speed)[5:-5].max() < 2e-3 * np.abs(found["fx"]).max()

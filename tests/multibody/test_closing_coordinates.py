@@ -152,7 +152,7 @@ model Jack {
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6])
 def test_loops_in_space_stay_closed_at_every_reported_instant(rtol: float, tmp_path: Path) -> None:
-    """Places and speeds of the point that crank and rod share, and what their joint leaves on, between steps as well."""
+    """Positions and velocities of the common point of crank and rod, and the coordinates of their joint, between steps as well."""
     shared = "frame p : crank { at = (0, 0.1 m, 0) }; frame q : rod { at = (0, 0.1 m, 0) }"
     gaps = ", ".join(f"g{c} = space.p.{c} - space.q.{c}, s{c} = space.p.{c}.v - space.q.{c}.v" for c in "xyz")
     text = CRANK % (f"{MAIN}\n    {REST.replace('ball big', f'{shared}; ball big')}", gaps)

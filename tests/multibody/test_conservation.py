@@ -1,4 +1,4 @@
-"""What a mechanism without losses keeps, in runs: energy, momentum, angular momentum, the lengths of quaternions."""
+"""Conserved quantities of a mechanism without losses, in runs: energy, momentum, angular momentum, the lengths of quaternions."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_energy(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_momentum_and_angular_momentum(seed: int) -> None:
-    """Of what floats freely with bodies on joints that nothing holds to the ground."""
+    """Of a free body with other bodies on joints, without connection to the ground."""
     tree = next(
         t
         for t in (RandomTree(4, 1000 * seed + s, ("float", "hinge", "ball", "universal", "slide")) for s in range(500))

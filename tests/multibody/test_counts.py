@@ -1,6 +1,6 @@
-"""How much is computed: operations of the generated derivative, against published counts and against the plane.
+"""Operation counts of the generated derivative, against published counts and against the plane.
 
-Counted are sums, products, quotients and calls; a minus sign is none. What depends on parameters alone is computed once and not counted.
+Sums, products, quotients and calls are counted, minus signs are not. Operations on parameters alone are done once and not counted.
 """
 
 from __future__ import annotations
@@ -76,8 +76,11 @@ def _turned(v: object, tilt: float) -> list[float]:
 
 
 def test_six_axes_against_published_counts() -> None:
-    """The articulated-body recursion optimised by hand needs 250 n - 222 multiplications and 220 n - 198 additions (H. Brandl, R. Johanni, M. Otter 1986), for
-    six axes 1278 and 1122. Any links: no more than these. The PUMA 560 itself: what zeros of its geometry save is saved."""
+    """The articulated-body recursion optimised by hand needs 250 n - 222 multiplications and 220 n - 198 additions.
+
+    (H. Brandl, R. Johanni, M. Otter 1986.) That is 1278 and 1122 for six axes. Any links: no more than these. The PUMA 560: zeros of its
+    geometry save operations.
+    """
     brandl = 250 * 6 - 222, 220 * 6 - 198
     solid, puma = (operations(arm(solid=s).compiled((), PORTS, everything=True)) for s in (True, False))
     assert sum(solid) <= sum(brandl)
@@ -155,7 +158,7 @@ S, T = math.sin(0.7), math.cos(0.7)
     ],
 )
 def test_a_plane_in_space(basis: object, more: int) -> None:
-    """All axes parallel: the same states, operations and accelerations as in the plane, wherever it lies."""
+    """All axes parallel: the same states, operations and accelerations as in the plane, for any position of the plane."""
     plane = chain(((1, 0, 0), (0, 1, 0), (0, 0, 1)), True)
     space = chain(basis, False)
     names = plane.program.states.names

@@ -1,6 +1,6 @@
-"""The manipulator written four ways: chords, loops cut elsewhere, springs between bodies, in space. One motion.
+"""The manipulator written in four ways: chords, loops cut elsewhere, springs between bodies, in space. One motion.
 
-Each way is the text of the gallery's model with its mechanism, or how the flexures hang on it, written anew.
+Each way is the text of the gallery's model with its mechanism, or the connection of its flexures, written differently.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What has no mass: between joints it is right; where nothing at all moves along a coordinate, that is told by its name."""
+"""Bodies without mass: right between joints; where nothing moves along a coordinate, the coordinate is reported by name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SOLID = (0.3, 0.4, 0.5, 0.01, 0.02, -0.03)
 
 
 def lost(drawn: Drawing) -> str:
-    """The coordinate that is told."""
+    """The coordinate that is reported."""
     with pytest.raises(CompilationFailed) as failed:
         _ = drawn.compiled(everything=True).program
     assert [d.code for d in failed.value.diagnostics] == ["BG202"]

@@ -1,7 +1,7 @@
-"""Bodies without mass in closed loops: what they move through the loop's last joint decides how they move.
+"""Bodies without mass in closed loops, whose motion depends on the masses beyond the loop's last joint.
 
-Each mechanism with massless links against one without them that moves the same: rods, gears, joints of one piece, nothing at all; then against
-itself with a little mass, and a four-bar whose coupler is massless against a formula.
+Each mechanism with massless links against one without them that moves the same: rods, gears, joints of one piece, nothing at all; then
+against itself with a little mass, and a four-bar with a massless coupler against a formula.
 """
 
 from __future__ import annotations

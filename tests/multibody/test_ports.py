@@ -19,7 +19,7 @@ SIX = ("x", "y", "z", "rx", "ry", "rz")
 @pytest.mark.parametrize("place", ["b3", "tip", "own"])
 @pytest.mark.parametrize("seed", [1, 4])
 def test_wrench_and_twist(place: str, seed: int) -> None:
-    """Flows are J q'; efforts act as J^T e; flows of places are the rates of what is read (but in a body's own axes)."""
+    """Flows are J q'; efforts act as J^T e; flows of positions are the rates of the readings (except in body axes)."""
     tree = RandomTree(4, seed, ("hinge", "float", "universal", "cylinder"))
     drawn = tree.drawing()
     drawn.frame("tip", "b3", [0.3, -0.2, 0.5])
@@ -66,7 +66,7 @@ def test_efforts_on_a_ball(seed: int) -> None:
 
 @pytest.mark.parametrize("planar", [False, True])
 def test_reactions(planar: bool) -> None:
-    """What passes through every joint, against the momenta of all that hangs on it: force and torque at the joint's point."""
+    """Reactions of every joint, against the momenta of all bodies beyond it: force and torque at the joint's point."""
     drawn = Drawing(planar, (1.0, -9.0, 0.0 if planar else 2.0))
     random = np.random.default_rng(3)
     space = np.array([1, 1, 0.0 if planar else 1])
@@ -248,7 +248,7 @@ def test_the_work_of_a_drive_in_a_loop_is_balanced(hinge: str) -> None:
 
 
 def test_a_ball_at_rest() -> None:
-    """What its coordinates read in the drawing."""
+    """Values of its coordinates in the drawing."""
     drawn = Drawing()
     drawn.body("b", 1.0, (0.1, 0.2, 0.3, 0, 0, 0), (0.5, 0, 0))
     drawn.joint("pin", "ball", "ground", "b", rest={"rx": 0.2, "rz": -0.1}, start={"rx": 0.5})

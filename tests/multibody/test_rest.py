@@ -1,4 +1,4 @@
-"""What a coordinate reads in the drawing, a spring on it stores."""
+"""A spring stores the value of a joint's coordinate in the drawing."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def test_slopes_where_nothing_is_turned(axes: str) -> None:
 
 @pytest.mark.parametrize("axes", ["from", "to", "middle"])
 def test_energy_stays(axes: str) -> None:
-    """No loss, no gain: what the spring and the bodies have together."""
+    """The sum of the energies of the spring and the bodies is constant."""
     found = bondgraph.load(TEXT.format(axes=axes, start=START)).simulate(to=2.0, rtol=1e-9, energy=True)
     assert found.energy is not None
     assert abs(found.energy.residual) < 1e-7

@@ -1,4 +1,4 @@
-"""Where arrays begin."""
+"""Addresses of arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which browser pages are tried in, and how it is started: headless, and asking nobody for anything."""
+"""Browser for the tests of pages, and its start: headless, without access to the network."""
 
 from __future__ import annotations
 

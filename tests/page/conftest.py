@@ -18,7 +18,7 @@ from tests.page.chromium import FLAGS, found_browser
 
 @dataclass
 class Opened:
-    """A page in the browser, what it wrote on its console, and what it asked of machines."""
+    """A page in the browser, its console, and its requests."""
 
     page: Any
     console: list[str] = field(default_factory=list)

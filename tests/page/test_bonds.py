@@ -1,4 +1,4 @@
-"""Effort and flow of every bond along a run: power is lost in no junction, and what sources give is stored or dissipated."""
+"""Effort and flow of every bond along a run: no junction loses power, and the power of sources is stored or dissipated."""
 
 from __future__ import annotations
 

@@ -157,7 +157,7 @@ def test_a_hostile_model_does_nothing(open_page: Open, tmp_path: Path) -> None:
 
 @pytest.mark.machine_code
 def test_the_manipulator(manipulator_page: Path, open_page: Open) -> None:
-    """Three experiments, a stage of four bodies, its modes; what it takes until it can be used is printed."""
+    """Three experiments, a stage of four bodies, its modes; the time until the page is usable is printed."""
     opened = open_page(manipulator_page.as_uri())
     page = opened.page
     print("interactive after", page.evaluate("performance.getEntriesByName('interactive')[0].startTime"), "ms")

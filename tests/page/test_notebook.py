@@ -1,4 +1,4 @@
-"""What notebooks show: models with their picture, results with curves, equations typeset; hostile and very large ones too."""
+"""Representations in notebooks: models with their picture, results with curves, equations typeset; hostile and very large ones too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a model as text: whole, small, closed to the outside, and deaf to what a model's text would have it do."""
+"""The page of a model as text: complete, small, without access to the outside, and not affected by code in a model's text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page knows of mechanisms and modes: the points of the drawing, and amplitudes that keep the laws of the elements."""
+"""Mechanisms and modes on a page: the points of the drawing, and amplitudes that satisfy the laws of the elements."""
 
 from __future__ import annotations
 

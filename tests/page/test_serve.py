@@ -234,7 +234,7 @@ def test_a_run_without_end_is_stopped() -> None:
 
 
 def until(page: Any, expression: str, patience: float = 60.0) -> Any:
-    """What an expression is, as soon as it is something."""
+    """Value of an expression, as soon as it is truthy."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
         found = page.evaluate(expression)

@@ -41,7 +41,7 @@ ENERGY_SCALE = 1e-10
 
 @dataclass(frozen=True)
 class Parameters:
-    """Dimensions of the manipulator in SI units: Table 4.1, (4.5)-(4.18), and what had to be inferred."""
+    """Dimensions of the manipulator in SI units: Table 4.1, (4.5)-(4.18), and inferred ones."""
 
     density: float = 2330.0
     "kg/m^3, silicon (4.3.2)"
@@ -152,7 +152,7 @@ NOMINAL = Parameters()
 
 
 class Loads(NamedTuple):
-    """What acts at one instant: force (N) and torque (N m) on the platform, volts on the push and pull combs."""
+    """Loads at one instant: force (N) and torque (N m) on the platform, volts on the push and pull combs."""
 
     fx: float = 0.0
     fy: float = 0.0
@@ -500,7 +500,7 @@ def integrate_gauss(
 
 @dataclass(frozen=True)
 class Scenario:
-    """A run from rest: what acts, until when, where its derivatives jump, and where the reference digits are given."""
+    """A run from rest: its loads, its end, the instants of jumps in derivatives, and the instants of the reference digits."""
 
     forcing: Forcing
     t_end: float

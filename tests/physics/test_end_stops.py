@@ -16,13 +16,13 @@ STOP, LOSS = 11e-6, 1e-3  # way of a shuttle, m; of a flexure along itself, N s/
 
 
 def wall(x: Any, v: Any, reach: Any, k: float, r: float) -> Any:
-    """The force of two stops on what stands at x: spring and damper that push and never pull, N."""
+    """Force of two stops on a body at x: spring and damper that push and never pull, N."""
     push = np.maximum(k * (x - reach) + r * v, 0) * (x > reach)
     return -push - np.minimum(k * (x + reach) + r * v, 0) * (x < -reach)
 
 
 def gradient(phi: float) -> Any:
-    """How fast each flexure gets longer, by the rates of q; shape (3, 6)."""
+    """Rates of the lengths of the flexures by the rates of q; shape (3, 6)."""
     turn = P.corner * np.cos(phi) + P.spring_arm * np.sin(phi)
     return np.column_stack([-np.eye(3), -m.SINE, m.COSINE, np.full(3, turn)])
 

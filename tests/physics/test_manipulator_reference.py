@@ -115,7 +115,7 @@ def test_static_deflections() -> None:
 
 
 def _fed_forward(x: float = 0.0, y: float = 0.0, phi: float = 0.0) -> tuple[Array, Array]:
-    """Where the static feed-forward of 5.2 puts everything, and the squares of its voltages, negative for pull."""
+    """Positions for the static feed-forward of 5.2, and the squares of its voltages, negative for pull."""
     shuttles = np.array(reference.inverse_kinematics(0.735 * x, 0.735 * y, 0.96 * phi))
     squares = np.array([19400.0, 18900.0, 18900.0]) ** 2 * shuttles
     volts = np.sqrt(np.abs(squares))
@@ -210,7 +210,7 @@ def test_both_integrators_give_the_reference(name: str) -> None:
 
 
 def test_reference_is_the_published_run() -> None:
-    """The printed digits of the run with 30 uN in x, and what goes in is stored or dissipated."""
+    """The printed digits of the run with 30 uN in x; supplied energy is stored or dissipated."""
     digits = reference.REFERENCE["push_x"]
     assert digits[5e-3]["x"] == pytest.approx(9.678468044695e-6, abs=6e-19)
     assert digits[10e-3]["x"] == pytest.approx(9.677001283843e-6, abs=6e-19)

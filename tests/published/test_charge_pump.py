@@ -1,4 +1,4 @@
-"""The charge pump of the test set for IVP solvers: charges of a transistor, index 2. Its charges come from no energy, and that is told."""
+"""The charge pump of the test set for IVP solvers: charges of a transistor, index 2. Its charges have no energy, and that is reported."""
 
 from __future__ import annotations
 

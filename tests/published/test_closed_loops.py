@@ -1,7 +1,7 @@
 """Mechanisms with closed loops: Andrews' squeezer, and N four-bars that pass poses in which all bars lie in one line.
 
-The digits of the squeezer were computed anew in quadruple precision by extrapolation (the published ones break the constraint on
-the speeds by 1e-9). The four-bars move as one pendulum of inertia (N + 1)/3 + N, exactly; nothing in the model says so, and at the
+The digits of the squeezer were computed again in quadruple precision by extrapolation (the published ones violate the constraint on
+the velocities by 1e-9). The four-bars move as one pendulum of inertia (N + 1)/3 + N, exactly; the model does not show it, and at the
 singular poses 2^N branches of motion cross.
 """
 

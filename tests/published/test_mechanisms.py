@@ -1,4 +1,4 @@
-"""Published test problems of mechanics, with digits that were computed anew in quadruple precision (the top) or are exact (the pendulum)."""
+"""Published test problems of mechanics, with digits computed again in quadruple precision (the top) or exact ones (the pendulum)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_heavy_top_keeps_what_it_must() -> None:
 
 
 def test_pendulum() -> None:
-    """To 1e-8 after 845 periods; what is wrong is the time that they take, 1e-13 of each."""
+    """To 1e-8 after 845 periods; the error is one of time, 1e-13 of each period."""
     # Without machine code the reference gets as far as 10 s in reasonable time.
     end, points = (10, 11) if os.environ.get(HIDDEN) else (2000, 4001)
     model = bondgraph.load(MODELS / "published" / "iftomm_A01_pendulum.bg")

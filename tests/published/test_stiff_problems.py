@@ -1,7 +1,7 @@
 """Published stiff problems as bond graphs: 10 digits and more at rtol 1e-11, and errors in proportion to looser tolerances.
 
 Digits of the test set for IVP solvers (Mazzia and Magherini, Bari, 2008) and of Hairer and Wanner, Solving ODEs II, section IV.10; those of
-the transistor amplifier were computed anew in quadruple precision by extrapolation, and agree with the published ones in 13 digits.
+the transistor amplifier were computed again in quadruple precision by extrapolation, and agree with the published ones in 13 digits.
 """
 
 from __future__ import annotations

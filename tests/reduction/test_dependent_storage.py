@@ -1,4 +1,4 @@
-"""Storages in derivative form: the physics of what they are tied to, from masses on a lever to a position-dependent ratio."""
+"""Storages in derivative form: the physics of their constraints, from masses on a lever to a position-dependent ratio."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def test_driven_by_a_source_of_flow() -> None:
     ],
 )
 def test_forced_by_a_signal(source: str, storage: str, junction: str, effort: object, flow: object) -> None:
-    """Index 2: the flow is the exact derivative of what the author gave, and the energy goes where it comes from."""
+    """Index 2: the flow is the exact derivative of the author's signal, and the source supplies the energy."""
     text = f"model A {{\n  {source}\n  {junction} a : electric\n  {storage}\n  s -> a -> c\n  output e = c.e, f = c.f\n}}\n"
     space = compiled(text, everything=True).state_space
     assert space.index == 2 and not space.states and space.dependent == ("c",)

@@ -28,7 +28,7 @@ def test_one_unknown() -> None:
 
 
 def test_two_unknowns_that_time_alone_drives() -> None:
-    """Where such a loop turns is looked for in its derivative by time, which has the same matrix."""
+    """The extrema of such a loop are found from its derivative by time, which has the same matrix."""
     text = """model A {
   Se s : u = 1 V*sin(3*time/1 s)
   1 a, b

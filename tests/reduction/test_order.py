@@ -1,4 +1,4 @@
-"""What is needed, in which order, and where loops are: against networkx on random digraphs."""
+"""Needed nodes, their order, and loops: against networkx on random digraphs."""
 
 from __future__ import annotations
 

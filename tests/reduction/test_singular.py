@@ -1,4 +1,4 @@
-"""Loops that have strokes, and no solution at the values of the run: told with the elements, the parameters and their values."""
+"""Loops that have strokes, but no solution with the values of the run: reported with the elements, the parameters and their values."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ MODULATED = "plain model A {\n  parameter n = 2\n  Sf clock : f = 1.87*sin(3.61*
 
 @pytest.mark.parametrize("gain", ["1 + 0.4*sin(time)", "1 + 0.4*sin(clock.f)", "2 + tanh(tank.q)"])
 def test_a_gain_that_cancels_at_all_times(gain: str) -> None:
-    """There and back by the same ratio, whatever it is at the moment: nothing decides what goes round."""
+    """There and back by the same ratio, at every moment: nothing determines the circulating variable."""
     ring = MODULATED + "  MTF one : e1 = (GAIN)*e2\n  MTF two : e2 = (OTHER)*e1\n}\n"
     found = mistake(ring.replace("GAIN", gain).replace("OTHER", gain), "BG502")
     assert "`one`, `two`" in found.sentence

@@ -1,4 +1,4 @@
-"""What a run does not need is not computed: outputs choose, zeros leave no trace, and nothing that matters is lost."""
+"""Computations that a run does not need are left out: outputs choose, zeros vanish, and nothing relevant is lost."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def states(space: StateSpace) -> list[str]:
 
 
 def test_only_the_states_behind_the_outputs() -> None:
-    """Two independent oscillators; who needs a state needs its rate, and what that reads."""
+    """Two independent oscillators; a state needs its rate, and all variables that this reads."""
     assert states(compiled(TWO, outputs=("x1",)).state_space) == ["mass[1].p", "spring[1].x"]
     assert states(compiled(TWO, outputs=("x2",)).state_space) == ["mass[2].p", "spring[2].x"]
     assert len(states(compiled(TWO).state_space)) == 4

@@ -39,7 +39,7 @@ def bar(n: int, law: str, preferred: str, wall: str = "1..n-1") -> str:
 
 
 def orders(text: str, monkeypatch: pytest.MonkeyPatch) -> tuple[tuple[str, ...], int]:
-    """Who gives way, and the highest derivative for which an expression was written."""
+    """Storages whose preference was dropped, and the highest derivative for which an expression was written."""
     highest = [0]
     chain = Differentiator._chain
 

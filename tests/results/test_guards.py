@@ -1,4 +1,4 @@
-"""What has no value in a run is found where it happens, in both back-ends: the instant, the element, the operation, the values; and what was computed is kept."""
+"""A value that is not finite is found where it occurs, in both back-ends: instant, element, operation, values; earlier results are kept."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TARGETS = ["numpy", pytest.param("native", marks=pytest.mark.machine_code)]
 
 
 def failed(text: str, target: str, to: float = 3, **given: str) -> tuple[str, Result]:
-    """What the failure says, and what was kept."""
+    """Message of the failure, and the result kept."""
     with pytest.raises(RunFailed) as found:
         bondgraph.load(text).simulate(to=to, points=31, target=target, settings=given or None)
     assert found.value.result is not None

@@ -1,4 +1,4 @@
-"""What is no number never passes silently; what is no time is told; what is zero has its law."""
+"""NaN and infinity never pass silently; an invalid time is an error; a zero has its law."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_a_law_that_is_zero_where_it_cannot_be_is_named() -> None:
 
 
 class TestTransducerOfRatioZero:
-    """A transducer whose ratio is zero, asked for the other side: it is named with its line and what made it zero."""
+    """A transducer with ratio zero, in the direction that divides by it: the error names its line and the cause of the zero."""
 
     TEXT = "plain model M {\n  parameter w = 0\n  parameter m = 0\n  1 j\n  Se s : e = 1\n  TF t : e1 = %s*e2\n  I b : p = f\n  I c : p = f\n  s -> j -> t -> b\n  j -> c\n  output y = b.f\n}\n"
 
@@ -105,7 +105,7 @@ class TestTransducerOfRatioZero:
     ],
 )
 def test_what_has_no_value_just_after_an_instant_is_told_there(law: str, asked: str) -> None:
-    """A root of what becomes negative is still a number where it is zero: a step beyond is not, however short."""
+    """The root of a signal that becomes negative is still defined at its zero, but not after any step beyond."""
     text = f"plain model M {{\n  signal x = integral({law} - 0.01*x^3, 0)\n  output y = x\n}}\n"
     with pytest.raises(RunFailed, match=rf"(at|from) t = 0\.7\d* s.*`x`.*has no value there: {asked}"):
         bondgraph.load(text).simulate(to=1.0, points=3)

@@ -1,4 +1,4 @@
-"""A run beside its repetition: what is covered, what is not, and how it is told."""
+"""A run beside its repetition: covered and uncovered properties, and the report."""
 
 from __future__ import annotations
 

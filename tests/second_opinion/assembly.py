@@ -1,7 +1,7 @@
 """A bond graph as one implicit system: each bond has an effort and a flow, each element its law, each junction its equalities and its sum.
 
-x' = rates(t, x, w), 0 = residuals(t, x, w). In x: what is stored, integrals, poses and velocities of bodies; in w: efforts and flows of bonds,
-accelerations of bodies and multipliers of joints.
+x' = rates(t, x, w), 0 = residuals(t, x, w). In x: stored quantities, integrals, poses and velocities of bodies; in w: efforts and flows of
+bonds, accelerations of bodies and multipliers of joints.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ TIME = Symbol(Time())
 
 
 class Action(NamedTuple):
-    """What an event sets: place in x or m, value, and of a storage the law that turns the value into what is stored."""
+    """Assignment of an event: place in x or m, value, and for a storage the law that converts the value to the stored quantity."""
 
     kind: str
     number: int
@@ -237,7 +237,7 @@ def _share(a: Assembly, bonds: Sequence[int], letter: str) -> None:
 
 
 def _junction(a: Assembly, number: int, node: Junction, switch: int | None) -> None:
-    """Equalities and the sum; where it is off, nothing of what its bonds share."""
+    """Equalities and the sum; when it is off, the variable that its bonds share is zero."""
     shared, split = ("e", "f") if node.kind is Kind.ZERO else ("f", "e")
     bonds = a.graph.incident[number]
     if not bonds:
@@ -403,7 +403,7 @@ def _actions(a: Assembly, event: Event) -> list[Action]:
 
 
 def stored_law(a: Assembly, number: int, node: Element, port: int, letter: str) -> Expression:
-    """What vanishes where what is stored, Unknown("own", 0), fits the value of effort or flow, Unknown("own", 1)."""
+    """Residual that is zero if the stored quantity, Unknown("own", 0), fits the value of effort or flow, Unknown("own", 1)."""
     if len(node.ports) > 1 and node.law.energy is None:
         raise NotHeld("the start of a field by an effort")
     stored, value = Own(port, node.stored[port]), Own(port, letter)

@@ -91,7 +91,7 @@ def compared(
     target: str | None = None,
     **options: Any,
 ) -> Verdict:
-    """Run both. A refusal by the product stands with whether the second opinion could run the text."""
+    """Run both. A refusal by the product is listed together with the second opinion's ability to run the text."""
     product, refusal, code = None, "", ""
     try:
         model = _loaded(text)

@@ -32,7 +32,7 @@ def turned(point: Point, angle: Expression) -> Point:
 
 
 class Linkage:
-    """Bodies, joints and what pushes them."""
+    """Bodies, joints and the forces on them."""
 
     def __init__(self, a: Assembly, node: MechanismNode) -> None:
         m = node.mechanism
@@ -74,7 +74,7 @@ class Linkage:
 
     # ------------------------------------------------------------ points
     def fixed(self, place: str, at: tuple[float, float]) -> tuple[Point, Expression]:
-        """Where the point of a body (or frame, or the ground) is that was drawn there, and how far the body has turned since."""
+        """Position of a point that is fixed to a body (or frame, or the ground) and was drawn at `at`, and the body's rotation since."""
         body = self.mechanism.body_of(place)
         x, y, phi = self.pose[body]
         x0, y0, phi0 = self.drawn[body]
@@ -88,7 +88,7 @@ class Linkage:
 
     # ------------------------------------------------------------ joints
     def coordinates(self, joint: Joint) -> dict[str, Expression]:
-        """What the joint's coordinates read."""
+        """Values of the joint's coordinates."""
         if joint.kind == "distance":
             (px, py), _ = self.fixed(joint.first, self.point(joint.first))
             (qx, qy), _ = self.fixed(joint.second, self.point(joint.second))
@@ -167,7 +167,7 @@ class Linkage:
 
     # ------------------------------------------------------------ what others read, and push
     def coordinate(self, path: str) -> Expression:
-        """What a coordinate of a part reads: `pin.phi`, `rod.x`, `tip.y`."""
+        """Value of a coordinate of a part: `pin.phi`, `rod.x`, `tip.y`."""
         part, freedom = path.rsplit(".", 1)
         for joint in self.mechanism.joints:
             if joint.name == part:
@@ -184,7 +184,7 @@ class Linkage:
         return self.pose[body]["xy".index(freedom)]
 
     def velocity(self, c: Expression) -> Expression:
-        """How fast a coordinate changes."""
+        """Rate of a coordinate."""
         terms = [slope(c, s) * self.velocity_of[s] for s in symbols(c) if s in self.velocity_of]
         return add(*terms) if terms else ZERO
 
@@ -225,7 +225,7 @@ class Linkage:
 
     # ------------------------------------------------------------ starts
     def said(self) -> list[tuple[Expression, float, bool]]:
-        """Coordinates, what they start with, and whether it is their rate."""
+        """Coordinates, their starts, and True if the start is of their rate."""
         found = []
         for part in (*self.mechanism.bodies, *self.mechanism.frames, *self.mechanism.joints):
             for name, bound in part.starts.items():

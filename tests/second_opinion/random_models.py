@@ -33,7 +33,7 @@ plain model Valve {
 
 @dataclass(frozen=True)
 class Part:
-    """Lines that stand or fall together, and the traits that they bring."""
+    """Lines that are kept or removed together, and their traits."""
 
     lines: tuple[str, ...]
     traits: frozenset[str] = frozenset()
@@ -88,7 +88,7 @@ class Example:
 
 
 class Writer:
-    """The parts of one random network: a chain of junctions, each with what hangs on it."""
+    """Parts of one random network: a chain of junctions, each with its elements."""
 
     def __init__(self, seed: int) -> None:
         self.rng = random.Random(seed)

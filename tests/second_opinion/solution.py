@@ -56,7 +56,7 @@ LOOK_STATES, LOOK_UNKNOWNS = _weights(FROM_0, LOOKS), _weights(NODES, LOOKS)
 
 
 class Undecided(Exception):
-    """The second opinion has none: what it could not do."""
+    """The second opinion has no answer; the text is the reason."""
 
 
 @dataclass
@@ -81,7 +81,7 @@ class Run:
 
     @property
     def peek(self) -> float:
-        """What is of index three needs a longer look: rounding counts by its inverse, squared."""
+        """Length of a trial step, relative to the span. Index three needs a longer one: rounding counts by its inverse, squared."""
         return 1e-3 if self.system.assembly.linkages else PEEK
 
     # ------------------------------------------------------------ Newton
@@ -187,7 +187,7 @@ class Run:
         return None
 
     def _rest(self, h: float, method: Any, y: Array) -> Array:
-        """What is missing in the equations of all stages. Raises ArithmeticError or ValueError where a law has no value."""
+        """Residual of the equations of all stages. Raises ArithmeticError or ValueError if a law has no value."""
         nodes, a = method
         s, n = len(nodes), len(self.x)
         values = [
@@ -246,7 +246,10 @@ class Run:
         raise Undecided("events without end at one instant")
 
     def _check_jump(self, x: Array) -> None:
-        """Where no junction switches, only what is set may jump: else it takes others along, and there are several ways to do so."""
+        """If no junction switches, only variables that an event sets may jump.
+
+        Otherwise the event would change other variables too, in one of several possible ways.
+        """
         if self.system.assembly.graph.switches or not len(x):
             return
         size = np.maximum(np.maximum(np.abs(x), np.abs(self.x)), self.largest)
@@ -254,7 +257,7 @@ class Run:
             raise Undecided("an event sets what follows from other states")
 
     def act(self, acting: Sequence[int]) -> bool:
-        """What events set; whether a storage is among it."""
+        """Do the assignments of events. Return True if a storage is among the targets."""
         values: list[tuple[Any, float]] = []
         for i in acting:
             numbers = self.system.action_values[i](self.t, self.x.tolist(), self.w.tolist(), self.m)
@@ -382,7 +385,7 @@ def solved(a: Assembly, law: Any, value: float, guess: float) -> float:
 
 # ---------------------------------------------------------------- starts
 def start_of(system: System, t: float) -> Array:
-    """What is stored, integrals and poses at the start. Raises `Undecided`."""
+    """Stored quantities, integrals and poses at the start. Raises `Undecided`."""
     a = system.assembly
     values: list[float] = []
     for number, start in enumerate(a.starts):
@@ -451,7 +454,7 @@ def _shared(system: System, number: int, port: int) -> list[tuple[str, Linkage, 
 
 
 def _pose(linkage: Linkage, x: Array) -> None:
-    """Poses, then rates: what is said, constraints, and of joints of which nothing is said as drawn and at rest."""
+    """Poses, then rates: given starts, constraints; joints without a start are as drawn and at rest."""
     said = linkage.said()
     targets = [(c, v) for c, v, rate in said if not rate]
     places = np.array([p for p, _ in linkage.places])
@@ -499,7 +502,7 @@ def _slopes(coordinates: Sequence[Any], places: Array, x: Array) -> tuple[Array,
 
 
 def _moved(x: Array, places: Array, wanted: Sequence[Any], targets: Sequence[Any], full: bool) -> bool:
-    """Go from the drawing to what is wanted, in small steps; whether that is reached, and all poses are said."""
+    """Go from the drawing to the wanted values, in small steps. Return True if they are reached, and all poses are given."""
     coordinates = [c for c, _ in wanted]
     goal = np.array([v for _, v in wanted])
     begin = _slopes(coordinates, places, x)[1]

@@ -45,7 +45,7 @@ FILES = {str(p.relative_to(MODELS).with_suffix("")): p for p in sorted(MODELS.rg
 
 
 def span_of(path: Path) -> float | None:
-    """How long the first experiment simulates; None for one that does not."""
+    """Duration of the first experiment's simulation; None if it has none."""
     plan = compiled(path, experiment="").plan
     return None if plan.stop is None else plan.stop - plan.start
 
@@ -68,7 +68,7 @@ def test_what_is_left_out_is_a_model() -> None:
 
 @pytest.mark.parametrize("name", [n for n, why in LEFT.items() if "space" in why or "preload" in why or "rates" in why])
 def test_what_is_left_out_has_no_second_opinion(name: str) -> None:
-    """What it learns to compare goes from the table."""
+    """A model that the second opinion can compare must be removed from the table."""
     span = span_of(FILES[name])
     assert span is not None
     with pytest.raises((NotHeld, Undecided)):

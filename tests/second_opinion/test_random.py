@@ -21,7 +21,7 @@ WRONG: dict[str, dict[int, str]] = {"network": {}, "mechanism": {}}
 
 @pytest.mark.parametrize(("kind", "seeds"), [("network", range(100, 248, 4)), ("mechanism", range(100, 109))])
 def test_random_models(kind: str, seeds: range) -> None:
-    """None disagrees, and most agree: refusals and what stays undecided are few."""
+    """None disagrees, and most agree: refusals and undecided cases are few."""
     tally = campaign(kind, [s for s in seeds if s not in WRONG[kind]])
     assert not tally.disagreed, tally.disagreed
     agreed = sum(n for what, n in tally.verdicts.items() if what.endswith(": agreed"))

@@ -22,7 +22,7 @@ Entry = tuple[str, int, str, str, str, tuple[str, ...]]  # kind, seed, verdict, 
 
 @dataclass
 class Tally:
-    """Counts of verdicts and of the traits of what agreed; what is to be looked at."""
+    """Counts of verdicts and of the traits of agreeing models; cases to examine."""
 
     verdicts: Counter[str] = field(default_factory=Counter)
     traits: Counter[str] = field(default_factory=Counter)
@@ -71,7 +71,7 @@ def limited(seconds: int | None) -> Any:
 
 
 def verdict_on(example: Example, seconds: int | None = None) -> Verdict:
-    """What the two say of one model. An error that neither of them words is a disagreement."""
+    """Verdict of both on one model. An error without words of either is a disagreement."""
     try:
         with limited(seconds):
             return compared(

@@ -147,7 +147,7 @@ COMPLEX: dict[str, Any] = {
 
 @dataclass
 class Writer:
-    """Lines of one function. `name` says what stands for a symbol's key."""
+    """Lines of one function. `name` gives the text for a symbol's key."""
 
     name: Callable[[Any], str]
     frozen: bool

@@ -1,4 +1,4 @@
-"""Outputs that a run asks for although the model declares none of that name: whatever `report` could read."""
+"""Outputs that a run requests although the model declares none of that name: any quantity that `report` could read."""
 
 from __future__ import annotations
 

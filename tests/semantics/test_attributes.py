@@ -1,4 +1,4 @@
-"""`start`, `nominal`, `prefer` and `require`: what they may name and what they do."""
+"""`start`, `nominal`, `prefer` and `require`: valid targets and effects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of columns: what is read, and that nothing else is; lists that differ from instance to instance."""
+"""Files of columns: reading of the named columns alone; lists that differ from instance to instance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bonds: places, chains and fans, junctions in place, multibonds by name, splitters, and what is refused rather than guessed."""
+"""Bonds: endpoints, chains and fans, junctions in place, multibonds by name, splitters, and ambiguities that are refused."""
 
 from __future__ import annotations
 

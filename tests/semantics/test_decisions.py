@@ -166,7 +166,7 @@ class TestFrames:
 
     @pytest.mark.parametrize("axes", ["from", "to", "middle"])
     def test_the_effort_of_a_free_joint_is_dual_to_its_rates(self, axes: str) -> None:
-        """An energy in its coordinates is exact: what the spring stores is what the body loses, at any pose."""
+        """An energy in its coordinates is exact: the spring stores what the body loses, at any pose."""
         text = (
             "model A {\n  multibody m : planar {\n    body b { mass = 2 kg, inertia = 3 [kg*m^2] }\n    free chord : ground to b { at = (1 m, 2 m), angle = 30 deg, axes = %s }\n  }\n"
             "  C leaf(x, y, phi) : energy = 1/2*(5 [N/m]*x^2 + 7 [N/m]*y^2 + 11 [N*m]*phi^2) + 2 [N/m]*x*y\n  m.chord => leaf\n"

@@ -92,7 +92,7 @@ def test_units_of_expressions(expression: str, value: float, unit: str) -> None:
     ],
 )
 def test_what_does_not_fit(expression: str, culprit: str | None) -> None:
-    """Told at the operand that does not fit, in one message."""
+    """Reported at the operand that does not fit, in one message."""
     found = mistakes(f"model A {{\n  {NAMES}\n  output result = {expression}\n}}\n")
     assert [d.span.line for d in found] == [3]
     if culprit is not None:
@@ -168,7 +168,7 @@ class TestDeclaredUnits:
 
 
 class TestLaws:
-    """Both sides of a law have one unit, whatever the domain; `e f q p` have the units of theirs."""
+    """Both sides of a law have one unit, in every domain; `e f q p` have those of their letters."""
 
     @pytest.mark.parametrize(
         ("kind", "law", "parameter"),

@@ -1,4 +1,4 @@
-"""Domains spread along bonds from ports, junctions and the letters of laws; two that meet are told with both causes."""
+"""Domains spread along bonds from ports, junctions and the letters of laws; a conflict is reported with both causes."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def graph(body: str) -> BondGraph:
     ],
 )
 def test_from_the_letters_of_a_law(law: str, expected: str) -> None:
-    """The element, its junction, and what else is bonded to it."""
+    """The element, its junction, and the other elements bonded to it."""
     found = graph(f"  {law}\n  1 a\n  0 b\n  R r : e = f{_resistance(expected)}\n  a -> c, b\n  b -> r")
     assert {domain(found, n) for n in "abc"} == {expected}
     assert domain(found, "r") == expected
@@ -79,7 +79,7 @@ def test_along_chains_fans_and_nests() -> None:
 
 
 def test_against_the_arrows() -> None:
-    """A later bond, or one that points the other way, tells it as well."""
+    """A later bond, or one in the other direction, gives it as well."""
     found = graph(
         "  1 a, b\n  R r : e = f*1 ohm\n  I m : p = f*1 H\n  Se s : e = 1 V\n  s -> a\n  a -> b\n  b -> r, m\n  C k : u = q/1 F\n  a -> k"
     )

@@ -1,4 +1,4 @@
-"""`when`, `mode`, `active`: what the graph holds of them, and what is wrong with those that say nothing."""
+"""`when`, `mode`, `active`: their form in the graph, and errors of those without effect."""
 
 from __future__ import annotations
 

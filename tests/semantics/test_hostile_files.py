@@ -101,7 +101,7 @@ def test_a_product_that_doubles_is_no_bomb(counted: None) -> None:
 
 
 def test_a_long_row_of_quantities_is_read() -> None:
-    """What a quantity reads is resolved first, so that rows need not nest."""
+    """The dependences of a quantity are resolved first, so that long chains do not recurse."""
     text = body(rows("parameter a{0} = a{1} + 1", 3000) + "\nparameter a3000 = 1\noutput y = a0")
     assert check(Source("row.bg", text)) == ()
 
@@ -287,7 +287,7 @@ def test_imports_of_imports(tmp_path: Path) -> None:
 
 
 def test_signals_with_memory_are_no_ring() -> None:
-    """What an integral reads is asked for when all names are known, also where another quantity is resolved before it."""
+    """The rate of an integral is read when all names are known, even if another quantity is resolved before it."""
     text = body(
         "input target = 0\nsignal place = integral(speed, 0)\nsignal speed = integral((force - speed*1 s)/1 s, 0)/1 s\n"
         "signal error = target - place\nsignal force = 3*error + 2*integral(error/1 s, 0)\noutput y = place"

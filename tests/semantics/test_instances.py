@@ -1,4 +1,4 @@
-"""Models in models: parameters, inputs, ports, nesting, what is read of them, what they may not do."""
+"""Models in models: parameters, inputs, ports, nesting, readings of them, and their limits."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def test_a_parameter_may_not_become_a_signal() -> None:
 
 
 def test_values_that_are_missing() -> None:
-    """Told where the value has to come from, for each instance that lacks it; a model by itself may leave them open."""
+    """Reported where the value has to come from, for each instance that lacks it; a model alone may leave them open."""
     part = "model Part { parameter k: N/m, l = 1 m; output y = k*l }\n"
     found = mistakes(part + "model A {\n  Part p\n  Part q { k = 2 [N/m] }\n  output y = q.y + p.y\n}\n")
     assert [d.code for d in found] == ["BG110"] and "`p.k`" in found[0].sentence

@@ -1,4 +1,4 @@
-"""Laws: the form that each kind asks for, which letters may clash with names, and when an M stands before the letter."""
+"""Laws: the form for each kind, letters that clash with names, and the prefix M."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class TestForms:
         ],
     )
     def test_a_kind_relates_its_own_two(self, element: str, letter: str) -> None:
-        """Loss in a C, stiffness in an R: told with where it belongs. No name is taken: `x`, `p` stand for nothing else here."""
+        """Loss in a C, stiffness in an R: reported with the right kind. No name is involved: `x`, `p` mean nothing else here."""
         text = with_element(element).replace("output y = spring.x", "output y = spring.q")
         found = mistake(text, "BG119")
         assert f"`{letter}`" in found.sentence and found.help
@@ -279,7 +279,7 @@ class TestLetters:
         assert Running(compiled(text % "q")).outputs({"part.x": 1.0}) == {"y": 3.0}
 
     def test_an_output_is_no_clash(self) -> None:
-        """`output x = spring.x` stands beside `C spring : F = k*x`."""
+        """`output x = spring.x` is allowed beside `C spring : F = k*x`."""
         assert mistakes(with_element("R part : F = r*v").replace("output y", "output x")) == ()
 
     def test_ports_of_fields_clash_too(self) -> None:
@@ -288,7 +288,7 @@ class TestLetters:
 
 
 class TestM:
-    """An M stands before the letter exactly when a law reads what changes elsewhere (`time` in a source excepted)."""
+    """The prefix M is needed exactly if a law reads a varying quantity (`time` in a source excepted)."""
 
     @pytest.mark.parametrize(
         ("element", "bonds"),
@@ -347,7 +347,7 @@ def test_laws_may_read_lists_indices_and_functions() -> None:
 
 
 def test_equal_laws_are_one_object() -> None:
-    """Equal flat laws too, whatever their names: they are solved and differentiated once."""
+    """Equal flat laws too, with any names: they are solved and differentiated once."""
     text = "model A {\n  parameter a: N/m = 1, b: N/m = 2\n  1 x, y\n  C c : F = a*x + 3*a*x\n  C d : F = b*x + 3*b*x\n  I m, n : p = 1 kg*v\n  x -> c, m\n  y -> d, n\n}\n"
     graph = compiled(text).whole_graph
     laws = {n.name: n.law for n in graph.nodes if isinstance(n, Element)}

@@ -389,7 +389,7 @@ class TestExperiments:
 
 
 def test_one_mistake_is_told_once() -> None:
-    """A part that is wrong is not told again where it is joined or read."""
+    """An error in a part is not reported again where the part is joined or read."""
     found = mistakes("""
       model M {
         multibody arm : planar {

@@ -1,4 +1,4 @@
-"""Names: what an expression may read and under which name, scopes, duplicates, functions, constants of a file."""
+"""Names: those that an expression may read, scopes, duplicates, functions, constants of a file."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_ports_of_fields() -> None:
 
 
 def test_names_of_states() -> None:
-    """Path and letter, whatever was read of it."""
+    """Path and letter, for every way of reading it."""
     assert compiled(OSCILLATOR % "  output y = spring.q").program.states.names == ("mass.p", "spring.x")
     electric = "model A {\n  1 a\n  C c : u = q/1 F\n  I l : lambda = 2 H*i\n  a -> c, l\n  output y = c.q\n}\n"
     assert compiled(electric).program.states.names == ("c.q", "l.lambda")
@@ -308,7 +308,7 @@ def test_a_condition_read_as_a_number_is_one_or_zero() -> None:
 
 
 def test_a_named_condition_is_a_condition() -> None:
-    """`signal on = time > 1 s` may stand where a condition stands, and reads as 1 or 0 where a number does."""
+    """`signal on = time > 1 s` may be used as a condition, and as a number is 1 or 0."""
     text = "model A {\n  signal on = time > 1 s\n  output y = 5 if on else 6, z = 7 if not on and time < 5 s else 8, w = 2*on\n}\n"
     running = Running(compiled(text))
     assert running.outputs(time=0.5) == {"y": 6.0, "z": 7.0, "w": 0.0}

@@ -1,4 +1,4 @@
-"""Outputs and reports: what a run shows, under which name, in which unit; plans of experiments."""
+"""Outputs and reports: quantities that a run shows, their names and units; plans of experiments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is set from outside: parameters, items of lists, nested paths, inputs; by an experiment or by the caller, who wins."""
+"""Settings from outside: parameters, items of lists, nested paths, inputs; by an experiment or by the caller, who has priority."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_defaults() -> None:
     ],
 )
 def test_one_setting(name: str, value: Setting, changed: dict[str, float | None]) -> None:
-    """What depends on it follows, everything else stays."""
+    """Dependent quantities follow, all others stay."""
     expected = {n: v for n, v in (found() | changed).items() if v is not None}
     assert found({name: value}) == pytest.approx(expected, rel=1e-15)
 
@@ -104,7 +104,7 @@ def test_an_experiment_sets_and_the_caller_wins() -> None:
      ("part", "part."), ("part.y", "output"), ("gapp", "gap"), ("frei.k", "free.k"), ("time", "")],
 )  # fmt: skip
 def test_what_cannot_be_set(name: str, word: str) -> None:
-    """Told with what can."""
+    """Reported with the names that can be set."""
     diagnostic = refused(compiled(TEXT, {name: "1"}), "BG101")
     assert f"`{name}`" in diagnostic.sentence and word in diagnostic.help
 

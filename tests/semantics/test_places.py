@@ -1,4 +1,4 @@
-"""A mistake that shows inside a part is told with the lines where its instances stand, from outside to inside."""
+"""An error inside a part is reported with the lines where its instances are declared, from outside to inside."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ports of models: what is read of one is the effort or flow of the bond that passes through it."""
+"""Ports of models: a reading of one is the effort or flow of the bond that passes through it."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_a_plain_model_reads_e_and_f() -> None:
 
 
 def test_a_part_by_itself() -> None:
-    """A model with an open port is fine, and a wrong letter in it is told."""
+    """A model with an open port is valid alone, and a wrong letter in it is reported."""
     assert mistakes(LEG) == ()
     (found,) = mistakes(LEG.replace("foot.F*foot.v", "foot.x*foot.v"))
     assert found.code == "BG101" and "F, v" in found.help
@@ -171,7 +171,7 @@ class TestArrays:
         assert outputs_of(compiled(text), {state: 3.0}) == {"F": 12.0}
 
     def test_in_a_slot(self) -> None:
-        """A model with an array of ports stands for another with one."""
+        """A model with an array of ports replaces another with one."""
         text = (
             STAR
             + STAR.replace("Star", "Hard").replace("i*5", "i*50")

@@ -1,4 +1,4 @@
-"""Whatever is written in a file, it is answered with diagnostics: no exception escapes, and what `check` passes compiles."""
+"""Any text of a file is answered with diagnostics: no exception escapes, and a text that passes `check` compiles."""
 
 from __future__ import annotations
 

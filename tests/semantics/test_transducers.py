@@ -1,4 +1,4 @@
-"""Transformers and gyrators of many ports: some equations are given, power gives the transposed ones, whatever the arrows."""
+"""Transformers and gyrators of many ports: some equations are given, power gives the transposed ones, for any directions of the arrows."""
 
 from __future__ import annotations
 

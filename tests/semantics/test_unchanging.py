@@ -1,4 +1,4 @@
-"""What must be known before a run refuses all that changes during it: BG106 with the place, or the code that fits the place better."""
+"""Values needed before a run cannot read quantities that change during it: BG106 with the place, or a more specific code."""
 
 from __future__ import annotations
 

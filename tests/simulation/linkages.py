@@ -19,7 +19,7 @@ WEAK = 0.01  # of the smallest singular value at the start: whether the path pas
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Settings of a model, the starts (radians) among them, and the coordinates to be read, None where a dead centre or crossing stands between.
+    """Settings of a model, with the starts (radians), and the expected coordinates; None beyond a dead centre or crossing.
 
     `open_`: the path comes so near to a singular pose that the product may refuse it.
     """
@@ -318,7 +318,7 @@ class Bricard:
         marks = np.eye(3)
 
         def residual(x: Any, share: Any) -> Any:
-            """Where three marks are after all six turns, less where they were."""
+            """Displacement of three marks by all six turns."""
             points: Any = marks
             for (at, axis), turns in reversed(list(zip(lines, [share * turn, *x.T], strict=True))):
                 points = at + (points - at) @ turn_about(axis, turns).swapaxes(1, 2)

@@ -1,4 +1,4 @@
-"""Where mechanisms start: on the branch on which they are drawn, or refused with what can be reached; rates never move a pose."""
+"""Starts of mechanisms: on the branch of the drawing, or refused with the reachable values; rates never change a pose."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EXACT = 1e-9
 
 @pytest.mark.parametrize("name", CASES)
 def test_random_linkages_start_on_the_branch_that_is_drawn(name: str) -> None:
-    """Against closed forms along the whole path, and a continuation by hand; what a dead centre keeps apart is refused."""
+    """Against closed forms along the whole path, and a continuation by hand; poses beyond a dead centre are refused."""
     linkage, rng = LINKAGES[name], np.random.default_rng(7)
     model = bondgraph.load(linkage.text())
     for _ in range(CASES[name]):
@@ -116,7 +116,7 @@ def test_another_coordinate_leads_through_the_dead_centre_of_the_crank() -> None
 # ---------------------------------------------------------------- any coordinate, from anywhere
 @pytest.mark.parametrize("start", ["e.q.x", "e.q.y", "e.q.phi", "e.d.phi", "e.c.phi", "e.b.phi", "e.s.x", "e.p.y"])
 def test_any_coordinate_may_say_the_pose(start: str) -> None:
-    """What a crank's start gives, said of something else of the same linkage in an experiment."""
+    """The pose of a crank's start, given by another coordinate of the same linkage in an experiment."""
     places = {"Ax": 0, "Ay": 0, "Bx": 0.1, "By": 0.3, "Cx": 0.8, "Cy": 0.9, "Dx": 1.1, "Dy": 0.0}
     text = FOUR_BAR.text().replace("  output", f"  output said = {start}, ")
     first = bondgraph.load(text).simulate("go", {**places, "start_a": 0.05}, target="numpy")

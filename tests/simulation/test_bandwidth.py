@@ -1,4 +1,4 @@
-"""A bandwidth: what rings faster is left out, and what the result says of it is right, by runs that follow every turn and by matrix exponentials."""
+"""A bandwidth: faster modes are truncated, and the result's data on them are right, by runs that follow every turn and by matrix exponentials."""
 
 from __future__ import annotations
 
@@ -235,7 +235,7 @@ def test_a_linear_model_keeps_its_slow_part(target: str) -> None:
     [(CHAIN, "off", "xa", "stretch"), (SWING, "swing", "phi", "r"), (LOOP, "off", "xa", "stretch")],
 )
 def test_the_push_on_the_slow_motion(text: str, experiment: str, shown: str, beside: str) -> None:
-    """What the full run has more than the kept one, less what rings along with the fast output."""
+    """Difference of the full run and the truncated one, without the part proportional to the fast output."""
     model = bondgraph.load(text)
     kept = model.simulate(experiment, rtol=1e-9, points=2001)
     full = followed(model, experiment, rtol=1e-10, points=2001)
@@ -249,7 +249,7 @@ def test_the_push_on_the_slow_motion(text: str, experiment: str, shown: str, bes
 
 @pytest.mark.parametrize(("text", "experiment"), [(CHAIN, "off"), (CHAIN, "jumped"), (SWING, "swing")])
 def test_what_is_not_computed_is_small(text: str, experiment: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The bound that saves the push is no smaller than what the push does, in parts of the tolerance."""
+    """The bound that saves the computation of the push is not smaller than its effect, in parts of the tolerance."""
     bounds: list[float] = []
     bound = push._bound
 
@@ -268,7 +268,7 @@ def test_what_is_not_computed_is_small(text: str, experiment: str, monkeypatch: 
 # ---------------------------------------------------------------- on the way
 @pytest.mark.machine_code
 def test_what_a_blow_leaves_ringing() -> None:
-    """The blow is followed; what it leaves ringing is left out after it, within the stretch."""
+    """The blow is followed; the ringing after it is truncated within the segment."""
     model = bondgraph.load(CHAIN)
     found, full = model.simulate("kicked"), followed(model, "kicked", rtol=1e-9)
     told = found.left_out
@@ -372,7 +372,7 @@ def test_what_is_no_bandwidth(wrong: str | float) -> None:
 
 
 def test_looks_are_rare(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where steps are as long as the bandwidth asks for, no look is taken between their ends."""
+    """If steps are as long as the bandwidth allows, nothing is examined between their ends."""
     seen: list[float] = []
     usual = leave.Leaving._found
 

@@ -1,4 +1,4 @@
-"""Laws of states that bend: what a bend costs in digits and in steps, with and without a step that ends there. And pulses that a step could miss."""
+"""Laws of states with kinks: their cost in digits and in steps, with and without a step that ends there. And pulses that a step could miss."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_no_step_passes_over_a_pulse(width: float, cubic: float, target: str) ->
 
 
 def test_a_pulse_alone_is_no_silence() -> None:
-    """Where the rest is zero to the last bit: what the pulse brings is its area."""
+    """With all else exactly zero, the effect of the pulse is its area."""
     text = (
         "model A {\n I m : p = 1 kg*v\n Se a : F = 100 N*exp(-((time - 3.1 s)/(3 ms))^2)\n a -> m\n output v = m.v\n}\n"
     )

@@ -1,4 +1,4 @@
-"""What is stiff lies at its place at every instant asked for, not only at the ends of steps."""
+"""Stiff variables are at their place at every requested instant, not only at the ends of steps."""
 
 from __future__ import annotations
 

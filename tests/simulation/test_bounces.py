@@ -22,8 +22,11 @@ TEXT = """model Bounce {
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("stiff", [9.0, 1e4, 1e6, 5e6])
 def test_no_bounce_makes_energy_by_chance(stiff: float, target: str) -> None:
-    """Whatever the phase in which steps meet the bend: from eight starts, six bounces each. One of these once gave 2e-4; a Jacobian from beyond the bend, left
-    after a bounce, took 1e-3 of the energy in steps whose errors it filtered out."""
+    """For any phase in which steps meet the kink: eight starts, six bounces each.
+
+    One of these once gave 2e-4; a Jacobian from beyond the kink, left after a bounce, took 1e-3 of the energy in steps whose errors it
+    filtered out.
+    """
     if target != chosen_target(None):
         pytest.skip("the other way of stepping makes the same decisions")
     model = bondgraph.load(TEXT)

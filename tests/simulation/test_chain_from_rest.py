@@ -51,7 +51,7 @@ MOMENTUM, DISPLACEMENT = "I second : p = 1 kg*v", "C second : F = 1 [N/m]*x"
 
 
 def test_what_the_first_look_ahead_did_not_see_is_told() -> None:
-    """A momentum is supported by another of its unit; a displacement by none, and its measure is told to be a guess."""
+    """The magnitude of a momentum follows from another of its unit; a displacement has none, and a warning says that its scale is a guess."""
     for text, unknown in ((GIVING_UP, ()), (GIVING_UP.replace(MOMENTUM, DISPLACEMENT), ("second.x",))):
         running = Running(compiled(text))
         stretches = segments(running.program, running.constants, 0.0, 1.0)

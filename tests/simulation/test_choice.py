@@ -1,4 +1,4 @@
-"""States chosen anew in a run: two capacitors behind a transformer whose ratio runs over many decades, against a closed form."""
+"""States selected again in a run: two capacitors behind a transformer whose ratio runs over many decades, against a closed form."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ A, B = 2.0, 3.0
 
 
 def pair(ratio: str, extra: str = "") -> str:
-    """u_a = n(t) u_b: what a holds follows from what b holds, or the other way round."""
+    """u_a = n(t) u_b: the charge of a follows from that of b, or the reverse."""
     return f"""model Pair {{
       signal n = {ratio}
       0 left, right : electric

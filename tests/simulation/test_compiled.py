@@ -107,7 +107,7 @@ def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize("method", ["radau", "explicit", "rodas"])
 def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bit by bit: what the compiler makes of the source is what the source says."""
+    """Bit by bit: the compiled code computes the same as the source."""
     made: list[tuple[compiled.CompiledRadau, dict[str, Any]]] = []
     original = compiled.CompiledRadau.begin
 
@@ -257,7 +257,7 @@ def test_a_large_model_by_sparse_factors() -> None:
 
 
 def test_sparse_factors_where_the_order_must_change(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Small models by sparse factors; orders are chosen anew as pivots become small, and the steps stay those of the reference."""
+    """Small models by sparse factors; orders are chosen again as pivots become small, and the steps stay those of the reference."""
     monkeypatch.setattr(coarse_run, "is_sparse", lambda program: True)
     monkeypatch.setattr(fields, "is_sparse", lambda program: True)
     monkeypatch.setattr(compiled, "SMALL", 0.3)

@@ -1,4 +1,4 @@
-"""The method that keeps the energy: its order, 1e5 periods without a trend, what it refuses."""
+"""The energy-conserving method: its order, 1e5 periods without a trend, and its refusals."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ LOSSLESS = {
 
 
 def drift(text: str, period: float, periods: float, **settings: Any) -> tuple[float, float]:
-    """The largest change of the energy and its trend over the run, both relative; by outputs, not by what the solver believes."""
+    """Largest change of the energy and its trend over the run, both relative; from outputs, not from the solver's own data."""
     found = bondgraph.load(text).simulate(to=period * periods, points=997, solver="energy", **settings)
     assert found.solver.startswith(NAME)
     held = found["held"]

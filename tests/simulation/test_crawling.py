@@ -1,4 +1,4 @@
-"""A run that takes very many steps says which mode holds them, in Hz and by the elements that have its energy, and what can be done."""
+"""A run with very many steps reports the mode that limits them, in Hz and by the elements that have its energy, and advice."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Crossings of conditions on states, counted within steps that are much longer than what lies between them: against closed forms that are sampled finely."""
+"""Zero crossings of conditions on states, closer together than the steps are long: against closed forms that are sampled finely."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def run(text: str, to: float, **more: Any) -> Result:
 
 
 def rises(truth: Callable[[Any], Any], to: float) -> int:
-    """How often a condition becomes true from the start on, as it is at very many places."""
+    """Number of times a condition becomes true from the start on, from very many samples."""
     holds = truth(np.linspace(0, to, 4_000_001))
     return int(holds[0]) + int((holds[1:] & ~holds[:-1]).sum())
 
@@ -278,7 +278,7 @@ def test_a_flat_zero_takes_few_evaluations() -> None:
 
 
 def test_a_least_value_at_the_edge_of_a_crossing_is_no_pose() -> None:
-    """The smallest singular value falls up to the end of what was crossed: the pose, if there is one, lies beyond it. Where it has a least value inside, there is."""
+    """If the smallest singular value falls up to the end of a crossing, a singular pose can only be beyond it; with a minimum inside, there is one."""
 
     class Along(Watcher):
         least = 2.0  # where it is least

@@ -1,4 +1,4 @@
-"""The energy audit: each element's share, what none of them explains, and laws that create energy by name."""
+"""The energy audit: each element's share, the unexplained remainder, and laws that create energy by name."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_resistor_that_takes_is_not() -> None:
 
 @pytest.mark.parametrize("model", ["oscillator", "dc_motor", "brake"])
 def test_shares_of_the_residual_add_up(model: str) -> None:
-    """What the bonds of storages brought is integrated, what they store is a function of the state: each tells its own error."""
+    """Work on storages is integrated, their energy is a function of the state: the difference is the error of each."""
     energy = bondgraph.load(f"models/{model}.bg").simulate(energy=True).energy
     assert energy is not None
     turnover = sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in energy.elements)

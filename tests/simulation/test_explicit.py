@@ -1,4 +1,4 @@
-"""The explicit pair: its order, what a tolerance means, when it is chosen and when it gives way; as machine code or as Python, as the machine has it."""
+"""DOP853: its order, tolerance, choice and replacement by another method; in machine code or in Python, as available."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def error_of_orbit(**settings: Any) -> tuple[float, bondgraph.Result]:
 
 
 def test_coefficients_satisfy_the_conditions_of_their_order() -> None:
-    """b' c^k = 1/(k+1) up to order 8, row sums, and both estimates blind to what is of lower order."""
+    """b' c^k = 1/(k+1) up to order 8, row sums, and both error estimates without terms of lower order."""
     a = np.zeros((16, 16))
     for i in range(16):
         for k in range(pair.STARTS[i], pair.STARTS[i + 1]):

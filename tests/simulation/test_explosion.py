@@ -1,4 +1,4 @@
-"""A state that grows without bound: what a run reports until then is as exact as anything else, and the end is where it is."""
+"""A state that grows without bound: results until then have full accuracy, and the run ends at the singularity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear models by the matrix exponential: against closed forms in forty digits, whatever the tolerance, and its limits."""
+"""Linear models by the matrix exponential: against closed forms in forty digits, for any tolerance, and its limits."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_twelve_digits_at_any_tolerance(text: str, push: object) -> None:
 
 
 def test_stiff_and_slow_at_once() -> None:
-    """The fast cell follows its source at once: u_c = u (1 - R/W …), to the size of what the slow one draws."""
+    """The fast cell follows its source at once: u_c = u (1 - R/W …), to the size of the slow one's current."""
     result = bondgraph.load(STIFF).simulate(to=10.0, points=2001, rtol=1e-3)
     assert result.solver == "matrix exponential" and result.steps == 2000
     t, w = result.time[200:], 50.0
@@ -92,7 +92,7 @@ def test_jumps_end_a_stretch_and_are_exact() -> None:
 
 
 def test_a_lossless_oscillator_over_ten_thousand_periods() -> None:
-    """What rounding leaves: 1e4 periods in 500 steps keep the energy to 1e-11."""
+    """Effect of rounding: 1e4 periods in 500 steps keep the energy to 1e-11."""
     text = SECOND_ORDER.replace("r = 1 ", "r = 0 ")
     result = bondgraph.load(text).simulate(to=2e4 * np.pi / 2, points=501)
     energy = 4 * result["x"] ** 2 + result["v"] ** 2

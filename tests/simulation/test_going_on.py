@@ -1,4 +1,4 @@
-"""A run in two parts gives what it gives in one; what was computed before an end that nobody wanted is kept."""
+"""A run in two parts gives the same as in one; results before an unintended end are kept."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_the_balance_of_two_parts_is_that_of_the_whole(tmp_path: Path) -> None:
 
 
 def test_three_parts_and_a_file_of_them(tmp_path: Path) -> None:
-    """What is kept of a run that went on is as good as that of a first run, and reads back as it was."""
+    """The result of a continued run is as complete as that of a first run, and reads back unchanged."""
     model = bondgraph.load(HARDENING)
     result = model.simulate(to=1, points=11)
     for end in (2, 5):

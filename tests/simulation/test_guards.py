@@ -1,4 +1,4 @@
-"""What ends a run, or must not begin one: told with place and time, and what was computed is kept."""
+"""Failures that end a run or prevent its start: reported with place and time, and earlier results are kept."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_what_was_computed_is_kept_where_another_causality_has_no_equations() ->
 
 @pytest.mark.parametrize("what", UNPLACED)
 def test_a_place_or_start_without_a_value_is_told_where_it_stands(what: str) -> None:
-    """A parameter is zero that something is divided by; with another value there is nothing to tell."""
+    """A parameter in a denominator is zero; with another value there is no error."""
     lines = UNPLACED[what].replace("  ", "\n")
     text = f"model Unplaced {{\nparameter z = 0\n{lines}\noutput o = 1\n}}\n"
     with pytest.raises(CompilationFailed) as failed:
@@ -68,7 +68,7 @@ def test_what_grows_is_not_damped_by_long_steps(rate: float) -> None:
 
 @pytest.mark.machine_code
 def test_a_long_run_is_as_accurate_at_its_beginning() -> None:
-    """A look ahead whose steps are longer than many swings once told 1e3 rad and more; tolerances were shares of that."""
+    """A pilot run with steps longer than many swings once found 1e3 rad and more; tolerances were relative to that."""
     model = bondgraph.load(MODELS / "pendulum.bg")
     short, long = model.simulate(to=2.0, points=2, rtol=1e-6), model.simulate(to=1000.0, points=501, rtol=1e-6)
     for name in ("upper", "lower"):

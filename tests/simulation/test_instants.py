@@ -1,6 +1,6 @@
-"""Conditions on time: every instant at which one changes is found, however short what lies between two of them, in every form it is written in.
+"""Conditions on time: every instant at which one changes is found, for any distance of two instants, in every form of the condition.
 
-The witnesses are closed forms: for how long a condition holds, and what it lets through.
+The witnesses are closed forms: for how long a condition holds, and the signal that it passes.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ DUTIES = [0.001, 0.003, 0.01, 0.0317, 0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.997, 0.
 
 @pytest.mark.parametrize("frequency", [5, 20, 50, 200, 1000])
 def test_a_gate_is_open_for_its_duty(frequency: int) -> None:
-    """cos(2 pi f t) > cos(pi d) holds for d of each period; what rounding of the threshold moves is 1e-16/(pi d)^2 of it."""
+    """cos(2 pi f t) > cos(pi d) holds for d of each period; the rounding of the threshold changes this by 1e-16/(pi d)^2."""
     gates = [f"cos(2*pi*{frequency}*time) > cos(pi*{duty})" for duty in DUTIES]
     total, _ = held(gates, 0.0, 1.0)
     assert total == pytest.approx(DUTIES, rel=1e-10)
@@ -81,7 +81,7 @@ WINDOWS = {
 @pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-6, 1e-9])
 @pytest.mark.parametrize("start", [0.0, -3.0, 1e6])
 def test_a_window_anywhere(width: float, start: float) -> None:
-    """2 w, at a random place of a run of 1 s, to what rounding of the instants leaves."""
+    """2 w, at a random place of a run of 1 s, up to the rounding of the instants."""
     place = start + random.Random(f"{width} {start}").uniform(0.05, 0.95)
     declared = f"  parameter c = {place!r}\n  parameter w = {width!r}\n"
     total, _ = held(list(WINDOWS.values()), start, start + 1.0, declared)
@@ -115,7 +115,7 @@ def test_products_and_sums_of_gates() -> None:
 
 
 def test_conditions_at_single_instants_and_equal_sides() -> None:
-    """What holds at single instants only takes no time; sides that are equal over an interval are `<=` and not `<`."""
+    """A condition that holds only at single instants takes no time; sides that are equal over an interval satisfy `<=` and not `<`."""
     conditions = [
         "cos(2*pi*50*time) >= 1", "abs(time - 0.3) <= 0", "(time - 0.3)^2 <= 0", "sin(time) > 1",
         "max(time - 0.25, 0) > 0", "max(time - 0.25, 0) <= 0", "min(time, 0.75) < 0.75", "ramp(time, 0.2, 0.4) >= 1",
@@ -332,7 +332,7 @@ def test_an_event_that_never_holds_is_told(condition: str) -> None:
 
 
 def test_sides_that_are_equal_to_rounding_are_told() -> None:
-    """Nobody can say whether cos^2 + sin^2 > 1 holds; what neither rounding nor time can change is not told."""
+    """Rounding decides cos^2 + sin^2 > 1, which is reported; nothing is reported if neither rounding nor time can change the truth."""
     text = "plain model A {{\n  signal x = integral(1 if {} else 0, 0)\n  output y = x\n  experiment go {{ simulate 0 .. 1 }}\n}}\n"
     (note,) = bondgraph.load(text.format("cos(time)^2 + sin(time)^2 > 1")).simulate().notes
     assert "`x` (text:2) are equal to within rounding" in note
@@ -355,7 +355,7 @@ BUMPS = {
     "way", [w for w in ways() if w.solver not in ("energy", "exponential")], ids=lambda way: way.name
 )
 def test_a_narrow_signal_is_never_passed_over(way: Way, law: str) -> None:
-    """The momentum that narrow forces give a mass, wherever their peaks are."""
+    """Momentum of a mass from narrow forces, for any places of their peaks."""
     for name, (force, momentum) in BUMPS.items():
         text = f"model B {{\n  parameter w = 1e-3\n  Se a : F = 1 N*{force}\n  I m : p = 1 kg*v\n  R r : F = {law}\n  a -> 1(m, r)\n  output p = m.p\n}}\n"
         model = bondgraph.load(text)

@@ -1,5 +1,7 @@
-"""The coarse run of a large model factorises seldom: factors of an earlier step serve as long as they bring the state fast to where it
-should be, and what is found is what a run that factorises in each iteration finds; in machine code as in Python."""
+"""The pilot run of a large model reuses factorizations: those of an earlier step serve as long as the iteration converges fast.
+
+Its result equals that of a run that factorises in each iteration, in machine code as in Python.
+"""
 
 from __future__ import annotations
 

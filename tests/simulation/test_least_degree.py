@@ -1,4 +1,4 @@
-"""Orders of sparse factors: what is eliminated in full arrays is nowhere but where the pattern says, and hardly anything fills."""
+"""Orders of sparse factors: elimination in full arrays has entries only in the computed pattern, with hardly any fill-in."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def mesh(side: int) -> Edges:
 
 
 def eliminated(edges: Edges, count: int, place: Any) -> Any:
-    """Where the factors have entries below the diagonal."""
+    """Pattern of the factors below the diagonal."""
     full = np.eye(count, dtype=bool)
     for a, b in edges:
         full[place[a], place[b]] = full[place[b], place[a]] = True
@@ -58,7 +58,7 @@ def eliminated(edges: Edges, count: int, place: Any) -> Any:
 
 
 def filled(starts: Any, rows: Any) -> Any:
-    """The same from what was found; the rows of a column rise."""
+    """The same from the computed columns, whose rows increase."""
     count = len(starts) - 1
     full = np.zeros((count, count), dtype=bool)
     for column in range(count):

@@ -1,4 +1,4 @@
-"""What a result says that a bandwidth left out, beside runs that follow every turn: decays, ringings that die or grow, many of them."""
+"""Report of a result on modes that a bandwidth truncated, beside runs that follow every turn: decays, ringings that die or grow, many of them."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_what_decays_is_followed() -> None:
 
 
 def test_a_decay_that_gets_faster_than_the_bandwidth() -> None:
-    """A filter whose rate crosses it takes nothing from what is told of a ringing elsewhere."""
+    """A filter whose rate crosses the bandwidth does not change the report on a ringing elsewhere."""
     plain, filtered = (bondgraph.load(text).simulate().left_out for text in (PUSHED, FILTERED))
     assert plain is not None and filtered is not None and filtered.reason == ""
     assert plain.kept["xa"] > 1e-5 and filtered.kept["xa"] == pytest.approx(plain.kept["xa"], rel=0.3)
@@ -136,7 +136,7 @@ GROWS = """model Grows {
 
 
 def test_modes_that_get_faster_beside_it() -> None:
-    """What is told of a ringing is no less where more is faster than the bandwidth later on."""
+    """The report on a ringing is not smaller if further modes become faster than the bandwidth later."""
     plain, beside = (bondgraph.load(text).simulate().left_out for text in (PUSHED, BESIDE))
     assert plain is not None and beside is not None
     assert plain.kept["xa"] > 1e-5 and beside.kept["xa"] == pytest.approx(plain.kept["xa"], rel=0.3)
@@ -153,7 +153,7 @@ def test_a_ringing_that_gets_slower_than_the_bandwidth() -> None:
 
 
 def test_what_is_not_known_is_told(tmp_path: Path) -> None:
-    """A stiffness that vanishes leaves no mode: what the ringing does then is not known, and not 0."""
+    """A stiffness that vanishes leaves no mode: the effect of the ringing is then reported as unknown, not as 0."""
     found = bondgraph.load(SOFTENS).simulate(settings={"part": 0.0, "k3": 0.0})
     told = found.left_out
     assert told is not None and math.isnan(told.kept["xa"]) and told.outputs["s"] > 1e-3
@@ -167,7 +167,7 @@ def test_what_is_not_known_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.machine_code
 def test_a_ringing_that_grows_later() -> None:
-    """It is 40 times larger at the end, which is told with the instant since when."""
+    """It is 40 times larger at the end, which is reported with the instant of its beginning."""
     model = bondgraph.load(GROWS)
     found, full = (
         model.simulate(points=5001),
@@ -185,7 +185,7 @@ def test_a_ringing_that_grows_later() -> None:
 @pytest.mark.machine_code
 @pytest.mark.parametrize("damping", [0.05, 1.0, 5.0])
 def test_a_ringing_that_decays_pushes_no_longer(damping: float) -> None:
-    """Its energy is turned into heat, wherever that is known, and it pushes as long as it is there."""
+    """Its energy becomes heat, if the losses are known, and it has an effect as long as it lasts."""
     model = bondgraph.load(HEAT)
     found, full = (
         model.simulate(settings={"r": damping}),
@@ -213,7 +213,7 @@ def test_what_a_decaying_ringing_does(damping: float) -> None:
 @pytest.mark.machine_code
 @pytest.mark.parametrize("damping", [0.05, 1.0, 10.0])
 def test_outputs_that_go_with_the_square(damping: float) -> None:
-    """A power and a stored energy: all of what is dissipated or stored by what rings."""
+    """A power and a stored energy: the whole dissipation or storage by the ringing."""
     model = bondgraph.load(HEAT.replace("output xa", "output stored = link.F*link.x/2, xa"))
     asked = {"settings": {"r": damping}, "points": 20001, "to": 0.2}
     found, full = model.simulate(**asked), model.simulate(**asked, rtol=1e-10, bandwidth="1 THz")
@@ -249,7 +249,7 @@ SQUARE = """model Square {
 @pytest.mark.machine_code
 @pytest.mark.parametrize(("frequency", "damping"), [(19.777, 0.0), (505.78 / 45, 0.0), (7.123, 5.0)])
 def test_a_ringing_that_is_set_off_again_and_again(frequency: float, damping: float) -> None:
-    """By up to 120 jumps, each of which adds to what is still there with its phase: in step, out of step, and when it is gone."""
+    """By up to 120 jumps, each of which adds to the remaining ringing with its phase: in step, out of step, and after its decay."""
     model, asked = bondgraph.load(SQUARE), {"settings": {"f": frequency, "r": damping}, "points": 12001}
     found, full = (
         model.simulate(**asked, rtol=1e-8),
@@ -289,7 +289,7 @@ LEAF = """model Leaf {
 
 
 def test_what_is_required_is_asked_of_what_is_left_out() -> None:
-    """The ringing goes beyond a limit which neither the start nor what is kept leaves: as told when it is followed, and at the same time."""
+    """The ringing exceeds a limit that neither the start nor the slow motion exceeds: the same warning as in the full run, at the same time."""
     model = bondgraph.load(LEAF)
     found, full = model.simulate(bandwidth="60 Hz"), model.simulate()
     assert found.left_out is not None and found.left_out.instants == (0.0,)
@@ -301,7 +301,7 @@ def test_what_is_required_is_asked_of_what_is_left_out() -> None:
 
 @pytest.mark.machine_code
 def test_a_ringing_that_goes_on_where_something_else_is_left_out() -> None:
-    """Below the bandwidth by then, so that it is none of the modes that are faster there; it gets larger as it gets slower still."""
+    """It is below the bandwidth by then, so that it is none of the truncated modes; it gets larger as it gets slower still."""
     text = SOFTENS.replace(
         "output xa",
         "signal q1 = integral(q2, 0 mm), q2 = integral(4e6 [1/s^2]*(1 mm*step(time - 1.65 s) - q1), 0 [m/s])\n  output quick = q1, xa",

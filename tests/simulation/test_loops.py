@@ -58,7 +58,7 @@ def test_a_solution_behind_the_crest() -> None:
 
 
 def test_two_loops_do_not_disturb_each_other() -> None:
-    """Each is led to its solution by itself, the second with what the first has found."""
+    """Each is solved separately, the second with the solution of the first."""
     part = "  Se s{n} : e = {e}\n  1 j{n}\n  R a{n} : e = 3*sin(f) + 0.1*f^3\n  R b{n} : e = 0.5*f\n  s{n} -> j{n} -> a{n}, b{n}\n"
     text = "plain model A {\n" + part.format(n=1, e=5) + part.format(n=2, e="4 + a1.f/4").replace("Se s2", "MSe s2")
     text += "  output x = j1.f, y = j2.f\n}\n"
@@ -76,7 +76,7 @@ def test_no_solution_is_told_with_the_loop() -> None:
 
 
 class TestHomotopy:
-    """`follow` by itself, on curves whose turns are known."""
+    """`follow` alone, on curves with known turning points."""
 
     @staticmethod
     def led(function: Callable[[float], float], slope: Callable[[float], float], guess: float) -> float | None:

@@ -106,7 +106,7 @@ BENT_SEEDS = (1, 5, 6, 8, 11, 22)
 
 @pytest.mark.parametrize("seed", [4, 8, 15, 18, 19, 36, 39, 53, 60, 63, 127])
 def test_a_random_network_fulfils_its_laws_and_balances(seed: int) -> None:
-    """What Newton's method from the last instant does not solve is solved from afar; the witness are the equations themselves."""
+    """If Newton's method from the last instant fails, the loop is solved from afar; the equations themselves are the witness."""
     text, laws, edges, at = _network(seed)
     _is_solved(bondgraph.load(text).simulate(), laws, edges, at)
 

@@ -1,4 +1,4 @@
-"""What Newton's iteration within a step of Radau must not leave, and how tight the estimate is held."""
+"""Errors that Newton's iteration within a step of Radau must not leave, and the bound of its error estimate."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.compiling import MODELS
 
 
 def test_a_number_that_creeps_beside_large_changes_is_no_solution() -> None:
-    """The Jacobian holds one state back as if its law were 1e5 times as steep; it stands still beside another that moves by 100."""
+    """The Jacobian slows one state as if its law were 1e5 times as steep; it hardly moves beside another that moves by 100."""
     places = np.array([0, 1])
 
     def rates(time: float, state: np.ndarray) -> np.ndarray:
@@ -41,7 +41,7 @@ def test_loose_tolerances_ask_more_of_the_estimate() -> None:
 
 
 def test_a_first_step_errs_no_more_than_others() -> None:
-    """A slider-crank: what its first step lost, its phase kept; the force erred by 66 tolerances."""
+    """A slider-crank: an error of the first step remained as an error of phase; the force erred by 66 tolerances."""
     model = bondgraph.load(MODELS / "crank_linkage.bg")
     exact = model.simulate(rtol=1e-7, points=41)
     found = model.simulate(rtol=1e-4, points=41)

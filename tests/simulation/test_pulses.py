@@ -1,4 +1,4 @@
-"""Pulses of time that are smooth, and however narrow: no step goes over them, and they tell how large a state will be."""
+"""Smooth pulses of time, of any width: no step passes over them, and they determine the magnitudes of states."""
 
 from __future__ import annotations
 

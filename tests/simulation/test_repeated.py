@@ -1,4 +1,4 @@
-"""What is kept with a program for its next run depends on the program alone: no run shows in another."""
+"""Data stored with a program for its next run depend on the program alone: no run influences another."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_no_run_shows_in_another(case: int) -> None:
 
 
 def matrix_of(count: int, diagonal: float) -> tuple[Any, Any, Any]:
-    """Places and numbers of a grid, `diagonal` on its diagonal: what the others of a row add up to is at most 4."""
+    """Places and numbers of a grid, `diagonal` on its diagonal. The other entries of a row add up to at most 4."""
     side = round(count**0.5)
     edges = [(i, i + 1) for i in range(count - 1) if (i + 1) % side] + [(i, i + side) for i in range(count - side)]
     rows, columns = ([*range(count), *(e[k] for e in edges), *(e[1 - k] for e in edges)] for k in (0, 1))

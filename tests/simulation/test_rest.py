@@ -37,7 +37,7 @@ def test_a_hardening_spring_under_load() -> None:
 
 
 def test_rates_that_are_no_numbers_are_told_by_name() -> None:
-    """Where the search begins, a law divides by what is zero: numpy's own error came through."""
+    """At the start of the search a law divides by zero: numpy's own error was not caught."""
     text = "model A {\n  parameter m = 1 kg\n  I mass : p = m*v\n  I load : p = 1 kg*v\n  R drag : F = 2 [N*s/m]*v\n  C rope : F = 5 [N/m]*x\n  1 a, b\n  0 ab\n  a -> mass, drag\n  a -> ab -> b\n  ab -> rope\n  b -> load\n  output v = mass.p*rope.x/m\n}\n"
     with pytest.raises((RunFailed, bondgraph.CompilationFailed), match=r"mass|`m`"):
         bondgraph.load(text).modes(settings={"m": 0})
@@ -80,7 +80,7 @@ def test_a_manipulator_under_load_sits_where_statics_say(tmp_path: Path) -> None
 
 
 class TestLargeModels:
-    """More than a hundred states: the same search by sparse factors, with what is kept and what nothing brings back."""
+    """More than a hundred states: the same search by sparse factors, with conserved quantities and states without a restoring effect."""
 
     @staticmethod
     def by_both(text: str, monkeypatch: pytest.MonkeyPatch) -> tuple[OperatingPoint, OperatingPoint]:
@@ -142,7 +142,7 @@ class TestLargeModels:
             assert point.state == pytest.approx(np.zeros(point.count), abs=1e-9)
 
     def test_what_is_driven_for_ever_has_no_rest(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """However far it has gone: what its springs leave is no rounding of that."""
+        """At any distance: the force of its springs is not rounding of that."""
         monkeypatch.setattr(rest, "STEPS", 80)
         text = """
         model Pushed {

@@ -1,4 +1,4 @@
-"""Rodas5P: the conditions of its order, what it converges with, published digits, the same steps on both back-ends, and what it refuses."""
+"""Rodas5P: the conditions of its order, its convergence, published digits, the same steps on both back-ends, and its refusals."""
 
 from __future__ import annotations
 

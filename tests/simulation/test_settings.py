@@ -1,4 +1,4 @@
-"""What is set from outside: one program for all values, the compiler again where a value decides more than numbers."""
+"""Settings from outside: one program for all values; the model is compiled again if a value decides more than numbers."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def by_hand(mass: float, r: float, stiffness: float, v: float, push: float = 1.0
 @pytest.mark.parametrize("extra", [-0.1, 0.0, 0.5])
 @pytest.mark.parametrize("push", [0.0, 2.0])
 def test_sweeps_through_zero(r: float, extra: float, push: float) -> None:
-    """Nothing happens at zero: what a value of zero leaves out in a text is there when it is set."""
+    """A value of zero is no special case: an element that a zero in the text would remove is present if a setting is zero."""
     momentum = 2.0  # of the mass that holds it; the other follows its speed
     found = bondgraph.load(LOSSY).simulate(settings={"r": r, "extra": extra, "push": push}).final("x")
     start = 1.0 if extra else momentum / 2
@@ -64,7 +64,7 @@ def test_sweeps_through_zero(r: float, extra: float, push: float) -> None:
 
 
 def test_a_mass_of_zero_is_another_order_and_told() -> None:
-    """What the text says with `m = 0` is what a setting says, with a note that the equations are others."""
+    """A setting `m = 0` gives the same as the text with `m = 0`, with a note that the equations are others."""
     text = LOSSY.replace("{ start v = 1 [m/s] }", "").replace("I more   : p = extra*v\n", "").replace(", more", "")
     for value in (0.0, "0 kg"):
         found = bondgraph.load(text).simulate(settings={"m": value})
@@ -86,7 +86,7 @@ def test_sensitivity_at_zero_is_that_of_the_whole_program() -> None:
 
 
 def test_one_program_for_all_values() -> None:
-    """Numbers and texts with units come to the same scene, whatever the value; and to the same bits."""
+    """Numbers and texts with units give the same scene, for all values, and the same bits."""
     model = bondgraph.load(LOSSY)
     target = chosen_target(None)
     scenes = {

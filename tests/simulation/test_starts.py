@@ -1,4 +1,4 @@
-"""Starts: those that an experiment gives instead of the model's, and those of what follows from other coordinates."""
+"""Starts: those of an experiment in place of the model's, and those of variables that depend on other coordinates."""
 
 from __future__ import annotations
 
@@ -159,9 +159,9 @@ class TestMechanisms:
         assert found["vx"] == pytest.approx(2 * math.cos(math.pi / 6), rel=1e-12)
 
     def test_legs_follow_the_platform_of_a_manipulator(self, tmp_path: Path) -> None:
-        """The platform's pose and motion are given, the shuttles stand where the flexures have no offset across the legs.
+        """The platform's pose and motion are given, and the flexures have no offset across the legs, which gives the positions of the shuttles.
 
-        Where a leg stands is the platform's shift at its attachment, along the guide: exactly, for a finite turn.
+        The position of a leg is the platform's shift at its attachment, along the guide: exactly, for a finite turn.
         """
         text = (MODELS / "manipulator.bg").read_text(encoding="utf-8").rstrip().removesuffix("}")
         pose = {"x": 3e-6, "y": -2e-6, "phi": 5e-3, "x.v": 1e-3, "y.v": 2e-3, "phi.omega": 4.0}

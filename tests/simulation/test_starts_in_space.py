@@ -1,4 +1,4 @@
-"""Starts of mechanisms in space: attitudes, rotation vectors and spins of what hangs on joints."""
+"""Starts of mechanisms in space: attitudes, rotation vectors and angular velocities of bodies on joints."""
 
 from __future__ import annotations
 

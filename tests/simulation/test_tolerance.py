@@ -1,4 +1,4 @@
-"""A tolerance means something, or a warning tells: magnitudes of states that start from rest, names and order, units of time, rounding."""
+"""A tolerance is kept, or a warning says that it is not: magnitudes of states that start at zero, names and order, units of time, rounding."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ NAMINGS = {
 @pytest.mark.parametrize("naming", NAMINGS)
 @pytest.mark.parametrize("rtol", [1e-4, 1e-7])
 def test_names_and_arrays_change_no_bit(naming: str, rtol: float) -> None:
-    """What an element is called, and whether it is one of an array, changes neither a step nor a number."""
+    """The name of an element, and its being an item of an array, change neither a step nor a number."""
     plain, other = (model(filter_of(names, [0, 1, 2])).simulate(rtol=rtol) for names in (PLAIN, NAMINGS[naming]))
     assert (plain.steps, plain.evaluations) == (other.steps, other.evaluations)
     assert np.array_equal(plain.values, other.values)
@@ -221,7 +221,7 @@ def test_nothing_is_absolute_in_time(made: Any, solver: str) -> None:
 # ---------------------------------------------------------------- bare numbers
 @pytest.mark.parametrize("size", [10.0**k for k in (-18, -15, -12, -9, -6, 0, 6, 12)])
 def test_bare_numbers_may_be_small(size: float) -> None:
-    """What has no unit is no angle: charges of 1e-15 in a `plain model` are held to a share of that, not of 1e-12."""
+    """A number without unit is no angle: the tolerance of charges of 1e-15 in a `plain model` is relative to that, not to 1e-12."""
     text = f"""plain model Swing {{
   C spring : e = q/{size!r} + (q/{size!r})^3
   I mass : p = {size!r}*f
@@ -255,7 +255,7 @@ UNKNOWN = """model TwoParts {
 
 
 def test_an_unknown_magnitude_is_a_warning_and_small(tmp_path: Path) -> None:
-    """It stands in the result, in its file and in its JSON; nothing of a micrometre is measured by a metre."""
+    """It is in the result, in its file and in its JSON; no micrometre is compared with a metre."""
     running = Running(compiled(UNKNOWN))
     stretches = segments(running.program, running.constants, 0.0, 1.0)
     with np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""Limits in a run: where tables end, what a model requires, and steps that random numbers bound."""
+"""Limits in a run: ends of tables, requirements of a model, and steps bounded by random numbers."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class TestRequirements:
         assert result.warnings == () and result.to_json()["warnings"] == []
 
     def test_what_is_left_and_entered_again_within_a_run(self) -> None:
-        """Half a period of a sine, whatever the reported instants are."""
+        """Half a period of a sine, for any reported instants."""
         result = driven("pi*cos(pi*time/1 s)*1 [m/s]", "1 [N/m]*x", "require spring.x < 0.5 m", points=2)
         (left,) = result.warnings
         assert left.time == pytest.approx(math.asin(0.5) / math.pi, rel=1e-4)
@@ -168,7 +168,7 @@ model Both {
 
 class TestNoise:
     def test_no_step_is_longer_than_a_period(self) -> None:
-        """The integral of noise over whole periods is the mean of neighbours, whatever the tolerance."""
+        """The integral of noise over whole periods is the mean of neighbours, for any tolerance."""
         result = driven("1 [m/s]*noise(time, 10 ms, 4)", "1 [N/m]*x", rtol=1e-3, points=2)
         numbers = [interpolate.random_number(k, 4) for k in range(101)]
         assert result.steps >= 100
@@ -197,7 +197,7 @@ class TestNoise:
             driven("1 [m/s]*step(noise(time, 1 us, 6))", "1 [N/m]*x", to=10)
 
     def test_a_place_that_moves_and_time(self) -> None:
-        """A wave that runs along a road: its pace in time bounds the steps, what the place adds is left to the solver."""
+        """A wave that runs along a road: its rate in time bounds the steps, the error from the moving place is controlled by the solver."""
         result = driven("1 [um/s]", "1 [N/m]*x", "output n = noise(time + spring.x/(1 [m/s]), 5 ms, 1)", points=2)
         assert result.steps >= 200
 

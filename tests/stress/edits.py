@@ -68,7 +68,7 @@ ODD = (
 
 @lru_cache
 def seeds() -> tuple[tuple[str, str], ...]:
-    """Names and texts of what is edited."""
+    """Names and texts to edit."""
     found = [(str(p), p.read_text(encoding="utf-8")) for f in FOLDERS for p in sorted((ROOT / f).glob("*.bg"))]
     return tuple((name, text) for name, text in found if len(text) < 5000)
 
@@ -261,7 +261,7 @@ def nonsense(rng: Random) -> str:
 
 # ---------------------------------------------------------------- one text
 def answer(name: str, text: str) -> tuple[str, str]:
-    """What came of a text: a word that is counted, and what was wrong with the answer."""
+    """Outcome for a text: a word that is counted, and the fault of the answer."""
     source = door.Source(name, text, Path(name) if os.path.isabs(name) else None)
     try:
         with within(LONGEST):
@@ -303,7 +303,7 @@ def child(first: int, count: int) -> None:
 
 
 def _most_memory() -> int:
-    """The most memory that this process had, in kB; what the system calls so also knows the parent's, before it was another program."""
+    """Peak memory of this process, in kB. The system's own figure includes the parent's, from before it was another program."""
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
         return int(re.search(r"VmHWM:\s*(\d+)", status)[1])  # type: ignore[index]

@@ -129,9 +129,11 @@ model StickSlip {
 
 
 def escape(pull: float, drop: float, fall: float) -> float:
-    """How long a block stays from its break-away on: u' = pull t + drop (u/fall)^2 from rest, until u is infinite (friction falls as exp(-(u/fall)^2)).
+    """Sticking time of a block from its break-away on: u' = pull t + drop (u/fall)^2 from rest, until u is infinite.
 
-    u is -w'/w/b with w'' = -a b t w, w'(0) = 0: w = sqrt(3) Ai(-s) + Bi(-s), s = (a b)^(1/3) t, which vanishes first at s = 1.9864."""
+    Friction falls as exp(-(u/fall)^2). u is -w'/w/b with w'' = -a b t w, w'(0) = 0: w = sqrt(3) Ai(-s) + Bi(-s), s = (a b)^(1/3) t, which
+    vanishes first at s = 1.9864.
+    """
     if fall == 0:
         return 0.0
     w = lambda s: np.sqrt(3) * airy(-s)[0] + airy(-s)[2]  # noqa: E731
@@ -142,9 +144,12 @@ MANY = 1000  # cycles that are tried in the first way only
 
 
 def stick_slip(cycles: int = 5, fall: float = 0.0) -> Case:
-    """Sticks until x = Fs/k (the fall of friction to Fc takes no time, or what `escape` says), then m x'' + k x = Fc from there with the speed of the belt, until it has that speed again.
+    """Stick-slip motion, exactly.
 
-    x = Fc/k + (d/k) cos wt + (v/w) sin wt, d = Fs - Fc; it is back at v after t = 2 (pi - atan(d w/(k v)))/w, at x = Fc/k - d/k."""
+    It sticks until x = Fs/k (the fall of friction to Fc takes no time, or that of `escape`), then m x'' + k x = Fc from there with the speed
+    of the belt, until it has that speed again. x = Fc/k + (d/k) cos wt + (v/w) sin wt, d = Fs - Fc; it is back at v after
+    t = 2 (pi - atan(d w/(k v)))/w, at x = Fc/k - d/k.
+    """
     m, k, v, fc, fs = 1.0, 100.0, 0.1, 5.0, 10.0
     fs += k * v * escape(k * v / m, (fs - fc) / m, fall)
     w, d = np.sqrt(k / m), fs - fc

@@ -1,4 +1,4 @@
-"""6. Laws that fail: no number at a random time, an exception, a stall, each told with the right words; and what nobody asked for stops nothing."""
+"""6. Laws that fail: NaN at a random time, an exception, a stall, each reported in the right words; unrequested outputs stop nothing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TEXT = """model Faulty {{
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A law that fails: `told` must match the message, which must name the time to within `near` (a share) of it."""
+    """A law that fails. `told` must match the message, which must name the time to within `near` (relative)."""
 
     name: str
     law: str
@@ -90,7 +90,7 @@ def harmless(way: Way) -> str:
 
 
 def faulty(law: str, more: str = "") -> str:
-    """The model with a law for what pushes."""
+    """The model with a law for its source."""
     kind = "MSe" if any(word in law for word in ("spring", "mass", "grown")) else "Se"
     return TEXT.format(law=law, more=more, kind=kind)
 
@@ -114,7 +114,7 @@ def section(short: bool) -> Section:
 
 
 def _law(found: Section, fault: Fault, when: float, way: Way) -> list[Any]:
-    """One fault at one instant: it must be told, with time and place."""
+    """One fault at one instant: it must be reported, with time and place."""
     found.tried += 1
     where = f"{fault.name} at {when:g} s ({way.name})"
     text = text_of(fault, way)
@@ -150,7 +150,7 @@ def _kept(failed: RunFailed) -> bondgraph.Result | None:
 
 
 def _kept_fits(failed: RunFailed, time: float) -> bool:
-    """Whether they are numbers, and end before the failure, at the last instant that a step reached before the one that failed (0.1 s at most)."""
+    """Return True if the kept results are finite and end at the last accepted instant before the failure (0.15 s before it at most)."""
     kept = _kept(failed)
     assert kept is not None
     return bool(
@@ -162,7 +162,7 @@ def _kept_fits(failed: RunFailed, time: float) -> bool:
 
 
 def _unasked(found: Section, way: Way) -> None:
-    """An output without a number that nobody requested stops nothing; requested, it is told."""
+    """An output without value that is not requested stops nothing; requested, it is reported."""
     text = harmless(way).removesuffix("}\n") + (
         "  output bad = sqrt(-1 - spring.x^2/1 [m^2]), odd = log(-1 - abs(mass.v)/1 [m/s])\n}\n"
     )
@@ -182,7 +182,7 @@ def _unasked(found: Section, way: Way) -> None:
 
 
 def _stall(found: Section, way: Way) -> None:
-    """A fast oscillation that nothing damps asks for more steps than there are, and is told; or the run is interrupted."""
+    """A fast undamped oscillation needs more steps than allowed, which is reported; or the run is interrupted."""
     found.tried += 1
     text = """model Ringing {
   I mass : p = 1e-18 kg*v   { start v = 1 [m/s] }

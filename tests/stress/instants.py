@@ -90,7 +90,7 @@ def cases(short: bool) -> Iterator[Case]:
 
 
 def lossy(way: Way) -> bool:
-    """Whether a way takes models that are driven."""
+    """Return True if a solver takes models with sources."""
     return way.solver != "energy"
 
 

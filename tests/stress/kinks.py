@@ -73,7 +73,7 @@ def in_time() -> Iterator[Case]:
 
 
 def _bells(t: Any) -> Any:
-    """What two bells have given."""
+    """Integral of two bells."""
     return 0.5 * np.sqrt(np.pi) * (2 + erf((t - 3.1234) / 0.05) + erf((t - 1.7) / 1e-5))
 
 

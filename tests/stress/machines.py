@@ -56,7 +56,7 @@ def half_written(folder: Path) -> list[str]:
 
 
 def section(short: bool) -> Section:
-    """What processes do to each other and to their files."""
+    """Interference of processes with each other and with their files."""
     found = Section("8. Processes, disks and caches")
     with tempfile.TemporaryDirectory(prefix="bondgraph-stress-") as place:
         folder = Path(place)
@@ -106,7 +106,7 @@ def _at_once(found: Section, folder: Path, right: bytes, count: int) -> None:
 
 
 def _copy(place: Path) -> None:
-    """What is in the cache of this process."""
+    """Copy the cache of this process."""
     kept = Path(os.environ.get("BONDGRAPH_CACHE") or place)
     for path in kept.iterdir() if kept.is_dir() else ():
         if path.is_file():
@@ -115,7 +115,7 @@ def _copy(place: Path) -> None:
 
 
 def _touched(found: Section, folder: Path, right: bytes, short: bool, files: set[Path]) -> None:
-    """Entries that were changed, cut, exchanged or belong to somebody else are made anew, and never loaded."""
+    """Entries that were changed, cut, exchanged or belong to another user are computed again, and never loaded."""
     cache = folder / "own"
     kept = {p: p.read_bytes() for p in sorted(files) if p.is_file()}
     for name, change in changes(kept):
@@ -193,7 +193,7 @@ def _full(found: Section, folder: Path, right: bytes, sizes: tuple[int, ...]) ->
 
 
 def _killed(found: Section, folder: Path, right: bytes, times: tuple[float, ...]) -> None:
-    """Killed at any time: what is in the cache then can be used, and a result that was there is whole."""
+    """Killed at any time: the cache remains usable, and an earlier result is complete."""
     cache = folder / "killed"
     for number, seconds in enumerate(times):
         out = folder / f"killed_{number}.csv"

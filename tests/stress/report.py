@@ -1,4 +1,4 @@
-"""What a stress test found, as nouns, and the page that tells it."""
+"""Findings of a stress test, as data, and the page that reports them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Finding:
 
 @dataclass(slots=True)
 class Section:
-    """One section of the page: paragraphs and tables in Markdown, what failed, and what was refused in words."""
+    """One section of the page: paragraphs and tables in Markdown, failures, and refusals in words."""
 
     title: str
     parts: list[str] = field(default_factory=list)
@@ -49,7 +49,7 @@ class Section:
         self.failed.append(Finding(where, " ".join(what.split())))
 
     def refuse(self, where: str, what: str) -> None:
-        """A run was refused, for a reason that it told."""
+        """Record a refused run, with the reason that it gave."""
         self.refused.append(Finding(where, " ".join(what.split())))
 
     def text(self) -> str:

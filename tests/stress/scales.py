@@ -194,7 +194,7 @@ def duffing(t: Any, m: Any, k: Any, k3: Any, a: Any) -> tuple[Any, Any]:
 
 
 def _two_masses(ratio: float) -> Case:
-    """The spring sees the reduced mass; the centre of mass stands still."""
+    """The spring acts on the reduced mass; the centre of mass is at rest."""
 
     def expected(times: Any) -> Mapping[str, Any]:
         m1, m2 = mpmath.mpf(1), mpmath.mpf(ratio)

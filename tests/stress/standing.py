@@ -1,4 +1,4 @@
-"""Failures that stay: each with its reason. One that is not here makes the stress tests fail; one that is gone is told, and goes from here."""
+"""Known failures, each with its reason. A failure that is not listed makes the stress tests fail; one that no longer occurs is reported."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def unknown(sections: Sequence[Section]) -> list[Finding]:
 
 
 def reason(finding: Finding) -> str | None:
-    """Why a failure stays; None if it must not."""
+    """Reason of a known failure; None if it is not allowed."""
     return next((why for pattern, why in STANDING.items() if re.search(pattern, finding.where)), None)
 
 

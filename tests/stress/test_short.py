@@ -11,7 +11,7 @@ from tests.stress.__main__ import SECTIONS, stress
 
 @pytest.mark.parametrize("name", SECTIONS)
 def test_short(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The page is written, and tells of nothing new."""
+    """The page is written, and reports nothing new."""
     code = stress((name,), True, tmp_path)
     page = (tmp_path / "short.md").read_text(encoding="utf-8")
     assert code == 0, page

@@ -56,7 +56,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came of a run: the error in units of the tolerance, or why there is none."""
+    """Outcome of a run: the error in units of the tolerance, or the reason why there is none."""
 
     error: float = float("nan")
     seconds: float = float("nan")
@@ -78,7 +78,7 @@ class Outcome:
 
 
 def attempt(case: Case, way: Way, rtol: float = RTOL) -> Outcome:
-    """Run a case, whatever happens."""
+    """Run a case, and catch all failures."""
     began = clock.perf_counter()
     try:
         with within(case.longest if way.chooses else NAMED), np.errstate(all="ignore"):
@@ -137,7 +137,7 @@ def within(seconds: float) -> Iterator[None]:
 
 
 def tell(found: Section, outcomes: Mapping[str, Mapping[str, Outcome]], names: Sequence[str]) -> None:
-    """A table with the error in each way, and what failed."""
+    """Write a table with the error in each way, and the failures."""
     used = [n for n in names if any(n in by_way for by_way in outcomes.values())]
     rows = []
     for name, by_way in outcomes.items():
@@ -175,7 +175,7 @@ def shortened(reason: str) -> str:
 
 
 def run_all(found: Section, cases: Sequence[Case], chosen: Sequence[Way]) -> None:
-    """All cases in all ways that are theirs, told in one table."""
+    """Run all cases in all ways that apply, and report them in one table."""
     outcomes: dict[str, dict[str, Outcome]] = {}
     for case in cases:
         for way in chosen:

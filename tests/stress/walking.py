@@ -59,7 +59,7 @@ def _rates(_: float, y: Any) -> list[float]:
 
 @lru_cache
 def stride() -> tuple[float, Any]:
-    """How long a step takes, and the motion in it. The published start must come back."""
+    """Duration of a step, and the motion in it. The published start must come back."""
 
     def strikes(_: float, y: Any) -> float:
         return float(y[2] - 2 * y[0]) if y[0] < STRIKES else -1.0

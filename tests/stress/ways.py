@@ -23,7 +23,7 @@ class Way:
 
     @property
     def chooses(self) -> bool:
-        """Whether the solver is left to the product, which then has no excuse."""
+        """True if the product chooses the solver, so that it has no excuse."""
         return not self.solver
 
 

@@ -1,4 +1,4 @@
-"""Analyses with settings: numbers are arguments of one program, and what comes out is what a text with these numbers gives."""
+"""Analyses with settings: numbers are arguments of one program, and results equal those of a text with these numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is written is what was computed: NetCDF, MAT, npz and CSV read back by other readers, with units and names."""
+"""Exports equal the computed results: NetCDF, MAT, npz and CSV read back by other readers, with units and names."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_a_run(model: Any, tmp_path: Path) -> None:
 
 
 def test_xarray(model: Any, tmp_path: Path) -> None:
-    """Grids have the swept names as dimensions; what is written is what is handed over."""
+    """Grids have the swept names as dimensions; the file equals the returned object."""
     xarray = pytest.importorskip("xarray", reason="xarray is not installed")
     run = model.simulate(None, to=0.1, points=11, target="numpy").to_xarray()
     assert (

@@ -83,7 +83,7 @@ def test_without_sigmas_the_scatter_tells(model: Any) -> None:
 
 
 def test_intervals_hold_the_truth(model: Any) -> None:
-    """40 trials with noise of a size that the fit does not know; stiffness by three deflections, so that Student's 4.3 stands for 1.96."""
+    """40 trials with noise of unknown size; stiffness by three deflections, so that Student's 4.3 replaces 1.96."""
     random, loads, inside = np.random.default_rng(11), np.array([2.0, 4, 6]), 0
     for _ in range(40):
         k = model.fit(measured({"load": loads}, {"x": loads / 90 + 1e-3 * random.normal(size=3)}), {"k": ""}).of("k")
@@ -130,7 +130,7 @@ def test_what_explains_the_measured_resonances() -> None:
 
 
 def test_what_data_leave_open_is_named(model: Any) -> None:
-    """A frequency tells k/m alone: changes by the same share go unseen. Of all k and m that meet it the nearest to the start."""
+    """A frequency determines k/m alone: proportional changes of both have no effect. Of all solutions, the nearest to the start is taken."""
     data = measured({}, {"frequency 1": math.sqrt(121) / (2 * math.pi)}, {"frequency 1": 0.01})
     found = model.fit(data, {"k": "", "m": ""})
     weakest = found.directions[0]

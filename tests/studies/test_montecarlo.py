@@ -1,4 +1,4 @@
-"""Studies with chance against closed forms: moments, Sobol indices, what fails, the command."""
+"""Monte Carlo studies against closed forms: moments, Sobol indices, failures, the command."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def test_plots(tmp_path: Path) -> None:
 
 
 class TestNotDetermined:
-    """Shares of a variance that the sample does not tell are said to be so, in words and as null."""
+    """Shares of a variance that the sample does not determine are reported so, in words and as null."""
 
     @pytest.mark.parametrize("size", [0.0, 1e-17, 5e-16, 1e-13])
     def test_an_output_that_hardly_moves(self, size: float) -> None:

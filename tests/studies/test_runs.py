@@ -1,4 +1,4 @@
-"""Many runs at once: each the same, to the last bit, as by itself, in their order, whoever makes them; what fails stays with its settings."""
+"""Many runs at once: each equals a single run to the last bit, in order, for any kind of workers; a failure stays with its settings."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_what_is_wrong_in_all_is_told_at_once() -> None:
 
 
 def test_threads_that_share_a_model_may_forget_what_another_keeps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What one has made it has, though others have just put it away."""
+    """A thread keeps its own result, even if others have just removed it from the cache."""
     from bondgraph.model import compiled
 
     class Racing(dict[object, object]):
@@ -190,7 +190,7 @@ def test_an_interruption_within_a_run_is_one_of_all(count: int, monkeypatch: pyt
 
 
 def test_memory_grows_with_what_is_kept() -> None:
-    """Runs leave their outputs: 51 instants of two, and what is said about them; no programs, no states."""
+    """Runs leave their outputs, 51 instants of two, and their notes; no programs, no states."""
     model = bondgraph.load(TEXT)
     sizes = []
     for count in (5, 25):
@@ -212,7 +212,7 @@ def test_what_is_the_same_in_all_travels_once() -> None:
 
 @pytest.mark.parametrize("model", ["manipulator.bg", "end_stops.bg"])
 def test_a_run_leaves_nothing_to_collect(model: str) -> None:
-    """What thousands of runs held is free when each is over: no circle keeps it until a collector comes."""
+    """All memory of a run is free at its end: no reference cycle keeps it until a collection."""
     made = bondgraph.load(MODELS / model)
     made.simulate()
     gc.collect()

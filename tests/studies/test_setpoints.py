@@ -1,4 +1,4 @@
-"""Setpoints from files: lines that are held at rest, paths over a column of time; what is no setpoint is refused by its file and heading."""
+"""Setpoints from files: lines that are held at rest, paths over a column of time; errors name the file and heading."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 def test_each_line_is_held_at_rest(model: Any, tmp_path: Path) -> None:
-    """c (push^2 - pull^2) + load = k x, with what is set in a line or for all."""
+    """c (push^2 - pull^2) + load = k x, with settings in a line or for all."""
     file = written(tmp_path, "# three places\nx [um], load [uN], k [N/m]\n3, 0, 8\n-3, 0, 8\n\n1.5, 2, 16\n")
     found = model.invert_file(file, ["push/pull"])
     assert list(found.swept.items()) == [("x", "m"), ("load", "N"), ("k", "N/m")]

@@ -1,4 +1,4 @@
-"""Who makes the points is all the same: threads, processes, a Dask cluster that loses a worker, or a second attempt after a crash."""
+"""Results do not depend on the workers: threads, processes, a Dask cluster that loses a worker, or a second attempt after a crash."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def test_a_journal_reads_no_other_nouns(name: str) -> None:
 
 
 def test_a_journal_of_what_does_not_compile_in_a_file(tmp_path: Path) -> None:
-    """What is told names the file."""
+    """The message names the file."""
     (tmp_path / "m.bg").write_text(
         "model B {\n  parameter n = 2\n  Se pull : F = 1 N\n  1 top : translation\n  pull -> top\n"
         "  for i in 1..n { R drag[i] : F = 2 [N*s/m]*v\n    top -> drag[i] }\n  output v = top.v\n}\n"
@@ -230,7 +230,7 @@ def test_one_at_a_time(tmp_path: Path) -> None:
 
 
 def test_sweeps_and_runs_go_on_from_a_journal(tmp_path: Path) -> None:
-    """What is kept are whole results, as well: they come back as they were."""
+    """A journal can hold whole results as well, which come back unchanged."""
     model = bondgraph.load(TEXT)
     for _ in range(2):
         journal = Journal(tmp_path / "runs")
@@ -266,7 +266,7 @@ class _Dying:
 
 @dataclass(frozen=True)
 class _Elsewhere:
-    """Who answers; whoever is not `home` dies of it, if `deadly`."""
+    """Answer with the number of the process. If `deadly`, any process but `home` dies of it."""
 
     home: int
     deadly: bool = False
@@ -279,8 +279,10 @@ class _Elsewhere:
 
 
 def _made(count: int, deadly: bool = False) -> str:
-    """How many of 200 answers were made here, and by how many processes in all, or what went wrong: in a process that has no other threads, as those
-    of tests may have."""
+    """Number of 200 answers made in this process, and number of processes in all, or the error.
+
+    In a process without other threads, as those of tests may have.
+    """
     code = f"""
 import os
 import bondgraph
@@ -348,7 +350,7 @@ def test_a_dead_worker_of_our_own_is_told() -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_tasks_become_smaller(count: int) -> None:
-    """Who has one on its way and two ahead has no more than its share of what is left."""
+    """A worker with one task in progress and two ahead has no more than its share of the remaining points."""
     gaps, left = [(3, 3), (5, 1900), (2000, 2007)], 1902
     pieces = sharing._pieces(gaps, left, count)
     assert [i for begin, end in pieces for i in range(begin, end)] == [*range(5, 1900), *range(2000, 2007)]

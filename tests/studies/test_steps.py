@@ -1,4 +1,4 @@
-"""Analyses as steps of an experiment: what a call finds, a step finds, under its name, in its units."""
+"""Analyses as steps of an experiment: a step gives the same as a call, under its name, in its units."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_branch_folds_at_a_third_of_the_gap(plate: bondgraph.Model) -> None:
 
 
 def test_setpoints_become_a_table_of_inputs(plate: bondgraph.Model) -> None:
-    """eps A V^2/(2 (g - x)^2) = k x; what is swept is the experiment's own name, and no output that the report leaves out is missed."""
+    """eps A V^2/(2 (g - x)^2) = k x. The swept name belongs to the experiment, and outputs outside of the report are not needed."""
     found = plate.run("held")
     x = found("goal")
     assert x == pytest.approx([2e-7, 4e-7, 6e-7])
@@ -76,7 +76,7 @@ def test_setpoints_become_a_table_of_inputs(plate: bondgraph.Model) -> None:
 
 
 def test_a_path_reads_parameters(plate: bondgraph.Model) -> None:
-    """push = m x'' + r x' + k x along x = g/6 s(t), at whatever the gap is set to."""
+    """push = m x'' + r x' + k x along x = g/6 s(t), for any setting of the gap."""
     for gap in (3e-6, 6e-6):
         (point,) = plate.run("path", {"gap": gap})
         lead = point.of("invert")

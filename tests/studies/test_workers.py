@@ -1,5 +1,4 @@
-"""Workers of our own: whoever is free takes the next point, and what is answered is told soon. Nothing here looks at a clock: points wait for each
-other."""
+"""Our own workers: a free one takes the next point, and answers are reported soon. No test looks at a clock: points wait for each other."""
 
 from __future__ import annotations
 
@@ -81,7 +80,7 @@ def test_others_go_on_while_this_process_is_at_a_long_point(kind: str) -> None:
 
 
 def test_this_process_looks_between_its_points() -> None:
-    """What others have told is passed on before the next point of its own."""
+    """Answers of others are passed on before the next point of this process."""
     log: list[str] = []
 
     class Others:
@@ -106,7 +105,7 @@ def test_this_process_looks_between_its_points() -> None:
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_what_takes_long_is_told_at_once(kind: str, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also of a few points: where each takes longer than a report should, each is told."""
+    """Also of a few points: if each takes longer than the interval of reports, each is reported."""
     monkeypatch.setattr(workers, "OFTEN", 0.0)
     monkeypatch.setattr(workers, "perf_counter", iter(range(10**9)).__next__)
     told: list[int] = []
@@ -115,7 +114,7 @@ def test_what_takes_long_is_told_at_once(kind: str, count: int, monkeypatch: pyt
 
 
 def test_a_report_has_an_answer_as_long_as_there_are_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However late it is: one without ends the work of whoever gives it."""
+    """However late it is: a report without answers ends the work of the worker that sent it."""
     monkeypatch.setattr(workers, "OFTEN", 0.0)
     shared = Points(bondgraph.load(TEXT), Asked(lambda point, here: point), range(3), range(3), False)
     assert [shared.report() for _ in range(5)] == [{0: 0}, {1: 1}, {2: 2}, {}, {}]
@@ -126,7 +125,7 @@ def test_each_point_is_made_once(kind: str) -> None:
 
 
 def test_an_interruption_waits_for_no_more_than_a_point_and_keeps_what_is_done(kind: str, tmp_path: Path) -> None:
-    """This process is interrupted in its second point, when another has made ten, of which it has told none yet."""
+    """This process is interrupted in its second point, when another has made ten and reported none yet."""
     begun, made, points = CONTEXT.Value("q", 0), CONTEXT.Semaphore(0), 5000
 
     def call(point: int, here: bool) -> int:
@@ -160,7 +159,7 @@ def test_an_interruption_waits_for_no_more_than_a_point_and_keeps_what_is_done(k
 
 
 def run(code: str) -> str:
-    """What a process of its own prints, which has no threads; it has to end by itself."""
+    """Output of a separate process without threads, which has to end on its own."""
     begin = (
         "import os, signal\nimport multiprocessing as mp\nimport bondgraph\nfrom tests.studies.test_workers import *\n"
     )
@@ -173,7 +172,7 @@ def run(code: str) -> str:
 @only_linux
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_ctrl_c_while_others_are_started(number: int) -> None:
-    """When the first, second or third of three is made: none is left over, and the interpreter can end."""
+    """At the start of the first, second or third of three: none is left over, and the interpreter can end."""
     assert (
         run(f"""
 import multiprocessing.popen_fork as started
@@ -197,7 +196,7 @@ print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)
 
 @only_linux
 def test_where_not_all_can_be_started() -> None:
-    """What was started is ended."""
+    """Workers that were started are ended."""
     assert (
         run("""
 import multiprocessing.popen_fork as started

@@ -1,4 +1,4 @@
-"""What goes wrong at one of many points is its answer, whatever it is; it holds nothing of the run that it does not say."""
+"""Any failure at one of many points is its answer; it keeps nothing of the run beyond its message."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_a_failure_that_is_kept_holds_nothing_else() -> None:
 
 
 def test_all_that_goes_wrong_in_runs_goes_from_process_to_process() -> None:
-    """With what it says besides its words."""
+    """With the data of the exception besides its message."""
     result, state = bondgraph.load(TEXT).simulate(), np.array([1.0, 2.0])
     for problem in (
         RunInterrupted("interrupted at t = 1 s", result), RunBroken("broken", result), RateNotFinite("no number", 1.0, state),

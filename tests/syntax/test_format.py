@@ -77,7 +77,7 @@ def test_twice_is_once(path: Path) -> None:
 
 @pytest.mark.parametrize("path", [p for p in SKETCHES if p.stem != "traps"], ids=lambda p: p.stem)
 def test_sketches_stay_as_they_are(path: Path) -> None:
-    """What people wrote with care needs no change; traps.bg was written without."""
+    """Carefully written files need no change; traps.bg is not one of them."""
     text = path.read_text(encoding="utf-8")
     assert formatted(text) == text
 
@@ -326,7 +326,7 @@ def test_shaken_files(path: Path, share: float, seed: int) -> None:
     )
 )
 def test_any_text(parts: list[str]) -> None:
-    """Formatted, or refused with what is wrong: never another meaning, never an exception of another kind."""
+    """Formatted, or refused with errors: never another meaning, never an exception of another kind."""
     text = "model A {\n" + "".join(parts) + "\n}"
     try:
         once = formatted(text)

@@ -58,7 +58,7 @@ def test_there_are_sketches() -> None:
 
 
 def test_no_word_is_reserved_by_the_grammar() -> None:
-    """Kinds, units and statement words are ordinary names where a name stands; `Traps` in sketches/ has the rest."""
+    """Kinds, units and statement words are ordinary names in the place of a name; `Traps` in sketches/ has the rest."""
     text = "model m { parameter C = 1, I = 2, model = 3, body = 4, hinge = 5, um = 6\n signal s = model + body*um }"
     (model,) = parse(Source("t", text)).statements
     assert isinstance(model, tree.Model)

@@ -20,7 +20,7 @@ SIZES = (5_000, 20_000)
 
 
 def calls(action: Callable[[Source], object], text: str) -> int:
-    """How many calls of Python and built-in functions an action makes."""
+    """Number of calls of Python and built-in functions during an action."""
     count = 0
 
     def counted(frame: FrameType, event: str, argument: Any) -> None:

@@ -1,4 +1,4 @@
-"""Where a statement ends: the rules of "Words, numbers, lines", and every trap of sketches/traps.bg."""
+"""Ends of statements: the rules of "Words, numbers, lines", and every trap of sketches/traps.bg."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def only(kind: type[N], body: str) -> N:
     ],
 )
 def test_goes_on(body: str) -> None:
-    """One statement, with one name, whatever the line breaks."""
+    """One statement, with one name, for any line breaks."""
     found = only(tree.Quantities, body)
     assert [i.name for i in found.items] == ["s"]
     assert found.items[0].value is not None

@@ -1,4 +1,4 @@
-"""What does not follow the grammar: all of it is told at once, each mistake on its own line, and nothing else."""
+"""Syntax errors: all of them are reported at once, each on its own line, and nothing else."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_the_place_of_a_mistake(line: str, column: int | None, found: str | None
 
 @pytest.mark.parametrize("character", ["²", "µ", "é", "§", "\u202e", "\x00", "\u00a0", "‐", "→", "🙂"])
 def test_characters_that_the_language_does_not_use(character: str) -> None:
-    """Told with its code, so that an invisible or lookalike character is found; advice is never empty."""
+    """Reported with its code point, so that an invisible or lookalike character is found; advice is never empty."""
     found = told(f"model A {{\n  signal s = a {character} b\n}}")[0]
     assert (found.code, found.span.line, found.span.column) == ("BG002", 2, 16)
     assert found.help

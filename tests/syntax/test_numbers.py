@@ -100,7 +100,7 @@ def test_brackets_after_a_name_are_an_index() -> None:
     "text", [".5", "5.", "1_000", "1e", "0x10", "1.2.3", "1,5", "²", "3 [N/]", "3 [*N]", "3 [N^]", "3 [N N]", "3 []"]
 )
 def test_what_is_no_number(text: str) -> None:
-    """`1_000` parses as a number with the unit `_000`: that it is no unit is told where units are looked up."""
+    """`1_000` parses as a number with the unit `_000`, which is refused where units are looked up."""
     if text in ("1_000", "1e", "0x10"):
         assert isinstance(expression(text), tree.Literal) and literal(text).unit is not None
         return

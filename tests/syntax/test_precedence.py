@@ -1,4 +1,4 @@
-"""Which operator binds first: parsed expressions are evaluated and compared with what the rules say."""
+"""Precedence of operators: parsed expressions are evaluated and compared with the rules."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every node knows its place: line, column and text, whatever line ends, tabs and comments stand before it."""
+"""Every node has its place: line, column and text, after any line ends, tabs and comments."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_windows_line_ends() -> None:
 
 @pytest.mark.parametrize("path", SKETCHES, ids=lambda p: p.stem)
 def test_spans_of_the_sketches(path: Path) -> None:
-    """Names stand where their spans say, numbers begin with their digit, operands lie within their operator."""
+    """Names are at their spans, numbers begin with their digit, operands lie within their operator."""
     source = Source(path.name, path.read_text(encoding="utf-8"))
     count = 0
     for node in nodes(parse(source).statements):

@@ -14,7 +14,7 @@ RECTIFIER = Path(__file__).parent.parent / "golden" / "rectifier.bg"
 
 
 def test_state_and_algebraic_equations_are_those_of_the_program() -> None:
-    """x' and what must vanish, at points that solve nothing: both sides are functions of states and unknowns."""
+    """x' and the residuals, at points that are no solution: both sides are functions of states and unknowns."""
     model = bondgraph.load(RECTIFIER)
     rates, rests = model.state_equations(), model.algebraic_equations()
     assert (list(rates), set(rests)) == (["store.q"], {"store.u", "series.u"})

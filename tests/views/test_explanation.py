@@ -1,4 +1,4 @@
-"""`bondgraph explain`: what is left out, with the parameters that make it so, and what remains."""
+"""`bondgraph explain`: removed elements, with the parameters that cause it, and the remaining ones."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_what_gives_nothing_is_told_with_the_zeros_behind_it() -> None:
 
 
 def test_what_is_set_is_not_left_out() -> None:
-    """A value that this run gives is none that it may specialise on, even if it is zero."""
+    """A value that this run sets allows no specialisation, even if it is zero."""
     found = explain(compiled(TEXT, {"loss": 0.0, "push": 0.0}))
     assert not found.left_out and not found.certificate.unneeded
     assert "nothing: all of the model is needed" in found.text()

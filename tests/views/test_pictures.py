@@ -1,4 +1,4 @@
-"""Pictures of runs and branches: what they draw, and what they refuse; energies over time against closed forms."""
+"""Pictures of runs and branches: their content, and their refusals; energies over time against closed forms."""
 
 from __future__ import annotations
 

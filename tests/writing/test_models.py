@@ -30,7 +30,7 @@ def models(file: Path) -> dict[str, tree.Model]:
 
 
 def whole(file: Path) -> list[tuple[str, str, str | None]]:
-    """The models of a file that stand by themselves, without experiment and with each of their own."""
+    """Models of a file that can run, without experiment and with each of their own."""
     found: list[tuple[str, str, str | None]] = []
     for name, model in models(file).items():
         if compiled(file, model=name).is_part or any(i.value is None for i in items(model)):
@@ -50,7 +50,7 @@ PARTS = [(file.stem, name) for file in sorted(LIBRARY.glob("*.bg")) for name in 
 
 
 def again(original: Compilation) -> Compilation:
-    """The compilation of what the graph says as text, once the two graphs are the same."""
+    """Compilation of the graph's text, after a check that the two graphs are the same."""
     reread = compiled(write_text(original.whole_graph), everything=True)
     Same(original.whole_graph, reread.whole_graph).check()
     return reread
@@ -70,7 +70,7 @@ def test_every_model_comes_back(file: str, model: str, experiment: str | None) -
 
 @pytest.mark.parametrize("file", sorted({f for f, _, _ in GALLERY}))
 def test_the_text_is_formatted_and_stays(file: str) -> None:
-    """It is what `fmt` makes of it, and what is written of the model that it gives, but for the former names."""
+    """`fmt` does not change it, and neither does a second round through a model, except for the former names."""
     for name in [n for f, n, e in GALLERY if f == file and e is None]:
         text = bondgraph.load(MODELS / file, name).text()
         assert format_text(Source("text", text)) == text

@@ -1,4 +1,4 @@
-"""The pieces of a text, at random: expressions, numbers, chains of bonds are read again as what they were."""
+"""Pieces of a text, at random: expressions, numbers, chains of bonds are read back unchanged."""
 
 from __future__ import annotations
 

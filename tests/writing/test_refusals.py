@@ -1,4 +1,4 @@
-"""What no text can say, and names that no text can have."""
+"""Graphs that cannot be written as text, and names that no text can have."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from compiler.writing import write_text
 
 
 def test_everything_that_cannot_be_written_is_told_at_once() -> None:
-    """A 37th root of metres has no unit that can be written; the letters of an untyped law tell no domain."""
+    """A 37th root of metres has no unit that can be written; the letters of an untyped law imply no domain."""
     model = bondgraph.load("""
       model Part { port a: untyped; C c : e = 3*q; a -> c }
       model M {
@@ -112,7 +112,7 @@ def test_what_no_text_can_say() -> None:
 
 
 def test_shared_expressions_that_grow_too_large() -> None:
-    """What is shared in the graph is written out in the text; an exponential text is refused in words."""
+    """Shared expressions of the graph are written out in the text; an exponential text is refused in words."""
     expression = Symbol(0)
     for _ in range(40):
         expression = Apply("multiply", (Apply("sin", (expression,)), Apply("cos", (expression,))))

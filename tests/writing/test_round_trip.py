@@ -1,4 +1,4 @@
-"""Back from a flat graph to text: what is read again is the same graph, with the same laws and the same motion."""
+"""From a flat graph to text and back: the same graph, with the same laws and the same motion."""
 
 from __future__ import annotations
 
@@ -410,7 +410,7 @@ def test_an_output_that_is_not_reported_leaves_no_letter_to_a_law() -> None:
 
 
 def test_constants_of_which_only_a_number_is_left() -> None:
-    """What `a*sin(0)` leaves reads nothing: in the graph it is the number that it is in the text."""
+    """`a*sin(0)` reads nothing: in the graph it is the same number as in the text."""
     flat = there_and_back("""
       model M {
         parameter a = 2 m
