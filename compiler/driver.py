@@ -173,7 +173,7 @@ class Compilation:
     def state_space(self) -> StateSpace:
         with self._instances():
             space = self._reduced
-            if self.scene.companion:  # lossy at each valve, whatever its numbers are
+            if self.scene.companion:  # lossy at each valve, for all its numbers
                 return space
             refuse_singular_loops(space, self.equations, self.scene.free)
             refuse_idle_coordinates(space)

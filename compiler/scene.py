@@ -52,7 +52,7 @@ class Scene:
     ] = ()  # storage -> integral or derivative, chosen again in the middle of a run
     by: tuple[str, ...] = ()  # additional quantities to differentiate by; those that nothing reads are left out
     off: tuple[str, ...] | None = None  # junctions that are off; None: as at the start
-    fixed: frozenset[str] = frozenset()  # of what is set: a zero there is one for the whole run, as if the text said so
+    fixed: frozenset[str] = frozenset()  # of the settings: a zero is fixed for the whole run, as in the text
     conserving: bool = False  # the run asks for the stored energy and its slopes at each step
     companion: bool = False  # the companion network instead of the model; `off` are then its other switched junctions
     opened: bool = (
@@ -203,7 +203,7 @@ class Plan:
     stop: float | None = None
     settings: Mapping[str, float] = field(default_factory=dict)  # rtol, atol, points
     solver: str | None = None  # one of `SOLVERS`
-    bandwidth: float | None = None  # in cycles per second: what is faster need not be followed
+    bandwidth: float | None = None  # in cycles per second: faster modes need not be followed
     tolerances: Mapping[str, float] = field(default_factory=dict)  # variable -> absolute tolerance
     report: tuple[Reported, ...] = ()
     equilibrium: bool = False  # the run starts where all rates vanish
@@ -222,7 +222,7 @@ class Facts:
     units: Mapping[str, str]  # of quantities set when a run begins
     positive: tuple[tuple[str, Formula], ...]  # expressions that must not be negative, over parameters by name
     looped: frozenset[str]  # quantities set when a run begins, on which the solution of a linear loop depends
-    identity: str = ""  # of the equations: a run goes on only from what was computed with the same
+    identity: str = ""  # of the equations: a run continues only from a result of the same
     # Variables and outputs that share a state: the state, and the factor if no parameter determines it.
     following: Mapping[str, tuple[int, float | None]] = field(default_factory=dict)
     valves: tuple[Valve, ...] = ()  # switched junctions that act together

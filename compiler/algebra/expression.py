@@ -91,9 +91,7 @@ class Apply(Expression):
             return False
         if self.operands != other.operands:
             return False
-        other.operands = (
-            self.operands
-        )  # one from now on: what is used several times is compared once, not once for each path
+        other.operands = self.operands  # one object from now on: shared nodes are compared once, not once for each path
         return True
 
     def __repr__(self) -> str:
@@ -108,7 +106,7 @@ def lift(value: Expression | float) -> Expression:
     return value if isinstance(value, Expression) else Number(float(value))
 
 
-# ---------------------------------------------------------------- operators and what they mean for numbers
+# ---------------------------------------------------------------- operators and their values for numbers
 
 
 def _sign(x: float) -> float:
@@ -360,7 +358,7 @@ def call(operator: str, *operands: Expression) -> Expression:
         except (ArithmeticError, ValueError):
             return Apply(operator, operands)  # reported, with a place, when it is evaluated
         if operator in ("sin", "cos") and abs(value) < 4e-16 and abs(numbers[0]) > 0.1:
-            value = 0.0  # a multiple of 90 deg: what rounding leaves would couple what is not coupled
+            value = 0.0  # a multiple of 90 deg: the rounding error would couple independent variables
         if math.isfinite(value):
             return Number(value)
     return Apply(operator, operands)

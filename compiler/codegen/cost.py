@@ -22,7 +22,7 @@ class Line:
     """Operations of one line of the text in each evaluation of the rates, over all its instances."""
 
     span: Span
-    owners: tuple[str, ...]  # the elements, junctions or quantities that stand there
+    owners: tuple[str, ...]  # elements, junctions or quantities of the line
     operations: int
 
 

@@ -32,7 +32,7 @@ class Located:
 class LoweredEvents:
     """Expressions of all events, over `Leaf` symbols."""
 
-    starts: tuple[Expression, ...] = ()  # of what only events change
+    starts: tuple[Expression, ...] = ()  # of discrete variables
     timed: list[int] = field(default_factory=list)  # places in the mode of the conditions on time
     located: list[Located] = field(default_factory=list)
     triggers: tuple[Expression, ...] = ()

@@ -71,12 +71,12 @@ class Lowered:
     starts: tuple[Expression, ...] = ()
     claims: tuple[
         Expression, ...
-    ] = ()  # by how much a start of what is computed is missed; `moved` less the drawing; what is claimed of poses
+    ] = ()  # residuals of the starts of computed variables; `moved` minus the drawing; claims on poses
     forced: tuple[Expression, ...] = ()  # signals of time that must not jump
     invariants: tuple[Expression, ...] = ()  # gaps (and norms), then the rates of gaps: all zero along a run
     invariant_slopes: dict[tuple[int, int], Expression] = field(
         default_factory=dict
-    )  # (invariant, state); of rates only by what no gap depends on
+    )  # (invariant, state); of rates only by states that no residual depends on
     dependents: tuple[Expression, ...] = ()  # contents of storages in derivative form
     sensitivities: dict[tuple[int, int], Expression] = field(
         default_factory=dict

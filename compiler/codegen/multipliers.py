@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from ..reduction import StateSpace
     from .lower import Lowered
 
-DROPPED = 1e-14  # share of its own diagonal below which a pivot is dropped: round-off of what cancels
+DROPPED = 1e-14  # share of its own diagonal below which a pivot is dropped: round-off of cancelling terms
 LARGEST = 40_000  # products of a factorisation that is written out; beyond that it is left to a dense solver
 
 Matrix = dict[tuple[int, int], Expression]  # the lower triangle

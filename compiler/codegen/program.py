@@ -29,8 +29,8 @@ class LimitNote:
     words: str  # the kind of table; the condition as written
     text: str  # the author's
     span: Span
-    stands: Span | None  # where the instance is declared
-    values: tuple[tuple[str, str], ...]  # names and SI units of what it is about
+    stands: Span | None  # declaration of the instance
+    values: tuple[tuple[str, str], ...]  # names and SI units of its quantities
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +128,7 @@ class HybridNote:
     """All of a `Hybrid` except its functions: plain data."""
 
     size: int
-    modes: Names  # of what only events change
+    modes: Names  # of discrete variables
     timed: tuple[int, ...]
     conditions: tuple[ConditionNote, ...]
     events: tuple[EventNote, ...]
@@ -145,7 +145,7 @@ class Hybrid:
     """
 
     size: int
-    modes: Names  # of what only events change
+    modes: Names  # of discrete variables
     start: Callable[[Array], Array]  # constants -> those, at the start
     timed: tuple[int, ...]
     conditions: tuple[ConditionNote, ...]
@@ -221,7 +221,7 @@ class Program:
     jacobian: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, n, n), dense
     output: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, m)
     claims: Callable[[float, Array, Array, Array, Array], Array]  # the same -> residuals of given starts
-    dependents: Names  # of what storages in derivative form hold
+    dependents: Names  # contents of storages in derivative form
     dependent: Callable[[float, Array, Array, Array, Array], Array]  # the same -> those
     sensitivity_pattern: tuple[
         Array, Array
@@ -256,7 +256,7 @@ class Program:
         int, ...
     ]  # the unknowns that `solved` solves for, in its order: multipliers, and balances of massless bodies
     solved: Callable[[float, Array, Array, Array, Array], Array] | None
-    # as derivative, whatever the multipliers in the state: zero in their rows, and then the multipliers; None if there are none
+    # as derivative, for any multipliers in the state: zero in their rows, and then the multipliers; None if there are none
     operations: int = 0  # of the derivative
     differentiated: int = 0  # laws whose derivative was formed
     native: Native | None = None  # addresses of the functions in machine code
@@ -268,7 +268,7 @@ class Program:
     # as output -> all energy that is stored, then its slopes by the states; None if the scene does not ask for it
     time_functions: TimeFunctions | None = None  # None: none has to be looked at
     kept: dict[object, Any] = field(init=False, default_factory=dict, repr=False)
-    # what runs found that depends on the program alone, to be found once: never what depends on the values of a run
+    # results of runs that depend on the program alone, computed once; never those that depend on a run's values
 
     def mode_at(self, time: float, state: Array, inputs: Array, constants: Array) -> Array:
         """Mode at a state, with discrete variables at their start."""

@@ -146,7 +146,7 @@ class Switching:
         elif x.operator == "linear" and x.operands[0] == ZERO:
             knots = domain(
                 x
-            )  # counted on the way from knot to knot, and a sine of the count: one function whatever their number
+            )  # counted from knot to knot, and a sine of the count: one function for any number of knots
             g = call(
                 "sin", Number(pi) * table("linear", operands[1], knots, [Number(float(i)) for i in range(len(knots))])
             )

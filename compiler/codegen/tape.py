@@ -35,7 +35,7 @@ class Tape:
         self._count = len(self._nodes)
         self._places = [self._slots[root] for root in self.roots]
         self._forward: dict[frozenset[Leaf], list[_Moved]] = {}
-        self._between: list[Step] = []  # to the slopes of operators, whatever directions asked for them first
+        self._between: list[Step] = []  # to the partial derivatives of operators, for all directions
 
     def values(self, lookup: Lookup) -> list[float]:
         """Values of the roots at a point; NaN for a root without a value there."""

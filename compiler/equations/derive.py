@@ -82,7 +82,7 @@ class _Nodes:
     def __init__(self, causal: CausalGraph, to: EquationBuilder) -> None:
         self.causal, self.graph, self.to = causal, causal.graph, to
         self.efforts, self.flows, self.bond_of = to.efforts, to.flows, to.bond_of
-        # Of each law once, whatever the number of its elements: solved in a direction, and its energy.
+        # For each law once, for any number of elements: its solution in a direction, and its energy.
         self.formulas: dict[tuple[Law, tuple[Own, ...]], tuple[tuple[Bound, ...], bool, Bound | None]] = {}
         self.energies: dict[tuple[Law, tuple[str, ...]], tuple[Expression | None, tuple[Expression, ...]] | None] = {}
         self.starting: dict[tuple[Law, Own], Bound | None] = {}

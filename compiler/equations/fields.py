@@ -34,7 +34,7 @@ from .tangent import (
 
 UNEQUAL = 1e-6  # slopes that differ by less, in relation to each other, were meant to be equal
 COUPLED = 1e-9  # a difference below this share of the field's own stiffness is round-off
-ROUND_OFF = 1e-12  # of what is summed
+ROUND_OFF = 1e-12  # relative to the terms of a sum
 WITNESSES = 2  # points that must agree on what is wrong
 
 

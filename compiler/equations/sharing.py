@@ -34,7 +34,7 @@ from ..algebra.expression import (
 from ..algebra.formula import Formula, bind
 from .system import Argument, Assignment, EquationSystem, Following, State, Variable
 
-MOST = 32  # terms of a rate: what is longer counts as a flow of its own
+MOST = 32  # terms of a rate: a longer one counts as a flow of its own
 DIGITS = 13  # of a factor by which two rates are the same
 
 Row = dict[int, Expression]  # variable -> constant coefficient
@@ -226,7 +226,7 @@ class _Writer:
     def __init__(self, system: EquationSystem, signals: frozenset[int]) -> None:
         self.old, self.signals = system, signals
         self.variables, self.assignments = list(system.variables), list(system.assignments)
-        self.leaders: dict[int, State] = {}  # by variable, with what they take over
+        self.leaders: dict[int, State] = {}  # by variable, with the data that they take over
         self.following: list[Following] = []
         self.owners = {v: s.element for s in system.storages for v in s.stored}
         self.flows = {p.flow for p in system.ports}

@@ -63,7 +63,7 @@ class Derivative:
     of: int
     span: Span
     owner: str
-    conjugate: int | None = None  # the effort of what holds a displacement, the flow of what holds a momentum
+    conjugate: int | None = None  # effort of a displacement's storage, flow of a momentum's
 
 
 @dataclass(frozen=True, slots=True)

@@ -107,7 +107,7 @@ def points(law: Law, known: Relation, values: tuple[float, ...], base: Mapping[O
             try:
                 yield chosen | dict(zip(wanted, compute(chosen), strict=True))
             except (ArithmeticError, ValueError):
-                continue  # outside of what the law is defined for
+                continue  # outside of the law's domain
 
 
 def _explicit(

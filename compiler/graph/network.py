@@ -196,7 +196,7 @@ class Requirement:
     text: str
     readings: tuple[tuple[str, Reference, str], ...]  # quantities in it: words, reference, SI unit
     span: Span
-    stands: Span | None  # where the instance is declared
+    stands: Span | None  # declaration of the instance
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +213,7 @@ class Action:
 class Event:
     """`when CONDITION { … }` or `every PERIOD { … }`. The condition is 1 if it holds; values are read before any target is set."""
 
-    name: str  # the instance that it stands in, "" for the model itself
+    name: str  # its instance, "" for the main model
     condition: Bound  # of a sampled one it never holds
     words: str
     actions: tuple[Action, ...]

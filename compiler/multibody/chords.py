@@ -43,7 +43,7 @@ class _Relative:
     spin: Vector
     inside: Turn
     axial: AxialTurn | None = None  # if it is about one axis at all times
-    back: Turn = NO_TURN  # seen from the world: what turns the torque on the second body to that on the first
+    back: Turn = NO_TURN  # in world axes: rotation of the torque on the second body to that on the first
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ class Link:
     """Link with one elementary freedom. `reverse` if the joint was drawn from it; fixed ones keep their start."""
 
     step: Step
-    part: Joint | Body  # what has the coordinates: a body that floats has its own
+    part: Joint | Body  # owner of the coordinates: a floating body has its own
     parent: int | None  # a link; None: ground
     reverse: bool
     bodies: tuple[Body, ...]  # the first of them has its point of reference in its centre of mass

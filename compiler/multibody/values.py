@@ -46,7 +46,7 @@ class Values:
     def _value(self, variable: int, definition: Expression) -> float:
         try:
             return evaluate(definition, self.known.__getitem__)
-        except (ArithmeticError, ValueError):  # the root of what a run sets, which may be anything here
+        except (ArithmeticError, ValueError):  # the root of a run's value, which may be any number here
             return _anything(variable)
 
 

@@ -16,7 +16,7 @@ LIBRARY = (
 )  # fmt: skip
 
 _view: Any = (ctypes.c_char * 0).from_buffer  # of arrays without items, too
-AS_WRITTEN = -1  # a level: what the text says with the best instructions, but without passes over it
+AS_WRITTEN = -1  # a level: the text with the best instructions, but without optimization passes
 
 
 @lru_cache
@@ -136,7 +136,7 @@ def _library() -> Iterable[tuple[str, int]]:
     if sys.platform == "win32":
         places = [ctypes.CDLL("ucrtbase")]
     else:
-        name = "libm.so.6" if sys.platform == "linux" else None  # elsewhere it is part of what is always there
+        name = "libm.so.6" if sys.platform == "linux" else None  # elsewhere it is part of the process
         places = [ctypes.CDLL(None), *([ctypes.CDLL(name)] if name else [])]
     for word in LIBRARY:
         for place in places:

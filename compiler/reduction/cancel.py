@@ -17,7 +17,7 @@ from ..equations.system import Assignment, EquationSystem
 ROUNDING = 5e-15  # of coefficients that are products of numbers
 LONGEST = 12  # factors of a product; one of more is left as it is
 
-# A number, and the powers of variables and of what is no product.
+# A number, and the powers of variables and of other factors.
 Product = tuple[float, frozenset[tuple[Expression, int]]]
 
 

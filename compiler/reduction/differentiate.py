@@ -123,7 +123,7 @@ class Differentiator:
             if isinstance(argument, float) or (assignment.implicit and argument == variable):
                 continue
             by_time = by_time or self.variables[argument].role == "time"
-            inner = self._derivative(argument, item)  # also where the slope vanishes: what jumps with time has none
+            inner = self._derivative(argument, item)  # also if the slope is zero: a jump in time has no derivative
             slope = ZERO if inner == ZERO else derivative(assignment.formula.expression, Symbol(slot))
             if slope != ZERO:
                 terms.append(multiply(_put(slope, assignment), inner))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from .slopes import Slopes, slopes_at_start
 from .state_space import StateSpace
 
-SMALL = 1e-9  # share of the largest slope of its unit: what is left of rows that follow from others
+SMALL = 1e-9  # share of the largest slope of its unit: remainder of dependent rows
 LARGEST = 200  # gaps that are looked at
 
 

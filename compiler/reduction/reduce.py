@@ -65,7 +65,7 @@ class _Reduction:
             wanted += [v for s in system.storages for v in s.stored]
         if not wanted:
             raise CompilationFailed([NothingToCompute(self.span)])
-        if system.switches:  # what is stored goes on where other junctions are on, whatever is read of it here
+        if system.switches:  # contents continue in other positions of the switches, even if not read here
             wanted += [s.condition for s in system.switches] + [s.variable for s in system.states]
             wanted += [v for d in system.derivatives for v in (d.target, d.of)]
             conjugates = [s.conjugate for s in system.states] + [d.conjugate for d in system.derivatives]
@@ -197,9 +197,7 @@ class _Reduction:
             for v in partial:
                 inputs[v] = [a for a in self.assigned[v].arguments if not isinstance(a, float)]
         cut, order = tear(free, inputs)
-        if (
-            bound
-        ):  # inside of a step they belong to its unknowns: what they decide stays sparse, whatever the number of loops
+        if bound:  # unknowns of a step: the system stays sparse for any number of loops
             return self._nonlinear([*bound, *cut], order, members)
         linear = None if partial else self._linear(block, cut, order, members)
         if linear is not None:

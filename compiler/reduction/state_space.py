@@ -77,7 +77,7 @@ class Dependent:
     """Stored quantity of a storage port in derivative form, computed from states."""
 
     variable: int
-    element: str  # "" for what shares the state of another, and may have to become a state where storages change places
+    element: str  # "" for a follower of another state, which may become a state if storages change their form
     conjugate: int | None = None
 
 
@@ -116,7 +116,7 @@ class StateSpace:
     balances: tuple[Balance, ...] = ()
     pieced: frozenset[int] = (
         frozenset()
-    )  # derivatives of others, and what is computed in pieces: conditions there are nobody's
+    )  # derivatives of others, and smoothly joined pieces: their conditions are no events
     discretes: tuple[Discrete, ...] = ()
     events: tuple[EventRow, ...] = ()
     switches: tuple[Switch, ...] = ()

@@ -205,7 +205,7 @@ class _Opened:
         starts = read_starts(elaborator, self.experiment, elaborator.root, nodes.nodes)
         requirements = read_requirements(elaborator)
         events = read_events(elaborator, nodes.nodes)
-        elaborator.integrals()  # which may read delays
+        elaborator.integrals()  # these may read delays
         delays = elaborator.delays()
         plan, outputs = read_plan(elaborator, self.experiment, elaborator.root, self.scene)
         _check_overrides(elaborator, self.scene)

@@ -51,7 +51,7 @@ class Place(NamedTuple):
     multi: bool
     kind: str
     written: tree.Path | tree.Nest
-    ports: tuple[str, ...] = ()  # all ports of what it is on
+    ports: tuple[str, ...] = ()  # all ports of its node
 
     @property
     def words(self) -> str:

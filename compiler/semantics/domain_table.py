@@ -263,7 +263,7 @@ def _mechanism_ends(
     return result
 
 
-# What laws of one model tell by their letters, by their words, whether they have two sides, and the port that is asked about.
+# Cache for the laws of one model: (words of the law, two-sided, port) -> letters used there, and the domain that they imply.
 Told = dict[tuple[str, bool, str], tuple[set[str], str | None]]
 
 

@@ -28,7 +28,7 @@ STORED: Mapping[str, str] = {"C": "q", "I": "p", "IC": "qp"}
 _STORED_WORD = {"C": "displacement", "I": "momentum", "IC": "displacements and momenta"}
 
 
-# Tells what a slot's path is in a scope: a scalar with its role.
+# Function from a slot's path and a scope to a scalar with its role.
 RoleOf = Callable[[Slot, Scope], Scalar]
 
 

@@ -9,8 +9,8 @@ from ..graph.mechanism import FREEDOMS, SPATIAL_JOINTS
 
 COORDINATE = ("start", "limits", "rest", "locked")  # of a joint that leaves something
 
-# In the plane `angle` turns, in space `turn = (rx, ry, rz)`, a rotation vector; what has an axis names it in space:
-# `along` of what slides, `about` of what turns.
+# Rotation: `angle` in the plane, `turn = (rx, ry, rz)`, a rotation vector, in space. Axes are named in space:
+# `along` for translation, `about` for rotation.
 PLANAR: Mapping[str, tuple[str, ...]] = {
     "body": ("mass", "inertia", "at", "angle", "start"),
     "frame": ("at", "axes", "start"),

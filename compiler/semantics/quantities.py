@@ -140,7 +140,7 @@ class QuantityResolver(Resolver):
                     try:
                         entry = entry.items.get(self.index_of(step, pending.scope) or ())
                     except (Wrong, AlreadyTold):
-                        entry = None  # told when it is read
+                        entry = None  # reported when it is read
             if isinstance(entry, Pending):
                 yield entry
 

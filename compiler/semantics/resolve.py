@@ -296,7 +296,7 @@ class Resolver(ABC):
         if entry is None:
             entry = self._file_constant(path.head, scope)
         if entry is None:
-            here = scope.names() if path.steps else _readable(scope)  # before a point may stand an element
+            here = scope.names() if path.steps else _readable(scope)  # an element may be before a point
             names = chain(here, scope.definition.file.constants)
             hint = suggestion(path.head, names, "Declare it with `parameter`, `constant`, `signal` or `input`.")
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))

@@ -99,8 +99,8 @@ class Pending:
     role: str
     name: str  # full name
     value: tree.Expression | None  # the binding, or the default
-    scope: Scope  # where `value` is read
-    owner: Scope  # where the quantity is declared
+    scope: Scope  # scope in which `value` is read
+    owner: Scope  # scope of the declaration
     is_default: bool
     state: str = "waiting"  # waiting, busy, done, broken
     result: Scalar | Items | None = None
@@ -245,7 +245,7 @@ class Scope:
     suffix: str = ""  # "[2]" in the second round of a loop
     outer: Scope | None = None
     entries: dict[str, Entry] = field(default_factory=dict)
-    stands: Span | None = None  # where the instance is declared
+    stands: Span | None = None  # declaration of the instance
 
     @property
     def plain(self) -> bool:

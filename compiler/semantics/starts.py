@@ -36,7 +36,7 @@ class Starts:
     parts: dict[tuple[str, str], Bound] = field(default_factory=dict)  # mechanism and `guide[1].x`, `guide[1].x.f`
     integrals: dict[str, Bound] = field(default_factory=dict)
     modes: dict[str, Bound] = field(default_factory=dict)
-    places: dict[tuple[str, str], Span] = field(default_factory=dict)  # where each is given
+    places: dict[tuple[str, str], Span] = field(default_factory=dict)  # place of each
 
     def quantities(self, named: dict[str, Named]) -> dict[str, Named]:
         """Quantities with these starts of modes."""

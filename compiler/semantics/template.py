@@ -34,7 +34,7 @@ class Slot:
 
     path: tree.Path | tree.Call  # a call is `integral(…)` or `delay(…)`, a signal of its own
     item: int | None
-    base: bool = False  # read where the model stands, not in a round of a loop: by a function of the model
+    base: bool = False  # read in the scope of the instance, not of a loop: by a function of the model
 
     @property
     def words(self) -> str:
@@ -50,7 +50,7 @@ class Check:
     span: Span
     places: tuple[Expression, ...]
     values: tuple[Expression, ...]
-    cells: tuple[Span, ...] = ()  # where the places are written, one by one
+    cells: tuple[Span, ...] = ()  # places of the numbers in the text
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class Template:
         return self.value
 
 
-# What a path reads, seen by the compiler of expressions: its dimension, or those of its items.
+# Quantity of a path, for the compiler of expressions: its dimension, or those of its items.
 @dataclass(frozen=True, slots=True)
 class Readable:
     """Quantity that a path denotes in an expression."""

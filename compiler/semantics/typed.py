@@ -78,7 +78,7 @@ class ExpressionCompiler:
         """Value after `name : unit =`: a bare number, alone or in a list, is in that unit; any other expression has its own."""
         if isinstance(expression, tree.Vector) and len(expression.items) <= MAXIMUM_ITEMS:
             return tuple(self._item_in_unit(item) for item in expression.items)
-        if isinstance(expression, tree.Call) and expression.function == "column":  # the unit stands in its header
+        if isinstance(expression, tree.Call) and expression.function == "column":  # its header has the unit
             self.unit = None
             return self.value(expression)
         return self._item_in_unit(expression)

@@ -71,11 +71,11 @@ class _Word:
     line: int
     column: int  # in the text as it was; a tab reaches to the next stop
     before: _Word | None  # the word before it in its line
-    begins: bool  # whether the lexer saw a statement end before it, or a block begin
+    begins: bool  # True if a statement ends or a block begins before it
     unary: bool = False  # a sign, no operator between two
     usual: int = 0  # the usual distance from the word before it
     free: bool = False  # at the end of a line, where the author decides how far
-    depth: int = 0  # of the first word of a line: how deep it is indented, unless it stands below something
+    depth: int = 0  # indentation of the first word of a line, unless it is aligned
     below: _Word | None = None  # word under which it is aligned
     brace: _Word | None = None  # of a brace that closes attributes: the one that opens them
     new: int = -1  # new column
@@ -189,7 +189,7 @@ class _Block:
     brace: _Word | None = None  # the brace that opened it
     beside: _Word | None = None  # the word that follows that brace in the same line
     first: str = ""
-    by_column: dict[int, _Word] = field(default_factory=dict)  # its words, but for punctuation and what begins a line
+    by_column: dict[int, _Word] = field(default_factory=dict)  # its words, except punctuation and the first of a line
     brackets: list[_Word] = field(default_factory=list)  # those that are open in it
 
 

@@ -25,7 +25,7 @@ class Rule:
     taken: (
         tuple[tuple[int, bool, int], ...] | None
     )  # place, whether it is a list to be opened, how many None before; None: all
-    after: int  # how many None behind
+    after: int  # number of None after them
     single: bool  # a single part is passed on
 
 

@@ -22,7 +22,7 @@ from ..syntax import parse_expression
 from .errors import UnwrittenNumber, UnwrittenSize
 from .literals import Refused, number_text, unit_after
 
-MAXIMUM_TERMS = 200_000  # of one expression: what is shared in the graph is written out here
+MAXIMUM_TERMS = 200_000  # of one expression: parts shared in the graph are written out here
 
 
 class Word(NamedTuple):

@@ -39,7 +39,7 @@ def mechanism_lines(mechanism: Mechanism, names: Names, words: Words) -> Iterato
     for frame in mechanism.frames:
         yield part("frame", frame.name, f" : {mapped.get(frame.body, frame.body)}", writer.frame(frame))
     for joint in mechanism.joints:
-        first, second = (mapped.get(b, b) for b in (joint.first, joint.second))  # `ground` is none of its parts
+        first, second = (mapped.get(b, b) for b in (joint.first, joint.second))  # `ground` is no part
         attributes = writer.joint(joint, bool({joint.first, joint.second} & frames))
         yield part(joint.kind, joint.name, f" : {first} to {second}", attributes)
     yield "}"

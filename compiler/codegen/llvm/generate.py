@@ -16,7 +16,7 @@ from .write import Module
 Compile = Callable[[str, int], bytes]
 
 # LLVM takes more than proportional time for long functions without branches: lines up to which a level of it is used. Code at level 0
-# takes about 1.5 times as long as code at level 2, which is soon less than what compiling it better would take.
+# takes about 1.5 times as long as code at level 2, which is soon less than the time for better compilation.
 LEVELS = ((1_500, 2), (4_000, 1))
 
 

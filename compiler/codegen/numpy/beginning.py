@@ -257,7 +257,7 @@ ROOT = '''def _root(x, n):
     return np.where(n % 2 == 0, np.nan, sign * np.power(x * sign, 1 / n))[()]
 '''
 
-# Operators, and what a module that has one of them needs.
+# Operators, and the functions that a module with one of them needs.
 NEEDED = (
     ({"linear", "cubic", "monotone", "inverse"}, TABLES),
     ({"inverse"}, INVERSE),

@@ -20,7 +20,7 @@ from .body import Body, number
 from .names import Identifiers
 
 FIXED, FULL = "constants", "time, state, inputs, constants, mode"
-Written = tuple[str, str, str, Sequence[Expression]]  # a function's name, arguments, what it is, and what it returns
+Written = tuple[str, str, str, Sequence[Expression]]  # a function's name, arguments, description, and results
 
 
 class Writer:
