@@ -77,7 +77,7 @@ def test_a_pair_and_a_single_input() -> None:
 
 
 def test_a_single_input_whose_force_goes_with_its_square(tmp_path: Path) -> None:
-    """From zero, where it has no slope: k x = c push^2, at rest, along a path and in the model that is written."""
+    """From zero, where its derivative is zero: k x = c push^2, at rest, along a path and in the written model."""
     model = bondgraph.load(SPRING)
     found = model.invert({"x": "2 um"}, ["push"])
     assert found.inputs["push"] == pytest.approx(math.sqrt(8 * 2e-6 / 2e-6), rel=1e-12)

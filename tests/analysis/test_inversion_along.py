@@ -195,7 +195,7 @@ def test_what_is_not_smooth_enough_is_told(manipulator: Any, degree: int, told: 
 
 
 def test_inputs_that_jump_are_told(manipulator: Any) -> None:
-    """smoothstep7 has three continuous derivatives, as many as states take; so the volts, which take the fourth, jump."""
+    """smoothstep7 has three continuous derivatives, as many as the states need; so the volts, which need the fourth, jump."""
     found = manipulator.invert(
         {"x": "8 um*smoothstep7(time, 1 ms, 5 ms)", "y": 0.0, "phi": 0.0}, PAIRS, to="6 ms", points=61
     )

@@ -129,7 +129,7 @@ def ours(scene: Scene, tolerances: Sequence[float], right: Reference, clock: Clo
 def run_at(
     scene: Scene, tolerances: Sequence[float], right: Reference, clock: Clock, solver: str | None = None
 ) -> tuple[Curve, Curve]:
-    """Of the steps alone, where they are made in machine code, and of whole runs."""
+    """Time of the steps alone, if they are machine code, and of whole runs."""
     model = scene.load()
     alone: dict[float, Point] = {}
     all_of_it: dict[float, Point] = {}

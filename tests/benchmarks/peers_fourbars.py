@@ -141,7 +141,7 @@ class PinocchioRow:
         return y
 
     def run(self, steps: int, regularised: float) -> Run:
-        """Dormand and Prince's method of order 8 with steps of one length. `regularised`: how much the library damps what is singular."""
+        """Dormand and Prince's method of order 8 with steps of one length. `regularised`: damping of singular systems by the library."""
         from scipy.integrate._ivp import dop853_coefficients as method
 
         self.settings = self.pin.ProximalSettings(1e-12, regularised, 10)

@@ -103,10 +103,10 @@ def test_larger_graphs_with_wishes() -> None:
 
 
 def by_networkx(small: Small) -> int | None:
-    """The most storages in integral form as a maximum weight matching of networkx, built from the drawing; None if there is none.
+    """Maximum number of storages in integral form, as a maximum weight matching of networkx; None if there is none.
 
-    Junctions are vertices. A bond that decides both of its ends or neither is an edge; one that decides one of its ends goes over a
-    vertex of its own. A one-port is a vertex of its own, worth something if its storage is in integral form.
+    Junctions are vertices. A bond that determines both of its ends or neither is an edge; one that determines one of its ends goes over a
+    vertex of its own. A one-port is a vertex of its own, with a weight if its storage is in integral form.
     """
     graph = networkx.Graph()
     required = {f"j{n}" for n in range(len(small.types))}

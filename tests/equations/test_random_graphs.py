@@ -208,8 +208,7 @@ def _check_state(example: Example, compilation: Any, running: Running, numbers: 
 
 
 def _check_jacobian(running: Running, x: Any) -> None:
-    """Against central differences; where a loop bends sharply only those of a shorter step see its slope, where it is ill-conditioned
-    only those of a longer one."""
+    """Compare with central differences. At a sharp bend only a shorter step gives the slope of a loop, in an ill-conditioned case only a longer one."""
     running = Running(running.program, running.time, running.full(x)[running.count :])  # of several solutions the same
     exact = running.jacobian(x)
     for step, last in ((1e-6, False), (1e-7, False), (1e-5, True)):

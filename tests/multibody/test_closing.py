@@ -460,7 +460,7 @@ model Turn {
 
 @pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
 def test_other_rows_take_part_where_the_first_ones_fail(target: str, tmp_path: Path) -> None:
-    """A four-bar on a turntable: which of the gaps of its last hinge says something changes as it turns; nothing is singular there.
+    """A four-bar on a turntable: the independent constraints of its last hinge change as it turns; no pose is singular.
 
     It keeps its plane, its energy, and its momentum about the table's axis.
     """

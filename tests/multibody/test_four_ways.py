@@ -77,7 +77,7 @@ SPRING = """    constant arm = 120 deg*(i - 1)
 
 
 def instead(text: str, *changes: tuple[str, str]) -> str:
-    """The text with each of these, which it has once, replaced."""
+    """The text with each of these replaced; each occurs once."""
     for old, new in changes:
         assert text.count(old) == 1, f"{old!r} is no longer in the model once"
         text = text.replace(old, new)

@@ -1,7 +1,7 @@
-"""Files that want to take the machine: each is refused in words, after a bounded amount of work.
+"""Files made to exhaust the machine: each is refused in words, after a bounded amount of work.
 
 Work is counted in calls, which are the same on every machine; a million calls take less than a second. Building the tree of a
-large text is linear (`tests/syntax/test_growth.py`), so texts here are short and ask for much.
+large text is linear (`tests/syntax/test_growth.py`), so texts here are short and need much work.
 """
 
 from __future__ import annotations

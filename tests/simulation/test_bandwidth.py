@@ -176,7 +176,7 @@ def test_a_manipulator_that_starts_off(manipulator: bondgraph.Model) -> None:
 
 @pytest.mark.parametrize("target", ["numpy", pytest.param("native", marks=pytest.mark.machine_code)])
 def test_nothing_rings(manipulator: bondgraph.Model, target: str) -> None:
-    """Bit by bit what it is without a bandwidth, whether nothing is faster or nothing that is rings."""
+    """Bit by bit the same as without a bandwidth, if no mode is faster, or no faster mode rings."""
     quiet = manipulator.simulate("quiet", target=target, to="6 ms")
     for bandwidth, told in (("50 kHz", "3 modes are faster, and none rings"), ("10 MHz", "nothing in it is faster")):
         found = manipulator.simulate("quiet", target=target, to="6 ms", bandwidth=bandwidth)

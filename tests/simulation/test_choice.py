@@ -38,7 +38,7 @@ def pair(ratio: str, extra: str = "") -> str:
     ],
 )
 def test_two_capacitors(ratio: str, n: object) -> None:
-    """No power goes in, so u_b^2 (B + A n^2) is constant; where n is nothing a holds nothing, where it is large b does."""
+    """No power is supplied, so u_b^2 (B + A n^2) is constant; for small n the charge is in b, for large n in a."""
     assert callable(n)
     found = bondgraph.load(pair(ratio)).simulate(to=6, points=121, rtol=1e-9, energy=True)
     ratios = n(found.time)

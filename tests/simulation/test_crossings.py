@@ -265,7 +265,7 @@ def test_the_peak_of_friction_before_a_stop_is_not_stepped_over(row: tuple[Any, 
 
 
 def test_a_flat_zero_takes_few_evaluations() -> None:
-    """x^9 from -1 to 4: where interpolation is not safe the interval is halved, else that would take twice as many."""
+    """x^9 from -1 to 4: the interval is halved if interpolation is not safe, else that would take twice as many."""
     count = 0
 
     def ninth(x: float) -> float:

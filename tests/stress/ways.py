@@ -14,7 +14,7 @@ from bondgraph.model import Model
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A back-end and a solver, where one is asked for by name; `arguments` of `Model.simulate`."""
+    """A back-end and a solver, if one is named; `arguments` of `Model.simulate`."""
 
     name: str
     target: str
