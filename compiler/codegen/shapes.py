@@ -277,7 +277,7 @@ class _Planner:
         return found, level
 
     def _copy(self, place: int, root: Expression) -> None:
-        """A copied value: a number, an item of an array, or a value computed for another place."""
+        """Copy a value to its place: a number, an item of an array, or a value computed for another place."""
         shape = _Shape(self, {})
         expression = shape.leaf(root)
         kernel = self.shapes.kernel(expression, shape.reads, shape.numbers, 1)
