@@ -1,11 +1,13 @@
-"""Turns that move nothing and that nothing drives: of a point mass on rods, of one on a hinge through its centre, of a thin bar hung at its ends.
+"""Idle rotations, which move no inertia and which nothing drives.
 
-A link about whose point (or line) all that it carries and all that holds or pushes it is symmetric feels no torque there and has no inertia there. As the
-limit of a body with ever less inertia it keeps its spin. So an inertia about that point or line is added to its matrix, of any size: along it the spin's
-rate vanishes, and so does all that the addition does. Loads and energies are written without it.
+Examples: a point mass on rods or on a hinge through its centre, a thin bar hung at its ends. A link that is symmetric about a point (or line), with
+all bodies it carries and all joints and loads on it, feels no torque there and has no inertia there. As the limit of a body with less and less
+inertia it keeps its angular velocity. So an inertia about that point or line, of any size, is added to its matrix: the angular acceleration along
+it is zero, and so is the effect of the addition. Loads and energies are written without it.
 
-Symmetry is looked at by numbers, with the parameters of this scene and with others: what holds for these values alone is no symmetry, as a run may
-set them. A ball that leaves a turn about a line alone is refused as before: its coordinates are the model's own, and a universal joint has none too many.
+Symmetry is checked numerically, with the parameters of this scene and with others: a property of these values alone is no symmetry, as a run may
+change them. A ball whose only idle rotation is about a line is refused as before: its coordinates are in the model, and a universal joint has
+none too many.
 """
 
 from __future__ import annotations
@@ -34,19 +36,19 @@ HINGED = frozenset({"hinge", "cylinder"})
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Whatever holds, pushes or weighs a link: points, and lines through points; in the drawing, world axes."""
+    """Geometry of the joints, forces and masses of a link: points, and lines through points; in the drawing, world axes."""
 
     points: tuple[Vector, ...]
     lines: tuple[tuple[Vector, Vector], ...]
 
     @property
     def places(self) -> tuple[Vector, ...]:
-        """All points, those of the lines too."""
+        """All points, with those of the lines."""
         return (*self.points, *(p for p, _ in self.lines))
 
 
 def idle_turns(kinematics: Kinematics, recursion: Recursion, driving: Set[str]) -> Mapping[int, Matrix]:
-    """For each link with an idle turn, the inertia that is added: 3 x 3, own axes. `driving`: ports with efforts or flows."""
+    """For each link with an idle rotation, the added inertia: 3 x 3, link axes. `driving`: ports with efforts or flows."""
     values = (Values(kinematics.script), Elsewhere(kinematics.script))
     driven = bonded_joints(driving) | {
         end for j in kinematics.tree.closing if j.kind in COUPLINGS for end in (j.first, j.second)
@@ -65,7 +67,7 @@ def idle_turns(kinematics: Kinematics, recursion: Recursion, driving: Set[str]) 
 
 
 def _about(way: Sequence[Vector], size: float, values: Values) -> Matrix:
-    """Some inertia about directions: the sum of their squares."""
+    """Inertia about directions: a weighted sum of their dyadic squares."""
     shares = [Number(size / sum(values.of(x) ** 2 for x in v)) for v in way]
     a, b, c = (
         [add(*(multiply(s, v[row], v[k]) for s, v in zip(shares, way, strict=True))) for k in range(3)]
@@ -76,7 +78,7 @@ def _about(way: Sequence[Vector], size: float, values: Values) -> Matrix:
 
 # ---------------------------------------------------------------- what holds a link
 def _held(kinematics: Kinematics, moving: Moving, driving: Set[str], driven: Set[str]) -> Held | None:
-    """Whatever holds, pushes or weighs a link; None where that is more than points and lines."""
+    """Geometry of the joints, forces and masses of a link; None if it is more than points and lines."""
     on, place, index = kinematics.on, kinematics.tree.place, moving.index
     points: list[Vector] = []
     lines: list[tuple[Vector, Vector]] = []
@@ -118,12 +120,12 @@ def _is_on(on: Mapping[str, str], place: Mapping[str, int | None], end: str, ind
 
 
 def _place(kinematics: Kinematics, end: str) -> Vector:
-    """Where an end of a rod or distance is in the drawing."""
+    """Position of an end of a rod or distance in the drawing."""
     return kinematics.script.place(kinematics.mechanism.point_of(end), f"{end} at")
 
 
 def _pushed(kinematics: Kinematics, index: int, driving: Set[str]) -> list[Vector] | None:
-    """Points of a link at which ports push; None if one twists."""
+    """Points of a link at which ports exert forces; None if a port exerts a torque."""
     mechanism, place = kinematics.mechanism, kinematics.tree.place
     own = {b.name: "world" for b in mechanism.bodies if place[b.name] == index}
     own |= {f.name: f.axes for f in mechanism.frames if _is_on(kinematics.on, place, f.name, index)}
@@ -149,7 +151,7 @@ def _weighed(kinematics: Kinematics, moving: Moving) -> list[Vector]:
 
 # ---------------------------------------------------------------- symmetry
 def _way(kinematics: Kinematics, moving: Moving, held: Held, values: Sequence[Values]) -> Sequence[Vector] | None:
-    """The directions, own axes, about which a link turns idly: three for a point, one for a line; None if there is none."""
+    """Directions, link axes, of a link's idle rotations: three for a point, one for a line; None if there is none."""
     places = held.places
     apart = [minus(p, places[0]) for p in places[1:]]
     apart = [v for v in apart if not _is_nothing(v, places, values)]
@@ -164,7 +166,7 @@ def _way(kinematics: Kinematics, moving: Moving, held: Held, values: Sequence[Va
 
 
 def _inertia(kinematics: Kinematics, body: Body) -> list[Expression]:
-    """xx, yy, zz, xy, xz, yz."""
+    """Entries xx, yy, zz, xy, xz, yz."""
     of, letters = body.inertia, ("xx", "yy", "zz", "xy", "xz", "yz")
     return [kinematics.script.constant(getattr(of, c), f"{body.name} inertia {c}", "kg*m^2") for c in letters]
 
@@ -174,7 +176,7 @@ def _is_point(kinematics: Kinematics, body: Body) -> bool:
 
 
 def _is_singular(kinematics: Kinematics, body: Body, values: Values) -> bool:
-    """Whether a body has no inertia about some direction that it may turn about."""
+    """Return True if a body has no inertia about some direction that it may turn about."""
     xx, yy, zz, xy, xz, yz = (values.of(x) for x in _inertia(kinematics, body))
     if kinematics.mechanism.planar:
         return zz == 0.0
@@ -183,7 +185,7 @@ def _is_singular(kinematics: Kinematics, body: Body, values: Values) -> bool:
 
 
 def _is_thin(kinematics: Kinematics, body: Body, way: Vector, values: Sequence[Values]) -> bool:
-    """Whether a body has no inertia about a direction through its centre."""
+    """Return True if a body has no inertia about a direction through its centre."""
     turn = kinematics.script.place(body.turn, f"{body.name} turn", "1")
     for each in values:
         xx, yy, zz, xy, xz, yz = (each.of(x) for x in _inertia(kinematics, body))
@@ -195,7 +197,7 @@ def _is_thin(kinematics: Kinematics, body: Body, way: Vector, values: Sequence[V
 
 
 def _turned_back(v: Numbers, turn: Numbers) -> Numbers:
-    """A vector of the world in axes that are turned by a rotation vector (Rodrigues)."""
+    """World vector in axes that are rotated by a rotation vector (Rodrigues)."""
     angle = hypot(*turn)
     if angle == 0.0:
         return v
@@ -206,12 +208,12 @@ def _turned_back(v: Numbers, turn: Numbers) -> Numbers:
 
 
 def _is_nothing(v: Vector, places: Sequence[Vector], values: Sequence[Values]) -> bool:
-    """Whether a difference of places is rounding."""
+    """Return True if a difference of positions is only rounding."""
     return all(hypot(*_of(each, v)) <= SAME * max(hypot(*_of(each, p)) for p in places) for each in values)
 
 
 def _is_along(a: Vector, b: Vector, values: Sequence[Values]) -> bool:
-    """Whether two directions are one, or opposite."""
+    """Return True if two directions are parallel or antiparallel."""
     pairs = [(_of(each, a), _of(each, b)) for each in values]
     return all(hypot(*_cross(x, y)) <= SAME * hypot(*x) * hypot(*y) for x, y in pairs)
 

@@ -1,7 +1,7 @@
-"""Ranks of joints by what they are and join, not by their names or the order of declarations: loops are cut where these say.
+"""Ranks of joints by their kinds and bodies, not by their names or the order of declarations: they decide where loops are cut.
 
-Colours are refined as by B. Weisfeiler and A. Leman (1968): a group of bodies differs from another where its own data or its joints do, or the
-groups behind these. Where all are alike, as the legs of a symmetrical mechanism, the order of declarations is left to decide.
+Colour refinement of B. Weisfeiler and A. Leman (1968): groups of bodies differ if their own data or their joints differ, or the
+groups behind these. If all are equal, as the legs of a symmetrical mechanism, the order of declarations decides.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ def joint_ranks(
     group_of: Callable[[str], str],
     kept_in: Sequence[Set[str]],
 ) -> tuple[Ranks, Ranks]:
-    """The rank of each joint by its name, and of each group of bodies; alike ones share it. `kept_in`: sets of joints that had better not close a loop,
-    the most important first."""
+    """Rank of each joint by its name, and of each group of bodies; equal ones share it.
+
+    `kept_in`: sets of joints that should not close a loop, the most important first.
+    """
     kinds = {
         j.name: (*(j.name not in kept for kept in kept_in), len(j.freedoms), j.kind, *map(_words, _vectors(j)))
         for j in joints
@@ -45,13 +47,13 @@ def joint_ranks(
 
 
 def _ranked(keys: Mapping[str, Any]) -> dict[str, int]:
-    """The place of each key among the different ones, in their order."""
+    """Position of each key among the distinct ones, in sorted order."""
     places = {text: place for place, text in enumerate(_distinct(keys.values()))}
     return {name: places[repr(key)] for name, key in keys.items()}
 
 
 def _distinct(keys: Iterable[Any]) -> list[str]:
-    """Different keys in their order, as text."""
+    """Distinct keys in sorted order, as text."""
     return [repr(key) for key in sorted({repr(k): k for k in keys}.values())]
 
 
@@ -60,10 +62,10 @@ def _vectors(joint: Joint) -> tuple[Bound, ...]:
 
 
 def _data(body: Body) -> tuple[str, ...]:
-    """The mass and the place of a body."""
+    """Mass, position and inertia zz of a body."""
     return tuple(map(_words, (body.mass, *body.position, body.inertia.zz)))
 
 
 def _words(bound: Bound) -> str:
-    """The form of an expression with its numbers, whatever its symbols are called."""
+    """Form of an expression with its numbers, without the names of its symbols."""
     return repr(bound.formula.expression)

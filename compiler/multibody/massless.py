@@ -98,7 +98,7 @@ def _outside(tree: Tree, links: set[int]) -> set[int]:
 def _reached(
     kinematics: Kinematics, recursion: Recursion, values: Values, joint: Joint, links: set[int]
 ) -> Lent | None:
-    """Mass and inertia of links that all turn in one point, by how far the closing joint is from it; None as before."""
+    """Mass, and inertia from the distance of the closing joint, of links that all turn about one point; None as in `measured`."""
     if joint.kind in COUPLINGS:
         return None
     script, spans = kinematics.script, joint.kind in SPANS

@@ -71,7 +71,7 @@ class Recursion:
                 self._outwards(index)
 
     def own_matrix(self, moving: Moving) -> Square:
-        """The inertia of what a link carries, with what is added about idle turns."""
+        """Inertia matrix of a link's bodies, with the addition about idle rotations."""
         inertia, added = self.inertias[moving.index], self.idle.get(moving.index)
         if added is not None:
             inertia = replace(inertia, tensor=summed(inertia.tensor, added))

@@ -162,8 +162,10 @@ class _Growth:
         return found
 
     def _order(self, neighbours: Mapping[str, Sequence[tuple[str, Joint]]], ranks: Ranks, groups: Ranks) -> list[str]:
-        """Joints in the order in which a tree reaches them that grows breadth first from the ground, then from the remaining bodies. Of joints
-        equally near the ranks decide, so that loops are cut at the joint with the most coordinates."""
+        """Joints in the order in which a tree reaches them that grows breadth first from the ground, then from the remaining bodies.
+
+        Among joints at the same distance the ranks decide, so that loops are cut at the joint with the most coordinates.
+        """
         seen: set[str] = set()
         names: dict[str, None] = {}
         for root in self.group:

@@ -1,4 +1,4 @@
-"""Numbers for expressions of a mechanism: parameters with the values of this scene or beside these, arbitrary values for states."""
+"""Numbers for expressions of a mechanism: parameters with the values of this scene or other ones, arbitrary values for states."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Values:
         return evaluate(x, self.known.__getitem__)
 
     def parameter(self, variable: int, value: float) -> float:
-        """The number for a parameter: its value."""
+        """Number for a parameter: its value."""
         return value
 
     def _find(self, wanted: list[int]) -> None:
@@ -51,10 +51,10 @@ class Values:
 
 
 class Elsewhere(Values):
-    """Numbers for expressions in another scene: no parameter has its value."""
+    """Numbers for expressions in another scene: all parameters have other values."""
 
     def parameter(self, variable: int, value: float) -> float:
-        """The number for a parameter: some percents beside its value."""
+        """Number for a parameter: its value, changed by some percent."""
         return value + 0.03 * _anything(variable) * (abs(value) or 1.0)
 
 
