@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import bondgraph
 from bondgraph.errors import RunFailed
+from bondgraph.simulation.loops.branches import _regular
 from bondgraph.simulation.loops.homotopy import follow
 
 DIODE = """model A {
@@ -67,6 +70,27 @@ def test_two_loops_do_not_disturb_each_other() -> None:
     assert run.final("x") == pytest.approx(x, rel=1e-12)
     y = run.final("y")
     assert 3 * math.sin(y) + 0.1 * y**3 + 0.5 * y == pytest.approx(4 + x / 4, rel=1e-12)
+
+
+@pytest.mark.parametrize(("power", "drop"), [(2, 4.0), (2, 0.1), (4, 4.0), (2, 900.0)])
+def test_a_solution_beyond_a_condition_is_none(power: int, drop: float) -> None:
+    """f^2 goes on below zero, where the other side holds: that it has a zero there, too, is no second solution of the model."""
+    text = f"plain model A {{\n  Se s : e = {drop}\n  1 j\n  R a : e = f^{power} if f > 0 else 2*f\n  R b : e = 0.5*f\n  s -> j -> a, b\n  output y = j.f\n}}\n"
+    found = bisected(lambda f: f**power + 0.5 * f - drop, 0.0, drop + 1)
+    assert bondgraph.load(text).simulate(to=1, points=2).final("y") == pytest.approx(found, rel=1e-12)
+
+
+def test_only_solutions_that_stand_alone_are_others() -> None:
+    """In a flat law a whole range would do; a steep and a slight unknown are not flat."""
+
+    def loop(matrix: list[list[float]]) -> Any:
+        return SimpleNamespace(matrix=lambda _: np.array(matrix))
+
+    place = np.array([1.0, 2.0])
+    assert _regular(loop([[1.0, 0.0], [0.0, 1e-9]]), place)
+    assert not _regular(loop([[1.0, 0.0], [0.0, 0.0]]), place)
+    assert not _regular(loop([[1.0, 1.0], [1.0, 1.0 + 1e-14]]), place)
+    assert _regular(loop([[1.0, 1.0], [1.0, 1.0 + 1e-9]]), place)
 
 
 def test_no_solution_is_told_with_the_loop() -> None:
