@@ -10,13 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
-
-from .curves import curve
-from .expression import value_of
-from .interpolate import SMOOTH_STEP
 
 Interval = tuple[Any, Any]  # lower and upper ends, each a number or an array (boxes,)
 
@@ -222,6 +219,8 @@ def _curve(kind: str) -> Callable[..., Interval]:
     def over(order: Interval, x: Interval, *points: Interval) -> Interval:
         if not all(map(is_still, points)):
             return EVERYTHING
+        from .curves import curve
+
         return curve(kind, int(order[0]), tuple(float(p[0]) for p in points)).over(*x)
 
     return over
@@ -238,7 +237,7 @@ def _noise(order: Interval, place: Interval, seed: Interval) -> Interval:
         ends.append(np.where(beyond >= 1, numbers[1], ends[0]))
         low, high, reach = np.minimum.reduce(ends), np.maximum.reduce(ends), 1.0
     else:
-        steepest = float(np.abs(_STEPS[number](np.linspace(0.0, 1.0, 4097))).max()) * 1.01
+        steepest = _steepest(number)
         first = (numbers[1] - numbers[0]) * steepest
         rises = np.stack([first, np.where(beyond >= 1, (numbers[2] - numbers[1]) * steepest, first)])
         least = rises if number == 1 else -np.abs(rises)
@@ -248,7 +247,12 @@ def _noise(order: Interval, place: Interval, seed: Interval) -> Interval:
     return np.where(near, low, -reach), np.where(near, high, reach)
 
 
-_STEPS = [np.poly1d(row[::-1]) for row in SMOOTH_STEP]
+@lru_cache(maxsize=8)
+def _steepest(order: int) -> float:
+    """Bound on the derivative of an order of the smooth step between two numbers of a noise."""
+    from .interpolate import SMOOTH_STEP
+
+    return float(np.abs(np.polyval(SMOOTH_STEP[order][::-1], np.linspace(0.0, 1.0, 4097))).max()) * 1.01
 
 
 # ---------------------------------------------------------------- the tables
@@ -289,6 +293,8 @@ def plain(operator: str, values: Sequence[Any]) -> Any:
         return PLAIN[operator](*values)
     moving = [i for i, value in enumerate(values) if np.ndim(value)]
     if operator in CURVES and moving == [1]:  # its place alone, not its hundreds of points
+        from .curves import curve
+
         return curve(operator, int(values[0]), tuple(map(float, values[2:]))).values(values[1])
 
     def at(*xs: float) -> float:
@@ -301,6 +307,8 @@ def plain(operator: str, values: Sequence[Any]) -> Any:
 
 
 def _number(operator: str, operands: Sequence[float]) -> float:
+    from .expression import value_of  # a run of smooth signals needs it not
+
     try:
         return value_of(operator, operands)
     except (ArithmeticError, ValueError):

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebvander
 
 PLACES = 12  # number of places of a part of a step, with both ends
 NODES = np.cos(np.pi * np.arange(PLACES - 1, -1, -1) / (PLACES - 1))
 SHARES = 0.5 + 0.5 * NODES  # the places as fractions of a part
-COEFFICIENTS = np.linalg.inv(chebvander(NODES, PLACES - 1))  # maps values to coefficients
+DEGREES = np.arange(PLACES)
+COEFFICIENTS = np.linalg.inv(np.cos(np.arccos(NODES)[:, None] * DEGREES))  # maps values to coefficients
 GRID = 48  # intervals of the finer grid on which a polynomial is evaluated
 FINER = 0.5 - 0.5 * np.cos(np.pi * np.arange(GRID + 1) / GRID)
-ON_GRID = chebvander(2 * FINER - 1, PLACES - 1)
+ON_GRID = np.cos(np.arccos(2 * FINER - 1)[:, None] * DEGREES)
 LAST = 3  # number of last coefficients that estimate the error
 CONVERGED = 1e-3  # largest error, relative to the variation, of a polynomial that is valid between its places
 SURE = 4.0  # in units of the error: a larger distance from zero is certain

@@ -381,8 +381,8 @@ def _open(problem: PoseProblem, z: Any) -> str:
 # ---------------------------------------------------------------- from a program
 def pose_problem(
     space: StateSpace, constraints: Constraints, claims: Claims, at: tuple[float, Any], state: Any
-) -> PoseProblem | None:
-    """Return the coordinates of all mechanisms and their start values; None if nothing has to be solved.
+) -> PoseProblem:
+    """Return the coordinates of all mechanisms and their start values.
 
     `at`: time and mode; `state`: with the start values of the text.
     """
@@ -390,8 +390,6 @@ def pose_problem(
     drawn = np.array([s.drawn is not None for s in space.states], dtype=bool)
     drawn[constraints.positions] = True
     on_pose = [i for i, c in enumerate(space.claims) if c.on_pose]
-    if not on_pose and not constraints:
-        return None
     places = np.flatnonzero(drawn)
     begin, row = np.array(state[:count], dtype=float), claims(np.zeros(len(state)))
     begin[list(space.moved)] = -row[claimed : claimed + len(space.moved)]

@@ -17,11 +17,11 @@ from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
 from ..segments import Segment
 from .claims import fulfil, slopes_of
-from .poses import PoseProblem, pose_problem, posed
 
 if TYPE_CHECKING:
     from ...door import Program, StateSpace
     from ...prepared import Prepared
+    from .poses import PoseProblem
 
 CLOSE = 1e-9  # relative residual with which an initial equation holds
 ROUNDING = 1e-3  # relative to the size of a mechanism: least size of a start value in that test
@@ -48,10 +48,11 @@ def consistent_start(
     def claims(x: Any) -> Any:
         return np.asarray(program.claims(time, x, inputs, constraints.constants, mode))
 
-    problem = pose_problem(space, constraints, claims, (time, mode), state)
     notes: tuple[str, ...] = ()
-    if problem is not None:
-        state, notes = _with_pose(problem, state)
+    if constraints or any(c.on_pose for c in space.claims):
+        from .poses import pose_problem
+
+        state, notes = _with_pose(pose_problem(space, constraints, claims, (time, mode), state), state)
     movable = np.array([not s.given for s in space.states], dtype=bool)
     poses = np.array([s.drawn is not None for s in space.states], dtype=bool)
     rows = [i for i, c in enumerate(space.claims) if not c.on_pose]
@@ -73,6 +74,8 @@ def consistent_start(
 
 def _with_pose(problem: PoseProblem, state: Any) -> tuple[Any, tuple[str, ...]]:
     """Return the state with mechanisms in their initial pose, coordinates of the text exactly as given; and notes."""
+    from .poses import posed
+
     found, note = posed(problem)
     for item in problem.given:
         if item.claim < 0:
