@@ -221,3 +221,19 @@ def test_the_line_and_the_page() -> None:
     assert page[0] == found.line
     assert page[1] == "  states, of 1 degree of freedom: m.p, k.x" and page[2] == "  in derivative form: n"
     assert found.to_json()["loops"][0]["size"] == 1
+
+
+@pytest.mark.parametrize(
+    ("law", "told"),
+    [
+        ("z.e", "linear"), ("2*z.f", "linear"), ("3*z.e + 1", "linear"), ("z.e^2", "nonlinear"), ("z.e*z.f", "nonlinear"), ("sin(z.e)", "nonlinear"),
+        ("z.e*time", "linear, time-varying"),
+    ],
+)  # fmt: skip
+def test_a_source_that_reads_a_linear_loop(law: str, told: str) -> None:
+    """The unknown of the loop a, z, y moves with the state of c, and so does what reads it."""
+    made = bondgraph.load(
+        "plain model A {\n  Se s : e = 1\n  R a : e = 2*f\n  R z : e = 3*f\n  R y : e = 4*f\n  C c : e = q\n  R r : e = f\n  C d : e = q\n"
+        f"  MSe u : e = {law}\n  s -> 1(a) -> 0(z) -> 1(y) -> c\n  u -> 1(r) -> d\n  output w = d.e, v = c.e\n}}"
+    )
+    assert f"2 states; {told};" in made.certificate.line and "1 linear loop" in made.certificate.line
