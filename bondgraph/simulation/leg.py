@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .events.impulse import Jump
 
 
+ROUNDED = 3.0  # tolerances of rounding in a step from which a run warns
 MOST_SETTLING = 400  # most iterations between delayed signals and an initialization that reads them
 SETTLED = 1e-14  # relative change of delayed signals that counts as rounding
 
@@ -400,6 +401,8 @@ class Leg:
         if self.history is not None:
             self.history.window = (-np.inf, np.inf)
         self.notes += tuple(dict.fromkeys(self.trajectory.notes))[:1]
+        if self.trajectory.rounded > ROUNDED:
+            self.doubts += (self._doubt(self.trajectory.rounded),)
         self.notes += self.timed
         if self.constraints and len(self.trajectory.states):
             from .closed.singular import doubts_of, told_of
@@ -412,6 +415,14 @@ class Leg:
             from .bandwidth.tell import left_out_of
 
             self.left_out = left_out_of(self, self.bandwidth)
+
+    def _doubt(self, rounded: float) -> ToleranceDoubt:
+        """Return the warning that steps were accepted with so many tolerances of rounding."""
+        text = (
+            f"rtol = {self.rtol:g} is below what rounding leaves: steps were accepted with {rounded:.2g} tolerances of rounding; "
+            f"rtol = {self.rtol * rounded:.1g} is about the tightest that can be held"
+        )
+        return ToleranceDoubt(float(self.instants[0]), "", "tolerance below rounding", text, (), "")
 
     def end(self, until: float) -> End | None:
         """Return the checkpoint at the end of this phase, from which another run can go on; None if no step was accepted."""

@@ -60,6 +60,7 @@ class Trajectory:
     evaluations: dict[str, int] = field(default_factory=dict)
     work: Any = None  # integral of the powers, if asked
     final: Any = None
+    rounded: float = 0.0  # the most tolerances of rounding that a step was accepted with
     poses: list[SingularPose] = field(default_factory=list)  # singular poses passed on the way
     handover: Handover | None = None  # transition at which the phase ends: other states are integrated from there on
     settled: int | None = None  # the method kept for all further segments, and for the next phase of this program

@@ -22,7 +22,9 @@ from .ends import End, hermite
 from .false_position import false_position
 from .tolerances import (
     ASIDE,
+    FINEST,
     FIRST,
+    RINGING,
     STAGNANT,
     allowed_estimate,
     creeping_tolerance,
@@ -76,6 +78,7 @@ BACK_ITERATIONS, BACK_PATIENT = 8, 1  # iterations of Newton's method there; suc
 LEFT = 1e-3  # in units of the tolerance: its remaining error
 FIRST_ULPS = 1e3  # in units in the last place of the time: least first step
 SMALLEST, LARGEST = 0.2, 8.0  # ratios of two steps
+GROWN = 2.0  # factor behind a step whose estimate is rounding: a longer step has less
 # A step over a kink of a law with an error above this fraction of the tolerance ends at the kink instead, unless the kink is nearer to
 # its start than a fraction of it; but not repeatedly.
 BENT, NEAREST, MOST_BENDS = 0.1, 1e-2, 4
@@ -140,6 +143,7 @@ class Radau:
         self._stagnation_tolerance = stagnation_tolerance(problem.relative)
         self._creeping_tolerance = creeping_tolerance(problem.relative)
         self._allowed = allowed_estimate(problem.relative)
+        self.rounded = 0.0  # the most tolerances of rounding that a step was accepted with
         self._jacobian: Any = None
         self._explicit = bool(np.all(problem.differential))  # neither unknowns of loops nor of loop joints
         self._has_loops = not self._explicit and problem.hold is None
@@ -226,6 +230,7 @@ class Radau:
                 if share < 1:
                     bent, size = bent + 1, share * size
                     continue
+            norm = 1.0 if norm > 1 and self._is_rounding(time, state, norm, scale) else norm
             if norm <= 1 and self._misses(end, new, size, scale):
                 reason, size = "newton", 0.5 * size if self._current else size
                 self._renew(time, state)
@@ -429,8 +434,18 @@ class Radau:
         """Return the answer of an iteration that no longer improves, if the remainder is rounding (see `rounding`); else None."""
         if norm > self._stagnation_tolerance or not norm <= STAGNANT * self.rounding(time, state, scale):
             return None
-        self._residual = residual
+        self._residual, self.rounded = residual, max(self.rounded, norm)
         return answer
+
+    def _is_rounding(self, time: float, state: Any, norm: float, scale: Any) -> bool:
+        """Return whether an estimate is rounding, which a shorter step has more of: followed, it leads to modes far below the tolerance."""
+        share = norm * self._allowed
+        if self.problem.relative >= FINEST or not share <= self._stagnation_tolerance:
+            return False
+        if share > RINGING * self.rounding(time, state, scale):
+            return False
+        self.rounded = max(self.rounded, share)
+        return True
 
     def rounding(self, time: float, state: Any, scale: Any) -> float:
         """Return the norm of the rounding error of a stage, in units of the tolerance, from a second difference of the rates over a very short distance.
@@ -504,7 +519,9 @@ class Radau:
         if self.problem.hold is not None:
             new = self.problem.hold(end, new)
         self._ends = [*self._ends[-2:], End(end, new, D @ stages / size)]
-        factor = min(LARGEST, safety * self._factor(size, norm))
+        factor = (
+            1.0 if norm == 1.0 else min(LARGEST, safety * self._factor(size, norm))
+        )  # a shorter step rounds by more
         self._last_size, self._last_error = size, max(norm, 1e-2)
         self.time, self.state, self._stages = end, new, stages
         self._rate = self._ahead if self._has_loops else self._function(end, new)

@@ -12,6 +12,8 @@ ASIDE = 1e-9  # relative change of a state that shows the rounding of rates: the
 STAGNANT, MOST_STAGNANT = 10.0, 0.3  # in units of rounding, and of the tolerance: changes below both are rounding
 AMPLIFIED = 1e6  # in units of its own rounding: largest error of a state by rounding of others
 FIRST = 1e-2  # factor on the limit of an iteration that begins without a guess, whose convergence is less known
+FINEST = 5e-12  # relative tolerance below which an estimate may be nothing but rounding
+RINGING = 100.0  # ratio to the rounding of one step: undamped modes ring with what earlier steps have rounded
 LOOSE = 1e-6  # relative tolerance above which the estimate must be smaller than the tolerance
 
 
@@ -36,7 +38,8 @@ def creeping_tolerance(relative: float) -> float:
 
 def stagnation_tolerance(relative: float) -> float:
     """Return the largest change, in units of a tolerance, of a stagnating iteration for which rounding is considered as the reason."""
-    return float(min(MOST_STAGNANT, AMPLIFIED * EPSILON / relative))
+    amplified = float(AMPLIFIED * EPSILON / relative)
+    return amplified if relative < FINEST else min(MOST_STAGNANT, amplified)
 
 
 def first_length(slope: float, curvature: float, order: float) -> float:

@@ -120,6 +120,7 @@ class InMachineCode:
         stepper.steps += record.steps
         stepper.result.steps += record.steps
         stepper.count(solver.evaluations)
+        stepper.result.rounded = max(stepper.result.rounded, record.rounded)
         stepper.tell_crawling(solver, record.steps, self.stretch.mode)
         stepper.grow(solver.greatest * self.tolerances.magnitude)
         if stepper.flip is not None:

@@ -90,6 +90,8 @@ class OneByOne:
                 return False
             raise told from None
         stepper.steps += 1
+        if isinstance(self.solver, Radau):
+            stepper.result.rounded = max(stepper.result.rounded, self.solver.rounded)
         if self.steps >= MOST_STEPS or stepper.steps > stepper.most_steps:
             raise stepper.failed(self.solver, "steps", self.stretch.mode)
         return True

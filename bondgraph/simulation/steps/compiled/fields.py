@@ -94,6 +94,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "n": n, "differential": differential, "method": method, "entry_count": entries,
         "seen": room(max(len(LOOKS), len(pair.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),
         "ahead": 0.0, "behind": 0.0, "tried": 0.0, "comes": 0, "size": 0.0, "rate": room(n),
+        "rounded": 0.0,
         "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0, "negative": 0,
         "factorised_size": 0.0, "jacobian": room(entries), "steepness": room(n), "inner_jacobian": room(entries),
         "inner": room_for(Factors, 0 if method == ENERGY or large else n), "sparse": int(large),

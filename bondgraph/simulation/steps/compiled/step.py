@@ -23,10 +23,11 @@ MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), floa
 NEWTON_ITERATIONS, STUBBORN, PATIENT = radau.NEWTON_ITERATIONS, radau.STUBBORN, radau.PATIENT
 UNSOLVED, SOLVED, ROUNDED, NOISE = radau.UNSOLVED, radau.SOLVED, radau.ROUNDED, radau.NOISE
 SHORTER = radau.SHORTER
-STAGNANT, ASIDE = tolerances.STAGNANT, tolerances.ASIDE
+STAGNANT, ASIDE, FINEST, RINGING = tolerances.STAGNANT, tolerances.ASIDE, tolerances.FINEST, tolerances.RINGING
 BENT, NEAREST, MOST_BENDS, BEYOND = radau.BENT, radau.NEAREST, radau.MOST_BENDS, radau.BEYOND
 POWER = 0.25  # exponent of the estimate in the step size
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
+GROWN = radau.GROWN
 LOOKS, BETWEEN = tuple(segments.LOOKS.tolist()), tuple(segments.BETWEEN.ravel().tolist())
 CUBIC = tuple(segments.CUBIC.ravel().tolist())
 SEEN, UNSEEN = len(segments.SEEN), len(segments.LOOKS) - len(segments.SEEN)
@@ -72,6 +73,8 @@ def step(s: Stepper) -> int:
                 bent += 1
                 size *= share
                 continue
+        if norm > 1.0 and is_rounding(s, norm):
+            norm = 1.0
         if norm <= 1.0:
             if not misses(s, end, size):
                 break
@@ -86,12 +89,26 @@ def step(s: Stepper) -> int:
         if is_stubborn(s, rejected, size, norm):
             return ROUND_OFF
         size *= wish if rejected <= PATIENT else SMALLEST
-    accept(s, end, size, norm, min(LARGEST, safety * factor(s, size, norm, POWER)), rejected > 0, iterations)
+    grown = (
+        GROWN if norm == 1.0 else min(LARGEST, safety * factor(s, size, norm, POWER))
+    )  # a shorter step rounds by more
+    accept(s, end, size, norm, grown, rejected > 0, iterations)
     if bent > 0:
         after_bend(s, size / max(share, NEAREST))
     if s.bend_count > 0:
         look_at_side(s, BEYOND * size if bent > 0 else 0.0)
     return 0
+
+
+def is_rounding(s: Stepper, norm: float) -> bool:
+    """See `radau.Radau._is_rounding`."""
+    if s.relative >= FINEST or not isfinite(norm):
+        return False
+    norm *= s.allowed_estimate
+    if norm > s.stagnation_tolerance or norm > RINGING * rounding(s):
+        return False
+    s.rounded = max(s.rounded, norm)
+    return True
 
 
 def look_at_side(s: Stepper, ahead: float) -> None:
@@ -358,6 +375,7 @@ def stagnant(s: Stepper, iterations: int, norm: float) -> int:
     if norm > s.stagnation_tolerance or not norm <= STAGNANT * rounding(s):
         return 0
     s.contraction = 0.0
+    s.rounded = max(s.rounded, norm)
     return iterations
 
 

@@ -87,6 +87,7 @@ class Stepper(Record):
     last_size: float  # 0 before the first step
     last_error: float
     contraction: float  # contraction of the last Newton iteration
+    rounded: float  # largest rounding, in tolerances, with which a step was accepted
     stages: Floats  # 3 n, relative to the start of the last step
     current: int  # 1 if the Jacobian belongs to this state
     known: int  # 1 if there is a Jacobian
