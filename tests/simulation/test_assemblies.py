@@ -108,7 +108,7 @@ def test_another_coordinate_leads_through_the_dead_centre_of_the_crank() -> None
     assert both.values[0] == pytest.approx(wanted.values[0], abs=1e-9)
     with pytest.raises(
         RunFailed,
-        match=r"`e\.d\.phi` \(line 14\) cannot hold together with those of `e\.a\.phi`.*leave one of them out",
+        match=r"`e\.c` cannot be closed with the starts of `e\.a\.phi`, `e\.d\.phi` \(line 14\).*leave one of them out",
     ):
         bondgraph.load(text).simulate("go", {**places, "start_a": crank - 0.1}, target="numpy")
 
