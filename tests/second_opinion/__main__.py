@@ -7,14 +7,14 @@ Each is run by the product and by the second opinion. `FOLDER/journal.jsonl` has
 from __future__ import annotations
 
 import argparse
-import gc
 import itertools
 import json
 import multiprocessing
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,7 +36,7 @@ def jobs(given: argparse.Namespace, known: set[tuple[str, int]]) -> Iterator[tup
 
 def main() -> int:
     """Run the campaign."""
-    from tests.second_opinion.trial import KINDS, Tally, smallest, tried
+    from tests.second_opinion.trial import KINDS, Entry, Tally, smallest, tried
 
     parser = argparse.ArgumentParser(prog="python tests/second_opinion", description=__doc__)
     parser.add_argument("folder", type=Path)
@@ -55,14 +55,14 @@ def main() -> int:
         print(tally.told(True))
         return 1 if tally.disagreed else 0
     left = list(jobs(given, tally.seen))
-    tried(
-        ("network", 1, None)
-    )  # what is compiled once for this machine takes long; processes forked from this one have it
-    gc.freeze()
     last = time.monotonic()
     began, number = last, 0
-    with journal.open("a", encoding="utf-8") as book, multiprocessing.get_context("fork").Pool(given.workers) as pool:
-        for number, entry in enumerate(pool.imap_unordered(tried, left, chunksize=4), 1):
+    with journal.open("a", encoding="utf-8") as book, ExitStack() as stack:
+        found: Iterable[Entry] = map(tried, left)
+        if given.workers > 1:  # none is forked: what waits for a compilation would wait for ever
+            pool = stack.enter_context(multiprocessing.get_context("spawn").Pool(given.workers))
+            found = pool.imap_unordered(tried, left, chunksize=8)
+        for number, entry in enumerate(found, 1):
             book.write(json.dumps(entry) + "\n")
             book.flush()
             tally.add(*entry)
