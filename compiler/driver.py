@@ -17,13 +17,14 @@ from .codegen.products import with_shared_products
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations, notes
 from .equations.companion import companion, companion_inputs
+from .equations.products import integrands
 from .errors import CompilationFailed, Diagnostic
 from .graph.later import over_arguments
-from .graph.network import BondGraph
+from .graph.network import BondGraph, Element
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .graph.samples import sample_notes
 from .graph.switch import off_at_the_start, switch_off
-from .graph.valves import Valve, switched_gaps, valves
+from .graph.valves import Valve, switched_gaps, with_gaps
 from .memory import uncollected
 from .nouns import dataclass
 from .reduction import (
@@ -36,7 +37,7 @@ from .reduction import (
     refuse_singular_loops,
     without_what_cancels,
 )
-from .reduction.errors import DerivativeWithoutEnd
+from .reduction.errors import DerivativeWithoutEnd, SingularLoop
 from .scene import Facts, Plan, Scene
 from .semantics import Built, build_graph, check_parts, is_part
 from .semantics.errors import TooLongRow
@@ -46,6 +47,9 @@ from .syntax import SyntaxTree, parse, parse_what_can_be_read
 
 if TYPE_CHECKING:
     from .codegen.llvm.described import Described
+
+MOST_TIES = 60  # storages whose derivative form is tried where a loop is singular
+MANY = 1_000_000  # more loops than any model has
 
 
 @dataclass(eq=False)
@@ -104,31 +108,40 @@ class Compilation:
     @cached_property
     def _wished(self) -> BondGraph:
         if self.scene.companion:
-            return prune(companion(switch_off(self.whole_graph, self.off), self.gaps), self.zeros)
-        graph = switch_off(self.whole_graph, self.off, frozenset(v.junction for v in self.valves))
+            return prune(companion(switch_off(self._switched[0], self.off), self.gaps), self.zeros)
+        graph = switch_off(self._switched[0], self.off, frozenset(v.junction for v in self.valves))
         return preferring(prune(graph, self.zeros), dict(self.scene.preferences))
 
     @cached_property
     def valves(self) -> tuple[Valve, ...]:
-        """Switched junctions whose effort and flow are complementary."""
-        return valves(self.whole_graph) if self.whole_graph.switches else ()
+        """The switched junctions whose effort and flow are complementary."""
+        return self._switched[1]
+
+    @cached_property
+    def _switched(self) -> tuple[BondGraph, tuple[Valve, ...]]:
+        """The whole graph with a gap for each ideal valve, and these."""
+        return with_gaps(self.whole_graph) if self.whole_graph.switches else (self.whole_graph, ())
 
     @cached_property
     def gaps(self) -> tuple[str, ...]:
         """All two-terminal switches, valves first."""
-        return switched_gaps(self.whole_graph) if self.whole_graph.switches else ()
+        return switched_gaps(*self._switched) if self.whole_graph.switches else ()
 
     @property
     def _free(self) -> frozenset[str]:
-        """Inputs and parameters that stay arguments of the program."""
-        return self.scene.free if not self.scene.companion else self.scene.free | {*companion_inputs(self.gaps)}
+        """The inputs and parameters that stay arguments of the program."""
+        return (
+            self.scene.free
+            if not self.scene.companion
+            else self.scene.free | {*companion_inputs(self._switched[0], self.gaps)}
+        )
 
     @cached_property
     def off(self) -> tuple[str, ...]:
         """Switched junctions that are off; at the start, those that the modes alone determine to be off."""
         if self.scene.off is not None:
             return self.scene.off
-        return off_at_the_start(self.whole_graph, self.plan.start) if self.whole_graph.switches else ()
+        return off_at_the_start(self._switched[0], self.plan.start) if self.whole_graph.switches else ()
 
     @cached_property
     def given_way(self) -> tuple[str, ...]:
@@ -172,10 +185,17 @@ class Compilation:
     @cached_property
     def state_space(self) -> StateSpace:
         with self._instances():
-            space = self._reduced
-            if self.scene.companion:  # lossy at each valve, for all its numbers
-                return space
-            refuse_singular_loops(space, self.equations, self.scene.free)
+            try:
+                space = self._reduced
+                if self.scene.companion:  # lossy at each valve, whatever its numbers are
+                    return space
+                refuse_singular_loops(space, self.equations, self.scene.free)
+            except CompilationFailed as failed:
+                if not all(isinstance(d, SingularLoop) for d in failed.diagnostics) or not self._ties(
+                    len(failed.diagnostics)
+                ):
+                    raise
+                space = self._reduced
             refuse_idle_coordinates(space)
             if len(space.balances) < len(self.equations.balances):
                 self._refuse_idle_unread()
@@ -188,6 +208,40 @@ class Compilation:
         except CompilationFailed:  # what cancels is left out, and was looked at as it was (`_reduced`)
             return
         refuse_idle_coordinates(whole)
+
+    def _ties(self, singular: int) -> bool:
+        """Take storages in derivative form that others decide in a way that no stroke shows, and say whether that leaves every loop with one solution.
+
+        Strokes follow single bonds. Two capacitors between the same two nodes, each on lines of their own, or a coil cut by the balance of a part, are tied
+        by sums of several junctions. So storages are tried one by one; the form stays where fewer loops are singular. `singular`: their number so far."""
+        held = {self.graph.nodes[end.node].name for end in self.causal.derivative}
+        free = [
+            n.name
+            for n in self.graph.nodes
+            if isinstance(n, Element) and n.stored and not (n.prefer or n.require or n.name in held)
+        ]
+        wishes: dict[str, str | None] = {}
+        for name in free[:MOST_TIES]:
+            left = self._singular({**wishes, name: "derivative"})
+            if left < singular:
+                wishes[name], singular = "derivative", left
+            if not singular:
+                return True
+        return False
+
+    def _singular(self, wishes: Mapping[str, str | None]) -> int:
+        """The number of singular loops with these wishes, which are kept if there are none; many where it has no equations."""
+        graph = preferring(self._wished, {**dict.fromkeys(self.given_way), **wishes})
+        try:
+            causal = assign_causality(graph)
+            equations = derive_equations(causal, self.zeros, self._free, self._changed)
+            reduced = reduce_equations(equations, self.everything, graph.span, self.scene.opened)
+            refuse_singular_loops(reduced, equations, self.scene.free)
+        except CompilationFailed as failed:
+            own = all(isinstance(d, SingularLoop) for d in failed.diagnostics)
+            return len(failed.diagnostics) if own else MANY
+        self.__dict__.update(graph=graph, causal=causal, equations=equations, _reduced=reduced)
+        return 0
 
     @cached_property
     def _reduced(self) -> StateSpace:
@@ -260,7 +314,7 @@ class Compilation:
         return Facts(
             mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written),
             _following(space, places), self.valves, self.gaps,
-            tuple(self.whole_graph.integrals) if self.whole_graph.switches else (), laws,
+            integrands(self.whole_graph), laws,
         )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:

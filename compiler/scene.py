@@ -12,6 +12,7 @@ from .source import Span
 
 if TYPE_CHECKING:
     from .algebra.expression import Expression as Formula
+    from .equations.products import Integrand
     from .graph.valves import Valve
     from .syntax.tree import Expression
 
@@ -227,7 +228,9 @@ class Facts:
     following: Mapping[str, tuple[int, float | None]] = field(default_factory=dict)
     valves: tuple[Valve, ...] = ()  # switched junctions that act together
     gaps: tuple[str, ...] = ()  # all two-terminal switches, valves first
-    integrals: tuple[str, ...] = ()  # signals with memory, where junctions switch: impulses pass into them
+    integrals: tuple[
+        Integrand, ...
+    ] = ()  # rates of signals with memory, where junctions switch: impulses pass into them
     laws: tuple[
         tuple[int, int, int, bool], ...
     ] = ()  # of opened loops: row, argument and value as places among the unknowns, and whether the argument is an effort

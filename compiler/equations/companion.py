@@ -1,11 +1,12 @@
 """Companion network: a network over one short step of the implicit Euler method, with a port for each ideal valve.
 
-Each one-port storage becomes a resistor in series with its content: a capacitor e = e_0 + h (de/dq) f, an inertia f = f_0 + h (df/dp) e.
-Its content is a constant beside the network. Each valve, and each other two-terminal switch, becomes a matched source,
-e = a + z f. So in every position of the valves no node floats and no loop is without a loss: the network has one solution for each
-row of waves a. Its limit for h to zero determines which valves conduct just after an instant (the rational complementarity problem:
-Heemels, Schumacher and Weiland, Linear complementarity systems, SIAM J. Appl. Math. 60, 2000) and the impulses that pass (h times the
-terms that grow as 1/h).
+Each storage becomes a resistor in line with what it holds: a capacitor e = e_0 + h (de/dq) f, an inertia f = f_0 + h (df/dp) e, one with several ports
+all of these. What it stores stands beside it and does not move. A curved law is a straight line about what is stored after an impulse, for which the jump
+is an input: e = e_1 + (de/dq)(h f - jump), exact where h f is the jump. Each valve, and each other two-terminal switch, becomes a matched source,
+e = a + z f, so that no node floats and no loop is without
+a loss, whatever the valves do: the network then has one solution for each row of waves a. From it follow, as h goes to zero, which valves
+conduct just after an instant (the rational complementarity problem: Heemels, Schumacher and Weiland, Linear complementarity systems, SIAM
+J. Appl. Math. 60, 2000) and the impulses that pass (h times what grows as 1/h).
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..algebra.derivative import derivative
-from ..algebra.expression import Expression, Number, Symbol, multiply, substitute
+from ..algebra.expression import Expression, Number, Symbol, add, depends_on, multiply, substitute
 from ..algebra.formula import Bound, Formula
 from ..graph.network import (
     Bond,
@@ -32,8 +33,11 @@ from ..graph.network import (
     Reading,
 )
 from .laws import GIVEN, solved
+from .naming import port_name
+from .products import integrands
 
 STEP, IMPEDANCE = "step of the companion", "impedance of the valves"
+JUMP, PASSED = "jump of ", "rate of what passes to "  # of what a storage stores: an input and an output
 
 
 def wave(port: str) -> str:
@@ -41,16 +45,23 @@ def wave(port: str) -> str:
     return f"wave of {port}"
 
 
-def companion_inputs(ports: Sequence[str]) -> tuple[str, ...]:
-    """Inputs of the companion: step, impedance, and the waves."""
-    return (STEP, IMPEDANCE, *map(wave, ports))
+def companion_inputs(graph: BondGraph, ports: Sequence[str]) -> tuple[str, ...]:
+    """Inputs of the companion: step, impedance, the waves, and the jumps of storages with nonlinear laws."""
+    return (
+        STEP,
+        IMPEDANCE,
+        *map(wave, ports),
+        *(JUMP + n for s in _storages(graph) if is_curved(s) for n in _states(s)),
+    )
+
+
+def _storages(graph: BondGraph) -> list[Element]:
+    return [n for n in graph.nodes if isinstance(n, Element) and n.stored]
 
 
 def companion(graph: BondGraph, ports: Sequence[str]) -> BondGraph:
-    """Return the companion of a graph in which other switched junctions are off already.
-
-    `ports`: its valves and other two-terminal switches. Outputs: effort, then flow of each port, then the rates of all integrals.
-    """
+    """Return the companion of a graph in which other switched junctions are off already. `ports`: its valves and other two-terminal switches.
+    Outputs: effort, then flow of each port, then the rates of all integrals, what these multiply, and what passes to storages."""
     nodes, bonds = list(graph.nodes), list(graph.bonds)
     renamed: dict[str, str] = {}
     for number, node in enumerate(graph.nodes):
@@ -61,12 +72,24 @@ def companion(graph: BondGraph, ports: Sequence[str]) -> BondGraph:
             renamed[node.name] = made.name
             _keep(node, nodes, bonds)
     known = [Named(n, "input", "1", _number(1e-6 if n == STEP else 1.0), None, graph.span) for n in (STEP, IMPEDANCE)]
-    known += [Named(wave(p), "input", "1", _number(0.0), None, graph.span) for p in ports]
+    zero = companion_inputs(graph, ports)[2:]
+    known += [Named(n, "input", "1", _number(0.0), None, graph.span) for n in zero]
     sides = [(port, variable) for variable in "ef" for port in ports]
     outputs = {f"{j} {variable}": _reading(j, variable, graph) for j, variable in sides}
     outputs |= {
         f"rate of {n}": Named(f"rate of {n}", "output", "1", i.rate, None, i.span) for n, i in graph.integrals.items()
     }
+    for name, k, factor in ((i.name, k, f) for i in integrands(graph) for k, f in enumerate(i.factors)):
+        reading = factor.reading
+        outputs[f"factor {k} of {name}"] = _reading(
+            reading.node, reading.variable, graph, f"factor {k} of {name}", reading.port
+        )
+    for storage in _storages(graph):
+        if storage.name in renamed and (graph.integrals or is_curved(storage)):
+            for port, stored, name in zip(storage.ports, storage.stored, _states(storage), strict=True):
+                outputs[PASSED + name] = _reading(
+                    renamed[storage.name], _other(GIVEN[stored]), graph, PASSED + name, port.name
+                )
     made_graph = replace(
         graph, nodes=tuple(nodes), bonds=tuple(bonds), outputs=outputs, requirements=(), events=(),
         quantities={**graph.quantities, **{n.name: n for n in known}},
@@ -78,9 +101,9 @@ def _number(value: float) -> Bound:
     return Bound(Formula(0, Number(value)), ())
 
 
-def _reading(node: str, variable: str, graph: BondGraph) -> Named:
-    bound = Bound(Formula(1, Symbol(0)), (Reading(node, "", variable),))
-    return Named(f"{node} {variable}", "output", "1", bound, None, graph.span)
+def _reading(node: str, variable: str, graph: BondGraph, name: str = "", port: str = "") -> Named:
+    bound = Bound(Formula(1, Symbol(0)), (Reading(node, port, variable),))
+    return Named(name or f"{node} {variable}", "output", "1", bound, None, graph.span)
 
 
 def _port(node: Junction) -> Element:
@@ -94,42 +117,73 @@ def _port(node: Junction) -> Element:
 
 
 def _resistor(node: Element) -> Element | None:
-    """Resistor of a one-port storage over one step; None for any other node, or if its law has no integral form."""
-    if len(node.ports) > 1 or node.kind not in (Kind.CAPACITOR, Kind.INERTIA):
+    """Resistor of a storage over one step; None for any other node, or if its law has no integral form."""
+    if not node.stored:
         return None
-    stored = node.stored[0]
-    given = GIVEN[stored]
-    found = solved(node.law, (Own(0, given),))
-    if found is None:
+    given = tuple(GIVEN[s] for s in node.stored)
+    laws = solved(node.law, tuple(Own(k, v) for k, v in enumerate(given)))
+    if laws is None:
         return None
-    slope = derivative(found[0], Symbol(Own(0, stored)))
-    first, arity = node.law.arity, node.law.arity
-    before, held, step = Symbol(first), Symbol(first + 1), Symbol(first + 2)
+    ports, first = range(len(given)), node.law.arity
+    held = {Own(k, s): Symbol(first + len(ports) + k) for k, s in enumerate(node.stored)}
+    step, jumps = Symbol(first + 2 * len(ports)), [Symbol(first + 2 * len(ports) + 1 + k) for k in ports]
+    curved = is_curved(node)
 
-    def put(symbol: Symbol) -> Expression:
-        return held if symbol.key == Own(0, stored) else symbol
+    def row(k: int) -> Expression:
+        terms: list[Expression] = [Symbol(first + k)]
+        for j, stored in enumerate(node.stored):
+            slope = substitute(derivative(laws[k], Symbol(Own(j, stored))), lambda s: held.get(s.key, s))
+            moved = multiply(step, Symbol(Own(j, _other(given[j]))))
+            terms.append(multiply(slope, moved - jumps[j] if curved else moved))
+        return add(*terms)
 
-    other = Own(0, "f" if given == "e" else "e")
-    right = before + multiply(multiply(substitute(slope, put), step), Symbol(other))
-    law = Law(((Symbol(Own(0, given)), right),), None, arity + 3)
-    arguments = (*node.arguments, Reading(node.name, "", given), Reading(node.name, "", stored), Quantity(STEP))
+    law = Law(
+        tuple((Symbol(Own(k, v)), row(k)) for k, v in enumerate(given)),
+        None,
+        first + (3 if curved else 2) * len(ports) + 1,
+    )
+    names = [p.name for p in node.ports]
+    arguments = (
+        *node.arguments, *(Reading(node.name, n, v) for n, v in zip(names, given, strict=True)),
+        *(Reading(node.name, n, v) for n, v in zip(names, node.stored, strict=True)), Quantity(STEP),
+        *(Quantity(JUMP + n) for n in (_states(node) if curved else ())),
+    )  # fmt: skip
     return replace(
         node, name=f"{node.name} over one step", kind=Kind.RESISTOR, modulated=True, law=law, arguments=arguments, stored=(), starts={},
         nominals={}, prefer=None, require=None,
     )  # fmt: skip
 
 
+def is_curved(node: Element) -> bool:
+    """Return True for a storage with a nonlinear law."""
+    laws = solved(node.law, tuple(Own(k, GIVEN[s]) for k, s in enumerate(node.stored))) or ()
+    stored = [Symbol(Own(k, s)) for k, s in enumerate(node.stored)]
+    return any(depends_on(derivative(law, s), t) for law in laws for s in stored for t in stored)
+
+
+def _states(node: Element) -> tuple[str, ...]:
+    """Return the names of the stored quantities, port by port."""
+    return tuple(port_name(node, k, s) for k, s in enumerate(node.stored))
+
+
+def _other(variable: str) -> str:
+    return "f" if variable == "e" else "e"
+
+
 def _keep(node: Element, nodes: list[Node], bonds: list[Bond]) -> None:
     """Keep the content of a storage as a constant beside the network."""
-    given = GIVEN[node.stored[0]]
-    kind, variable = (Kind.FLOW_SOURCE, "f") if given == "e" else (Kind.EFFORT_SOURCE, "e")
-    law = Law(((Symbol(Own(0, variable)), Number(0.0)),), None, 0)
-    rest = replace(
-        node, name=f"{node.name} at rest", kind=kind, modulated=False, law=law, arguments=(), stored=(), starts={}, nominals={}, prefer=None,
-        require=None,
-    )  # fmt: skip
-    nodes += [replace(node, prefer=None, require=None), rest]
-    bonds.append(Bond(End(len(nodes) - 1, 0), End(len(nodes) - 2, 0), node.ports[0].domain, node.span))
+    nodes.append(replace(node, prefer=None, require=None))
+    kept = len(nodes) - 1
+    for k, stored in enumerate(node.stored):
+        given = GIVEN[stored]
+        kind = Kind.FLOW_SOURCE if given == "e" else Kind.EFFORT_SOURCE
+        law = Law(((Symbol(Own(0, _other(given))), Number(0.0)),), None, 0)
+        rest = replace(
+            node, name=f"{node.name} at rest" + (f" {k + 1}" if k else ""), kind=kind, modulated=False, ports=(Port("", node.ports[k].domain),),
+            law=law, arguments=(), stored=(), starts={}, nominals={}, prefer=None, require=None,
+        )  # fmt: skip
+        nodes.append(rest)
+        bonds.append(Bond(End(len(nodes) - 1, 0), End(kept, k), node.ports[k].domain, node.span))
 
 
 def _reread(graph: BondGraph, renamed: Mapping[str, str]) -> BondGraph:

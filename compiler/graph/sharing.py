@@ -19,23 +19,31 @@ from .network import BondGraph, Element, Junction, Kind, Law, Own, Port, Reading
 Row = dict[int, Fraction]  # group of bonds -> coefficient
 
 
-def shared(graph: BondGraph, valves: frozenset[str], closed: frozenset[str]) -> BondGraph:
+def shared(
+    graph: BondGraph, valves: frozenset[str], closed: frozenset[str], holding: frozenset[str] = frozenset()
+) -> BondGraph:
     """Return the graph with one source for each loop of closed switches and each part behind open ones, if a valve is among them.
 
-    `closed`: junctions that have become sources of no effort. Open are the valves and switches that are still 0-junctions with one bond.
+    `closed`: junctions that have become sources of no effort. Open are the valves and switches that are still 0-junctions with one bond, and
+    `holding`: sources of no flow in the place of 1-junctions. Several that hold one flow at zero share the effort as well.
     """
-    if not valves:
+    if not valves and len(holding) < 2:
         return graph
-    ends = {n.name: i for i, n in enumerate(graph.nodes) if n.name in closed and isinstance(n, Element)}
+    ends = {
+        n.name: i
+        for i, n in enumerate(graph.nodes)
+        if n.name in closed and isinstance(n, Element) and n.kind is Kind.EFFORT_SOURCE
+    }
     opened = {s.junction for s in graph.switches} - closed
     gaps = {
         n.name: i
         for i, n in enumerate(graph.nodes)
         if n.name in opened and isinstance(n, Junction) and n.kind is Kind.ZERO and len(graph.incident[i]) == 1
     }
+    gaps |= {n.name: i for i, n in enumerate(graph.nodes) if n.name in holding}
     nodes = list(graph.nodes)
-    for kind, among in ((Kind.FLOW_SOURCE, ends), (Kind.EFFORT_SOURCE, gaps)):
-        for name, others in _open(graph, among, kind, valves).items():
+    for kind, among, own in ((Kind.FLOW_SOURCE, ends, valves), (Kind.EFFORT_SOURCE, gaps, valves | holding)):
+        for name, others in _open(graph, among, kind, own).items():
             nodes[among[name]] = _source(graph, among[name], kind, others)
     return replace(graph, nodes=tuple(nodes))
 
@@ -47,7 +55,7 @@ def _open(
     if not among.keys() & valves:
         return {}
     joins, sums = (Kind.ONE, Kind.ZERO) if kind is Kind.FLOW_SOURCE else (Kind.ZERO, Kind.ONE)
-    group = _groups(graph, joins, frozenset(among.values()))
+    group = groups(graph, joins, frozenset(among.values()))
     grounds = frozenset(i for i, n in enumerate(graph.nodes) if i not in among.values() and _is_ground(n, kind))
     still = {
         group[b]
@@ -84,8 +92,8 @@ def _is_ground(node: object, kind: Kind) -> bool:
     )
 
 
-def _groups(graph: BondGraph, joins: Kind, own: frozenset[int]) -> list[int]:
-    """For each bond the first of the bonds that share its variable through junctions."""
+def groups(graph: BondGraph, joins: Kind, own: frozenset[int]) -> list[int]:
+    """For each bond the first of those that share its variable through junctions."""
     leader = list(range(len(graph.bonds)))
 
     def root(b: int) -> int:

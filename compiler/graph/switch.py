@@ -21,12 +21,14 @@ def switch_off(graph: BondGraph, names: Iterable[str], valves: frozenset[str] = 
         return shared(graph, valves, off)
     nodes: list[Node] = list(graph.nodes)
     ends: dict[tuple[int, int], int] = {}  # node and bond -> the node where the bond ends instead
+    holding = []
     for number, node in enumerate(graph.nodes):
         if not isinstance(node, Junction) or node.name not in off:
             continue
         for count, bond in enumerate(graph.incident[number]):
             ends[number, bond] = number if not count else len(nodes)
             source = _nothing(node, node.name if not count else f"{node.name} ({count + 1})")
+            holding += [source.name] if node.kind is Kind.ONE else []
             if count:
                 nodes.append(source)
             else:
@@ -36,7 +38,7 @@ def switch_off(graph: BondGraph, names: Iterable[str], valves: frozenset[str] = 
         return End(ends.get((end.node, bond), end.node), end.port)
 
     bonds = tuple(Bond(moved(b.tail, n), moved(b.head, n), b.domain, b.span) for n, b in enumerate(graph.bonds))
-    return shared(replace(graph, nodes=tuple(nodes), bonds=bonds), valves, off)
+    return shared(replace(graph, nodes=tuple(nodes), bonds=bonds), valves, off, frozenset(holding))
 
 
 def off_at_the_start(graph: BondGraph, time: float) -> tuple[str, ...]:

@@ -1,46 +1,120 @@
-"""Ideal valves: junctions with two events that make effort and flow complementary (effort <= 0, flow >= 0, one of them zero).
+"""Ideal valves: switched junctions whose two events say that effort and flow are complementary: one of them zero, the other of one sign.
 
-`IdealDiode` of the library is written in this way: a 0-junction with one bond, which blocks while it is on and conducts while it is
-off. One event makes it conduct when its effort becomes positive, the other makes it block when its flow becomes negative, and no other
-event sets that mode. All valves of a model then switch together (a linear complementarity problem), not one after the other. A pair of
-events with another threshold (a hysteresis) is no valve and acts as it is written.
+A 0-junction that is on adds its flows to zero, and one that is off has no effort; a 1-junction that is on adds its efforts to zero, and one that is off
+has no flow. A valve is one whose first event acts where what is zero off would take one sign (an effort under which a clutch would open), and whose second
+one acts where the sum that is not zero would take the other (a slip that makes it grip). `IdealDiode` of the library is a 0-junction with one bond,
+a check valve a 1-junction between two nodes, a one-way clutch a 0-junction between two shafts. All valves of a model switch together (a linear complementarity
+problem), not one after the other. A pair of events with another threshold (a hysteresis) is no valve and acts as it is written.
+
+Each is brought into one form: the junction stays, and a 0-junction with one bond hangs on it, the gap, which conducts while it is off.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from fractions import Fraction
 
-from ..algebra.expression import evaluate
-from ..algebra.formula import Bound
+from ..algebra.expression import ONE, ZERO, Number, evaluate, substitute
+from ..algebra.formula import Bound, Formula
 from ..nouns import dataclass
 from ..source import Span
-from .network import BondGraph, Event, Junction, Kind, Quantity, Reading, Switch
+from .network import Bond, BondGraph, Element, End, Event, Junction, Kind, Own, Quantity, Reading, Switch
+from .sharing import groups
 
 SAMPLES = (-1e3, -1.0, -1e-9, 1e-9, 1.0, 1e3)  # of an effort or a flow, at which conditions are read
+OTHERS = (0.0, 0.7, -1.3, 2.1, -0.4, 1.9)  # of what stands beside it in a sum
+RESTING = {
+    Kind.ZERO: Kind.CAPACITOR,
+    Kind.ONE: Kind.INERTIA,
+}  # storages that add nothing to the sum of a junction that is off
 
 
 @dataclass(frozen=True, slots=True)
 class Valve:
     """An ideal valve. `events`: owner and number of the event that makes it conduct and of the one that makes it block."""
 
-    junction: str
+    junction: str  # its gap
     mode: str
     conducting: float  # value of the mode where it conducts, 1 or 0
     events: tuple[tuple[str, int], tuple[str, int]]
     span: Span
+    sign: float = (
+        1.0  # times the effort of its gap where it blocks: not above zero; times its flow where it conducts: not below
+    )
 
 
-def valves(graph: BondGraph) -> tuple[Valve, ...]:
-    """Ideal valves of a graph, in the order of its switched junctions."""
-    found = (_valve(graph, switch) for switch in graph.switches)
-    return tuple(valve for valve in found if valve is not None)
+def with_gaps(graph: BondGraph) -> tuple[BondGraph, tuple[Valve, ...]]:
+    """Return the graph with each ideal valve in the form of a gap, and the valves in the order of its switched junctions."""
+    found = []
+    for switch in graph.switches:
+        valve = _valve(graph, switch)
+        if valve is None:
+            continue
+        if not _is_gap(graph, switch.junction):
+            graph = _opened(graph, switch, valve)
+            valve = replace(valve, junction=f"{switch.junction}.gap")
+        found.append(valve)
+    return graph, tuple(found)
 
 
-def switched_gaps(graph: BondGraph) -> tuple[str, ...]:
-    """All switched 0-junctions with one bond, valves first: two-terminal switches, with any kind of condition."""
-    own = [v.junction for v in valves(graph)]
-    others = (s.junction for s in graph.switches if s.junction not in own and _sides(graph, s.junction) is not None)
-    return (*own, *others)
+def switched_gaps(graph: BondGraph, valves: tuple[Valve, ...]) -> tuple[str, ...]:
+    """All switched 0-junctions with one bond, valves first: two-terminal switches, whoever decides them."""
+    own = [v.junction for v in valves]
+    return (*own, *(s.junction for s in graph.switches if s.junction not in own and _is_gap(graph, s.junction)))
+
+
+def _number(graph: BondGraph, name: str) -> int:
+    return next(i for i, n in enumerate(graph.nodes) if isinstance(n, Junction) and n.name == name)
+
+
+def _is_gap(graph: BondGraph, name: str) -> bool:
+    """Return True for a 0-junction with one bond, whose arrow points into it."""
+    number = _number(graph, name)
+    bonds = graph.incident[number]
+    return graph.nodes[number].kind is Kind.ZERO and len(bonds) == 1 and graph.bonds[bonds[0]].head.node == number
+
+
+def _opened(graph: BondGraph, switch: Switch, valve: Valve) -> BondGraph:
+    """Return the graph with a gap on a switched junction, which itself is always on. Its events read the gap, so that a zero has no rounding error."""
+    number = _number(graph, switch.junction)
+    node = graph.nodes[number]
+    assert isinstance(node, Junction)
+    sides = _sides(graph, node.name)
+    gap = replace(node, name=f"{node.name}.gap", kind=Kind.ZERO)
+    active = switch.active
+    if node.kind is Kind.ONE:
+        active = Bound(Formula(active.formula.arity, ONE - active.formula.expression), active.arguments)
+    bond = Bond(End(number, 0), End(len(graph.nodes), 0), node.domain, switch.span)
+    switches = tuple(replace(s, junction=gap.name, active=active) if s is switch else s for s in graph.switches)
+    other = "f" if node.kind is Kind.ZERO else "e"
+    events = tuple(
+        replace(e, condition=_of_gap(e.condition, sides, Reading(gap.name, "in", other)))
+        if (e.name, e.span.start) in valve.events
+        else e
+        for e in graph.events
+    )
+    walls = {**graph.walls, (gap.name, "in"): len(graph.bonds)}
+    return replace(
+        graph, nodes=(*graph.nodes, gap), bonds=(*graph.bonds, bond), switches=switches, events=events, walls=walls,
+    )  # fmt: skip
+
+
+def _of_gap(condition: Bound, sides: _Sides, total: Reading) -> Bound:
+    """A condition on the sum of a junction as one on its gap, where the sum is; another one as it is."""
+    places = {a: found for a in condition.arguments if (found := sides.group(a)) is not None}
+    if not any(side == "sum" for side, _ in places.values()):
+        return condition
+    pivot = next(g for g in sides.signs if g not in sides.resting)
+    arguments: list[object] = []
+    signs: dict[int, int] = {}
+    for slot, a in enumerate(condition.arguments):
+        is_pivot = a in places and places[a][1] == pivot
+        arguments.append(total if is_pivot else 0.0 if a in places else a)
+        signs[slot] = sides.signs[pivot] if is_pivot else 1
+    formula = condition.formula
+    turned = substitute(formula.expression, lambda s: Number(1.0 / signs[s.key]) * s if signs[s.key] != 1 else s)
+    return Bound(Formula(formula.arity, turned), tuple(arguments))
 
 
 def _valve(graph: BondGraph, switch: Switch) -> Valve | None:
@@ -49,48 +123,110 @@ def _valve(graph: BondGraph, switch: Switch) -> Valve | None:
         return None
     mode = modes[0]
     on = tuple(_value(switch.active, lambda _, v=v: v) for v in (0.0, 1.0))  # type: ignore[misc]
-    if graph.quantities[mode.name].role != "mode" or on not in ((0.0, 1.0), (1.0, 0.0)):
-        return None
-    conducting = 1.0 if on[1] == 0.0 else 0.0
-    sides = _sides(graph, switch.junction)
     events = [e for e in graph.events if any(action.target == mode for action in e.actions)]
-    if sides is None or len(events) != 2:
+    if graph.quantities[mode.name].role != "mode" or on not in ((0.0, 1.0), (1.0, 0.0)) or len(events) != 2:
         return None
-    for opening, closing in (events, events[::-1]):
-        if (
-            _sets(opening, conducting)
-            and _sets(closing, 1.0 - conducting)
-            and _holds(graph, opening, mode, 1.0 - conducting, (sides[0], 1.0))
-            and _holds(graph, closing, mode, conducting, (sides[1], -1.0))
-        ):
-            keys = ((opening.name, opening.span.start), (closing.name, closing.span.start))
-            return Valve(switch.junction, mode.name, conducting, keys, graph.quantities[mode.name].span)
+    sides = _sides(graph, switch.junction)
+    active = on[1]  # of the mode where the junction is on
+    for off, back in (events, events[::-1]):
+        if not (_sets(off, 1.0 - active) and _sets(back, active)):
+            continue
+        first = _sign(off, mode, active, sides, "common")
+        last = _sign(back, mode, 1.0 - active, sides, "sum")
+        if first is None or last is None or first == last:
+            continue
+        keys = [(e.name, e.span.start) for e in (off, back)]
+        if sides.kind is Kind.ZERO:  # it conducts while it is off
+            return Valve(
+                switch.junction, mode.name, 1.0 - active, (keys[0], keys[1]), graph.quantities[mode.name].span, first
+            )
+        return Valve(switch.junction, mode.name, active, (keys[1], keys[0]), graph.quantities[mode.name].span, last)
     return None
 
 
-Is = Callable[[object], bool]  # returns True for a reading of the effort, or of the flow, of the valve
+@dataclass(frozen=True, slots=True)
+class _Sides:
+    """Readings of both sides of a switched junction. `common`: group of bonds with its common variable; `signs`: sign of each group of bonds in its
+    sum; `resting`: groups that add nothing while it is off."""
+
+    kind: Kind
+    common: int
+    signs: Mapping[int, int]
+    resting: frozenset[int]
+    group: Callable[[object], tuple[str, int] | None]  # a reading as the side, "common" or "sum", and its group
 
 
-def _sides(graph: BondGraph, name: str) -> tuple[Is, Is] | None:
-    """Tests for readings of the effort and the flow of a 0-junction with one bond, whose arrow points into it; None for all others."""
-    number = next(i for i, n in enumerate(graph.nodes) if isinstance(n, Junction) and n.name == name)
-    bonds, node = graph.incident[number], graph.nodes[number]
-    if node.kind is not Kind.ZERO or len(bonds) != 1 or graph.bonds[bonds[0]].head.node != number:
-        return None
-    through = graph.bonds[bonds[0]].tail.node
-    line = graph.nodes[through]
-    ends = graph.incident[through] if isinstance(line, Junction) and line.kind is Kind.ONE else ()
+def _sides(graph: BondGraph, name: str) -> _Sides:
+    number = _number(graph, name)
+    kind, bonds = graph.nodes[number].kind, graph.incident[number]
+    own, other = ("e", "f") if kind is Kind.ZERO else ("f", "e")
+    of = {"e": groups(graph, Kind.ZERO, frozenset()), "f": groups(graph, Kind.ONE, frozenset())}
+    numbers = {n.name: i for i, n in enumerate(graph.nodes)}
+    signs: dict[int, int] = {}
+    resting = set()
+    for b, sign, far in _terms(graph, number):
+        signs[of[other][b]] = signs.get(of[other][b], 0) + sign
+        if _rests(graph.nodes[far], kind):
+            resting.add(of[other][b])
 
-    def effort(argument: object) -> bool:
-        return argument == Reading(name, "", "e")
+    def group(argument: object) -> tuple[str, int] | None:
+        if not isinstance(argument, Reading) or argument.variable not in "ef":
+            return None
+        bond = graph.walls.get((argument.node, argument.port))
+        if bond is None:
+            place = numbers.get(argument.node)
+            if place is None:
+                return None
+            node = graph.nodes[place]
+            ends = [
+                b
+                for b in graph.incident[place]
+                for end in (graph.bonds[b].tail, graph.bonds[b].head)
+                if end.node == place and (isinstance(node, Junction) or node.ports[end.port].name == argument.port)
+            ]
+            if not ends or (
+                isinstance(node, Junction) and argument.variable != ("e" if node.kind is Kind.ZERO else "f")
+            ):
+                return None
+            bond = ends[0]
+        return "common" if argument.variable == own else "sum", of[argument.variable][bond]
 
-    def flow(argument: object) -> bool:
-        if not isinstance(argument, Reading) or argument.variable != "f":
-            return False
-        wall = graph.walls.get((argument.node, argument.port))
-        return wall in ends if wall is not None else bool(ends) and argument == Reading(line.name, "", "f")
+    common = of[own][bonds[0]] if bonds else -1
+    return _Sides(kind, common, {g: c for g, c in signs.items() if c}, frozenset(resting), group)
 
-    return effort, flow
+
+def _terms(graph: BondGraph, number: int) -> list[tuple[int, int, int]]:
+    """Return the bonds in the sum of a junction with their signs and far nodes; adjacent junctions of its kind count as one with it."""
+    kind = graph.nodes[number].kind
+    switched = {s.junction for s in graph.switches}
+    found, seen, heap = [], {number}, [number]
+    while heap:
+        at = heap.pop()
+        for b in graph.incident[at]:
+            bond = graph.bonds[b]
+            sign = 1 if bond.head.node == at else -1
+            far = (bond.tail if sign > 0 else bond.head).node
+            if far in seen and graph.nodes[far].kind is kind:
+                continue
+            if graph.nodes[far].kind is kind and graph.nodes[far].name not in switched:
+                seen.add(far)
+                heap.append(far)
+            else:
+                found.append((b, sign, far))
+    return found
+
+
+def _rests(node: object, kind: Kind) -> bool:
+    """Return True for an element with neither effort nor flow while its junction is off: a resistor, or a storage that the junction holds."""
+    if not isinstance(node, Element) or len(node.ports) != 1:
+        return False
+    if node.kind is RESTING[kind]:
+        return True
+    given, wanted = (Own(0, "e"), Own(0, "f")) if kind is Kind.ZERO else (Own(0, "f"), Own(0, "e"))
+    if node.kind is not Kind.RESISTOR or len(node.law.equations) != 1:
+        return False
+    left, right = (substitute(x, lambda s: ZERO if s.key in (given, wanted) else s) for x in node.law.equations[0])
+    return left == right
 
 
 def _sets(event: Event, value: float) -> bool:
@@ -100,17 +236,26 @@ def _sets(event: Event, value: float) -> bool:
     return _value(event.actions[0].value, lambda _: float("nan")) == value
 
 
-def _holds(graph: BondGraph, event: Event, mode: Quantity, at: float, side: tuple[Is, float]) -> bool:
-    """Return True if a condition holds exactly if the mode has a value and its reading has a sign."""
-    reads, sign = side
-    others = [a for a in event.condition.arguments if a != mode]
-    if len(others) != 1 or not reads(others[0]) or mode not in event.condition.arguments:
-        return False
-
-    def truth(setting: float, x: float) -> float | None:
-        return _value(event.condition, lambda a: setting if a == mode else x)
-
-    return all(truth(setting, x) == float(setting == at and sign * x > 0) for setting in (0.0, 1.0) for x in SAMPLES)
+def _sign(event: Event, mode: Quantity, at: float, sides: _Sides, side: str) -> float | None:
+    """Return the sign of one side of a junction where a condition holds, for a value of the mode; None if the condition is another one."""
+    others = {a: sides.group(a) for a in event.condition.arguments if a != mode}
+    if mode not in event.condition.arguments or not others or any(g is None or g[0] != side for g in others.values()):
+        return None
+    signs = {sides.common: 1} if side == "common" else sides.signs
+    moving = [g for g in signs if side == "common" or g not in sides.resting]
+    if not moving:
+        return None
+    found = set()
+    for k, x in enumerate(SAMPLES):
+        values = {g: OTHERS[(k + n) % len(OTHERS)] for n, g in enumerate(moving)}
+        rest = sum(Fraction(signs[g]) * Fraction(values[g]) for g in moving[1:])
+        values[moving[0]] = float((Fraction(x) - rest) / signs[moving[0]])
+        reach: dict[object, float] = {a: values.get(g[1], 0.0) for a, g in others.items() if g is not None}
+        before, after = (_value(event.condition, {**reach, mode: m}.__getitem__) for m in (1.0 - at, at))
+        if before != 0.0 or after not in (0.0, 1.0):
+            return None
+        found.add((1.0 if x > 0 else -1.0, after))
+    return next((sign for sign in (1.0, -1.0) if found == {(sign, 1.0), (-sign, 0.0)}), None)
 
 
 def _value(bound: Bound, value: Callable[[object], float]) -> float | None:

@@ -109,21 +109,22 @@ def continued(
             constraints, first.start, full, mode, begin.stored, {**begin.peaks, **begin.magnitudes}
         )
         if jumps and companion is not None:
-            full, passed = _through_integrals(program, full, begin, companion)
+            full, passed = _through_integrals(program, full, begin, companion, jumps)
             jumps += passed
     return events, events.happen(Moment(first.start, full, mode)), jumps
 
 
 def _through_integrals(
-    program: Program, full: Any, begin: Handover, companion: Companion
+    program: Program, full: Any, begin: Handover, companion: Companion, storages: tuple[Jump, ...]
 ) -> tuple[Any, tuple[Jump, ...]]:
-    """Return the state with the contribution of an impulse to the integrals of the model, and their jumps."""
-    names = [n for n in program.states.names if n in companion.integrals]
-    if not names:
+    """Return the state with the contribution of an impulse to the integrals of the model, and their jumps. `storages`: jumps of stored quantities."""
+    if not any(n in companion.integrals for n in program.states.names):
         return full, ()
     at = Instant(begin.time, begin.stored, begin.modes, begin.off or ())
     full, jumps = np.array(full), []
-    for name, jump in companion.impulses(at, names).items():
+    for name, jump in companion.impulses(at, {j.name: j.after - j.before for j in storages}).items():
+        if name not in program.states.names:
+            continue
         place = program.states.names.index(name)
         before = float(full[place])
         full[place] += jump

@@ -11,9 +11,9 @@ where the values are zero.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,6 +45,11 @@ SETTLED = 1e-6  # relative to the waves: end of the iteration for nonlinear laws
 NEWTON = 30  # iterations for networks with nonlinear laws
 IMPEDANCES = 6  # rounds in which the impedance of the waves is chosen
 STEP, IMPEDANCE = "step of the companion", "impedance of the valves"  # its inputs, besides the waves
+JUMP, PASSED = (
+    "jump of ",
+    "rate of what passes to ",
+)  # of stored quantities: an input where a law is nonlinear, and an output
+BALANCED = 1e-6  # relative to a jump: largest misfit of the impulse that passes
 IMPULSES = (1e-7, 1e-8)  # as `STEPS`: the two steps that reveal an impulse
 
 
@@ -68,6 +73,7 @@ class Network:
     places: Mapping[str, int]  # indices of its inputs
     impedance: list[float]  # impedance of the waves; chosen at the first use
     linear: bool  # True if one row of difference quotients is exact
+    curved: tuple[str, ...]  # stored quantities with nonlinear laws
 
 
 class Companion:
@@ -83,7 +89,10 @@ class Companion:
         values: Mapping[str, float],
         horizon: float,
     ) -> None:
-        self.valves, self.gaps, self.integrals = facts.valves, facts.gaps, frozenset(facts.integrals)
+        self.valves, self.gaps = facts.valves, facts.gaps
+        self.signs = np.array([*(v.sign for v in self.valves), *(1.0 for _ in self.gaps[len(self.valves) :])])
+        self.integrals = {i.name: i for i in facts.integrals}
+        self.mechanisms = tuple(f"{name}." for name in facts.mechanisms)
         self.made, self.values, self.horizon = made, values, horizon
         self.networks: dict[tuple[str, ...], Network] = {}
         self.instants: list[float] = []  # the start, and the switching instants of valves
@@ -151,41 +160,118 @@ class Companion:
             self.instants = [*self.instants[-RECENT:], time]
 
     # ------------------------------------------------------------ impulses
-    def impulses(self, at: Instant, names: Sequence[str]) -> dict[str, float]:
-        """Return the jumps of integrals caused by impulses between storages at an instant.
+    def impulses(self, at: Instant, jumps: Mapping[str, float]) -> dict[str, float]:
+        """Return the jumps of integrals caused by impulses between storages at an instant. `at`: with the stored quantities before, and the junctions off
+        after; `jumps`: of stored quantities, by name.
 
-        `at`: with the stored quantities before, and the junctions off after. Raises `RunFailed` where an impulse has no integral (the square of a
-        current).
+        Raises `RunFailed` where an impulse has no integral (the square of a current, a current times a voltage that jumps).
         """
         on = np.array([v.junction in at.off for v in self.valves], dtype=bool)
-        chosen = [self._outputs_of(at.off).index(f"rate of {name}") for name in names]
+        network = self._network(at.off)
+        outputs = network.program.outputs.names
+        names = tuple(self.integrals)
+        chosen = [outputs.index(f"rate of {name}") for name in names]
+        passing = {n.removeprefix(PASSED): k for k, n in enumerate(outputs) if n.startswith(PASSED)}
+        self._refuse_unseen(at, jumps, passing)
+        moved = np.array([jumps.get(n, 0.0) for n in network.curved])
         passed = []
         for share in IMPULSES:
             step = self.step(share, at.time)
-            found = self._solved(at, on, step, 0)
+            found = self._solved(at, on, step, 0, moved)
             if found is None or not np.isfinite(found[1][chosen]).all():
                 raise RunFailed(
                     f"at t = {at.time:.9g} s an impulse passes, and nothing determines what it adds to `{names[0]}`: put a resistor or a "
                     "damper where the storages are tied"
                 )
-            passed.append(step * found[1][chosen])
+            passed.append(step * found[1])
         long, short = passed
-        bad = np.flatnonzero(~(np.abs(short - long) <= 0.5 * np.abs(long) + 1e-300) & (np.abs(short) > np.abs(long)))
+        ratio = IMPULSES[0] / IMPULSES[1]
+        limit = np.where(np.abs(short) < np.abs(long) / 2, 0.0, (ratio * short - long) / (ratio - 1))
+        self._check_passed(at, jumps, {n: float(limit[k]) for n, k in passing.items()})
+        grows = ~(np.abs(short - long) <= 0.5 * np.abs(long) + 1e-300) & (np.abs(short) > np.abs(long))
+        bad = np.flatnonzero(grows[chosen])
         if len(bad):
             raise RunFailed(
                 f"at t = {at.time:.9g} s an impulse passes, and what `{names[bad[0]]}` integrates has no integral across it: it is not "
                 "proportional to the current or force of the impulse; put a resistor or a damper where the storages are tied"
             )
-        ratio = IMPULSES[0] / IMPULSES[1]
-        exact = (ratio * short - long) / (ratio - 1)
-        return dict(zip(names, np.where(np.abs(short) < np.abs(long) / 2, 0.0, exact).tolist(), strict=True))
+        known = dict(zip(outputs, limit.tolist(), strict=True))
+        self._refuse_products(at, jumps, known)
+        return {n: known[f"rate of {n}"] for n in names}
+
+    def _refuse_unseen(self, at: Instant, jumps: Mapping[str, float], passing: Mapping[str, int]) -> None:
+        """Refuse an impulse into what the companion leaves as it is (a mechanism), if an integral reads forces or currents."""
+        for name in jumps.keys() - passing.keys():
+            among = "e" if name.startswith(self.mechanisms) else "ef"
+            reading = [n for n, i in self.integrals.items() if any(v in among for v in i.reads)]
+            if reading:
+                raise RunFailed(
+                    f"at t = {at.time:.9g} s an impulse changes `{name}`, and what it adds to `{reading[0]}` is not known: put a spring or a damper "
+                    "where a junction ties it"
+                )
+
+    def _check_passed(self, at: Instant, jumps: Mapping[str, float], passed: Mapping[str, float]) -> None:
+        """Refuse an impulse whose charges or momenta are not the jumps of the storages that they pass to."""
+        size = max(map(abs, jumps.values()), default=0.0)
+        for name, jump in jumps.items():
+            if name in passed and not abs(passed[name] - jump) <= BALANCED * max(
+                abs(jump), abs(at.stored.get(name, 0.0)), 1e-6 * size
+            ):
+                raise RunFailed(
+                    f"at t = {at.time:.9g} s an impulse changes `{name}` by {jump:.6g}, but the currents or forces across it add {passed[name]:.6g}: "
+                    "what integrals take of it is not known; put a resistor or a damper where the storages are tied"
+                )
+
+    def _refuse_products(self, at: Instant, jumps: Mapping[str, float], passed: Mapping[str, float]) -> None:
+        """Refuse integrals of an impulse times what jumps with it."""
+        jumped = {*jumps, *(n for n in self.integrals if passed[f"rate of {n}"])}
+        for name, k, factor in ((n, k, f) for n, i in self.integrals.items() for k, f in enumerate(i.factors)):
+            if passed[f"factor {k} of {name}"] and (factor.moving or not jumped.isdisjoint(factor.coefficients)):
+                raise RunFailed(
+                    f"at t = {at.time:.9g} s an impulse passes, and what `{name}` integrates has no integral across it: it multiplies the current or "
+                    "force of the impulse by what may jump with it; integrate the current or force alone, compute energies from what is stored, or put "
+                    "a resistor or a damper where the storages are tied"
+                )
 
     def _outputs_of(self, off: tuple[str, ...]) -> tuple[str, ...]:
         return self._network(off).program.outputs.names
 
-    def _solved(self, at: Instant, guess: Any, step: float, valves: int | None = None) -> tuple[Any, Any] | None:
-        """Return the mask of conducting valves and the outputs of the companion; None if no set is found. `valves`: how many of them may change."""
+    def _solved(
+        self, at: Instant, guess: Any, step: float, valves: int | None = None, moved: Any = None
+    ) -> tuple[Any, Any] | None:
+        """Return the mask of conducting valves and the outputs of the companion; None if no set is found. `valves`: how many of them may change;
+        `moved`: jumps of the storages with nonlinear laws, shape (n,), if they are known; else Newton's method finds them."""
+        network = self._network(at.off)
+        if moved is not None or not network.curved:
+            return self._solved_about(
+                at, guess, step, valves, np.zeros(len(network.curved)) if moved is None else moved
+            )
+        rates = [network.program.outputs.names.index(PASSED + n) for n in network.curved]
+        before = np.array([at.stored.get(n, 0.0) for n in network.curved])
+        moved, first = np.zeros(len(network.curved)), None
+        for _ in range(NEWTON):
+            found = self._solved_about(at, guess, step, valves, moved)
+            if found is None:
+                break
+            first = first or found
+            last, moved = moved, step * found[1][rates]
+            size = np.maximum(np.abs(before), np.abs(moved)).max(initial=0.0)
+            if not np.isfinite(moved).all():
+                break
+            if (np.abs(moved - last) <= SETTLED * size).all():
+                return found
+        return first  # its set still has to hold in its own program
+
+    def _solved_about(
+        self, at: Instant, guess: Any, step: float, valves: int | None, moved: Any
+    ) -> tuple[Any, Any] | None:
+        """Return the same with nonlinear laws linearized at these jumps."""
         network, count = self._network(at.off), len(self.gaps)
+        jumped = dict(zip(network.curved, moved.tolist(), strict=True))
+        at = replace(
+            at, stored={**at.stored, **{n: at.stored.get(n, 0.0) + x for n, x in jumped.items()}},
+            delayed={**at.delayed, **{JUMP + n: x for n, x in jumped.items()}},
+        ) if jumped else at  # fmt: skip
         if not network.impedance:
             network.impedance.append(self._impedance(network, at))
         z = network.impedance[0]
@@ -200,10 +286,12 @@ class Companion:
                 return None
             back = seen[:, :count] + z * seen[:, count : 2 * count]
             slopes = (back[1:] - back[0]).T / size
-            found = complementary(slopes, back[0] - slopes @ waves, on, len(self.valves) if valves is None else valves)
+            offset = self.signs * (back[0] - slopes @ waves)
+            slopes = self.signs[:, None] * slopes * self.signs
+            found = complementary(slopes, offset, on, len(self.valves) if valves is None else valves)
             if found is None:
                 return None
-            before, waves, on = waves, found[1], found[0]
+            before, waves, on = waves, self.signs * found[1], found[0]
             if network.linear or np.abs(waves - before).max(initial=0.0) <= SETTLED * np.abs(waves).max(initial=0.0):
                 break
             size = 1e-4 * max(float(np.abs(waves).max()), 1e-300)
@@ -238,7 +326,8 @@ class Companion:
             inputs = np.array(program.input_defaults, dtype=float)
             constraints = Constraints(program, parameters, inputs, np.ones(len(program.states.names)))
             places = {n: i for i, n in enumerate(program.inputs.names)}
-            self.networks[off] = Network(program, constraints, places, [], made.certificate.linear)
+            curved = tuple(n.removeprefix(JUMP) for n in program.inputs.names if n.startswith(JUMP))
+            self.networks[off] = Network(program, constraints, places, [], made.certificate.linear, curved)
         return self.networks[off]
 
     def _impedance(self, network: Network, at: Instant) -> float:

@@ -19,7 +19,8 @@ from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
 from ..start.claims import slopes_of
 
-ITERATIONS = 30
+ITERATIONS = 100
+HALVES = 20  # of a step that leaves the domain of a law
 CLOSE = 1e-12  # relative to the magnitudes: end of the iteration
 AFFINE = 1e-13  # relative to the values: rounding error of an affine function
 SEEN = 1e-9  # relative to the magnitudes: least change that counts as a jump
@@ -95,6 +96,8 @@ def _balanced(held: _Held, x: Any, old: Any, size: Any, time: float) -> Any:
     def scaled(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
         return lambda y: function(y * scale)
 
+    if not len(x):
+        return x
     y, last = x / scale, np.inf
     for _ in range(ITERATIONS):
         allowed, ways = _slopes(scaled(held.conjugates), y), _slopes(scaled(held.stored), y)
@@ -106,7 +109,10 @@ def _balanced(held: _Held, x: Any, old: Any, size: Any, time: float) -> Any:
             step = np.linalg.solve(matrix / rows[:, None], -right / rows)
         except np.linalg.LinAlgError:
             break
-        y = y + step
+        ahead = _ahead(scaled(held.stored), y, step)
+        if ahead is None:
+            break
+        step, y = ahead - y, ahead
         size_of_step = float(np.abs(step).max())
         # limit of the difference quotients
         if size_of_step <= CLOSE or (size_of_step <= SEEN and size_of_step > 0.1 * last):
@@ -118,11 +124,26 @@ def _balanced(held: _Held, x: Any, old: Any, size: Any, time: float) -> Any:
     )
 
 
+def _ahead(function: Callable[[Any], Any], y: Any, step: Any) -> Any:
+    """Return the end of a step, or of the longest of its halves that stays in the domain of the laws; None if none does."""
+    for _ in range(HALVES):
+        try:
+            if np.isfinite(function(y + step)).all():
+                return y + step
+        except RunFailed:
+            pass
+        step = step / 2
+    return None
+
+
 def _slopes(function: Callable[[Any], Any], y: Any) -> Any:
     """Return central differences, shape (values, n); with a wide step for an affine function, so that rounding has no effect."""
     here, columns = function(y), []
     for way in np.eye(len(y)):
-        ahead, behind = function(y + way), function(y - way)
+        try:
+            ahead, behind = function(y + way), function(y - way)
+        except RunFailed:  # a law that ends nearer than that
+            return slopes_of(function, y, np.ones(len(y), dtype=bool))
         size = np.maximum(np.abs(ahead), np.abs(behind))
         if not (np.abs(ahead + behind - 2 * here) <= AFFINE * size).all():
             return slopes_of(function, y, np.ones(len(y), dtype=bool))

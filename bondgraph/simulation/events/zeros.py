@@ -36,7 +36,7 @@ def narrowed(function: Callable[[float], float], low: Place, high: Place, tolera
             break
         xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
         share = 0.5
-        if phi**2 < xi and (1 - phi) ** 2 < 1 - xi:
+        if phi * phi < xi and (1 - phi) * (1 - phi) < 1 - xi:  # a power would raise where it overflows
             share = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
         share = min(1 - least, max(least, share))
     return (a, fa), (b, fb)
