@@ -223,7 +223,7 @@ def _bounds(A: Any, terms: Any, values: Any, left: Any, right: Any) -> Any:
     return np.where(np.isfinite(found), found, np.inf)
 
 
-# ---------------------------------------------------------------- what is neutral
+# ---------------------------------------------------------------- neutral directions
 
 
 def null_space(A: Any) -> Any:

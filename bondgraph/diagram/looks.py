@@ -1,5 +1,8 @@
-"""Colours, widths and letters of diagrams. Colours are Okabe and Ito's, told apart by colour-blind readers, and no meaning hangs on a
-colour alone: a legend names it, and what it marks is bolder."""
+"""Colours, widths and letters of diagrams.
+
+Colours are Okabe and Ito's, which colour-blind readers can distinguish, and no meaning depends on a colour alone: a legend names it, and the marked
+part is bolder.
+"""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ HIDDEN = 1e-3  # fraction of a run: a function that is zero for longer does not 
 FLAT = 1e-9  # fraction of a run: values that are zero for a shorter time are so by rounding
 NO_VALUE, UNKNOWN = 2.0, 3.0  # codes in addition to the signs -1, 0 and 1
 ITERATIONS = 120
-Signs = Callable[[Any, Any], Any]  # times, numbers of stretches -> signs
+Signs = Callable[[Any, Any], Any]  # times, indices of segments -> signs
 
 
 def distinct(times: Any) -> Any:

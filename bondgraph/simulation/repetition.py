@@ -1,4 +1,4 @@
-"""Repetition of a run for `--check`: by a method of another family, with a tenth of the tolerance, in many parts so that events are searched anew."""
+"""Repetition of a run for `--check`: by a method of another family, with a tenth of the tolerance, in many parts so that events are searched again."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ class Constraints:
             self._compiled = CompiledConstraints(self)
         return self._compiled
 
-    # ------------------------------------------------------------ values and slopes
+    # ------------------------------------------------------------ values and Jacobians
     def values(self, time: float, state: Any, mode: Any) -> Any:
         """Return all invariants: residuals, then their rates."""
         return np.asarray(self.program.invariant(time, state, self.inputs, self.constants, mode))
@@ -215,7 +215,7 @@ class Constraints:
 
 
 class Least:
-    """Minimum-norm solution of slopes @ step = gap."""
+    """Minimum-norm solution of `slopes @ step = gap` (Jacobian, step, residual)."""
 
     def __init__(self, slopes: Any) -> None:
         self.slopes = slopes

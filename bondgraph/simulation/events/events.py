@@ -461,7 +461,7 @@ class Events:
                     "one of them ask that the other does not hold"
                 )
 
-    # ------------------------------------------------------------ what is told
+    # ------------------------------------------------------------ messages
     def _record(self, happening: Happening) -> None:
         self.log.append(happening)
         if len(self.log) > MOST_AT_ONCE:

@@ -232,7 +232,7 @@ class Search:
             full, slope, jacobian = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
         return full
 
-    # ------------------------------------------------------------ what is told
+    # ------------------------------------------------------------ messages
     def steady_motion(self, full: Any, slope: Any, jacobian: Any) -> RunFailed | None:
         """Return the refusal of a start whose rates stay what they are while it moves: a rolling wheel or a rotor whose angle the laws read.
 

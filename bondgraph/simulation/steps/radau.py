@@ -3,8 +3,8 @@
 Hairer and Wanner, Solving Ordinary Differential Equations II, sections IV.8 (the method, its simplified Newton iteration, its
 error estimate) and VI.1 (problems with M). Four things differ from the program that comes with that book:
 
-- Within a step the quintic through values and slopes of the last three step ends is evaluated, which has the order of the
-  method; the slope at a step's end is that of the collocation polynomial, so that stiffness does not magnify its error.
+- Within a step the quintic through values and derivatives at the last three step ends is evaluated, which has the order of the
+  method; the derivative at a step's end is that of the collocation polynomial, so that stiffness does not magnify its error.
 - The caller gives states divided by their magnitudes, and a factorisation that scales rows.
 - At the end of a step, the unknowns of loops must solve their equations, whatever Jacobian the iteration used.
 - A step that is rejected repeatedly although it gets shorter is distinguished from one that is too long: the remaining error is round-off.
@@ -251,7 +251,7 @@ class Radau:
             break
         self._accept(end, new, stages, size, norm, safety, bool(norms), iterations, rate)
         if bent:
-            self._ends = [self._ends[-2], self._ends[-1]]  # no polynomial spans a bend
+            self._ends = [self._ends[-2], self._ends[-1]]  # no polynomial spans a kink
             self._size = max(self._size, size / max(share, NEAREST))
         if problem.bends is not None:
             self._look_at_side(BEYOND * size if bent else 0.0)

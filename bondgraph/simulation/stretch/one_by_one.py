@@ -96,7 +96,7 @@ class OneByOne:
             raise stepper.failed(self.solver, "steps", self.stretch.mode)
         return True
 
-    # ------------------------------------------------------------ what looks at a step
+    # ------------------------------------------------------------ monitors of a step
     def _pass_step(self) -> bool:
         """Call all monitors of an accepted step (events, outputs, limits, work, delays); return False if the step must be repeated."""
         stepper, solver = self.stepper, self.solver

@@ -30,9 +30,9 @@ class Square(Record):
 
     rows: int
     invariant: Ints  # rows: the number among the invariants
-    length: Ints  # rows: 1 where a gap is a length
+    length: Ints  # rows: 1 where a residual is a length
     entry_start: Ints  # rows + 1
-    entry: Ints  # the place among all slopes
+    entry: Ints  # the index among all derivatives
     column: Ints  # the state
     # below + rows + 1: products that add up to an entry of the square, entries below the diagonal first
     pair_start: Ints
@@ -42,7 +42,7 @@ class Square(Record):
     l_start: Ints  # rows + 1
     l_row: Ints
     update: Ints  # places that a column updates, in the order of the elimination
-    value: Floats  # slopes in units of the magnitudes
+    value: Floats  # derivatives in units of the magnitudes
     lower: Floats  # below
     pivot: Floats  # rows
     own: Floats  # rows: squared norms of the rows of the Jacobian
