@@ -1,8 +1,8 @@
-"""Laws with a root that goes through zero, in one form: whatever way an author wrote them.
+"""Laws with a root that passes through zero, in one form for all forms of the text.
 
 `sqrt(x) if x > 0 else -sqrt(-x)`, `x/sqrt(abs(x))`, `x*abs(x)^-0.5` and `sqrt(max(x, 0)) - sqrt(max(-x, 0))` are one function of x, which is
-`sign(x)*sqrt(abs(x))`. Only this form has a value on both sides of its condition and at zero itself, so that a run can end and rest there.
-Coefficients under the root stay there: where they are negative there is no value, as in what the author wrote. Two sides are compared at random values.
+`sign(x)*sqrt(abs(x))`. Only this form has a value on both sides of its condition and at zero, so that a run can end and rest there.
+Coefficients under the root stay there: if they are negative there is no value, as in the author's text. Two sides are compared at random values.
 """
 
 from __future__ import annotations

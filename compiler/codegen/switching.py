@@ -91,7 +91,7 @@ class Switching:
         self._done = self._memories.setdefault((self.located, pieced), {})
 
     def wrote(self, conditions: set[Expression]) -> None:
-        """Conditions that what is looked at has itself are no guards, whatever slopes have them too: `abs(f)` bends where a valve closes."""
+        """Record the author's own conditions. They are no guards, even if derivatives contain them too: `abs(f)` has a kink where a valve closes."""
         self.authored |= conditions
         if self.guards & conditions:
             self.guards -= conditions

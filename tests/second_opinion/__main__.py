@@ -24,7 +24,7 @@ SHARE = 10  # networks for each mechanism
 
 
 def jobs(given: argparse.Namespace, known: set[tuple[str, int]]) -> Iterator[tuple[str, int, int]]:
-    """What is to be tried yet, mechanisms between networks."""
+    """Models without a verdict yet, mechanisms between networks."""
     first = given.first
     mechanisms = (("mechanism", s, given.seconds) for s in range(first, first + given.mechanisms))
     for number, seed in enumerate(range(first, first + given.networks)):

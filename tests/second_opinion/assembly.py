@@ -84,7 +84,7 @@ class Assembly:
         return self.variable(bond, "f")
 
     def variable(self, bond: int, letter: str) -> Symbol:
-        """What the bonds of a junction share is one unknown."""
+        """Unknown of a bond's effort or flow; bonds that share it at a junction have one."""
         while (bond, letter) in self.shared:
             bond, letter = self.shared[bond, letter]
         if (bond, letter) not in self.variables:
@@ -221,7 +221,7 @@ def _declare_states(a: Assembly) -> None:
 
 
 def _share(a: Assembly, bonds: Sequence[int], letter: str) -> None:
-    """One name for what the bonds of a junction share."""
+    """Give one name to the variable that the bonds of a junction share."""
 
     def last(bond: int) -> tuple[int, str]:
         name = (bond, letter)

@@ -117,7 +117,7 @@ def compared(
 
 
 def _same(product: Any) -> Any:
-    """Whether values of a coarse run are the product's already: two that share nothing need no estimate where they agree."""
+    """Test whether values of a coarse run agree with the product's already: two independent results that agree need no estimate of the error."""
     if product is None:
         return None
 

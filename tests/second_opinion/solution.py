@@ -532,7 +532,7 @@ class Opinion:
 
 @dataclass
 class Course:
-    """What a run goes through: its state at the start, instants to stop at (of the report, or where a branch on time changes), samples."""
+    """Course of a run: state at the start, instants to stop at (of the report, or of a change of a branch on time), samples."""
 
     state: Run
     stops: list[tuple[float, bool]]
@@ -540,7 +540,7 @@ class Course:
 
 
 def course(system: System, begin: float, times: Sequence[float], budget: int) -> Course:
-    """The start of a run, whatever its steps."""
+    """Start of a run, for all of its step lengths."""
     a, span = system.assembly, times[-1] - begin
     modes = [_mode(system, name, begin) for name in a.modes]
     state = Run(
