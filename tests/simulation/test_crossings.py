@@ -15,6 +15,7 @@ from bondgraph.errors import RunFailed
 from bondgraph.prepared import TARGETS
 from bondgraph.results import Result
 from bondgraph.simulation.closed.singular import Watcher
+from bondgraph.simulation.events.locate import _narrowed
 from bondgraph.simulation.events.zeros import crossing
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
@@ -302,3 +303,16 @@ def test_a_least_value_at_the_edge_of_a_crossing_is_no_pose() -> None:
     watcher.least = 0.3
     pose = watcher._pose(crossed, ahead, np.zeros(1), np.zeros(0))  # type: ignore[arg-type]
     assert pose is not None and pose.time == pytest.approx(0.3, abs=1e-3)
+
+
+def test_a_flip_that_is_not_seen_again_is_where_it_was_seen() -> None:
+    """A loop that is solved for twice at one instant may have two roundings, one on each side of zero."""
+    events: Any = SimpleNamespace(floor=np.zeros(1), truth=lambda roots: roots < 0)
+    said = np.array([False])
+    for value in (0.0, 1e-300, 1e-18, 1.0):
+        found = _narrowed(
+            events, 0.0, 1.0, np.array([-1e-18]), said, lambda times, _, v=value: np.full((len(times), 1), v)
+        )
+        assert found == 1.0
+    crossed = _narrowed(events, 0.0, 1.0, np.array([-0.75]), said, lambda times, _: 0.25 - times[:, None])
+    assert crossed == pytest.approx(0.25, rel=1e-14)

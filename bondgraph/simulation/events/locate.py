@@ -146,6 +146,8 @@ def _narrowed(
     if high - low <= 2 * width:
         return high
     first, last = -abs(beyond(low)), beyond(high)
+    if last < 0:  # a loop that is solved for once more has another rounding
+        return high
     (a, at_a), (b, _) = narrowed(beyond, (low, first), (high, last), width)
     return a if at_a > 0 else b
 
