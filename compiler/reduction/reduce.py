@@ -70,6 +70,7 @@ class _Reduction:
             wanted += [v for d in system.derivatives for v in (d.target, d.of)]
             conjugates = [s.conjugate for s in system.states] + [d.conjugate for d in system.derivatives]
             wanted += [v for v in conjugates if v is not None]
+            wanted += [d.variable for d in system.discretes]  # and so does what events set
         used = needed(wanted, reach)
         events = self._events(used, inputs, reach)
         discretes = tuple(d for d in system.discretes if d.variable in used)

@@ -13,7 +13,7 @@ from tests.second_opinion.comparison import Verdict, compared
 from tests.second_opinion.random_models import Example, mechanism, network
 
 KINDS: dict[str, Callable[[int], Example]] = {"network": network, "mechanism": mechanism}
-BUDGET = 4000  # iterations of Newton's method
+BUDGET = 2500  # iterations of Newton's method
 POINTS = 4
 
 
