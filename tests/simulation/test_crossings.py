@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -316,3 +317,15 @@ def test_a_flip_that_is_not_seen_again_is_where_it_was_seen() -> None:
         assert found == 1.0
     crossed = _narrowed(events, 0.0, 1.0, np.array([-0.75]), said, lambda times, _: 0.25 - times[:, None])
     assert crossed == pytest.approx(0.25, rel=1e-14)
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-5, 1e-6])
+@pytest.mark.parametrize(
+    "bell", ["exp(-((x - 0.123)/{w})^2) > 0.5", "0.5 < exp(-((x - 0.123)/{w})^2)", "2*exp(-((0.123 - x)/{w})^2) > 1.3"]
+)
+@pytest.mark.parametrize("target", BOTH)
+def test_narrow_bells_of_states_are_seen(bell: str, width: float, target: str) -> None:
+    """x = cos t passes the bell at 0.123 six times in three periods."""
+    for solver in ("explicit", "radau") if target == "native" else ("explicit",):
+        found = run(SWING.format(condition=bell.format(w=width)), 6 * math.pi, target=target, solver=solver)
+        assert found.final("count") == 6
