@@ -23,6 +23,7 @@ from tests.second_opinion.solution import Opinion, Undecided, opinion
 from tests.second_opinion.writer import NotHeld
 
 FACTOR = 10  # times both errors
+NOTHING = 1e-20  # of any output: the numbers of random models are near one
 SAME = 3e-6  # of the magnitude: what agrees so well with the coarsest run is right
 
 
@@ -135,7 +136,7 @@ def _same(product: Any) -> Any:
 
 def _judged(product: Any, own: Opinion, rtol: float) -> Verdict:
     worst, words = 0.0, ""
-    rounding = 1e-12 * float(np.abs(own.values).max(initial=0.0))  # of outputs that are nothing
+    rounding = 1e-12 * float(np.abs(own.values).max(initial=0.0)) + NOTHING  # of outputs that are nothing
     for i, name in enumerate(own.names):
         if name not in product.names:
             continue

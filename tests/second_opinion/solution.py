@@ -38,7 +38,7 @@ INSTANT = 1e-9  # of the span: the Euler step behind an event
 LOOKS = tuple(i / 8 for i in range(1, 8))  # where within a step the branches are looked at
 UNSURE = 12  # turns at one instant, after which what is zero but for rounding is looked at a little later
 MOST = 400  # events
-CERTAIN = 8  # of order five, halved steps are 31 times better than what lies between; so much is believed
+CERTAIN = 4  # of order five, halved steps are 31 times better; where constraints hold the order is lower, and so much is believed
 getrf, getrs = get_lapack_funcs(("getrf", "getrs"), (np.zeros((1, 1)),))
 
 
@@ -233,12 +233,14 @@ class Run:
                 self.m[modes:] = [float(v) for v in on]
                 self.jacobian, self.w, impulse = None, w, True
                 continue
+            if impulse:  # it passes before anything is read: an effort within this step is the impulse over its length
+                self._check_jump(x)
+                self.x, self.w, impulse = x.copy(), w, False
+                self.t += INSTANT * self.span
+                continue
             acting = [i for i, v in enumerate(truth) if v and not self.true[i]]
             self.true = [bool(v) for v in truth]
-            if impulse:
-                self._check_jump(x)
-            self.x, self.w = x.copy() if impulse else self.x, w  # impulses have passed before anything is read
-            self.t += INSTANT * self.span if impulse else 0.0
+            self.w = w
             if not acting:
                 return
             self.jacobian = None

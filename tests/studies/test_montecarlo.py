@@ -156,7 +156,7 @@ def test_manipulators_and_the_command(tmp_path: Path) -> None:
     assert high - low == pytest.approx(2 * 1.2815515655 * 5e-9 * slope, rel=1e-3)
     assert out.read_text().count("\n") == 33 and out.read_text().startswith('"d[1] [m]","f [1]","frequency 1 [Hz]"')
     for extra, words in (
-        (["--correlation", "d[1] f 0.5"], "--correlation takes"), (["--vary", "f=normal(1, 0)"], "larger than zero"), (["--out", "x.txt"], "ends in .csv or .npz"),
+        (["--correlation", "d[1] f 0.5"], "--correlation takes"), (["--vary", "d[2]=normal(1 um, 0 um)"], "larger than zero"), (["--out", "x.txt"], "ends in .csv or .npz"),
     ):  # fmt: skip
         done = CliRunner().invoke(commands, [*arguments, *extra])
         assert done.exit_code == 2 and words in done.output and "Traceback" not in done.output
