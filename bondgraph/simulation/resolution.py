@@ -22,7 +22,7 @@ SEEN = 0.25  # least fraction of a range that samples must cover
 HALVED = 0.6  # greatest fraction of the range of a box that a half of it may have to be finished
 SMALL = 1e-3  # fraction of the range on the whole segment: smaller ranges are ignored
 ROUNDING = 1e-12  # fraction of the largest value: smaller ranges are ignored, too
-MOST = 100_000  # most boxes
+MOST = 400_000  # most boxes of a segment
 NARROWEST = 64  # least width of a box, in units in the last place of a time
 
 
@@ -71,7 +71,7 @@ def _resolved(ranges: Ranges, edges: Any, modes: Any) -> list[Any]:
     found: list[tuple[Any, Any]] = []
     small: Any = None
     before: Any = None
-    boxes = 0
+    boxes = np.zeros(count, dtype=int)
     with np.errstate(all="ignore"):
         while len(low):
             times = low[:, None] + (high - low)[:, None] * INSIDE
@@ -80,12 +80,9 @@ def _resolved(ranges: Ranges, edges: Any, modes: Any) -> list[Any]:
             if small is None:
                 small, before = _ignored(lower, upper, count), np.full_like(widths, np.nan)
             peaks = (widths > small[:, segment]) & (shown < SEEN * widths) & ~(widths <= HALVED * before)
-            open_ = peaks.any(axis=0) & (high - low > least)
-            boxes += len(low)
+            boxes += np.bincount(segment, minlength=count)
+            open_ = peaks.any(axis=0) & (high - low > least) & (boxes <= MOST)[segment]
             found.append((times[~open_], segment[~open_]))
-            if boxes > MOST + BEGIN * count:
-                found.append((times, segment))
-                break
             if not open_.any():
                 break
             middle = 0.5 * (low + high)

@@ -410,3 +410,19 @@ def test_a_table_of_hundreds_of_points_is_searched_once(monkeypatch: pytest.Monk
     )
     assert found.final("v") == pytest.approx(expected.y[0, -1], rel=1e-7)
     assert sum(size >= 32 for size in calls) < 40
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize("kinks", [2, 300])
+def test_thousands_of_narrow_peaks_are_all_met(kinks: int) -> None:
+    """Their number in all segments together is no bound on those of one. The witness: w/sqrt(pi) for each period of the sine, times the table's mean."""
+    peaks, w = 3000, 1e-8
+    places = np.linspace(0, 1, kinks)
+    ys = 1 + 1e-3 * (np.arange(kinks) % 2)
+    table = ", ".join(f"({', '.join(f'{v:.17g}' for v in values)})" for values in (places, ys))
+    text = (
+        f"model A {{\n  Se a : F = 1 N*exp(-(sin(pi*{peaks}*(time - 0.0001 s)/1 s)/{w})^2)*linear(time/1 s, {table})\n"
+        "  I m : p = 1 kg*v\n  R r : F = 1e-9 [N*s^2/m^2]*v*abs(v)\n  a -> 1(m, r)\n  output p = m.p\n}\n"
+    )
+    found = bondgraph.load(text).simulate(to=1.0, points=2)
+    assert found.final("p") == pytest.approx(1.0005 * w / math.sqrt(math.pi), rel=3e-4)
