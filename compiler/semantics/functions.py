@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
 from ..algebra.expression import ONE as NUMBER_ONE
 from ..algebra.expression import ZERO, Expression, call, divide, multiply, select
@@ -13,19 +12,16 @@ from ..graph.units import ONE, Dimension
 from ..syntax import tree
 from .errors import DimensionMismatch
 from .scope import Wrong, describe
-from .template import Typed, Value
-
-if TYPE_CHECKING:
-    from .typed import ExpressionCompiler
+from .template import Typed, Value, common_dimension
 
 # name -> (number of arguments, usage, builder)
-Builder = Callable[["ExpressionCompiler", tree.Call, list[Typed]], Value]
+Builder = Callable[[tree.Call, list[Typed]], Value]
 
 
 def _pure(operator: str) -> Builder:
     """A function of a bare number."""
 
-    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+    def build(node: tree.Call, arguments: list[Typed]) -> Typed:
         for argument, place in zip(arguments, node.arguments, strict=True):
             if argument.dimension not in (None, ONE):
                 hint = "Divide by a reference of the same unit first."
@@ -44,37 +40,37 @@ def _pure(operator: str) -> Builder:
 def _keeping(operator: str) -> Builder:
     """Function whose arguments and result share one unit."""
 
-    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-        dimension = _same(compiler, node, arguments)
+    def build(node: tree.Call, arguments: list[Typed]) -> Typed:
+        dimension = _same(node, arguments)
         return Typed(call(operator, *(a.expression for a in arguments)), dimension)
 
     return build
 
 
-def _same(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Dimension | None:
+def _same(node: tree.Call, arguments: list[Typed]) -> Dimension | None:
     parts = [(a, n.span) for a, n in zip(arguments, node.arguments, strict=True)]
-    return compiler.common(parts, f"The arguments of `{node.function}` need one unit")
+    return common_dimension(parts, f"The arguments of `{node.function}` need one unit")
 
 
-def _sqrt(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+def _sqrt(node: tree.Call, arguments: list[Typed]) -> Typed:
     d = arguments[0].dimension
     return Typed(call("sqrt", arguments[0].expression), None if d is None else d ** Fraction(1, 2))
 
 
 def _bare_result(operator: str) -> Builder:
-    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-        _same(compiler, node, arguments)
+    def build(node: tree.Call, arguments: list[Typed]) -> Typed:
+        _same(node, arguments)
         return Typed(call(operator, *(a.expression for a in arguments)), ONE)
 
     return build
 
 
-def _step(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+def _step(node: tree.Call, arguments: list[Typed]) -> Typed:
     return Typed(select(call("less_equal", ZERO, arguments[0].expression), NUMBER_ONE, ZERO), ONE)
 
 
-def _pulse(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-    _same(compiler, node, arguments)
+def _pulse(node: tree.Call, arguments: list[Typed]) -> Typed:
+    _same(node, arguments)
     t, a, b = (x.expression for x in arguments)
     return Typed(select(call("and", call("less_equal", a, t), call("less", t, b)), NUMBER_ONE, ZERO), ONE)
 
@@ -82,8 +78,8 @@ def _pulse(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]
 def _rise(shape: Callable[[Expression], Expression]) -> Builder:
     """0 before a, 1 after b, and `shape` of (t-a)/(b-a) between."""
 
-    def build(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
-        _same(compiler, node, arguments)
+    def build(node: tree.Call, arguments: list[Typed]) -> Typed:
+        _same(node, arguments)
         t, a, b = (x.expression for x in arguments)
         u = call("min", call("max", divide(t - a, b - a), ZERO), NUMBER_ONE)
         return Typed(shape(u), ONE)
@@ -107,11 +103,11 @@ def _smooth9(u: Expression) -> Expression:
     return multiply(u, u, u, u, u, 126 + u * (u * (540 + u * (70 * u - 315)) - 420))
 
 
-def _chirp(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Typed:
+def _chirp(node: tree.Call, arguments: list[Typed]) -> Typed:
     t, f0, f1, t1 = arguments
     places = [a.span for a in node.arguments]
-    time = compiler.common([(t, places[0]), (t1, places[3])], "The times of `chirp` need one unit")
-    frequency = compiler.common([(f0, places[1]), (f1, places[2])], "The frequencies of `chirp` need one unit")
+    time = common_dimension([(t, places[0]), (t1, places[3])], "The times of `chirp` need one unit")
+    frequency = common_dimension([(f0, places[1]), (f1, places[2])], "The frequencies of `chirp` need one unit")
     if time is not None and frequency is not None and time * frequency != ONE:
         hint = "Write `chirp(time, 1 Hz, 20 Hz, 10 s)`."
         raise Wrong(DimensionMismatch(node.span, "Time and frequency in `chirp` do not fit each other", hint))
@@ -120,7 +116,7 @@ def _chirp(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]
     return Typed(call("sin", 2 * math.pi * turns), ONE)
 
 
-def _polar(compiler: ExpressionCompiler, node: tree.Call, arguments: list[Typed]) -> Value:
+def _polar(node: tree.Call, arguments: list[Typed]) -> Value:
     r, angle = arguments
     if angle.dimension not in (None, ONE):
         raise Wrong(

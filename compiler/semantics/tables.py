@@ -7,21 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 from ..algebra.expression import Apply, Expression, Number, divide, evaluate
 from ..algebra.interpolate import OutsideTable
 from ..algebra.table import KINDS, noise, table
 from ..graph.units import ONE
+from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .columns import read_column
 from .errors import WrongArguments, WrongTable, WrongType
-from .scope import Wrong
-from .template import Check, Typed, Value
-
-if TYPE_CHECKING:
-    from .typed import ExpressionCompiler
+from .scope import FileScope, Wrong
+from .template import Check, Typed, Value, bare_number, common_dimension
 
 MAXIMUM_POINTS = 200  # of a table whose points are parameters
 
@@ -33,34 +30,44 @@ USAGE = {
 _COUNTS = {**dict.fromkeys(KINDS, 3), "column": 2, "noise": 3}
 
 
-def compile_table(compiler: ExpressionCompiler, node: tree.Call) -> Value:
+@dataclass(frozen=True, slots=True)
+class Arguments:
+    """Readers of the arguments of a call, and the list that collects the checks left to each instance."""
+
+    file: FileScope
+    value: Callable[[tree.Expression], Value]
+    scalar: Callable[[tree.Expression], Typed]
+    checks: list[Check]
+
+
+def compile_table(arguments: Arguments, node: tree.Call) -> Value:
     """A call of one of the functions in `USAGE`. Raises `Wrong`."""
     if len(node.arguments) != _COUNTS[node.function]:
         count = f"{_COUNTS[node.function]} arguments"
         raise Wrong(WrongArguments(node.span, node.function, count, len(node.arguments), USAGE[node.function]))
     if node.function == "column":
-        column = read_column(node, compiler.scope.definition.file)
+        column = read_column(node, arguments.file)
         return tuple(Typed(Number(v), column.dimension) for v in column.values)
-    return _noise(compiler, node) if node.function == "noise" else _curve(compiler, node)
+    return _noise(arguments, node) if node.function == "noise" else _curve(arguments, node)
 
 
-def _noise(compiler: ExpressionCompiler, node: tree.Call) -> Typed:
-    place, period, seed = map(compiler.scalar, node.arguments)
-    compiler.common(
+def _noise(arguments: Arguments, node: tree.Call) -> Typed:
+    place, period, seed = map(arguments.scalar, node.arguments)
+    common_dimension(
         [(place, node.arguments[0].span), (period, node.arguments[1].span)], "Time and period need one unit"
     )
-    compiler.bare_number(seed, node.arguments[2], "A seed")
+    bare_number(seed, node.arguments[2], "A seed")
     check = Check("noise", node.span, (period.expression,), (seed.expression,))
-    _settle(compiler, check)
+    _settle(arguments, check)
     return Typed(noise(divide(place.expression, period.expression), seed.expression), ONE)
 
 
-def _curve(compiler: ExpressionCompiler, node: tree.Call) -> Typed:
-    x = compiler.scalar(node.arguments[0])
-    places, values = (_points(compiler, node, argument) for argument in node.arguments[1:])
+def _curve(arguments: Arguments, node: tree.Call) -> Typed:
+    x = arguments.scalar(node.arguments[0])
+    places, values = (_points(arguments, node, argument) for argument in node.arguments[1:])
     at = [(x, node.arguments[0].span), *_placed(places, node.arguments[1])]
-    compiler.common(at, f"What `{node.function}` is asked at and its places need one unit")
-    dimension = compiler.common(_placed(values, node.arguments[2]), f"The values of `{node.function}` need one unit")
+    common_dimension(at, f"What `{node.function}` is asked at and its places need one unit")
+    dimension = common_dimension(_placed(values, node.arguments[2]), f"The values of `{node.function}` need one unit")
     if len(places) != len(values):
         what = f"`{node.function}` has {len(places)} places but {len(values)} values"
         raise Wrong(WrongTable(node.span, what, "Every place has one value: the two lists are of one length."))
@@ -69,8 +76,8 @@ def _curve(compiler: ExpressionCompiler, node: tree.Call) -> Typed:
             WrongTable(node.span, f"`{node.function}` has {len(places)} point", "A curve needs two points or more.")
         )
     xs, ys = tuple(t.expression for t in places), tuple(t.expression for t in values)
-    check = Check(node.function, node.arguments[1].span, xs, ys, _cells(compiler, node.arguments[1]))
-    if not _settle(compiler, check) and len(xs) > MAXIMUM_POINTS:
+    check = Check(node.function, node.arguments[1].span, xs, ys, _cells(arguments, node.arguments[1]))
+    if not _settle(arguments, check) and len(xs) > MAXIMUM_POINTS:
         hint = f"More than {MAXIMUM_POINTS} points are numbers of the text: `constant` lists, or columns of a file."
         raise Wrong(WrongTable(node.span, f"`{node.function}` has {len(xs)} points that are parameters", hint))
     result = table(node.function, x.expression, xs, ys)
@@ -95,9 +102,9 @@ def _unknown(key: object) -> float:
     raise LookupError(key)
 
 
-def _points(compiler: ExpressionCompiler, node: tree.Call, argument: tree.Expression) -> tuple[Typed, ...]:
+def _points(arguments: Arguments, node: tree.Call, argument: tree.Expression) -> tuple[Typed, ...]:
     """A list of single numbers."""
-    value = compiler.value(argument)
+    value = arguments.value(argument)
     if not isinstance(value, tuple):
         hint = f"Write {USAGE[node.function]}, the name of a list, or a column of a file."
         raise Wrong(WrongType(argument.span, "A list", "a single number", hint))
@@ -113,19 +120,19 @@ def _placed(points: Sequence[Typed], argument: tree.Expression) -> list[tuple[Ty
     return [(t, argument.span) for t in points]
 
 
-def _cells(compiler: ExpressionCompiler, argument: tree.Expression) -> tuple[Span, ...]:
+def _cells(arguments: Arguments, argument: tree.Expression) -> tuple[Span, ...]:
     """Places in the text or file of the numbers in a list, if they differ from the place of the argument."""
     if isinstance(argument, tree.Call) and argument.function == "column":
-        return read_column(argument, compiler.scope.definition.file).cells
+        return read_column(argument, arguments.file).cells
     return tuple(item.span for item in argument.items) if isinstance(argument, tree.Vector) else ()
 
 
-def _settle(compiler: ExpressionCompiler, check: Check) -> bool:
+def _settle(arguments: Arguments, check: Check) -> bool:
     """Check the points that are known and return True if all are; otherwise leave the check to each instance."""
     if all(isinstance(x, Number) for x in (*check.places, *check.values)):
         check_static(check, lambda x: x.value if isinstance(x, Number) else None)
         return True
-    compiler.checks.append(check)
+    arguments.checks.append(check)
     return False
 
 

@@ -13,7 +13,8 @@ from ..graph.units import ONE, Dimension
 from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
-from .scope import Scope
+from .errors import DimensionMismatch
+from .scope import Scope, Wrong, describe, unit_hint
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,3 +143,27 @@ def times(a: Typed, b: Typed, direction: int) -> Typed:
         return Typed(multiply(a.expression, b.expression), a.dimension * b.dimension)
     bottom = b.dimension or ONE
     return Typed(divide(a.expression, b.expression), None if a.dimension is None else a.dimension / bottom)
+
+
+def common_dimension(parts: list[tuple[Typed, Span]], what: str) -> Dimension | None:
+    """Dimension that all values share; None if all are bare zeros. Raises `Wrong`."""
+    known: tuple[Dimension, Span] | None = None
+    for value, span in parts:
+        if value.dimension is None:
+            continue
+        if known is None:
+            known = (value.dimension, span)
+        elif value.dimension != known[0]:
+            text = (
+                f"{what}: `{known[1].text}` is {describe(known[0])}, but `{span.text}` is {describe(value.dimension)}"
+            )
+            bare, other = (value.dimension, known[0]) if value.dimension == ONE else (known[0], value.dimension)
+            raise Wrong(DimensionMismatch(span, text, unit_hint(bare, other)))
+    return None if known is None else known[0]
+
+
+def bare_number(value: Typed, node: tree.Expression, what: str) -> None:
+    """Raise `Wrong` for a quantity with a unit."""
+    if value.dimension not in (None, ONE):
+        text = f"{what} `{node.span.text}` must be a bare number, but it is {describe(value.dimension)}"
+        raise Wrong(DimensionMismatch(node.span, text, "Divide it by a reference of the same unit."))

@@ -30,7 +30,6 @@ from . import tables
 from .errors import (
     NO_NAMES,
     Cycle,
-    DimensionMismatch,
     NoValue,
     TooMany,
     UnknownFunction,
@@ -42,8 +41,22 @@ from .errors import (
 from .functions import FUNCTIONS
 from .own_functions import may_read
 from .scales import bare, is_absolute, scale_of
-from .scope import Scope, Wrong, describe, suggestion, unit_hint
-from .template import Check, OwnVariable, Resolve, Slot, Template, Typed, Value, each, has_value, negated, times
+from .scope import Scope, Wrong, describe, suggestion
+from .template import (
+    Check,
+    OwnVariable,
+    Resolve,
+    Slot,
+    Template,
+    Typed,
+    Value,
+    bare_number,
+    common_dimension,
+    each,
+    has_value,
+    negated,
+    times,
+)
 
 MEMORIES = {"integral": "integral(rate, start)", "delay": "delay(x, 1 ms)"}  # signals with memory
 MAXIMUM_ITEMS = 10_000  # of one list
@@ -267,7 +280,7 @@ class ExpressionCompiler:
         length = next((len(v) for _, _, v in values if isinstance(v, tuple)), None)
         if length is None:
             scalars = [(sign, term, self._number(v, term.span)) for sign, term, v in values if isinstance(v, Typed)]
-            dimension = self.common([(t, term.span) for _, term, t in scalars], "These cannot be added")
+            dimension = common_dimension([(t, term.span) for _, term, t in scalars], "These cannot be added")
             return Typed(
                 add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in scalars)), dimension
             )
@@ -285,24 +298,11 @@ class ExpressionCompiler:
                         )
                     )
                 terms.append((sign, term, v[i]))
-            dimension = self.common([(t, term.span) for _, term, t in terms], "These cannot be added")
+            dimension = common_dimension([(t, term.span) for _, term, t in terms], "These cannot be added")
             result.append(
                 Typed(add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in terms)), dimension)
             )
         return tuple(result)
-
-    def common(self, parts: list[tuple[Typed, Span]], what: str) -> Dimension | None:
-        known: tuple[Dimension, Span] | None = None
-        for value, span in parts:
-            if value.dimension is None:
-                continue
-            if known is None:
-                known = (value.dimension, span)
-            elif value.dimension != known[0]:
-                text = f"{what}: `{known[1].text}` is {describe(known[0])}, but `{span.text}` is {describe(value.dimension)}"
-                bare, other = (value.dimension, known[0]) if value.dimension == ONE else (known[0], value.dimension)
-                raise Wrong(DimensionMismatch(span, text, unit_hint(bare, other)))
-        return None if known is None else known[0]
 
     def _product(self, node: tree.Product) -> Value:
         result: Value = Typed(NUMBER_ONE, ONE)
@@ -322,16 +322,9 @@ class ExpressionCompiler:
                 result = each(lambda t, n=number, d=direction: times(t, n, d), result)  # type: ignore[misc]
         return result
 
-    @staticmethod
-    def bare_number(value: Typed, node: tree.Expression, what: str) -> None:
-        """Raise `Wrong` for a quantity with a unit."""
-        if value.dimension not in (None, ONE):
-            text = f"{what} `{node.span.text}` must be a bare number, but it is {describe(value.dimension)}"
-            raise Wrong(DimensionMismatch(node.span, text, "Divide it by a reference of the same unit."))
-
     def _power(self, node: tree.Power) -> Typed:
         base, exponent = self.scalar(node.base), self.scalar(node.exponent)
-        self.bare_number(exponent, node.exponent, "The exponent")
+        bare_number(exponent, node.exponent, "The exponent")
         dimension: Dimension | None = ONE
         if base.dimension not in (None, ONE):
             if not isinstance(exponent.expression, Number):
@@ -350,7 +343,7 @@ class ExpressionCompiler:
 
     def _comparison(self, node: tree.Comparison) -> Typed:
         left, right = self.scalar(node.left), self.scalar(node.right)
-        self.common([(left, node.left.span), (right, node.right.span)], "These cannot be compared")
+        common_dimension([(left, node.left.span), (right, node.right.span)], "These cannot be compared")
         a, b = left.expression, right.expression
         match node.operator:
             case "<":
@@ -372,7 +365,7 @@ class ExpressionCompiler:
         value, otherwise = self.value(node.value), self.value(node.otherwise)
         if isinstance(value, tuple) or isinstance(otherwise, tuple):
             raise Wrong(WrongType(node.span, "A single number", "a list", "Choose item by item."))
-        dimension = self.common(
+        dimension = common_dimension(
             [(value, node.value.span), (otherwise, node.otherwise.span)], "Both branches need one unit"
         )
         return Typed(select(condition, value.expression, otherwise.expression), dimension)
@@ -384,7 +377,8 @@ class ExpressionCompiler:
         if node.function in MEMORIES:
             return self._memory(node)
         if node.function in tables.USAGE:
-            return tables.compile_table(self, node)
+            readers = tables.Arguments(self.scope.definition.file, self.value, self.scalar, self.checks)
+            return tables.compile_table(readers, node)
         rule = FUNCTIONS.get(node.function)
         if rule is None:
             hint = suggestion(
@@ -411,7 +405,7 @@ class ExpressionCompiler:
             (x, y), d = (v.expression for v in vector), vector[0].dimension or vector[1].dimension
             return Typed(c * x - s * y, d), Typed(s * x + c * y, d)
         arguments = [self.scalar(a) for a in node.arguments]
-        return build(self, node, arguments)
+        return build(node, arguments)
 
     def _function(self, name: str) -> tree.Function | None:
         """The author's function of that name. A function of the file cannot call functions of the model."""
