@@ -414,7 +414,9 @@ class Leg:
         if self.bandwidth is not None:
             from .bandwidth.tell import left_out_of
 
-            self.left_out = left_out_of(self, self.bandwidth)
+            self.left_out = left_out_of(
+                self.bandwidth, self.program, self.leaving, self.instants, self.trajectory, self.stretches
+            )
 
     def _doubt(self, rounded: float) -> ToleranceDoubt:
         """Return the warning that steps were accepted with so many tolerances of rounding."""

@@ -269,11 +269,12 @@ class Run:
         if not first.facts.valves and not first.facts.integrals:
             return None
         from .events.complementarity import Companion
+        from .events.events import conditioned
 
         def made(off: tuple[str, ...]) -> Prepared:
             return self.made(replace(self.scene, preferences=(), off=off, companion=True, conserving=False), False)
 
-        companion = Companion(first.facts, made, self.values, self.stop - self.plan.start)
+        companion = Companion(first.facts, made, self.values, self.stop - self.plan.start, conditioned)
         companion.switched(self.plan.start)
         return companion
 

@@ -18,41 +18,45 @@ from .push import kept
 from .split import STEADY, Flow
 
 if TYPE_CHECKING:
-    from ..leg import Leg
+    from ...door import Program
+    from ..segments import Segment
+    from ..trajectory import Trajectory
 
 SHARE = 0.01  # fraction of the largest removed amplitude above which a mode is named
 
 
-def left_out_of(leg: Leg, bandwidth: float) -> LeftOut:
-    """Return the truncation report of a phase that has been run."""
-    leaving, program = leg.leaving, leg.program
+def left_out_of(
+    bandwidth: float, program: Program, leaving: Leaving | None, instants: Any, trajectory: Trajectory, stretches: Sequence[Segment]
+) -> LeftOut:  # fmt: skip
+    """Return the truncation report of a phase that has been run. `stretches`: its segments, where no event cut them."""
     if leaving is None:
         events = program.hybrid is not None
         what = "events ask for its states, fast ones too" if events else "delayed signals carry on what is fast"
         return LeftOut(bandwidth, reason=f"{what}, so all is followed")
-    flow, end = leaving.flow, leg.trajectory.kept
+    flow, end = leaving.flow, trajectory.kept
     removals = [r for r in leaving.removals if end is None or r.time <= end.time]
     if flow is None or not removals:
-        return LeftOut(bandwidth, leaving.faster, reason=_reason(leaving, leg))
+        return LeftOut(bandwidth, leaving.faster, reason=_reason(leaving, len(program.states.names) > 0))
     found = LeftOut(bandwidth, leaving.faster, _modes(flow, removals), tuple(float(r.time) for r in removals))
     names, reasons = program.outputs.names, _reasons(leaving)
     lacking, changed = np.full((2, len(names)), np.nan)
     try:
-        lacking, changed, why = _estimated(removals, flow, leg)
+        lacking, changed, why = _estimated(removals, flow, instants, trajectory.states, trajectory.pieces or stretches)
         reasons.extend(why)
     except (RunFailed, np.linalg.LinAlgError) as failed:
         reasons.append(f"the ringing cannot be followed: {failed}")
     return replace(found, outputs=_finite(names, lacking), kept=_finite(names, changed), reason="; ".join(reasons))
 
 
-def _estimated(removals: Sequence[Removal], flow: Flow, leg: Leg) -> tuple[Any, Any, list[str]]:
+def _estimated(
+    removals: Sequence[Removal], flow: Flow, instants: Any, states: Any, pieces: Sequence[Segment]
+) -> tuple[Any, Any, list[str]]:
     """Return the largest amplitude of the oscillation per output, its largest effect on the slow solution (outputs,), and further remarks."""
     lacking = np.zeros(len(flow.program.outputs.names))
     reasons: list[str] = []
-    pieces = leg.trajectory.pieces or leg.stretches
     ringings: list[tuple[Way, Ringing]] = []
-    whole, ringing = float(leg.instants[-1] - removals[0].time), None
-    for removal, way in zip(removals, ways_of(removals, leg.instants, leg.trajectory.states, pieces), strict=True):
+    whole, ringing = float(instants[-1] - removals[0].time), None
+    for removal, way in zip(removals, ways_of(removals, instants, states, pieces), strict=True):
         ringing = followed(flow, removal, way, (way.times[-1] - way.times[0]) / whole if whole > 0 else 1.0, ringing)
         lacking = np.maximum(lacking, amplitudes(flow, ringing))
         ringings.append((way, ringing))
@@ -70,10 +74,10 @@ def _finite(names: Sequence[str], values: Any) -> dict[str, float]:
     return {n: float(v) if np.isfinite(v) else math.nan for n, v in zip(names, values, strict=True)}
 
 
-def _reason(leaving: Leaving, leg: Leg) -> str:
+def _reason(leaving: Leaving, has_states: bool) -> str:
     """Return the reason why nothing was truncated."""
     if leaving.flow is None:
-        if leg.program.states.names:
+        if has_states:
             return "this model is linear and solved exactly, however fast it is"
         return "nothing in this run moves by itself"
     if leaving.reasons:

@@ -53,6 +53,9 @@ BALANCED = 1e-6  # relative to a jump: largest misfit of the impulse that passes
 IMPULSES = (1e-7, 1e-8)  # as `STEPS`: the two steps that reveal an impulse
 
 
+Conditioned = Callable[[Constraints, float, Any, Any], Any]
+
+
 @dataclass(frozen=True, slots=True)
 class Instant:
     """A time with all stored quantities and all discrete variables, by name; `off`: switched junctions that are no valves."""
@@ -79,7 +82,8 @@ class Network:
 class Companion:
     """Valves of a run, and its other two-terminal switches.
 
-    `made`: the companion program for given junctions off. `values`: parameters set when the run begins.
+    `made`: the companion program for given junctions off. `values`: parameters set when the run begins. `conditioned`: the mode with its
+    conditions as evaluated, for constraints, time, state and mode.
     """
 
     def __init__(
@@ -88,12 +92,13 @@ class Companion:
         made: Callable[[tuple[str, ...]], Prepared],
         values: Mapping[str, float],
         horizon: float,
+        conditioned: Conditioned,
     ) -> None:
         self.valves, self.gaps = facts.valves, facts.gaps
         self.signs = np.array([*(v.sign for v in self.valves), *(1.0 for _ in self.gaps[len(self.valves) :])])
         self.integrals = {i.name: i for i in facts.integrals}
         self.mechanisms = tuple(f"{name}." for name in facts.mechanisms)
-        self.made, self.values, self.horizon = made, values, horizon
+        self.made, self.values, self.horizon, self.conditioned = made, values, horizon, conditioned
         self.networks: dict[tuple[str, ...], Network] = {}
         self.instants: list[float] = []  # the start, and the switching instants of valves
         self.stored: dict[str, float] = {}  # by name: last known values of stored quantities
@@ -275,7 +280,7 @@ class Companion:
         if not network.impedance:
             network.impedance.append(self._impedance(network, at))
         z = network.impedance[0]
-        states, mode = _state(network.program, network.constraints, at, step)
+        states, mode = self._state(network, at, step)
         others = [name in at.off for name in self.gaps[len(self.valves) :]]  # a switch whose junction is off conducts
         waves, on = np.zeros(count), np.array([*guess, *others], dtype=bool)
         size = 1.0
@@ -334,7 +339,7 @@ class Companion:
         """Return the impedance of the waves: geometric mean of the network's impedances at the valves over a long step."""
         z, count = 1.0, len(self.gaps)
         step = 1e-3 * self.horizon
-        where = _state(network.program, network.constraints, at, step)
+        where = self._state(network, at, step)
         for _ in range(IMPEDANCES):
             seen = self._outputs(network, at, where, (step, z, np.concatenate([np.zeros((1, count)), np.eye(count)])))
             change = np.diagonal(
@@ -347,21 +352,18 @@ class Companion:
                 break
         return z
 
-
-def _state(program: Program, constraints: Constraints, at: Instant, step: float) -> tuple[Any, Any]:
-    """Return the state and the mode of a companion program at an instant."""
-    state = np.array(program.start(constraints.constants), dtype=float)
-    for place, name in enumerate(program.states.names):
-        state[place] = at.stored.get(name, state[place])
-    mode = np.array(program.mode_at(at.time + step, state, constraints.inputs, constraints.constants), dtype=float)
-    if program.hybrid is not None:
-        from .events import Events, Moment
-
-        for place, name in enumerate(program.hybrid.modes.names):
-            mode[place] = at.modes.get(name, mode[place])
-        events = Events(constraints, np.where(state != 0, np.abs(state), 1.0), 1.0)
-        mode = events.guess(Moment(at.time + step, state, mode))
-    return state, mode
+    def _state(self, network: Network, at: Instant, step: float) -> tuple[Any, Any]:
+        """Return the state and the mode of a companion program at an instant."""
+        program, constraints = network.program, network.constraints
+        state = np.array(program.start(constraints.constants), dtype=float)
+        for place, name in enumerate(program.states.names):
+            state[place] = at.stored.get(name, state[place])
+        mode = np.array(program.mode_at(at.time + step, state, constraints.inputs, constraints.constants), dtype=float)
+        if program.hybrid is not None:
+            for place, name in enumerate(program.hybrid.modes.names):
+                mode[place] = at.modes.get(name, mode[place])
+            mode = self.conditioned(constraints, at.time + step, state, mode)
+        return state, mode
 
 
 def complementary(slopes: Any, offset: Any, guess: Any, valves: int) -> tuple[Any, Any, Any] | None:

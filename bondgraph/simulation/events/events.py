@@ -497,6 +497,11 @@ class Events:
         return " and ".join(dict.fromkeys(f"`{e}` ({_place(e.span)})" for e in events))
 
 
+def conditioned(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
+    """Return a mode with the conditions on states as evaluated."""
+    return Events(constraints, np.where(state != 0, np.abs(state), 1.0), 1.0).guess(Moment(time, state, mode))
+
+
 def _shrinks(intervals: Any) -> bool:
     """Return True if intervals between events get shorter each time, and are much shorter than the longest one."""
     last = intervals[-LEFT:]

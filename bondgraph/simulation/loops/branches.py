@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from .loops import LoopSolver
-from .scatter import Loop, arrivals, guesses
+from .loops import LoopSolver, SeparateLoop
+from .scatter import arrivals, guesses
 
 CLOSE = 1e-6  # relative distance within which two solutions are equal
 FLOOR = 1e-13  # of the magnitude: limit of Newton's method where a law is flat at a solution (a valve without flow)
@@ -28,7 +28,7 @@ def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> li
         return []
     others: list[Any] = []
     for places in loops.separate():
-        loop = Loop(loops, (time, state, mode), known, places)
+        loop = SeparateLoop(loops, (time, state, mode), known, places)
         found = _collect(loop, [known[places]], guesses(known[places]))
         if len(found) > 1:  # between two solutions often lies a third one that Newton's method avoids
             between = [a + t * (b - a) for a, b in combinations(found[:4], 2) for t in BETWEEN]
@@ -50,7 +50,7 @@ def _in_mode(loops: LoopSolver, time: float, state: Any, mode: Any) -> bool:
     return bool(((roots == 0) | ((roots < 0) == held)).all())
 
 
-def _collect(loop: Loop, found: list[Any], guesses: Any) -> list[Any]:
+def _collect(loop: SeparateLoop, found: list[Any], guesses: Any) -> list[Any]:
     """Return the known solutions, and those to which guesses lead."""
     found = list(found)
     for end in arrivals(loop, guesses):
@@ -59,7 +59,7 @@ def _collect(loop: Loop, found: list[Any], guesses: Any) -> list[Any]:
     return found
 
 
-def _same(loop: Loop, a: Any, b: Any) -> bool:
+def _same(loop: SeparateLoop, a: Any, b: Any) -> bool:
     """Return True if two solutions are equal to rounding: between two regular ones the derivative along their distance must change."""
     way = b - a
     near = np.maximum(CLOSE * np.maximum(np.abs(a), np.abs(b)).max(), FLOOR * loop.magnitude)
@@ -71,7 +71,7 @@ def _same(loop: Loop, a: Any, b: Any) -> bool:
     return bool(np.ptp(along, axis=0).max() <= BENT)
 
 
-def _regular(loop: Loop, z: Any) -> bool:
+def _regular(loop: SeparateLoop, z: Any) -> bool:
     """Return True if a solution is isolated: in a flat law a whole range would be a solution, which is no second one."""
     matrix = loop.matrix(z) * np.maximum(np.abs(z), 1e-300)
     scale = np.abs(matrix).max(axis=1)

@@ -6,6 +6,7 @@ fails from the last solution, `homotopy.py` reduces the residual gradually to ze
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -153,9 +154,9 @@ class LoopSolver:
         """Return the nearest of the solutions to which many guesses lead; None if there is none."""
         if len(places) > LARGEST:
             return None
-        from .scatter import Loop, arrivals, far_guesses, guesses
+        from .scatter import arrivals, far_guesses, guesses
 
-        loop = Loop(self, (time, state, mode), last, places)
+        loop = SeparateLoop(self, (time, state, mode), last, places)
         ends = arrivals(loop, guesses(last[places])) or arrivals(loop, far_guesses(len(places)))
         ends.sort(key=lambda end: float(np.abs((end - last[places]) / self.magnitude[places]).max()))
         found = (self.newton(time, state, mode, _put(last, places, end), places) for end in ends[:NEAREST])
@@ -333,6 +334,32 @@ def _put(z: Any, places: Any, values: Any) -> Any:
     result = np.array(z, dtype=float)
     result[places] = values
     return result
+
+
+@dataclass(frozen=True, slots=True)
+class SeparateLoop:
+    """One loop, while the others keep their solution: `places` are the indices of its unknowns."""
+
+    loops: LoopSolver
+    at: tuple[float, Any, Any]  # time, state, mode
+    known: Any  # unknowns of all loops
+    places: Any
+
+    @property
+    def magnitude(self) -> Any:
+        return self.loops.magnitude[self.places]
+
+    def full(self, z: Any) -> Any:
+        """Return the unknowns of all loops, with `z` for those of this one."""
+        result = np.tile(self.known, (*z.shape[:-1], 1))
+        result[..., self.places] = z
+        return result
+
+    def residual(self, z: Any) -> Any:
+        return self.loops.residual(*self.at, self.full(z))[..., self.places]
+
+    def matrix(self, z: Any) -> Any:
+        return self.loops.matrix(*self.at, self.full(z))[..., self.places[:, None], self.places]
 
 
 class Eliminated:

@@ -6,13 +6,9 @@ alone, and for some mixtures that are the same in every run. Some hundred guesse
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from .loops import LoopSolver
 
 ITERATIONS = 60
 HALVINGS = 8
@@ -22,33 +18,16 @@ UNITS = 10.0 ** np.arange(-6, 4)
 MIXTURES = 48
 FAR = 200  # number of guesses over many decades
 
-At = tuple[float, Any, Any]  # time, state, mode
 
-
-@dataclass(frozen=True, slots=True)
-class Loop:
-    """One loop, while the others keep their solution: `places` are the indices of its unknowns."""
-
-    loops: LoopSolver
-    at: At
-    known: Any  # unknowns of all loops
-    places: Any
+class Equations(Protocol):
+    """As many equations as unknowns, for many points at once: z has shape (…, n), and so has the residual; the matrix (…, n, n)."""
 
     @property
-    def magnitude(self) -> Any:
-        return self.loops.magnitude[self.places]
+    def magnitude(self) -> Any: ...
 
-    def full(self, z: Any) -> Any:
-        """Return the unknowns of all loops, with `z` for those of this one."""
-        result = np.tile(self.known, (*z.shape[:-1], 1))
-        result[..., self.places] = z
-        return result
+    def residual(self, z: Any) -> Any: ...
 
-    def residual(self, z: Any) -> Any:
-        return self.loops.residual(*self.at, self.full(z))[..., self.places]
-
-    def matrix(self, z: Any) -> Any:
-        return self.loops.matrix(*self.at, self.full(z))[..., self.places[:, None], self.places]
+    def matrix(self, z: Any) -> Any: ...
 
 
 def guesses(known: Any) -> Any:
@@ -77,37 +56,37 @@ def far_guesses(count: int) -> Any:
     return random.choice((-1, 1), shape) * 10 ** random.uniform(-3, 6, shape)
 
 
-def arrivals(loop: Loop, guesses: Any) -> Any:
+def arrivals(equations: Equations, guesses: Any) -> Any:
     """Return the points to which Newton's method, damped by halving, converges; guesses that do not converge are dropped."""
     z, done = np.array(guesses, dtype=float), []
-    value = loop.residual(z)
+    value = equations.residual(z)
     for _ in range(ITERATIONS):
         alive = np.isfinite(value).all(axis=1)
         z, value = z[alive], value[alive]
         if not len(z):
             break
-        z, value, scale, step = _steps(loop, z, value)
-        arrived = np.abs(step / np.maximum(np.abs(z), 1e-6 * loop.magnitude)).max(axis=1, initial=0.0) < 1e-8
+        z, value, scale, step = _steps(equations, z, value)
+        arrived = np.abs(step / np.maximum(np.abs(z), 1e-6 * equations.magnitude)).max(axis=1, initial=0.0) < 1e-8
         done += list(z[arrived])
         rest = ~arrived
-        z, value = _damped(loop, z[rest], value[rest], scale[rest], step[rest])
+        z, value = _damped(equations, z[rest], value[rest], scale[rest], step[rest])
     return done
 
 
-def _steps(loop: Loop, z: Any, value: Any) -> tuple[Any, Any, Any, Any]:
+def _steps(equations: Equations, z: Any, value: Any) -> tuple[Any, Any, Any, Any]:
     """Return Newton's steps, with the scales of the rows, for the guesses that have one."""
-    matrix = loop.matrix(z) * loop.magnitude
+    matrix = equations.matrix(z) * equations.magnitude
     scale = np.abs(matrix).max(axis=-1, initial=0.0)
     good = np.isfinite(scale).all(axis=1) & (scale > 0).all(axis=1)
     z, value, matrix, scale = z[good], value[good], matrix[good], scale[good]
     scaled = matrix / scale[..., None]
     good = np.linalg.slogdet(scaled)[0] != 0
     z, value, scaled, scale = z[good], value[good], scaled[good], scale[good]
-    step = np.linalg.solve(scaled, -(value / scale)[..., None])[..., 0] * loop.magnitude
+    step = np.linalg.solve(scaled, -(value / scale)[..., None])[..., 0] * equations.magnitude
     return z, value, scale, step
 
 
-def _damped(loop: Loop, z: Any, value: Any, scale: Any, step: Any) -> tuple[Any, Any]:
+def _damped(equations: Equations, z: Any, value: Any, scale: Any, step: Any) -> tuple[Any, Any]:
     """Return the guesses after a step; each step is halved until the residual falls, otherwise its guess is dropped."""
     norm = np.linalg.norm(value / scale, axis=1)
     moved, found = np.full_like(z, np.nan), np.full_like(value, np.nan)
@@ -117,7 +96,7 @@ def _damped(loop: Loop, z: Any, value: Any, scale: Any, step: Any) -> tuple[Any,
         if not len(open_):
             break
         trial = z[open_] + factor * step[open_]
-        new = loop.residual(trial)
+        new = equations.residual(trial)
         falls = np.linalg.norm(new / scale[open_], axis=1) <= (1 - 1e-4 * factor) * norm[open_]
         moved[open_[falls]], found[open_[falls]] = trial[falls], new[falls]
         open_, factor = open_[~falls], 0.5 * factor

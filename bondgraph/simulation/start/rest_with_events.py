@@ -18,7 +18,8 @@ from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..events.events import Events, Moment
 from ..segments import Segment
-from .rest import Search, equilibrium, found_by
+from .rest import equilibrium, found_by
+from .rest_dense import Search
 
 MOST_MODES = 30  # most modes in which an equilibrium is searched
 SAME = 1e-9  # relative to the magnitudes: change of a state by an event that counts as none

@@ -1,0 +1,233 @@
+"""Equilibrium search: rates and their derivatives by the states, with dense matrices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...door import Program
+from ...errors import RunFailed
+from ..closed.constraints import Constraints
+from ..loops.loops import LoopSolver
+from ..segments import Segment
+from ..watch.stuck import not_finite
+from .steady import CANCELLED, drivers, given_terms, unread_states
+
+LARGEST = 1e100  # states beyond it have no equilibrium
+SINGULAR = 1e-12  # relative to the largest singular value
+CLOSE = 1e-9  # size of the last correction, relative to the magnitude of a state
+ROUNDING = 1e-12  # relative to the terms in a rate: a smaller rate is rounding where they cancel
+RESTING = 1e-8  # relative to the terms in a rate: a larger rate is a motion
+FIRST = 0.1  # of the time in which the first rates reach a magnitude: without restoring forces eigenvalues give no time
+STEADY = 1e-7  # relative to the terms in a rate: a smaller change along a motion is none
+PLACES = (-1.7, 0.6, 3.1)  # along a motion, in magnitudes of the state that moves most: the rates are compared there
+
+
+class Search:
+    """Rates and their derivatives by the states, with the unknowns of loops solved for."""
+
+    def __init__(self, program: Program, constraints: Constraints, inputs: Any, first: Segment) -> None:
+        self.constraints, constants = constraints, constraints.constants
+        self.program, self.count = program, len(program.states.names)
+        self.time, self.fixed = first.start, (inputs, constants, first.mode)
+        magnitude = np.ones(self.count + len(program.unknowns.names))
+        self.loops, self.mode = LoopSolver(program, constants, inputs, magnitude, constraints.parameters), first.mode
+        self.largest = np.zeros(self.count)
+        self.names, units = program.states.names, program.states.units
+        kinds = {unit: i for i, unit in enumerate(dict.fromkeys(units))}
+        self.kind = np.array([kinds[unit] for unit in units], dtype=int)  # one index per unit
+        self.basis: Any = None  # basis of the directions that loop joints allow at the current state
+        self.farthest = LARGEST
+        self.loop_terms: Any = 0.0  # terms of the loop unknowns in each rate at the current state
+        self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
+
+    def at(self, full: Any) -> tuple[Any, Any, Any]:
+        """Return state, rates, and their derivatives by the states alone."""
+        full = self.constraints.project(self.time, full, self.mode)
+        full = self.loops.solve(self.time, full, self.mode)
+        if self.constraints:
+            self.basis = self.constraints.tangents(self.time, full, self.mode)
+        n = self.count
+        if self.unread is None:
+            self.unread = unread_states(self.program, self.time, full, *self.fixed)
+        slope = self.rates(full)
+        whole = np.asarray(self.program.jacobian(self.time, full, *self.fixed))
+        jacobian = whole[:n, :n].copy()
+        self.loop_terms = np.abs(whole[:n, n:]) @ np.abs(full[n:])
+        if len(full) > n:
+            jacobian = jacobian - whole[:n, n:] @ np.linalg.solve(whole[n:, n:], whole[n:, :n])
+        jacobian[self.unread] = 0.0
+        self.largest = np.maximum(self.largest, np.abs(full[:n]))
+        return full, slope, jacobian
+
+    def rates(self, full: Any) -> Any:
+        """Return the rates of the states (n,), zero for those that nothing reads."""
+        slope = np.array(self.program.derivative(self.time, full, *self.fixed))[: self.count]
+        slope[self.unread] = 0.0
+        return slope
+
+    def first(self, slope: Any, jacobian: Any) -> float:
+        """Return the length of the first step: that of the fastest mode, or of the relative rates of the states."""
+        moving = slope != 0
+        reach = float((self.scale(np.zeros(self.count))[moving] / np.abs(slope[moving])).min())
+        fastest = self.fastest(jacobian)
+        return min(1.0 / fastest, FIRST * reach) if fastest > 0 else FIRST * reach
+
+    def fastest(self, jacobian: Any) -> float:
+        """Return the largest eigenvalue, in 1/s."""
+        return float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
+
+    def scale(self, change: Any) -> Any:
+        """Return magnitudes of the states, as far as they are known: states of one unit share the largest."""
+        seen = np.maximum(self.largest, np.where(np.isfinite(change), np.abs(change), 0.0))
+        largest = np.zeros(self.kind.max(initial=0) + 1)
+        np.maximum.at(largest, self.kind, seen)
+        return np.where(largest > 0, largest, 1.0)[self.kind]
+
+    def step(self, full: Any, slope: Any, jacobian: Any, size: float) -> tuple[Any, Any, Any] | None:
+        """Make one implicit Euler step; None if its result is not finite."""
+        try:
+            change = self.euler(slope, jacobian, size)
+            trial = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
+        except (np.linalg.LinAlgError, RunFailed):
+            return None
+        return trial if np.isfinite(trial[1]).all() and np.isfinite(trial[2].sum()) else None
+
+    def euler(self, slope: Any, jacobian: Any, size: float) -> Any:
+        """Return the change of the states in one implicit step. Raises LinAlgError."""
+        if self.basis is None:
+            return np.linalg.solve(np.eye(self.count) / size - jacobian, slope)
+        inner = self.basis.T @ jacobian @ self.basis
+        return self.basis @ np.linalg.solve(np.eye(len(inner)) / size - inner, self.basis.T @ slope)
+
+    def correction(self, slope: Any, jacobian: Any) -> Any:
+        """Return Newton's minimum-norm step, which is zero along directions without restoring force. Infinite if nothing balances the rates."""
+        if self.basis is not None:  # only along the directions that loop joints allow
+            inner = np.abs(self.basis).T @ self._noise(jacobian)
+            change = self._least(self.basis.T @ slope, self.basis.T @ jacobian @ self.basis, inner)
+            return self.basis @ change if np.isfinite(change).all() else np.full(self.count, np.inf)
+        return self._least(slope, jacobian, self._noise(jacobian))
+
+    def _noise(self, jacobian: Any) -> Any:
+        """Return the rounding error of each rate."""
+        return ROUNDING * (np.abs(jacobian) @ self.scale(np.zeros(self.count)) + self.loop_terms)
+
+    def _least(self, slope: Any, jacobian: Any, noise: Any) -> Any:
+        rows = np.abs(jacobian).max(axis=1)
+        if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
+            return np.full(len(slope), np.inf)
+        rows = np.where(rows > 0, rows, 1.0)
+        matrix = jacobian / rows[:, None]
+        columns = np.abs(matrix).max(axis=0)
+        columns = np.where(columns > 0, columns, 1.0)
+        left, sizes, right = np.linalg.svd(matrix / columns)
+        rank = int((sizes > SINGULAR * sizes[0]).sum())
+        needed = -slope / rows
+        if rank < len(slope):  # part of the rates that no change of the states can cancel
+            lost = left[:, rank:].T
+            allowed = CLOSE * (np.abs(lost) @ np.abs(needed)) + np.abs(lost) @ (noise / rows)
+            if (np.abs(lost @ needed) > allowed).any():
+                return np.full(len(slope), np.inf)
+            kept = lost / rows / columns  # conserved quantities (w with w J = 0) stay unchanged
+            kept = kept / np.linalg.norm(kept, axis=1, keepdims=True)
+            whole, wanted = np.concatenate([matrix / columns, kept]), np.concatenate([needed, np.zeros(len(kept))])
+            change = np.linalg.lstsq(whole, wanted, rcond=SINGULAR)[0]
+            # a conserved quantity may drive the rates: then there is no equilibrium
+            beside = np.abs(whole @ change - wanted)
+            allowed = CLOSE * max(np.abs(needed).max(), np.abs(change).max()) + np.concatenate(
+                [noise / rows, np.zeros(len(kept))]
+            )
+            return change / columns if (beside <= allowed).all() else np.full(len(slope), np.inf)
+        change = right[:rank].T @ ((left[:, :rank].T @ needed) / sizes[:rank])
+        return change / columns
+
+    def distance(self, slope: Any, jacobian: Any) -> float:
+        """Return the distance of the equilibrium, in units of the magnitudes."""
+        if (np.abs(slope) <= ROUNDING * (np.abs(jacobian) @ self.largest + self.loop_terms)).all():
+            return 0.0  # the magnitude of a change is unknown where only rounding moves
+        change = self.correction(slope, jacobian)
+        seen = self.moved(self.scale(change), jacobian)
+        return float((np.abs(change) / seen).max(initial=0.0))
+
+    def moved(self, seen: Any, jacobian: Any) -> Any:
+        """Return magnitudes (n,) raised by the effect of other states within the time of the fastest mode.
+
+        So a speed that only rounding ever moves has a magnitude nevertheless.
+        """
+        fastest = self.fastest(jacobian)
+        return np.maximum(seen, np.abs(jacobian) @ seen / fastest) if fastest > 0 else seen
+
+    def polished(self, full: Any, slope: Any, jacobian: Any) -> Any:
+        """Apply the last corrections, to round-off."""
+        for _ in range(3):
+            change = self.correction(slope, jacobian)
+            if not np.isfinite(change).all():
+                break  # the remainder is rounding
+            full, slope, jacobian = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
+        return full
+
+    # ------------------------------------------------------------ messages
+    def steady_motion(self, full: Any, slope: Any, jacobian: Any) -> RunFailed | None:
+        """Return the refusal of a start whose rates stay what they are while it moves: a rolling wheel or a rotor whose angle the laws read.
+
+        From there a search would stop the motion, and its rest would be another one. None for any other start."""
+        if self.program.hybrid is not None:  # a condition may see the motion
+            return None
+        size = self.scale(np.zeros(self.count))
+        terms = np.abs(jacobian) @ self.moved(size, jacobian) + self.loop_terms
+        moving = np.where(np.abs(slope) > RESTING * terms, slope, 0.0)
+        if not moving.any():
+            return None
+        way = moving / (np.abs(moving) / size).max()  # as far as one state moves by its magnitude
+        allowed = STEADY * terms
+        if not (np.abs(jacobian @ way) <= allowed).all():
+            return None
+        largest, basis, loop_terms = self.largest, self.basis, self.loop_terms
+        try:
+            ahead = [self.at(np.concatenate([full[: self.count] + s * way, full[self.count :]])) for s in PLACES]
+        except (np.linalg.LinAlgError, RunFailed):
+            ahead = []
+        self.largest, self.basis, self.loop_terms = largest, basis, loop_terms
+        if not ahead or not all((np.abs(rates - slope) <= allowed).all() for _, rates, _ in ahead):
+            return None
+        name = self.names[int(np.argmax(np.abs(way) / size))]
+        return RunFailed(
+            f"no equilibrium was found: the start is a steady motion, in which `{name}` goes on and nothing else changes; start it without that motion, "
+            'or analyse what is near the motion with `--at start` (in Python `state="start"`)'
+        )
+
+    def rested(self, full: Any) -> Any:
+        """Return the state, if all its rates vanish at its scales. Raises `RunFailed` otherwise."""
+        full, slope, jacobian = self.at(full)
+        terms = np.abs(jacobian) @ self.moved(self.scale(np.zeros(self.count)), jacobian) + self.loop_terms
+        shared = np.zeros(self.kind.max(initial=0) + 1)
+        np.maximum.at(shared, self.kind, terms)  # accelerations are solved for together: rounding of one affects all
+        resting = np.abs(slope) <= np.maximum(RESTING * terms, CANCELLED * shared[self.kind])
+        if not resting.all() and not self.cancels(full, np.where(resting, 0.0, slope)):
+            raise self.no_rest(slope)
+        return full
+
+    def cancels(self, full: Any, slope: Any) -> bool:
+        """Return True if all rates are rounding of terms of parameters and inputs that cancel each other."""
+        inputs, _, mode = self.fixed
+        terms = given_terms(self.program, self.constraints.parameters, self.time, full, inputs, mode)
+        terms[self.unread] = np.inf
+        return bool((np.abs(slope) <= CANCELLED * terms).all())
+
+    def not_finite(self, slope: Any, full: Any) -> RunFailed:
+        """Return the error for rates that are not finite where the search begins."""
+        return not_finite(self.program, self.time, slope, full, self.mode)
+
+    def drivers(self, place: int) -> str:
+        """Return the states that a rate reads, for messages."""
+        return drivers(self.program, place)
+
+    def no_rest(self, slope: Any) -> RunFailed:
+        """Return the error that names the state that keeps moving, and its drivers."""
+        sizes = np.abs(slope) / self.scale(np.zeros(self.count))
+        worst = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
+        return RunFailed(
+            f"no equilibrium was found: the rate of `{self.names[worst]}` does not vanish (now {slope[worst]:.6g}); "
+            f"{self.drivers(worst)}; does something drive the model for ever, or is it unstable there?"
+        )
