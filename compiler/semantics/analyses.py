@@ -22,7 +22,8 @@ from .errors import (
     WrongType,
 )
 from .measurements import read_headings
-from .scope import STATIC_ROLES, AlreadyTold, Scalar, Scope, Wrong, describe, suggestion, unit_hint
+from .scope import STATIC_ROLES, Scalar, Scope
+from .statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
 from .step_attributes import each, read_attributes, refuse_twice, settable, together, word
 
 MOST_POINTS = 200_000

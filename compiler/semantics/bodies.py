@@ -11,7 +11,8 @@ from .conditions import known_or_later, takes_energy
 from .errors import UnknownName, WrongMechanism, WrongType
 from .part_attributes import Attributes, counted, of_dimension, static
 from .part_kinds import noun_of
-from .scope import AlreadyTold, Array, Broken, MechanismEntry, PartEntry, Scope, Wrong, suggestion
+from .scope import Array, Broken, MechanismEntry, PartEntry, Scope
+from .statement_errors import AlreadyTold, Wrong, suggestion
 
 MOMENT = KILOGRAM * METRE**2
 

@@ -26,8 +26,9 @@ from .load import Loader
 from .nodes import Nodes
 from .requirements import read_requirements
 from .resolve import MAXIMUM_MISTAKES
-from .scope import Broken, FileScope, ModelDefinition, suggestion
+from .scope import Broken, FileScope, ModelDefinition
 from .starts import read_starts
+from .statement_errors import suggestion
 from .unconnected import unconnected
 
 

@@ -12,7 +12,8 @@ from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import UnknownName, WrongExperiment
 from .scales import is_absolute
-from .scope import Scalar, Scope, Wrong, suggestion
+from .scope import Scalar, Scope
+from .statement_errors import Wrong, suggestion
 from .step_attributes import each, read_attributes, refuse_twice, settable, together, word
 
 MOST_SAMPLES = 10_000_000

@@ -12,19 +12,8 @@ from ..source import Span
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import DomainConflict, UnknownName, WrongConnection, WrongType
-from .scope import (
-    AlreadyTold,
-    Array,
-    Broken,
-    ElementEntry,
-    Entry,
-    InstanceEntry,
-    PartEntry,
-    Scope,
-    WallEntry,
-    Wrong,
-    suggestion,
-)
+from .scope import Array, Broken, ElementEntry, Entry, InstanceEntry, PartEntry, Scope, WallEntry
+from .statement_errors import AlreadyTold, Wrong, suggestion
 
 
 class Terminal(NamedTuple):

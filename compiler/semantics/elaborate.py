@@ -15,7 +15,7 @@ from ..graph.units import ONE
 from ..scene import Override
 from ..source import Span
 from ..syntax import tree
-from .domain_table import ELEMENT_KINDS, DomainTable, domain_table, element_ports, is_slot, wall_components, wall_items
+from .domain_table import ELEMENT_KINDS, domain_table, element_ports, is_slot, wall_components, wall_items
 from .errors import (
     Cycle,
     DuplicateName,
@@ -31,11 +31,11 @@ from .errors import (
 from .known import Known
 from .mechanisms import declare_mechanism
 from .own_functions import check_function
+from .port_domains import DomainTable
 from .quantities import QuantityResolver
 from .resolve import indexed
 from .scope import (
     RESERVED,
-    AlreadyTold,
     Array,
     Broken,
     ElementEntry,
@@ -48,9 +48,8 @@ from .scope import (
     Scope,
     SlotEntry,
     WallEntry,
-    Wrong,
-    suggestion,
 )
+from .statement_errors import AlreadyTold, Wrong, suggestion
 
 MAXIMUM_INSTANCES = 100_000  # instances, elements, junctions, quantities and rounds of loops together
 MAXIMUM_ROUNDS = 100_000  # rounds of one loop

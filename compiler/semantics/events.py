@@ -14,7 +14,8 @@ from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import DimensionMismatch, NotStatic, WrongEvent, WrongType
 from .requirements import read_condition
-from .scope import STATIC_ROLES, Scalar, Scope, Wrong, describe, unit_hint
+from .scope import STATIC_ROLES, Scalar, Scope
+from .statement_errors import Wrong, describe, unit_hint
 from .template import Typed
 
 STORED_BY = {"q": "qe", "p": "pf"}  # stored quantity -> variables that determine it

@@ -18,7 +18,8 @@ from .chances import check_together
 from .elaborate import Elaborator
 from .errors import DimensionMismatch, DuplicateName, UnknownAttribute, UnknownName, WrongExperiment, WrongType
 from .scales import scale_of
-from .scope import AlreadyTold, ModelDefinition, Pending, Scalar, Scope, Wrong, describe, suggestion
+from .scope import ModelDefinition, Pending, Scalar, Scope
+from .statement_errors import AlreadyTold, Wrong, describe, suggestion
 from .studies import read_study, read_sweep
 
 SETTINGS = ("rtol", "atol", "points")

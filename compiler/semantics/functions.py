@@ -11,7 +11,7 @@ from ..algebra.expression import ZERO, Expression, call, divide, multiply, selec
 from ..graph.units import ONE, Dimension
 from ..syntax import tree
 from .errors import DimensionMismatch
-from .scope import Wrong, describe
+from .statement_errors import Wrong, describe
 from .template import Typed, Value, common_dimension
 
 # name -> (number of arguments, usage, builder)

@@ -17,7 +17,8 @@ from .conditions import apart, known_or_later, not_parallel
 from .errors import WrongMechanism
 from .part_attributes import Attributes, static_bounds
 from .part_kinds import noun_of
-from .scope import AlreadyTold, MechanismEntry, Wrong
+from .scope import MechanismEntry
+from .statement_errors import AlreadyTold, Wrong
 
 APART = 1e-9  # of their distance from the origin: points closer than that are one
 AXES = ("from", "to", "middle", "world")

@@ -8,8 +8,8 @@ from ..graph.network import Law
 from ..graph.units import Scale
 from ..nouns import dataclass
 from ..syntax import tree
-from .domain_table import DomainTable
 from .laws import CompiledLaw
+from .port_domains import DomainTable
 from .template import Template
 
 

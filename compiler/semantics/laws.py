@@ -14,7 +14,8 @@ from ..source import Span
 from ..syntax import tree
 from .domain_table import TWO_SIDED, paths_of
 from .errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw
-from .scope import STATIC_ROLES, Scalar, Scope, Wrong, describe
+from .scope import STATIC_ROLES, Scalar, Scope
+from .statement_errors import Wrong, describe
 from .template import Check, OwnVariable, Resolve, Slot
 from .transducers import check_many_ports
 from .typed import ExpressionCompiler

@@ -10,7 +10,7 @@ from ..syntax import tree
 from .errors import WrongMechanism
 from .part_attributes import Attributes, counted, of_dimension, static
 from .part_kinds import noun_of
-from .scope import Wrong
+from .statement_errors import Wrong
 
 
 def joint_limits(reader: Attributes) -> None:

@@ -10,7 +10,8 @@ from ..syntax import SyntaxTree, parse, tree
 from .domain_table import ELEMENT_KINDS
 from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes, WrongImport
 from .resolve import MAXIMUM_MISTAKES
-from .scope import RESERVED, FileScope, ModelDefinition, suggestion
+from .scope import RESERVED, FileScope, ModelDefinition
+from .statement_errors import suggestion
 from .within import is_there, project_folder, within_project
 
 MAXIMUM_FILES = 500

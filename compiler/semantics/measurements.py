@@ -9,10 +9,12 @@ from ..errors import CompilationFailed
 from ..graph.units import ONE, SECOND, Dimension
 from ..source import Source, Span
 from ..syntax import parse_expression, tree
-from .columns import heading, locate, read_sheet
+from .columns import heading, locate
 from .elaborate import Elaborator
 from .errors import WrongColumn
-from .scope import Scalar, Scope, Wrong, describe
+from .scope import Scalar, Scope
+from .sheet import read_sheet
+from .statement_errors import Wrong, describe
 from .step_attributes import together
 
 _OF_MODES = re.compile(r"(frequency|damping) [1-9][0-9]*")

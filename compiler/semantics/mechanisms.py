@@ -24,7 +24,8 @@ from .joints import Places, read_joint
 from .limits import joint_limits
 from .part_attributes import Attributes, Part, vector
 from .part_kinds import instead_in_the_plane, kinds_of
-from .scope import Array, Broken, MechanismEntry, PartEntry, Scope, Wrong, suggestion
+from .scope import Array, Broken, MechanismEntry, PartEntry, Scope
+from .statement_errors import Wrong, suggestion
 
 if TYPE_CHECKING:
     from .elaborate import Elaborator

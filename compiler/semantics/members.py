@@ -8,7 +8,8 @@ from ..graph.network import Reading
 from ..syntax import tree
 from .errors import UnknownName, WrongType
 from .part_kinds import noun_of
-from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, PartEntry, Scalar, WallEntry, Wrong, suggestion
+from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, PartEntry, Scalar, WallEntry
+from .statement_errors import Wrong, suggestion
 
 
 def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:

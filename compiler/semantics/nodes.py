@@ -22,7 +22,8 @@ from .laws import CompiledLaw, compile_law, node_kind, plain_kind
 from .mechanisms import build_mechanism
 from .part_attributes import static_bounds
 from .requirements import read_condition
-from .scope import AlreadyTold, ElementEntry, Scope, Wrong, suggestion
+from .scope import ElementEntry, Scope
+from .statement_errors import AlreadyTold, Wrong, suggestion
 from .transducers import expand_transducers
 
 # A scope (which lives as long as this does), an element's kind, its ports with their domains, and a law's words.

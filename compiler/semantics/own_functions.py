@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from ..syntax import tree
 from .errors import DuplicateName, ReservedName, Unsupported
-from .scope import RESERVED, Array, Entry, Pending, Scope, Wrong
+from .scope import RESERVED, Array, Entry, Pending, Scope
+from .statement_errors import Wrong
 
 READABLE = ("parameter", "constant")
 

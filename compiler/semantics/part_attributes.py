@@ -14,7 +14,8 @@ from ..syntax import tree
 from .conditions import known_or_later, not_zero
 from .errors import DimensionMismatch, NotStatic, UnknownAttribute, WrongMechanism, WrongType, WrongValue
 from .part_kinds import NEEDED, TARGETED, attributes_of, foreign_attribute, noun_of
-from .scope import STATIC_ROLES, AlreadyTold, PartEntry, Scope, Wrong, describe, suggestion, unit_hint
+from .scope import STATIC_ROLES, PartEntry, Scope
+from .statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
 from .template import Template, Typed
 
 if TYPE_CHECKING:

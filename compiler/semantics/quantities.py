@@ -18,19 +18,8 @@ from .errors import Cycle, DimensionMismatch, MissingValue, NotStatic, TooMany, 
 from .known import Known
 from .resolve import Resolver
 from .scales import scale_of
-from .scope import (
-    STATIC_ROLES,
-    AlreadyTold,
-    Array,
-    InstanceEntry,
-    Items,
-    Pending,
-    Scalar,
-    Scope,
-    Wrong,
-    describe,
-    unit_hint,
-)
+from .scope import STATIC_ROLES, Array, InstanceEntry, Items, Pending, Scalar, Scope
+from .statement_errors import AlreadyTold, Wrong, describe, unit_hint
 from .template import Template, Typed
 from .typed import ExpressionCompiler
 

@@ -10,7 +10,8 @@ from ..graph.units import ONE
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import WrongType
-from .scope import STATIC_ROLES, Scope, Wrong
+from .scope import STATIC_ROLES, Scope
+from .statement_errors import Wrong
 from .template import Template, Typed
 
 MAXIMUM_READINGS = 6  # values that a warning shows

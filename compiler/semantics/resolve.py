@@ -47,7 +47,6 @@ from .members import (
 from .scales import scale_of
 from .scope import (
     STATIC_ROLES,
-    AlreadyTold,
     Array,
     Broken,
     ElementEntry,
@@ -61,11 +60,8 @@ from .scope import (
     Scalar,
     Scope,
     WallEntry,
-    Wrong,
-    describe,
-    suggestion,
-    unit_hint,
 )
+from .statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
 from .tables import check_static
 from .template import Check, Readable, Slot, Template, Typed, bind_template
 from .typed import ExpressionCompiler

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..graph.units import ONE, UNITS, Scale
 from ..syntax import tree
 from .errors import UnknownUnit
-from .scope import Wrong, suggestion
+from .statement_errors import Wrong, suggestion
 
 
 def scale_of(unit: tree.Unit) -> Scale:

@@ -22,7 +22,8 @@ from .elaborate import Elaborator
 from .errors import WrongExperiment, WrongType
 from .events import STORED_BY, read_value
 from .part_attributes import attitude_bounds, static_bounds
-from .scope import Items, Scalar, Scope, Wrong
+from .scope import Items, Scalar, Scope
+from .statement_errors import Wrong
 
 Given = tuple[str, Bound]
 Part = TypeVar("Part", Body, Frame, Joint)

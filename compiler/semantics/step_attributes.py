@@ -11,7 +11,8 @@ from ..nouns import dataclass
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import DuplicateName, UnknownAttribute, WrongExperiment
-from .scope import AlreadyTold, Scalar, Scope, Wrong, suggestion
+from .scope import Scalar, Scope
+from .statement_errors import AlreadyTold, Wrong, suggestion
 
 Read = Callable[[tree.Attribute, Scope], tuple[str, Any]]
 

@@ -10,7 +10,8 @@ from .domain_table import paths_of
 from .elaborate import Elaborator
 from .errors import DimensionMismatch, NotStatic, UnknownAttribute, UnknownName, WrongExperiment
 from .scales import scale_of
-from .scope import STATIC_ROLES, Scalar, Scope, Wrong, describe, suggestion
+from .scope import STATIC_ROLES, Scalar, Scope
+from .statement_errors import Wrong, describe, suggestion
 from .step_attributes import expressions_of
 
 MOST_POINTS = 1_000_000

@@ -17,7 +17,8 @@ from ..source import Span
 from ..syntax import tree
 from .columns import read_column
 from .errors import WrongArguments, WrongTable, WrongType
-from .scope import FileScope, Wrong
+from .scope import FileScope
+from .statement_errors import Wrong
 from .template import Check, Typed, Value, bare_number, common_dimension
 
 MAXIMUM_POINTS = 200  # of a table whose points are parameters

@@ -14,7 +14,8 @@ from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .errors import DimensionMismatch
-from .scope import Scope, Wrong, describe, unit_hint
+from .scope import Scope
+from .statement_errors import Wrong, describe, unit_hint
 
 
 @dataclass(frozen=True, slots=True)

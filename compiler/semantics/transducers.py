@@ -16,7 +16,7 @@ from ..algebra.expression import ZERO, Expression, Symbol, multiply, negate, sym
 from ..graph.network import Bond, Element, End, Junction, Kind, Law, Node, Own, Port
 from ..source import Span
 from .errors import WrongLaw
-from .scope import Wrong
+from .statement_errors import Wrong
 
 TRANSDUCERS = (Kind.TRANSFORMER, Kind.GYRATOR)
 OTHER = {"e": "f", "f": "e"}

@@ -41,7 +41,8 @@ from .errors import (
 from .functions import FUNCTIONS
 from .own_functions import may_read
 from .scales import bare, is_absolute, scale_of
-from .scope import Scope, Wrong, describe, suggestion
+from .scope import Scope
+from .statement_errors import Wrong, describe, suggestion
 from .template import (
     Check,
     OwnVariable,

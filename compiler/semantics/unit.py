@@ -9,7 +9,7 @@ from ..syntax import parse_expression
 from ..syntax.tree import Literal
 from .errors import UnknownUnit
 from .scales import scale_of
-from .scope import Wrong
+from .statement_errors import Wrong
 
 
 def read_unit(source: Source) -> Scale:

@@ -7,7 +7,7 @@ import pytest
 from tests.architecture import structure
 
 # Files, and folders (a file at the top of a package is one), that lie on a cycle of imports of any kind.
-FILES_ON_CYCLES = {"bondgraph": 200, "compiler": 25}
+FILES_ON_CYCLES = {"bondgraph": 200, "compiler": 21}
 FOLDERS_ON_CYCLES = {"bondgraph": 31, "compiler": 0}
 FILES_THAT_IMPORT_THE_MODEL = 38
 FUNCTIONS_OF_MORE_THAN_SEVEN_PARAMETERS = 52

@@ -194,8 +194,8 @@ LIMITS = [
     ("quantities that read each other in a ring", "compiler.semantics.quantities:MAXIMUM_ROW"),
     ("mistakes told of one file", "compiler.semantics.resolve:MAXIMUM_MISTAKES"),
     ("calls of your functions in one expression", "compiler.semantics.typed:MAXIMUM_CALLS"),
-    ("bytes of a file of columns", "compiler.semantics.columns:MAXIMUM_SIZE"),
-    ("rows of a file of columns", "compiler.semantics.columns:MAXIMUM_ROWS"),
+    ("bytes of a file of columns", "compiler.semantics.sheet:MAXIMUM_SIZE"),
+    ("rows of a file of columns", "compiler.semantics.sheet:MAXIMUM_ROWS"),
     ("points of a table that are parameters", "compiler.semantics.tables:MAXIMUM_POINTS"),
 ]
 

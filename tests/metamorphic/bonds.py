@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 from compiler.graph.domains import DOMAINS
-from compiler.semantics.domain_table import DomainTable, domain_table
+from compiler.semantics.domain_table import domain_table
 from compiler.semantics.load import Loader
+from compiler.semantics.port_domains import DomainTable
 from compiler.semantics.scope import ModelDefinition
 from compiler.source import Source, Span
 from compiler.syntax import parse, tree
