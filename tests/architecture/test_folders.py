@@ -80,6 +80,7 @@ def test_test_folders_are_named_after_rooms() -> None:
         "graphs",
         "second_opinion",
         "stress",
+        "mutation",
     }
     found = {
         p.name for p in (ROOT / "tests").iterdir() if p.is_dir() and p.name != "__pycache__" and any(p.rglob("*.py"))
