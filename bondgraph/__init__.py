@@ -14,6 +14,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from . import rendering
+from .presentation.renderers import RENDERERS
+
 if TYPE_CHECKING:
     from .builder import Graph
     from .ensembles import Ensemble
@@ -42,6 +45,8 @@ _HOMES = {
     "UsageError": "errors",
     "CompilationFailed": "door",
 }
+
+rendering.install(RENDERERS)
 
 
 def __getattr__(name: str) -> Any:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from .errors import MissingPackage, UnknownOutput
 from .files import replacing
+from .rendering import draw, text_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -178,9 +179,7 @@ class Result:
 
     def _repr_html_(self) -> str:
         """Return a table with small curves, for notebooks."""
-        from .page.notebook import result_html
-
-        return result_html(self)
+        return text_of(self, "html")
 
     @property
     def title(self) -> str:
@@ -362,24 +361,18 @@ class Result:
         return told
 
     def plot(self, path: str | os.PathLike[str], over: str | None = None) -> None:
-        """Draw the outputs over time, or `over` one of them, into a .png, .svg or .pdf file; see `views.plots`, `views.phase`.
+        """Draw the outputs over time, or `over` one of them, into a .png, .svg or .pdf file.
 
         Raises MissingPackage without matplotlib, UsageError for another ending, OSError.
         """
-        if over is not None:
-            from .views.phase import plot_phase
-
-            plot_phase(self, over, path)
-            return
-        from .views.plots import plot_result
-
-        plot_result(self, path)
+        if over is None:
+            draw(self, path)
+        else:
+            draw(self, path, "plot over", over)
 
     def summary(self, sparks: bool = False) -> str:
         """Return a table for terminals: the outputs in the units of the report, the solver's work, the energy if requested."""
-        from .views.tables import summary
-
-        return summary(self, sparks)
+        return text_of(self, "summary", sparks)
 
 
 def extremes(values: NDArray[np.float64]) -> dict[str, float]:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import UsageError
+from ..rendering import draw, text_of
 from .branch_steps import BranchFollower, BranchLine, BranchPlace
 from .operating_point import OperatingPoint
 from .told import named, with_units
@@ -107,15 +108,11 @@ class Branch:
 
     def plot(self, path: str | os.PathLike[str], names: Sequence[str] = ()) -> None:
         """Plot outputs (or `names`) over the parameter, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
-        from ..views.phase import plot_branch
-
-        plot_branch(self, path, names)
+        draw(self, path, "plot", names)
 
     def summary(self) -> str:
         """Return a table for terminals."""
-        from ..views.analyses import branch_text
-
-        return branch_text(self)
+        return text_of(self)
 
 
 def follow(

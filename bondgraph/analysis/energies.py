@@ -15,6 +15,7 @@ import numpy as np
 
 from ..door import Element, Kind, MechanismNode, write_text
 from ..errors import UsageError
+from ..rendering import draw
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,9 +65,7 @@ class Energies:
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Plot the energies over time, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
-        from ..views.energies import plot_energies
-
-        plot_energies(self, path)
+        draw(self, path)
 
 
 def energies(

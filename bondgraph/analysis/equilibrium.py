@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
+from ..rendering import text_of
 from .operating_point import OperatingPoint
 from .sampled import is_sampled, sampled_verdict
 from .told import finite, named, pair, with_units
@@ -75,9 +76,7 @@ class Equilibrium:
 
     def summary(self) -> str:
         """Return a table for terminals."""
-        from ..views.analyses import equilibrium_text
-
-        return equilibrium_text(self)
+        return text_of(self)
 
 
 def equilibrium(point: OperatingPoint) -> Equilibrium:

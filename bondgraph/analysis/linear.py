@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import MissingPackage
+from ..rendering import text_of
 from .operating_point import OperatingPoint
 from .told import rows_of, with_units
 
@@ -76,9 +77,7 @@ class Linearization:
 
     def summary(self) -> str:
         """Return the matrices as text for terminals."""
-        from ..views.analyses import linearization_text
-
-        return linearization_text(self)
+        return text_of(self)
 
 
 def linearization(point: OperatingPoint) -> Linearization:

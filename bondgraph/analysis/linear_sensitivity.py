@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import RunFailed, UsageError
+from ..rendering import text_of
 from .linear import Linearization, linearization
 from .operating_point import OperatingPoint
 from .response import Response, response
@@ -101,9 +102,7 @@ class ResponseSensitivity:
 
     def summary(self) -> str:
         """Return a table for terminals."""
-        from ..views.analyses import response_sensitivity_text
-
-        return response_sensitivity_text(self)
+        return text_of(self)
 
 
 class _Moving:

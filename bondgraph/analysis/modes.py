@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..door import Leaf
+from ..rendering import text_of
 from .linear import Linearization, linearization, state_matrix
 from .operating_point import OperatingPoint
 from .spectrum import spectrum
@@ -138,9 +139,7 @@ class Modes(Sequence[Mode]):
 
     def summary(self) -> str:
         """Return a table for terminals."""
-        from ..views.analyses import modes_text
-
-        return modes_text(self)
+        return text_of(self)
 
 
 def modes(point: OperatingPoint) -> Modes:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import UsageError
+from ..rendering import draw, text_of
 from .outcome_numbers import numbers_of
 from .told import finite
 
@@ -205,12 +206,8 @@ class Outcome(Sequence[Point]):
 
     def summary(self) -> str:
         """Return text for terminals: a table of the points, or all results of a single point."""
-        from ..views.analyses import outcome_text
-
-        return outcome_text(self)
+        return text_of(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Plot results over the last swept name; for a single point its response or run. Raises as `Result.plot`."""
-        from ..views.sweep_plot import plot_outcome
-
-        plot_outcome(self, path)
+        draw(self, path)

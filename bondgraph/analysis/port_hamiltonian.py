@@ -250,7 +250,7 @@ def symbolic_port_hamiltonian(compilation: Compilation) -> SymbolicPortHamiltoni
     import sympy
 
     from ..door import to_sympy
-    from ..views.equations import symbolic_values
+    from .symbolic import symbolic_values
 
     if compilation.state_space.dependent:
         raise UsageError(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import UsageError
+from ..rendering import draw, text_of
 from .extrema import Evaluate, Extremum, extrema
 from .linear import Linearization
 from .spectrum import left_shapes
@@ -110,15 +111,11 @@ class Response:
 
     def summary(self) -> str:
         """Return a table for terminals."""
-        from ..views.analyses import response_text
-
-        return response_text(self)
+        return text_of(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Plot magnitude and phase over frequency into a .png, .svg or .pdf file. Raises MissingPackage, UsageError, OSError."""
-        from ..views.bode import plot_response
-
-        plot_response(self, path)
+        draw(self, path)
 
 
 def response(linear: Linearization, low: float | None, high: float | None, points: int = POINTS) -> Response:

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..door import Leaf, symbols
 from ..errors import RunFailed, UsageError
+from ..rendering import text_of
 from .operating_point import Asked, OperatingPoint
 from .sensitivity import balanced_step, independent
 from .told import finite
@@ -77,9 +78,7 @@ class RunSensitivity:
 
     def summary(self) -> str:
         """Return text for terminals: the derivatives at the end, and the places where they are largest."""
-        from ..views.studies import run_sensitivity_text
-
-        return run_sensitivity_text(self)
+        return text_of(self)
 
 
 def run_sensitivity(

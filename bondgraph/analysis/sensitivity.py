@@ -17,6 +17,7 @@ import numpy as np
 
 from ..door import Leaf
 from ..errors import RunFailed, UsageError
+from ..rendering import text_of
 from .linear import Linearization, linearization
 from .modes import STILL, eigenvalues
 from .operating_point import OperatingPoint
@@ -87,9 +88,7 @@ class Sensitivity:
 
     def summary(self) -> str:
         """Return a table for terminals."""
-        from ..views.analyses import sensitivity_text
-
-        return sensitivity_text(self)
+        return text_of(self)
 
 
 def independent(

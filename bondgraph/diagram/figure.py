@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from ..rendering import text_of
+
 Point = tuple[float, float]
 
 
@@ -77,6 +79,4 @@ class Figure:
 
     def _repr_svg_(self) -> str:
         """Return the picture as SVG, for notebooks."""
-        from .svg import svg_text
-
-        return svg_text(self)
+        return text_of(self, "svg")

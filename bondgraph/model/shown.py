@@ -10,9 +10,9 @@ from ..errors import UsageError
 from .compiled import Compiled
 
 if TYPE_CHECKING:
+    from ..analysis.symbolic import Equations
     from ..diagram.figure import Figure
     from ..door import StateSpace
-    from ..views.equations import Equations
 
 STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code", "text")
 
@@ -77,14 +77,14 @@ class Shown(Compiled):
 
         Linear loops are solved symbolically. Unknowns of nonlinear loops remain, and `algebraic_equations` determines them.
         """
-        from ..views.equations import state_equations
+        from ..analysis.symbolic import state_equations
 
         with door.uncollected():
             return state_equations(self._with_inputs().state_space)
 
     def algebraic_equations(self) -> Equations:
         """Return the equations of nonlinear loops in sympy: a mapping from unknown to an expression that vanishes; often empty."""
-        from ..views.equations import algebraic_equations
+        from ..analysis.symbolic import algebraic_equations
 
         return algebraic_equations(self._with_inputs().state_space)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..analysis.told import finite
 from ..errors import UsageError
+from ..rendering import draw, text_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -136,12 +137,8 @@ class Fit:
 
     def summary(self) -> str:
         """Return tables for terminals."""
-        from ..views.studies import fit_text
-
-        return fit_text(self)
+        return text_of(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Plot computed over measured values, one panel for each quantity. Raises as `Result.plot`."""
-        from ..views.study_plots import plot_fit
-
-        plot_fit(self, path)
+        draw(self, path)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..analysis.told import finite
 from ..errors import UsageError
+from ..rendering import draw, text_of
 
 if TYPE_CHECKING:
     import xarray
@@ -151,18 +152,12 @@ class MonteCarlo:
 
     def summary(self) -> str:
         """Return tables for terminals: statistics, Sobol indices, swings."""
-        from ..views.studies import montecarlo_text
-
-        return montecarlo_text(self)
+        return text_of(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Plot histograms of the quantities. Raises as `Result.plot`."""
-        from ..views.study_plots import plot_histograms
-
-        plot_histograms(self, path)
+        draw(self, path)
 
     def plot_tornado(self, path: str | os.PathLike[str]) -> None:
         """Plot the swing of each quantity by each parameter, the strongest on top. Raises as `Result.plot`."""
-        from ..views.study_plots import plot_tornado
-
-        plot_tornado(self, path)
+        draw(self, path, "tornado")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .tables import aligned, short, visible
+from .tables import aligned, short, shown_unit, visible
 
 if TYPE_CHECKING:
     from ..analysis.branch import Branch
@@ -47,7 +47,7 @@ def equilibrium_text(found: Equilibrium) -> str:
             as_said = shown.get(name)
             unit = found.units.get(name, "1") if as_said is None else as_said.unit
             number = value if as_said is None else value * as_said.scale + as_said.offset
-            rows.append((f"  {short(name)}", f"{number:.9g}", _unit(unit)))
+            rows.append((f"  {short(name)}", f"{number:.9g}", shown_unit(unit)))
     turning = [f"`{short(n)}` turns steadily, by {rate:.9g} 1/s" for n, rate in found.steady.items()]
     parts = [title(found.model, found.experiment, f"at rest at t = {found.time:.6g} s"), aligned(rows, "<><")]
     return "\n\n".join([*parts, *turning, stability_text(found.verdict)])
@@ -114,17 +114,13 @@ def _where(mode: Mode) -> str:
     return ", ".join(named)
 
 
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else visible(unit)
-
-
 def response_text(found: Response) -> str:
     """Return for each pair of input and output the response at the ends, and peaks and dips in between."""
     size, phase = found.magnitude, found.phase
     rows: list[tuple[str, ...]] = [("from", "to", "frequency", "magnitude", "phase", "")]
     for j, given in enumerate(found.inputs):
         for i, seen in enumerate(found.outputs):
-            unit, names = _unit(found.unit(given, seen)), (short(given, 24), short(seen, 24))
+            unit, names = shown_unit(found.unit(given, seen)), (short(given, 24), short(seen, 24))
             ends = [
                 (*names, *_at_frequency(found.frequencies[k], size[k, i, j], phase[k, i, j], unit), "") for k in (0, -1)
             ]
@@ -164,7 +160,7 @@ def response_sensitivity_text(found: ResponseSensitivity) -> str:
                 if e.kind == "peak" and math.isfinite(e.magnitude)
             ]
             for k in (0, *np.searchsorted(told.frequencies, peaks).tolist(), len(column) - 1):
-                size = f"{column[k]:.6g} {_unit(unit)}".rstrip()
+                size = f"{column[k]:.6g} {shown_unit(unit)}".rstrip()
                 head = (short(given, 24), short(seen, 24), f"{told.frequencies[k]:.6g} Hz", size)
                 order = sorted(range(len(found.parameters)), key=lambda q: -abs(relative[k, i, j, q]))
                 for q in [q for q in order if relative[k, i, j, q] != 0][:STRONGEST]:
@@ -200,7 +196,7 @@ def outcome_text(found: Outcome) -> str:
 
 
 def _column_unit(found: Outcome, name: str) -> str:
-    return visible(found.shown[name][0]) if name in found.shown else _unit(found.units[name])
+    return visible(found.shown[name][0]) if name in found.shown else shown_unit(found.units[name])
 
 
 def sensitivity_text(found: Sensitivity) -> str:
@@ -209,7 +205,7 @@ def sensitivity_text(found: Sensitivity) -> str:
     relative = np.nan_to_num(found.relative)
     for i, name in enumerate(found.quantities):
         order = sorted(range(len(found.parameters)), key=lambda j: -abs(relative[i, j] or found.slopes[i, j]))
-        head = (short(name, 30), f"{found.values[i]:.6g} {_unit(found.units[name])}".rstrip())
+        head = (short(name, 30), f"{found.values[i]:.6g} {shown_unit(found.units[name])}".rstrip())
         for j in [j for j in order if found.slopes[i, j] != 0][:STRONGEST]:
             share = f"{found.relative[i, j]:.4g}" if np.isfinite(found.relative[i, j]) else ""
             rows.append((*head, short(found.parameters[j], 30), f"{found.slopes[i, j]:.6g}", share))
@@ -220,7 +216,7 @@ def sensitivity_text(found: Sensitivity) -> str:
 def branch_text(found: Branch) -> str:
     """Return folds and losses of stability, and some points in between."""
     names = [found.parameter, *list(found.outputs)[: WIDEST - 1]]
-    unit = [_unit(found.units.get(n, "1")) for n in names]
+    unit = [shown_unit(found.units.get(n, "1")) for n in names]
     rows: list[tuple[str, ...]] = [("", *(short(n, 24) for n in names)), ("", *unit)]
     for s in found.special:
         rows.append((s.kind, f"{s.value:.9g}", *(f"{s.outputs[n]:.9g}" for n in names[1:])))
@@ -242,11 +238,11 @@ def branch_text(found: Branch) -> str:
 def inversion_text(found: Inversion) -> str:
     """Return the inputs, and the outputs with their targets."""
     rows: list[tuple[str, ...]] = [("input", "value", "", "")]
-    rows += [(short(n), f"{v:.9g}", _unit(found.units.get(n, "1")), "") for n, v in found.inputs.items()]
+    rows += [(short(n), f"{v:.9g}", shown_unit(found.units.get(n, "1")), "") for n, v in found.inputs.items()]
     rows.append(("output", "target", "", "off by"))
     for name, value in found.targets.items():
         rows.append(
-            (short(name), f"{value:.9g}", _unit(found.units.get(name, "1")), f"{found.outputs[name] - value:.2g}")
+            (short(name), f"{value:.9g}", shown_unit(found.units.get(name, "1")), f"{found.outputs[name] - value:.2g}")
         )
     kind = "not decided" if found.stable is None else "stable" if found.stable else "unstable"
     return "\n\n".join([title(found.model, found.experiment, "inverted at rest"), aligned(rows, "<><>"), kind])

@@ -9,7 +9,7 @@ import numpy as np
 
 from .analyses import title
 from .plots import COLOURS, DASHES, check_picture, drawn
-from .tables import aligned, short, time_unit, visible
+from .tables import aligned, short, shown_unit, time_unit, visible
 
 if TYPE_CHECKING:
     from ..analysis.inversion.feed_forward import FeedForward
@@ -22,7 +22,7 @@ def feed_forward_text(found: FeedForward) -> str:
     columns = {**found.inputs, **found.outputs}
     rows: list[tuple[str, ...]] = [
         ("time", *(short(n, 20) for n in columns)),
-        ("s", *(_unit(found.units.get(n, "1")) for n in columns)),
+        ("s", *(shown_unit(found.units.get(n, "1")) for n in columns)),
     ]
     for i in np.unique(np.linspace(0, len(found.time) - 1, ROWS).astype(int)):
         rows.append((f"{found.time[i]:.6g}", *(f"{v[i]:.6g}" for v in columns.values())))
@@ -30,10 +30,6 @@ def feed_forward_text(found: FeedForward) -> str:
     orders = ", ".join(f"{visible(n)} {d}" for n, d in found.degrees.items())
     told = [f"derivatives taken: {orders}", *(visible(n) for n in found.notes)]
     return "\n\n".join([head, aligned(rows, ">" * len(rows[0])), "\n".join(told)])
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else visible(unit)
 
 
 def plot_feed_forward(found: FeedForward, path: str | os.PathLike[str]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import UsageError
 from .plots import COLOURS, DASHES, PANELS, check_picture, drawn
-from .tables import short, visible
+from .tables import labelled, visible
 
 if TYPE_CHECKING:
     from ..analysis.branch import Branch
@@ -21,7 +21,7 @@ ARROWS = (0.2, 0.45, 0.7)  # positions, as fractions of the length of a curve
 LOOKS = {"fold": "o", "branch": "D", "oscillation": "s"}
 
 
-def plot_phase(result: Result, over: str, path: str | os.PathLike[str]) -> None:
+def plot_phase(result: Result, path: str | os.PathLike[str], over: str) -> None:
     """Draw a panel for each shown output, over the output `over`. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     shown = {item.name: (item.unit, values) for item, values in result.shown()}
@@ -41,9 +41,9 @@ def _phase(title: str, over: str, shown: dict[str, tuple[str, Any]]) -> Any:
         panel.plot(x, y, color=COLOURS[place % len(COLOURS)], linewidth=1.3)
         _arrows(panel, x, y, COLOURS[place % len(COLOURS)])
         panel.plot(x[:1], y[:1], "o", color="#1c1c1c", markersize=4)
-        panel.set_ylabel(_label(name, own), parse_math=False)
+        panel.set_ylabel(labelled(name, own), parse_math=False)
         panel.margins(0.05)
-    panels[-1].set_xlabel(_label(over, unit), parse_math=False)
+    panels[-1].set_xlabel(labelled(over, unit), parse_math=False)
     return figure
 
 
@@ -80,11 +80,11 @@ def _branch(found: Branch, names: Sequence[str]) -> Any:
         for special in found.special:
             y = special.outputs.get(name, special.states.get(name))
             panel.plot([special.value], [y], LOOKS[special.kind], color="#d55e00", markersize=6, label=special.kind)
-        panel.set_ylabel(_label(name, found.units.get(name, "1")), parse_math=False)
+        panel.set_ylabel(labelled(name, found.units.get(name, "1")), parse_math=False)
         handles, labels = panel.get_legend_handles_labels()
         once = dict(zip(labels, handles, strict=True))
         panel.legend(once.values(), once.keys(), frameon=False, fontsize=8)
-    panels[-1].set_xlabel(_label(found.parameter, found.units.get(found.parameter, "1")), parse_math=False)
+    panels[-1].set_xlabel(labelled(found.parameter, found.units.get(found.parameter, "1")), parse_math=False)
     return figure
 
 
@@ -121,7 +121,3 @@ def _sheet(title: str, count: int, height: float) -> tuple[Any, list[Any]]:
         panel.set_axisbelow(True)
         panel.spines[["top", "right"]].set_visible(False)
     return figure, panels
-
-
-def _label(name: str, unit: str) -> str:
-    return short(name, 30) + (f" [{visible(unit)}]" if unit not in ("", "1") else "")

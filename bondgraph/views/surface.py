@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import UsageError
 from .plots import check_picture, drawn
-from .tables import short, visible
+from .tables import labelled, visible
 
 if TYPE_CHECKING:
     from ..analysis.outcome import Outcome
@@ -46,11 +46,7 @@ def _figure(found: Outcome, name: str) -> Any:
     relief = panel.contourf(xs, ys, heights, LINES, cmap=COLOURS)
     panel.contour(xs, ys, heights, LINES, colors="#ffffff", linewidths=0.5)
     bar = figure.colorbar(relief)
-    bar.set_label(_label(name, unit), parse_math=False)
-    panel.set_xlabel(_label(fast, found.swept[fast]), parse_math=False)
-    panel.set_ylabel(_label(slow, found.swept[slow]), parse_math=False)
+    bar.set_label(labelled(name, unit), parse_math=False)
+    panel.set_xlabel(labelled(fast, found.swept[fast]), parse_math=False)
+    panel.set_ylabel(labelled(slow, found.swept[slow]), parse_math=False)
     return figure
-
-
-def _label(name: str, unit: str) -> str:
-    return short(name, 30) + (f" [{visible(unit)}]" if unit not in ("", "1") else "")

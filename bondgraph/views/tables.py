@@ -56,6 +56,16 @@ def short(name: str, longest: int = LONGEST_NAME) -> str:
     return f"{name[:half]} ... {name[-half:]}"
 
 
+def labelled(name: str, unit: str) -> str:
+    """Return a name with its unit in brackets, for an axis."""
+    return short(name, 30) + (f" [{visible(unit)}]" if unit not in ("", "1") else "")
+
+
+def shown_unit(unit: str) -> str:
+    """Return a unit for a column of a table; empty for a bare number."""
+    return "" if unit == "1" else visible(unit)
+
+
 def summary(result: Result, sparks: bool = False) -> str:
     """Return the table of a result: each output's last, least and greatest value, the solver's work, the energy if present.
 

@@ -50,7 +50,9 @@ def reached(module: str, tree: ast.Module) -> Iterator[str]:
         elif isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node.value.partition(":")[0]
+            named = node.value.partition(":")[0]
+            if "." in named:  # the word `bondgraph` alone names no module
+                yield named
 
 
 @cache

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 import bondgraph
+from bondgraph.analysis.symbolic import state_equations
 from bondgraph.prepared import Prepared
 from bondgraph.simulation.steps.compiled import run as compiled
 from bondgraph.simulation.steps.compiled.advance import advance, begin
 from bondgraph.simulation.steps.compiled.euler import euler
 from bondgraph.simulation.stretch import machine
-from bondgraph.views.equations import state_equations
 from compiler.codegen.c.write import write_c
 from compiler.codegen.llvm.evaluate import _Many
 from compiler.native.c_source import BEGINNING, c_source

@@ -12,9 +12,9 @@ import pytest
 import sympy
 
 import bondgraph
+from bondgraph.analysis.symbolic import state_equations
 from bondgraph.errors import UsageError
 from bondgraph.simulation.segments import segments
-from bondgraph.views.equations import state_equations
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.compiling import Running, compiled, magnitudes
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
+from ...rendering import draw, text_of
 from ..told import finite, pair
 from .drives import Drive
 
@@ -98,15 +99,11 @@ class FeedForward:
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Plot inputs and outputs over time (.png, .svg or .pdf)."""
-        from ...views.feed_forward import plot_feed_forward
-
-        plot_feed_forward(self, path)
+        draw(self, path)
 
     def summary(self) -> str:
         """Return a table for terminals."""
-        from ...views.feed_forward import feed_forward_text
-
-        return feed_forward_text(self)
+        return text_of(self)
 
 
 def _head(name: str, unit: str) -> str:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunFailed, UsageError
+from ...rendering import text_of
 from ..equilibrium import stability, units_of
 from ..operating_point import OperatingPoint
 from ..sensitivity import balanced_step
@@ -61,9 +62,7 @@ class Inversion:
 
     def summary(self) -> str:
         """Return a table for terminals."""
-        from ...views.analyses import inversion_text
-
-        return inversion_text(self)
+        return text_of(self)
 
 
 def invert(point: OperatingPoint, targets: Mapping[str, float], drives: Sequence[Drive]) -> Inversion:

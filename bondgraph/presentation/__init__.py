@@ -1,0 +1,1 @@
+"""Presentation of models and results: texts, plots, diagrams, pages."""
