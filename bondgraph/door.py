@@ -22,9 +22,9 @@ if TYPE_CHECKING:
         select,
         substitute,
         symbols,
-        value_of,
     )  # fmt: skip
     from compiler.algebra.formula import Bound
+    from compiler.algebra.operators import value_of
     from compiler.algebra.sympy_form import to_sympy
     from compiler.causality import Because, CausalGraph, Dependence, dependences
     from compiler.certificate import Certificate
@@ -94,7 +94,7 @@ _HOMES = {
     "Joint": "graph.mechanism",
     "Bound": "algebra.formula",
     "Number": "algebra.expression",
-    "value_of": "algebra.expression",
+    "value_of": "algebra.operators",
     "BondGraph": "graph.network", "GraphNode": "graph.network:Node", "Quantity": "graph.network", "Reading": "graph.network",
     "Apply": "algebra.expression", "Expression": "algebra.expression", "symbols": "algebra.expression",
     "call": "algebra.expression", "select": "algebra.expression",

@@ -8,23 +8,22 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from .expression import (
-    CURVES,
-    MINUS_ONE,
     ONE,
-    SLOPES,
     ZERO,
     Apply,
     Expression,
     Number,
     Symbol,
     add,
+    apply,
     call,
-    divide,
+    lift,
     multiply,
     negate,
     power,
     select,
 )
+from .operators import CONDITIONS, CURVES, OPERATORS
 from .systems import entries_of, with_rights
 from .table import curve_slope
 
@@ -65,7 +64,7 @@ def _chain(node: Apply, inner: Callable[[Expression], Expression]) -> Expression
         return add(*terms)
     if node.operator == "select":
         return select(operands[0], inner(operands[1]), inner(operands[2]))
-    if node.operator in ("less", "less_equal", "equal", "and", "or", "not"):
+    if node.operator in CONDITIONS:
         return ZERO
     if node.operator == "item":
         return _of_solution(node, inner)
@@ -94,69 +93,14 @@ def _of_solution(node: Apply, inner: Callable[[Expression], Expression]) -> Expr
 
 def partial(node: Apply, i: int) -> Expression:
     """Partial derivative of an operator by its operand number i."""
-    x = node.operands[0]
-    match node.operator:
-        case "divide":
-            b = node.operands[1]
-            return divide(ONE, b) if i == 0 else negate(divide(node, b))
-        case "power":
-            return _power_slope(node, i)
-        case "sin":
-            return call("cos", x)
-        case "cos":
-            return negate(call("sin", x))
-        case "tan":
-            return add(ONE, power(node, Number(2)))
-        case "asin":
-            return divide(ONE, call("sqrt", ONE - x * x))
-        case "acos":
-            return divide(MINUS_ONE, call("sqrt", ONE - x * x))
-        case "atan":
-            return divide(ONE, ONE + x * x)
-        case "root":
-            n = node.operands[1]
-            if i == 0:  # infinite at 0 where n > 1, like that of a root of second degree
-                return select(call("equal", x, ZERO), ZERO, divide(node, multiply(n, x)))
-            return negate(divide(multiply(node, call("log", call("abs", x))), multiply(n, n)))
-        case "atan2":
-            y, z = node.operands
-            length = y * y + z * z
-            return divide(z, length) if i == 0 else negate(divide(y, length))
-        case "sinh":
-            return call("cosh", x)
-        case "cosh":
-            return call("sinh", x)
-        case "tanh":
-            return ONE - node * node
-        case "asinh":
-            return divide(ONE, call("sqrt", x * x + 1))
-        case "acosh":
-            return divide(ONE, call("sqrt", x * x - 1))
-        case "atanh":
-            return divide(ONE, ONE - x * x)
-        case "exp":
-            return node
-        case "log":
-            return divide(ONE, x)
-        case "log10":
-            return divide(Number(0.4342944819032518), x)
-        case "sqrt":
-            return select(
-                call("equal", x, ZERO), ZERO, divide(Number(0.5), node)
-            )  # of a negative number: none, as the root
-        case "abs":
-            return select(call("less", x, ZERO), MINUS_ONE, ONE)
-        case "sign" | "floor" | "ceil":
-            return ZERO
-        case "min" | "max":
-            a, b = node.operands
-            first = call("less", a, b) if node.operator == "min" else call("less", b, a)
-            return select(first, ONE, ZERO) if i == 0 else select(first, ZERO, ONE)
+    if node.operator == "power":
+        return _power_slope(node, i)
     if node.operator in CURVES and i == 1:
         return curve_slope(node)
-    if node.operator in CURVES or node.operator in SLOPES:
+    row = OPERATORS[node.operator]
+    if row.kind in ("curve", "slope"):
         raise NoSlope(node.operator)
-    raise AssertionError(node.operator)
+    return lift(row.partials[i](apply, node, *node.operands))
 
 
 def _power_slope(node: Apply, i: int) -> Expression:

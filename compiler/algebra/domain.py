@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from .expression import Apply, Expression, Number, Symbol, operations, symbols
-
-PARTIAL = frozenset({"log", "log10", "sqrt", "asin", "acos", "acosh", "atanh", "tan", "root"})
+from .operators import OPERATORS
 
 
 def is_total(x: Expression, varies: Callable[[Symbol], bool]) -> bool:
@@ -23,7 +22,9 @@ def _is_total(node: Apply, varies: Callable[[Symbol], bool]) -> bool:
             return not _moves(base, varies) or (n >= 0 and (n == int(n) or _is_magnitude(base)))
         case Apply(operator="power", operands=(base, exponent)):
             return not _moves(base, varies) or (_is_magnitude(base) and not _moves(exponent, varies))
-        case Apply(operator=operator, operands=(inner, *_)) if operator in PARTIAL:
+        case Apply(operator=operator, operands=(inner, *_)) if (
+            operator in OPERATORS and not OPERATORS[operator].is_total
+        ):
             return not _moves(inner, varies) or (operator in ("sqrt", "root") and _is_magnitude(inner))
     return True
 
@@ -34,4 +35,5 @@ def _moves(x: Expression, varies: Callable[[Symbol], bool]) -> bool:
 
 def _is_magnitude(x: Expression) -> bool:
     """Return True if the outermost operator of `x` is never negative."""
-    return isinstance(x, Apply) and x.operator in ("abs", "exp", "cosh")
+    row = OPERATORS.get(x.operator) if isinstance(x, Apply) else None
+    return row is not None and row.never_negative and row.is_total

@@ -7,12 +7,11 @@ The constructors below fold numbers and drop zeros and ones, so terms that vanis
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from typing import Any, TypeGuard
 
 from ..nouns import dataclass
-from . import interpolate
+from .operators import CONDITIONS, OPERATORS, value_of
 
 
 class Expression:
@@ -46,6 +45,9 @@ class Expression:
 
     def __pow__(self, other: Expression | float) -> Expression:
         return power(self, lift(other))
+
+    def __rpow__(self, other: float) -> Expression:
+        return power(lift(other), self)
 
     def __neg__(self) -> Expression:
         return negate(self)
@@ -104,101 +106,6 @@ ZERO, ONE, MINUS_ONE = Number(0.0), Number(1.0), Number(-1.0)
 def lift(value: Expression | float) -> Expression:
     """A float as an expression; an expression as it is."""
     return value if isinstance(value, Expression) else Number(float(value))
-
-
-# ---------------------------------------------------------------- operators and their values for numbers
-
-
-def _sign(x: float) -> float:
-    return float((x > 0) - (x < 0))
-
-
-def _divide(a: float, b: float) -> float:
-    if b == 0:
-        raise ZeroDivisionError("division by zero")
-    return a / b
-
-
-def _power(a: float, b: float) -> float:
-    result = a**b
-    if isinstance(result, complex):
-        raise ValueError("a negative number has no real power of this exponent")
-    return float(result)
-
-
-def _root(a: float, n: float) -> float:
-    """The real n-th root of a."""
-    if n == 0 or n % 2 == 0:
-        raise ValueError("a power of this exponent has two real inverses, or none")
-    if a < 0 and n == int(n):
-        return -_power(-a, 1 / n)
-    return _power(a, 1 / n)
-
-
-# name -> (number of operands, its meaning for floats). `add` and `multiply` take any number of operands.
-OPERATORS: Mapping[str, tuple[int, Callable[..., float | bool]]] = {
-    "divide": (2, _divide),
-    "power": (2, _power),
-    "sin": (1, math.sin),
-    "cos": (1, math.cos),
-    "tan": (1, math.tan),
-    "asin": (1, math.asin),
-    "acos": (1, math.acos),
-    "atan": (1, math.atan),
-    "atan2": (2, math.atan2),
-    "sinh": (1, math.sinh),
-    "cosh": (1, math.cosh),
-    "tanh": (1, math.tanh),
-    "asinh": (1, math.asinh),
-    "acosh": (1, math.acosh),
-    "atanh": (1, math.atanh),
-    "exp": (1, math.exp),
-    "log": (1, math.log),
-    "log10": (1, math.log10),
-    "sqrt": (1, math.sqrt),
-    "abs": (1, abs),
-    "sign": (1, _sign),
-    "floor": (1, lambda x: float(math.floor(x))),
-    "ceil": (1, lambda x: float(math.ceil(x))),
-    "root": (2, _root),
-    "min": (2, min),
-    "max": (2, max),
-    "less": (2, lambda a, b: a < b),
-    "less_equal": (2, lambda a, b: a <= b),
-    "equal": (2, lambda a, b: a == b),
-    "and": (2, lambda a, b: bool(a) and bool(b)),
-    "or": (2, lambda a, b: bool(a) or bool(b)),
-    "not": (1, lambda a: not a),
-    "select": (3, lambda c, a, b: a if c else b),
-}
-# Operators over points, any number of them, and over random numbers. The first operand counts derivatives, the second is
-# their argument; the other operands are constant during a run (see `table.py`).
-CURVES: Mapping[str, Callable[..., float]] = {
-    "linear": interpolate.linear,
-    "cubic": interpolate.hermite,
-    "monotone": interpolate.hermite,
-    "inverse": interpolate.inverse,
-    "noise": interpolate.noise,
-}
-# Number, places, values -> the slope of a curve in one of its points.
-SLOPES: Mapping[str, Callable[..., float]] = {
-    "natural_slope": partial(interpolate.slope_at, interpolate.natural_slopes),
-    "monotone_slope": partial(interpolate.slope_at, interpolate.monotone_slopes),
-}
-CONDITIONS = frozenset({"less", "less_equal", "equal", "and", "or", "not"})
-
-
-def value_of(operator: str, values: Iterable[float]) -> float:
-    """Value of an operator for floats. Raises ArithmeticError or ValueError if it has no finite real value."""
-    if operator == "add":
-        return math.fsum(values)
-    if operator == "multiply":
-        return math.prod(values)
-    if operator in CURVES:
-        return float(CURVES[operator](*values))
-    if operator in SLOPES:
-        return float(SLOPES[operator](*values))
-    return float(OPERATORS[operator][1](*values))
 
 
 # ---------------------------------------------------------------- constructors
@@ -334,12 +241,12 @@ def _never_negative(x: Expression) -> bool:
     match x:
         case Number(value):
             return value >= 0
-        case Apply(operator=("abs" | "exp" | "sqrt" | "cosh")):
-            return True
         case Apply(operator="power", operands=(_, Number(n))) if n == int(n) and n % 2 == 0:
             return True
         case Apply(operator=("multiply" | "add"), operands=parts):
             return all(map(_never_negative, parts))
+        case Apply(operator=operator) if operator in OPERATORS:
+            return OPERATORS[operator].never_negative
     return False
 
 
@@ -362,6 +269,11 @@ def call(operator: str, *operands: Expression) -> Expression:
         if math.isfinite(value):
             return Number(value)
     return Apply(operator, operands)
+
+
+def apply(operator: str, *operands: Expression | float) -> Expression:
+    """Any operator over expressions and numbers, for the rules of the table of operators."""
+    return call(operator, *map(lift, operands))
 
 
 def select(condition: Expression, value: Expression, otherwise: Expression) -> Expression:

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+
+from .operators import OPERATORS, Operator, value_of
 
 Interval = tuple[Any, Any]  # lower and upper ends, each a number or an array (boxes,)
 
@@ -106,10 +108,10 @@ def _within_domain(x: Interval, found: Interval, least: float, most: float) -> I
 
 
 def _falling(function: Callable[[Any], Any], least: float, most: float) -> Callable[[Interval], Interval]:
-    rising = _rising(lambda x: -function(x), least, most)
+    mirrored = _rising(lambda x: -function(x), least, most)
 
     def over(x: Interval) -> Interval:
-        low, high = rising(x)
+        low, high = mirrored(x)
         return -np.asarray(high), -np.asarray(low)
 
     return over
@@ -257,30 +259,11 @@ def _steepest(order: int) -> float:
 
 # ---------------------------------------------------------------- the tables
 
-TABLE: Mapping[str, Callable[..., Interval]] = {
-    "add": _sum, "multiply": _product, "divide": _quotient, "power": _power, "root": _root, "atan2": _angle,
-    "sin": lambda x: _wave(x, HALF, np.sin), "cos": lambda x: _wave(x, 0.0, np.cos), "tan": _tangent,
-    "asin": _rising(np.arcsin, -1.0, 1.0), "acos": _falling(np.arccos, -1.0, 1.0), "atan": _rising(np.arctan),
-    "sinh": _rising(np.sinh), "cosh": _cosh, "tanh": _rising(np.tanh), "asinh": _rising(np.arcsinh),
-    "acosh": _rising(np.arccosh, 1.0), "atanh": _rising(np.arctanh, -1.0, 1.0), "exp": _rising(np.exp),
-    "log": _rising(np.log, 0.0), "log10": _rising(np.log10, 0.0), "sqrt": _rising(np.sqrt, 0.0), "abs": _even,
-    "sign": _jumping(np.sign), "floor": _jumping(np.floor), "ceil": _jumping(np.ceil),
-    "min": lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1])),
-    "max": lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])),
-    "less": lambda a, b: _truth(a[1] < b[0], a[0] < b[1]), "less_equal": lambda a, b: _truth(a[1] <= b[0], a[0] <= b[1]),
-    "equal": _equal,
-    "and": lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1])),
-    "or": lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])), "not": lambda a: (1.0 - a[1], 1.0 - a[0]),
-    "select": _chosen, "noise": _noise, **{kind: _curve(kind) for kind in CURVES},
-}  # fmt: skip
-
-PLAIN: Mapping[str, Any] = {
-    "sin": np.sin, "cos": np.cos, "tan": np.tan, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "sinh": np.sinh,
-    "cosh": np.cosh, "tanh": np.tanh, "asinh": np.arcsinh, "acosh": np.arccosh, "atanh": np.arctanh, "exp": np.exp, "log": np.log,
-    "log10": np.log10, "sqrt": np.sqrt, "abs": np.abs, "sign": np.sign, "floor": np.floor, "ceil": np.ceil, "atan2": np.arctan2,
-    "min": np.minimum, "max": np.maximum, "divide": np.divide, "power": np.power, "less": np.less, "less_equal": np.less_equal,
-    "equal": np.equal, "and": np.logical_and, "or": np.logical_or, "not": np.logical_not, "select": np.where,
-}  # fmt: skip
+# Functions of numpy, by operator.
+PLAIN: Mapping[str, Callable[..., Any]] = {
+    **{r.name: getattr(np, r.in_numpy[3:]) for r in OPERATORS.values() if r.arity and r.in_numpy.startswith("np.")},
+    "select": np.where,
+}
 
 
 def plain(operator: str, values: Sequence[Any]) -> Any:
@@ -296,6 +279,12 @@ def plain(operator: str, values: Sequence[Any]) -> Any:
         from .curves import curve
 
         return curve(operator, int(values[0]), tuple(map(float, values[2:]))).values(values[1])
+    return _at_each(operator, *values)
+
+
+def _at_each(operator: str, *values: Any) -> Any:
+    """Value of an operator that numpy does not have, number by number."""
+    moving = [i for i, value in enumerate(values) if np.ndim(value)]
 
     def at(*xs: float) -> float:
         operands = list(values)
@@ -307,9 +296,29 @@ def plain(operator: str, values: Sequence[Any]) -> Any:
 
 
 def _number(operator: str, operands: Sequence[float]) -> float:
-    from .expression import value_of  # a run of smooth signals needs it not
-
     try:
         return value_of(operator, operands)
     except (ArithmeticError, ValueError):
         return math.nan
+
+
+def _by_course(row: Operator) -> Callable[..., Interval]:
+    """Range of a function that rises, falls or jumps."""
+    function = PLAIN.get(row.name) or partial(_at_each, row.name)
+    if row.course == "jumping":
+        return _jumping(function)
+    return (_rising if row.course == "rising" else _falling)(function, *row.domain)
+
+
+TABLE: Mapping[str, Callable[..., Interval]] = {
+    **{row.name: _by_course(row) for row in OPERATORS.values() if row.course},
+    "add": _sum, "multiply": _product, "divide": _quotient, "power": _power, "root": _root, "atan2": _angle,
+    "sin": lambda x: _wave(x, HALF, np.sin), "cos": lambda x: _wave(x, 0.0, np.cos), "tan": _tangent, "cosh": _cosh, "abs": _even,
+    "min": lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1])),
+    "max": lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])),
+    "less": lambda a, b: _truth(a[1] < b[0], a[0] < b[1]), "less_equal": lambda a, b: _truth(a[1] <= b[0], a[0] <= b[1]),
+    "equal": _equal,
+    "and": lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1])),
+    "or": lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])), "not": lambda a: (1.0 - a[1], 1.0 - a[0]),
+    "select": _chosen, "noise": _noise, **{kind: _curve(kind) for kind in CURVES},
+}  # fmt: skip

@@ -16,20 +16,19 @@ from .expression import (
     Number,
     Symbol,
     add,
+    apply,
     call,
     depends_on,
     divide,
+    lift,
     multiply,
     negate,
     operations,
     power,
     symbols,
 )
+from .operators import OPERATORS
 from .table import KINDS, turned_round
-
-_INVERSES = {
-    "exp": "log", "log": "exp", "sinh": "asinh", "asinh": "sinh", "tanh": "atanh", "atanh": "tanh", "atan": "tan", "asin": "sin",
-}  # fmt: skip
 
 
 def solve_nonlinear(left: Expression, right: Expression, symbol: Symbol) -> Expression | None:
@@ -74,12 +73,8 @@ def _peel(x: Expression, y: Expression, symbol: Symbol) -> Expression | None:
         case "linear" | "cubic" | "monotone" if inner is x.operands[1]:
             place = turned_round(x, y)
             return None if place is None else _peel(inner, place, symbol)
-        case "sqrt":
-            return _peel(inner, power(call("sqrt", y), Number(4.0)), symbol)  # y^2, and no number for a negative y
-        case "log10":
-            return _peel(inner, power(Number(10.0), y), symbol)
-    inverse = _INVERSES.get(x.operator)
-    return None if inverse is None else _peel(inner, call(inverse, y), symbol)
+    inverse = OPERATORS[x.operator].inverse if x.operator in OPERATORS else None
+    return None if inverse is None else _peel(inner, lift(inverse(apply, y)), symbol)
 
 
 def _root(y: Expression, exponent: float) -> Expression | None:

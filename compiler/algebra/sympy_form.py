@@ -8,17 +8,10 @@ from typing import Any
 import sympy
 
 from .expression import Apply, Expression, Number, Symbol, add, call, divide, multiply, power, select
+from .operators import OPERATORS
 from .table import lists
 
 SHOWN_POINTS = 12  # of a table, in equations that people read
-
-_FUNCTIONS: dict[str, Any] = {
-    "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan, "asin": sympy.asin, "acos": sympy.acos, "atan": sympy.atan,
-    "atan2": sympy.atan2, "sinh": sympy.sinh, "cosh": sympy.cosh, "tanh": sympy.tanh, "asinh": sympy.asinh,
-    "acosh": sympy.acosh, "atanh": sympy.atanh, "exp": sympy.exp, "log": sympy.log, "sqrt": sympy.sqrt,
-    "abs": sympy.Abs, "sign": sympy.sign, "floor": sympy.floor, "ceil": sympy.ceiling, "min": sympy.Min, "max": sympy.Max,
-    "less": sympy.Lt, "less_equal": sympy.Le, "equal": sympy.Eq, "and": sympy.And, "or": sympy.Or, "not": sympy.Not,
-}  # fmt: skip
 
 
 def to_sympy(x: Expression, name: Callable[[Any], Any]) -> Any:
@@ -42,27 +35,14 @@ def to_sympy(x: Expression, name: Callable[[Any], Any]) -> Any:
     def build(node: Apply) -> Any:
         operands = [walk(o) for o in node.operands]
         match node.operator:
-            case "add":
-                return sympy.Add(*operands)
-            case "multiply":
-                return sympy.Mul(*operands)
-            case "divide":
-                return operands[0] / operands[1]
-            case "power":
-                return operands[0] ** operands[1]
-            case "log10":
-                return sympy.log(operands[0]) / sympy.log(10)
-            case "root":
-                return operands[0] ** (1 / operands[1])
             case "linear" | "cubic" | "monotone" | "inverse":
                 return _table(node, operands)
             case "noise":
                 return sympy.Function(_differentiated("noise", operands[0]))(*operands[1:])
             case "natural_slope" | "monotone_slope":
                 return sympy.Function(node.operator)(*operands)
-            case "select":
-                return sympy.Piecewise((operands[1], operands[0]), (operands[2], True))
-        return _FUNCTIONS[node.operator](*operands)
+        form = OPERATORS[node.operator].in_sympy
+        return getattr(sympy, form)(*operands) if isinstance(form, str) else form(sympy, *operands)
 
     return walk(x)
 
@@ -81,7 +61,10 @@ def _table(node: Apply, operands: list[Any]) -> Any:
 
 def from_sympy(x: Any, key: Callable[[Any], Hashable]) -> Expression:
     """An expression from sympy. Raises ValueError for a function that the language does not have."""
-    back = {f: n for n, f in _FUNCTIONS.items()}
+    rows = [
+        row for row in OPERATORS.values() if row.kind in ("function", "condition") and isinstance(row.in_sympy, str)
+    ]
+    back = {getattr(sympy, str(row.in_sympy)): row.name for row in rows}
 
     def walk(node: Any) -> Expression:
         if node.is_Symbol:

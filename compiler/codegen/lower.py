@@ -13,7 +13,6 @@ from functools import lru_cache
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import (
-    CONDITIONS,
     ONE,
     ZERO,
     Apply,
@@ -30,6 +29,7 @@ from ..algebra.expression import (
     symbols,
 )
 from ..algebra.formula import Formula
+from ..algebra.operators import CONDITIONS
 from ..algebra.systems import Layout, band_of, solutions
 from ..algebra.table import is_table
 from ..equations.system import Assignment

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from ..algebra.derivative import partial
-from ..algebra.expression import CONDITIONS, ONE, Apply, Expression, Number, Symbol, symbols
+from ..algebra.expression import ONE, Apply, Expression, Number, Symbol, symbols
 from ..algebra.intervals import plain
+from ..algebra.operators import CONDITIONS
 from ..algebra.systems import LEADING, SYSTEMS, banded_shape, dense
 from ..nouns import dataclass
 from .limits import Leaf

@@ -16,7 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import NamedTuple
 
-from ..algebra.expression import CURVES, MINUS_ONE, SLOPES, Apply, Expression, Number, Symbol
+from ..algebra.expression import MINUS_ONE, Apply, Expression, Number, Symbol
+from ..algebra.operators import CURVES, SLOPES
 from ..algebra.systems import LEADING, SYSTEMS, size_of
 from ..nouns import dataclass
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import (
-    CONDITIONS,
     ONE,
     ZERO,
     Apply,
@@ -26,6 +25,7 @@ from ..algebra.expression import (
     substitute,
 )
 from ..algebra.formula import Formula
+from ..algebra.operators import CONDITIONS, OPERATORS
 from ..algebra.systems import SYSTEMS
 from ..algebra.table import domain, is_table, jumps_at_knots, last_derivative, table
 from ..equations.system import Assignment
@@ -40,18 +40,16 @@ from .program import ConditionNote
 if TYPE_CHECKING:
     from .lower import Lowered
 
-# Functions that may be narrow around a zero of their argument (a bell, a smooth step) or have no derivative there (a root).
-SMOOTH = frozenset(
-    {"add", "multiply", "divide", "power", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "exp", "log"}
-)  # fmt: skip
-NARROW = frozenset({"power", "sqrt", "tanh", "atan", "asinh", "cosh", "exp", "multiply"})
-
 
 OF_TIME = "time", "Write the signal with step, pulse, ramp or `if` on time."
 OF_STATES = (
     "states behind a rate",
     "Keep the count in a `mode` and let a `when` move it on, or sample it: `every 1 ms { n = floor(x) }`.",
 )
+
+
+def _is_smooth(operator: str) -> bool:
+    return operator in OPERATORS and OPERATORS[operator].smooth
 
 
 class Switching:
@@ -78,7 +76,7 @@ class Switching:
     def has_nothing_in(self, formula: Formula, arguments: Sequence[Expression]) -> bool:
         """Return True if a law and its arguments, which are treated already, have no jump or kink in time: then nothing is replaced."""
         if formula not in self._quiet:
-            self._quiet[formula] = all(node.operator in SMOOTH for node in operations(formula.expression))
+            self._quiet[formula] = all(_is_smooth(node.operator) for node in operations(formula.expression))
         self.all_quiet &= self._quiet[formula]
         return self.all_quiet and not any(self.result.dependence(a) & TIME for a in arguments)
 
@@ -128,7 +126,7 @@ class Switching:
                 return self._of_segments(x, operands[1])
         if x.operator == "noise":
             self._period(x.operands[1], alone, span)
-        if alone and x.operator in NARROW:
+        if alone and x.operator in OPERATORS and OPERATORS[x.operator].narrow:
             self._centres(x)
         if alone and x.operator in ("min", "max", "abs"):
             g = x.operands[0] if x.operator == "abs" else x.operands[0] - x.operands[1]

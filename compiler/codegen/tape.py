@@ -14,7 +14,8 @@ from functools import partial as bound
 from typing import Any
 
 from ..algebra.derivative import partial
-from ..algebra.expression import Apply, Expression, Number, Symbol, value_of
+from ..algebra.expression import Apply, Expression, Number, Symbol
+from ..algebra.operators import value_of
 from ..algebra.systems import LEADING, SYSTEMS, banded_shape, dense
 from .limits import Leaf
 

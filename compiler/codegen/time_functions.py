@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..algebra.derivative import NoSlope, derivative
-from ..algebra.expression import CONDITIONS, Apply, Expression, Number, Symbol, operations, symbols
+from ..algebra.expression import Apply, Expression, Number, Symbol, operations, symbols
+from ..algebra.operators import OPERATORS
 from .dependence import MODE
 from .limits import Leaf
 from .program import Function, TimeFunctions
@@ -19,13 +20,9 @@ from .tape import operands_first
 if TYPE_CHECKING:
     from .lower import Lowered
 
-# Operations after which a function of time moves everywhere as fast as it ever does, or at places that are instants: sums and products of these
-# have no narrow peaks that a look at many places could miss.
-BROAD = frozenset({"add", "multiply", "sin", "cos", "min", "max", "abs", "sign", "select", "linear", "cubic", "monotone", "noise", *CONDITIONS})  # fmt: skip
-TABLED = frozenset({
-    "divide", "power", "root", "atan2", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "log",
-    "log10", "sqrt",
-})  # fmt: skip
+# Other operations leave functions of time moving everywhere as fast as they ever do, or at places that are instants: sums and products of
+# those have no narrow peaks that a look at many places could miss.
+NARROWING = frozenset(row.name for row in OPERATORS.values() if not row.broad)
 
 
 def time_roots(crossings: Sequence[Expression]) -> tuple[Expression, ...]:
@@ -46,14 +43,12 @@ def narrow_operations(signals: Iterable[Expression], moves: Callable[[Expression
     found: dict[Expression, None] = {}
     for signal in signals:
         nodes = operations(signal)
-        found |= dict.fromkeys(n for n in nodes if n.operator in TABLED and not _is_broad(n) and moves(n))
+        found |= dict.fromkeys(n for n in nodes if n.operator in NARROWING and not _is_broad(n) and moves(n))
     return tuple(found)
 
 
 def _is_broad(node: Apply) -> bool:
-    """Return True for an operation that is never narrow, a power of low degree, or a quotient by a number of the run."""
-    if node.operator in BROAD:
-        return True
+    """Return True for a power of low degree, or a quotient by a number of the run."""
     if node.operator == "power":
         n = node.operands[1]
         return isinstance(n, Number) and n.value in (2.0, 3.0, 4.0)

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import sys
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any
 
-# Functions of the mathematical library that generated code calls.
+# Functions that generated code may call: those of the mathematical library under their names in Python, and those that LLVM itself calls.
 LIBRARY = (
-    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "log", "log10", "pow",
-    "sincos", "memset", "memcpy", "memmove", "malloc", "free",
-)  # fmt: skip
+    *(name for name, f in vars(math).items() if callable(f)),
+    "sincos",
+    "memset",
+    "memcpy",
+    "memmove",
+    "malloc",
+    "free",
+)
 
 _view: Any = (ctypes.c_char * 0).from_buffer  # of arrays without items, too
 AS_WRITTEN = -1  # a level: the text with the best instructions, but without optimization passes

@@ -12,7 +12,8 @@ import random
 from collections.abc import Callable, Mapping, Sequence, Set
 from typing import NamedTuple
 
-from ..algebra.expression import Apply, Expression, Number, Symbol, evaluate, value_of
+from ..algebra.expression import Apply, Expression, Number, Symbol, evaluate
+from ..algebra.operators import value_of
 from ..equations.system import Assignment, EquationSystem
 from ..errors import CompilationFailed
 from .errors import SingularLoop

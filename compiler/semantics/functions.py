@@ -8,6 +8,7 @@ from fractions import Fraction
 
 from ..algebra.expression import ONE as NUMBER_ONE
 from ..algebra.expression import ZERO, Expression, call, divide, multiply, select
+from ..algebra.operators import OPERATORS
 from ..graph.units import ONE, Dimension
 from ..syntax import tree
 from .errors import DimensionMismatch
@@ -129,36 +130,16 @@ def _polar(node: tree.Call, arguments: list[Typed]) -> Value:
     return tuple(Typed(multiply(r.expression, call(f, angle.expression)), r.dimension) for f in ("cos", "sin"))
 
 
+_BY_UNITS: dict[str, Callable[[str], Builder]] = {
+    "bare": _pure,
+    "same": _keeping,
+    "ratio": _bare_result,
+    "root": lambda _: _sqrt,
+}
+
 FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
-    **{
-        name: (1, f"{name}(x)", _pure(name))
-        for name in [
-            "sin",
-            "cos",
-            "tan",
-            "asin",
-            "acos",
-            "atan",
-            "sinh",
-            "cosh",
-            "tanh",
-            "asinh",
-            "acosh",
-            "atanh",
-            "exp",
-            "log10",
-            "floor",
-            "ceil",
-        ]
-    },
-    "log": (1, "log(x)", _pure("log")),
+    **{r.name: (r.arity, r.usage or f"{r.name}(x)", _BY_UNITS[r.units](r.name)) for r in OPERATORS.values() if r.units},
     "ln": (1, "ln(x)", _pure("log")),
-    "sqrt": (1, "sqrt(x)", _sqrt),
-    "abs": (1, "abs(x)", _keeping("abs")),
-    "min": (2, "min(a, b)", _keeping("min")),
-    "max": (2, "max(a, b)", _keeping("max")),
-    "sign": (1, "sign(x)", _bare_result("sign")),
-    "atan2": (2, "atan2(y, x)", _bare_result("atan2")),
     "step": (1, "step(time - 1 s)", _step),
     "pulse": (3, "pulse(time, 1 s, 2 s)", _pulse),
     "ramp": (3, "ramp(time, 1 s, 2 s)", _rise(lambda u: u)),

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
-from ..algebra.expression import CONDITIONS, MINUS_ONE, Apply, Expression, Number, Symbol, negate
+from ..algebra.expression import MINUS_ONE, Apply, Expression, Number, Symbol, negate
 from ..algebra.expression import ONE as NUMBER_ONE
+from ..algebra.operators import CONDITIONS, OPERATORS
 from ..algebra.table import is_table, lists
 from ..errors import CompilationFailed, InternalError
 from ..graph.units import ONE, Dimension
@@ -34,11 +35,9 @@ class Word(NamedTuple):
 
 # Precedences of texts, in the order of the grammar.
 CHOICE, OR, AND, NOT, COMPARISON, SUM, PRODUCT, SIGN, POWER, ATOM = range(10)
-FUNCTIONS = frozenset(
-    ["sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "log", "log10", "floor", "ceil"]
-)  # fmt: skip
-SHARING = frozenset(["add", "min", "max", "abs", "select"])  # operators with the dimension of all their parts
-COMPARED = {"less": "<", "less_equal": "<=", "equal": "=="}
+# Operators with the dimension of all their parts.
+SHARING = frozenset(["add", "select", *(row.name for row in OPERATORS.values() if row.units == "same")])
+COMPARED = {name: OPERATORS[name].c for name in ("less", "less_equal", "equal")}
 
 
 class Printer:
@@ -173,18 +172,19 @@ class Printer:
                 f"{self._at(OR, value, wanted)} if {self._condition(condition)[0]} else {self._at(OR, otherwise, wanted)}",
                 CHOICE,
             )
-        if operator == "sqrt":
-            return f"sqrt({self._write(operands[0], wanted**2)[0]})", ATOM
-        if operator in ("abs", "min", "max"):
+        units = OPERATORS[operator].units if operator in OPERATORS else ""
+        if units == "root":
+            return f"{operator}({self._write(operands[0], wanted**2)[0]})", ATOM
+        if units == "same":
             return f"{operator}({', '.join(self._write(o, wanted)[0] for o in operands)})", ATOM
         if is_table(x):
             return self._table(x, wanted), ATOM
         if operator == "noise":  # its place is a count of periods already
             return f"noise({self._write(operands[1], ONE)[0]}, 1, {self._write(operands[2], ONE)[0]})", ATOM
-        if operator in ("sign", "atan2"):
+        if units == "ratio":
             common = self._common(operands)
             text = f"{operator}({', '.join(self._write(o, common)[0] for o in operands)})"
-        elif operator in FUNCTIONS:
+        elif units == "bare":
             text = f"{operator}({', '.join(self._write(o, ONE)[0] for o in operands)})"
         else:
             raise InternalError(f"the operator `{operator}` has no name in the language")

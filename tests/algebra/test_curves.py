@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from compiler.algebra.curves import curve
-from compiler.algebra.expression import value_of
+from compiler.algebra.operators import value_of
 
 
 def points_of(kind: str, count: int, falling: bool) -> tuple[tuple[float, ...], float, float]:

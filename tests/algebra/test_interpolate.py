@@ -10,8 +10,9 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from compiler.algebra import interpolate
 from compiler.algebra.derivative import derivative
-from compiler.algebra.expression import CURVES, Apply, Expression, Number, Symbol, call, evaluate
+from compiler.algebra.expression import Apply, Expression, Number, Symbol, call, evaluate
 from compiler.algebra.invert import obstacle, solve_nonlinear
+from compiler.algebra.operators import CURVES
 from compiler.algebra.table import lists, table, turned_round
 
 X, Y = Symbol("x"), Symbol("y")

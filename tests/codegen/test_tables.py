@@ -9,7 +9,7 @@ import pytest
 
 import bondgraph
 from compiler.algebra import interpolate
-from compiler.algebra.expression import SLOPES
+from compiler.algebra.operators import SLOPES
 from compiler.codegen.numpy.beginning import beginning
 from compiler.codegen.numpy.generate import load_module
 from tests.codegen.test_jacobian import differences

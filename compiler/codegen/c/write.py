@@ -7,11 +7,11 @@ The code needs a compiler for C11 and its mathematical library.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-from ...algebra.expression import CONDITIONS, Apply, Expression, Number, Symbol
+from ...algebra.expression import Apply, Expression, Number, Symbol
 from ...algebra.interpolate import SMOOTH_STEP
+from ...algebra.operators import CONDITIONS, OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of
 from ...algebra.table import lists
 from ...errors import printable
@@ -26,13 +26,6 @@ from ..order import operations_in_order
 ARGUMENTS = (
     "double time, const double *state, const double *inputs, const double *constants, const double *mode, double *out"
 )
-_FUNCTIONS = {"abs": "fabs"}
-_SIGNS = {"less": "<", "less_equal": "<=", "equal": "==", "and": "&&", "or": "||"}
-_SUPPORTED: dict[str, Callable[..., Any]] = {
-    "solve": support.solve, "banded": support.banded, "linear": support.linear, "cubic": support.hermite, "monotone": support.hermite,
-    "inverse": support.inverse,
-    "natural_slope": support.natural_slope, "monotone_slope": support.monotone_slope, "noise": support.noise, "root": support.root,
-}  # fmt: skip
 _OWN = """static inline double chosen(int condition, double value, double otherwise) { return condition ? value : otherwise; }
 static inline double least(double a, double b) { return a <= b || a != a ? a : b; }
 static inline double greatest(double a, double b) { return a >= b || a != a ? a : b; }
@@ -71,7 +64,7 @@ class _File:
         for name, _, doc, roots in self.writer.functions():
             functions.append(self._function(name, doc, roots, known))
             counts.append((name, len(roots)))
-        support_text = c_source(list(dict.fromkeys(_SUPPORTED[o] for o in sorted(self.called))))
+        support_text = c_source(list(dict.fromkeys(support.BY_OPERATOR[o] for o in sorted(self.called))))
         points = [f"static const double {n}[] = {{{', '.join(map(c_number, v))}}};" for v, n in self.arrays.items()]
         return "\n".join([self._head(counts), BEGINNING, _OWN, support_text, *points, "", *functions])
 
@@ -171,7 +164,7 @@ class _Body:
 
     def _operation(self, node: Apply) -> str:
         operator, operands = node.operator, node.operands
-        if operator in _SUPPORTED:
+        if operator in support.BY_OPERATOR:
             self.file.called.add(operator)
             return self._supported(node)
         match operator:
@@ -185,8 +178,6 @@ class _Body:
                 return " / ".join(self._all(operands))
             case "power":
                 return self._power(*operands)
-            case "min" | "max":
-                return f"{'least' if operator == 'min' else 'greatest'}({', '.join(self._all(operands))})"
             case "select":
                 return f"chosen({', '.join([f'{self._name(operands[0])} != 0', *self._all(operands[1:])])})"
             case "not":
@@ -195,9 +186,10 @@ class _Body:
                 index = operands[1]
                 assert isinstance(index, Number)
                 return f"{self._name(operands[0])}[{int(index.value)}]"
-        if operator in _SIGNS:
-            return f" {_SIGNS[operator]} ".join(self._all(operands))
-        return f"{_FUNCTIONS.get(operator, operator)}({', '.join(self._all(operands))})"
+        name = OPERATORS[operator].in_c
+        if operator in CONDITIONS:
+            return f" {name} ".join(self._all(operands))
+        return f"{name}({', '.join(self._all(operands))})"
 
     def _power(self, base: Expression, exponent: Expression) -> str:
         x = self._name(base)
@@ -236,7 +228,7 @@ class _Body:
         points = lists(node)
         order = "" if node.operator == "inverse" else f"{_order(node)}, "
         arrays = ", ".join(map(self._points, points))
-        return f"{_SUPPORTED[node.operator].__name__}({order}{self._name(operands[1])}, {arrays}, {len(points[0])})"
+        return f"{support.BY_OPERATOR[node.operator].__name__}({order}{self._name(operands[1])}, {arrays}, {len(points[0])})"
 
     def _slope(self, node: Apply) -> str:
         number, points = node.operands[0], node.operands[1:]

@@ -6,9 +6,9 @@ beginning of a numpy module (`numpy/beginning.py`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import floor, isfinite, log, nan, pow
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...algebra.interpolate import random_number
 
@@ -462,3 +462,10 @@ def root(x: float, n: float) -> float:
     if whole:
         sign = 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
     return sign * pow(x * sign, 1.0 / n)
+
+
+# Functions of this file, by the operators that call them.
+BY_OPERATOR: Mapping[str, Callable[..., Any]] = {
+    "solve": solve, "banded": banded, "linear": linear, "cubic": hermite, "monotone": hermite, "inverse": inverse,
+    "natural_slope": natural_slope, "monotone_slope": monotone_slope, "noise": noise, "root": root,
+}  # fmt: skip

@@ -6,11 +6,11 @@ The IR is written as text directly: it is the largest part of a model's compilat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
-from ...algebra.expression import CONDITIONS, Apply, Expression, Number, Symbol
+from ...algebra.expression import Apply, Expression, Number, Symbol
 from ...algebra.interpolate import SMOOTH_STEP
+from ...algebra.operators import CONDITIONS, OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of, size_of
 from ...algebra.table import lists
 from ...native.translate import translate
@@ -27,20 +27,6 @@ ARGUMENTS = ("state", "inputs", "constants", "mode")
 HEAD = "(double %time, {arrays}, ptr noalias nocapture %out) {{\nentry:".format(
     arrays=", ".join(f"ptr noalias nocapture readonly %{a}" for a in ARGUMENTS)
 )
-_LIBRARY = {
-    "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1, "cosh": 1, "tanh": 1, "asinh": 1, "acosh": 1,
-    "atanh": 1, "exp": 1, "log": 1, "log10": 1,
-}  # fmt: skip
-# As intrinsics they have no side effect: a sine and a cosine of one angle are computed together.
-_INTRINSICS = {n: f"llvm.{n}.f64" for n in ("sin", "cos", "exp", "log", "sqrt", "floor", "ceil")} | {
-    "abs": "llvm.fabs.f64"
-}
-_COMPARE = {"less": "olt", "less_equal": "ole", "equal": "oeq"}
-_SUPPORTED: dict[str, Callable[..., Any]] = {
-    "solve": support.solve, "banded": support.banded, "linear": support.linear, "cubic": support.hermite, "monotone": support.hermite,
-    "inverse": support.inverse,
-    "natural_slope": support.natural_slope, "monotone_slope": support.monotone_slope, "noise": support.noise, "root": support.root,
-}  # fmt: skip
 LONGEST_IN_LINES = 1500  # operations and values of a module that are written one after the other
 SAVING = 2  # by how much shorter the kernels must be
 LARGEST_PRODUCT = 32  # power that is written as products
@@ -94,7 +80,7 @@ class Module:
                 self.functions.append((name, tuple(arguments.split(", ")), len(roots)))
                 wanted.append(_ordered(name, roots, known))
         parts = self._parts(wanted)
-        needed = list(dict.fromkeys(_SUPPORTED[o] for o in sorted(self.called)))
+        needed = list(dict.fromkeys(support.BY_OPERATOR[o] for o in sorted(self.called)))
         supporting = translate(needed if self.hot else [support.batch, *needed])
         declared = [
             f"declare double @{name}" for name in sorted(self.declared) if f"declare double @{name}" not in supporting
@@ -226,7 +212,7 @@ class _Body:
         operator, operands = node.operator, node.operands
         if operator in CONDITIONS:
             return self._condition(node)
-        if operator in _SUPPORTED:
+        if operator in support.BY_OPERATOR:
             self.module.called.add(operator)
             return self._supported(node)
         match operator:
@@ -253,15 +239,15 @@ class _Body:
         return self._call(operator, self._doubles(operands))
 
     def _call(self, operator: str, values: Sequence[str]) -> str:
-        name = _INTRINSICS.get(operator, operator)
-        assert operator in _INTRINSICS or operator in _LIBRARY or operator == "pow", operator
+        name = OPERATORS[operator].llvm or OPERATORS[operator].in_c
         self.module.declared.add(f"{name}({', '.join(['double'] * len(values))})")
         return self._emit(f"call double @{name}({', '.join(f'double {v}' for v in values)})")
 
     def _condition(self, node: Apply) -> str:
-        if node.operator in _COMPARE:
+        comparison = OPERATORS[node.operator].llvm
+        if comparison:
             a, b = self._doubles(node.operands)
-            return self._emit(f"fcmp {_COMPARE[node.operator]} double {a}, {b}", True)
+            return self._emit(f"fcmp {comparison} double {a}, {b}", True)
         values = [self._truth(o) for o in node.operands]
         if node.operator == "not":
             return self._emit(f"xor i1 {values[0]}, true", True)
@@ -295,7 +281,7 @@ class _Body:
                 if left:
                     square = self._emit(f"fmul double {square}, {square}")
             return result if exponent.value > 0 else self._emit(f"fdiv double {float_text(1.0)}, {result}")
-        return self._call("pow", [x, self._double(exponent)])
+        return self._call("power", [x, self._double(exponent)])
 
     def _extreme(self, operator: str, a: str, b: str) -> str:
         """Minimum or maximum as in numpy: the first of two equal values, NaN if one is NaN."""
@@ -340,7 +326,7 @@ class _Body:
         points = lists(node)
         arrays = ", ".join(f"ptr {self._points(p)}" for p in points)
         order = "" if node.operator == "inverse" else f"i64 {_order(node)}, "
-        name = _SUPPORTED[node.operator].__name__
+        name = support.BY_OPERATOR[node.operator].__name__
         return self._emit(
             f"call double @{name}({order}double {self._double(operands[1])}, {arrays}, i64 {len(points[0])})"
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Set
 
 from ...algebra.interpolate import SMOOTH_STEP
+from ...algebra.operators import OPERATORS
 
 BEGINNING = '''
 
@@ -250,24 +251,17 @@ BANDED = '''def _banded(count, lower, upper, *entries):
     return _solve(count, *full, *entries[count * width :])
 '''
 
-ROOT = '''def _root(x, n):
-    """The one real number whose power n is x; none for an even n."""
-    n = np.asarray(n, dtype=float)
-    sign = np.where((n == np.floor(n)) & (n % 2 == 1), np.sign(x), 1.0)
-    return np.where(n % 2 == 0, np.nan, sign * np.power(x * sign, 1 / n))[()]
-'''
-
 # Operators, and the functions that a module with one of them needs.
 NEEDED = (
     ({"linear", "cubic", "monotone", "inverse"}, TABLES),
     ({"inverse"}, INVERSE),
     ({"natural_slope", "monotone_slope"}, SLOPES),
     ({"noise"}, NOISE.replace("@SMOOTH@", repr(SMOOTH_STEP))),
-    ({"root"}, ROOT),
     ({"banded"}, BANDED),
 )
 
 
 def beginning(operators: Set[str]) -> str:
     """Text of the functions for these operators."""
-    return "\n\n".join([BEGINNING, *(text for needs, text in NEEDED if needs & operators)])
+    own = [row.numpy_source for row in OPERATORS.values() if row.name in operators and row.numpy_source]
+    return "\n\n".join([BEGINNING, *(text for needs, text in NEEDED if needs & operators), *own])

@@ -8,6 +8,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from ...algebra.expression import Apply, Expression, Number
+from ...algebra.operators import OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of, size_of
 from ...algebra.table import lists
 from ...errors import printable
@@ -17,14 +18,7 @@ from .names import Identifiers
 if TYPE_CHECKING:
     from .write import Writer
 
-_FUNCTIONS = {
-    "asin": "np.arcsin", "acos": "np.arccos", "atan": "np.arctan", "atan2": "np.arctan2", "asinh": "np.arcsinh",
-    "acosh": "np.arccosh", "atanh": "np.arctanh", "abs": "np.abs", "min": "np.minimum", "max": "np.maximum", "power": "np.power",
-    "and": "np.logical_and", "or": "np.logical_or", "not": "np.logical_not", "select": "_select", "ceil": "np.ceil",
-    "noise": "_noise", "root": "_root",
-}  # fmt: skip
-_COMPARE = {"less": "<", "less_equal": "<=", "equal": "=="}
-_CURVES = {"linear": "_linear", "cubic": "_hermite", "monotone": "_hermite", "inverse": "_inverse"}
+_COMPARE = {name: OPERATORS[name].c for name in ("less", "less_equal", "equal")}
 
 
 class Body:
@@ -73,7 +67,7 @@ class Body:
         match node.operator:
             case "linear" | "cubic" | "monotone" | "inverse":
                 points = ", ".join(map(self._list, lists(node)))
-                return f"{_CURVES[node.operator]}({self._order_of(node)}, {self._text(operands[1], 0)}, {points})"
+                return f"{OPERATORS[node.operator].in_numpy}({self._order_of(node)}, {self._text(operands[1], 0)}, {points})"
             case "noise":
                 place, seed = (self._text(o, 0) for o in operands[1:])
                 return f"_noise({self._order_of(node)}, {place}, {seed})"
@@ -105,8 +99,7 @@ class Body:
                 index = operands[1]
                 assert isinstance(index, Number)
                 return f"{self._text(operands[0], 4)}[{int(index.value)}]"
-        function = _FUNCTIONS.get(node.operator, f"np.{node.operator}")
-        return f"{function}({', '.join(self._text(o, 0) for o in operands)})"
+        return f"{OPERATORS[node.operator].in_numpy}({', '.join(self._text(o, 0) for o in operands)})"
 
     @staticmethod
     def _order_of(node: Apply) -> int:
