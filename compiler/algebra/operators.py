@@ -110,6 +110,14 @@ _NUMPY_ROOT = '''def _root(x, n):
 '''
 
 
+_NUMPY_ERF = '''def _erf(x):
+    """The error function, 2/sqrt(pi) times the integral of exp(-t^2) from 0 to x, for numbers and arrays."""
+    from math import erf
+
+    return np.vectorize(erf, otypes=[float])(x)[()]
+'''
+
+
 # ---------------------------------------------------------------- the table
 
 _condition = partial(Operator, arity=2, kind="condition", units="", smooth=False, broad=True)
@@ -159,6 +167,9 @@ _ROWS = (
     Operator("asinh", math.asinh, (lambda f, y, x: 1.0 / f("sqrt", x * x + 1.0),), lambda f, y: f("sinh", y), course="rising", narrow=True, numpy="np.arcsinh"),
     Operator("acosh", math.acosh, (lambda f, y, x: 1.0 / f("sqrt", x * x - 1.0),), course="rising", domain=(1.0, math.inf), numpy="np.arccosh"),
     Operator("atanh", math.atanh, (lambda f, y, x: 1.0 / (1.0 - x * x),), lambda f, y: f("tanh", y), course="rising", domain=(-1.0, 1.0), numpy="np.arctanh"),
+    Operator("erf", math.erf, (lambda f, y, x: 1.1283791670955126 * f("exp", -(x * x)),), course="rising", narrow=True,
+        numpy="_erf", numpy_source=_NUMPY_ERF,
+    ),
     # Kinks and jumps. Derivatives are one-sided, from the right.
     Operator("abs", abs, (lambda f, y, x: f("select", f("less", x, 0.0), -1.0, 1.0),), units="same", never_negative=True, smooth=False, broad=True,
         sympy="Abs", c="fabs", llvm="llvm.fabs.f64",
