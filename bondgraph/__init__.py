@@ -19,9 +19,10 @@ from .presentation.renderers import RENDERERS
 
 if TYPE_CHECKING:
     from .builder import Graph
+    from .compiled_model import check
     from .ensembles import Ensemble
     from .errors import RunFailed, RunInterrupted, UsageError
-    from .model import Model, check, load
+    from .model import Model, load
     from .results import Result, read_result
     from .studies.journal import Journal
     from .studies.sharing import Sharing
@@ -32,7 +33,7 @@ __all__ = [
 ]  # fmt: skip
 _HOMES = {
     "load": "model",
-    "check": "model",
+    "check": "compiled_model",
     "Model": "model",
     "Graph": "builder",
     "Ensemble": "ensembles",

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from .results import Result
+from typing import Any
 
 
 class UsageError(Exception):
@@ -19,18 +16,18 @@ class ManyRuns(UsageError):
 class RunFailed(Exception):
     """Raised if the text is valid, but the numbers failed; the message has the time and the quantity.
 
-    `result` is the part computed up to then, if the run had begun.
+    `result` is the part computed up to then, a `bondgraph.Result`; None if the run had not begun.
     """
 
-    result: Result | None = None
+    result: Any = None
 
 
 class RunInterrupted(KeyboardInterrupt):
     """Raised if Ctrl-C was pressed during a run; `result` is the part computed up to then."""
 
-    def __init__(self, what: str, result: Result) -> None:
+    def __init__(self, what: str, result: object) -> None:
         super().__init__(what)
-        self.result = result
+        self.result: Any = result
 
     def __reduce__(self) -> tuple[type[RunInterrupted], tuple[Any, ...]]:
         return type(self), (str(self), self.result)
@@ -39,9 +36,9 @@ class RunInterrupted(KeyboardInterrupt):
 class RunBroken(Exception):
     """Raised for a defect of this program, or of the machine, in the middle of a run; `result` is the part computed up to then."""
 
-    def __init__(self, what: str, result: Result | None = None) -> None:
+    def __init__(self, what: str, result: object = None) -> None:
         super().__init__(what)
-        self.result = result
+        self.result: Any = result
 
 
 class PointBroken(RunFailed):

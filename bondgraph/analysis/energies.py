@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..compiled_model import CompiledModel, source_of
 from ..door import Element, Kind, MechanismNode, write_text
 from ..errors import UsageError
 from ..rendering import draw
@@ -20,7 +21,6 @@ from ..rendering import draw
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..model import Model
 
 POINTS = 501
 SOURCES, STORAGES, LOSSES = ("Se", "Sf"), ("C", "I", "IC"), ("R",)
@@ -69,35 +69,30 @@ class Energies:
 
 
 def energies(
-    model: Model, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
+    model: CompiledModel, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
     points: int | None = None, rtol: float | None = None,
 ) -> Energies:  # fmt: skip
     """Return the energies of a run of an experiment ("": the first, None: none), from t = 0. Raises as `Model.simulate`."""
-    from ..model import load
+    from ..simulation.run import Wanted, simulate
 
     made = model.compilation(model.scene(experiment, settings))
     plan = made.plan
     if plan.sweeps or (plan.stop is None and to is None):
         raise UsageError("energy over time is that of one simulation: name an experiment that makes one")
     flat = write_text(made.whole_graph).rstrip()
-    graph = load(flat).compilation().whole_graph
+    graph = CompiledModel(source_of(flat)).compilation().whole_graph
     wanted = {
         n.name: n for n in graph.nodes if isinstance(n, Element) and n.kind.value in (*SOURCES, *STORAGES, *LOSSES)
     }
     names = {name: f"work_of_element_{i}" for i, name in enumerate(wanted)}
     lines = [f"  output {names[n]} = integral({_power(e)}, 0 J)" for n, e in wanted.items()]
-    powered = load("\n".join([flat.removesuffix("}"), *lines, "}"]))
+    powered = CompiledModel(source_of("\n".join([flat.removesuffix("}"), *lines, "}"])))
     start, stop = plan.start, plan.stop if to is None else to
     assert stop is not None
     if start or plan.equilibrium:
         raise UsageError("energy over time is that of a run from t = 0 and the model's own start")
-    run = powered.simulate(
-        None,
-        to=stop,
-        points=points or int(plan.settings.get("points", POINTS)),
-        rtol=rtol if rtol is not None else 1e-8,
-        outputs=tuple(names.values()) or None,
-    )
+    wanted_run = Wanted(stop, points or int(plan.settings.get("points", POINTS)), rtol if rtol is not None else 1e-8)
+    run = simulate(powered, None, {}, tuple(names.values()) or None, wanted_run)
     found = {n: run[o] * (-1.0 if _into_source(graph, wanted[n]) else 1.0) for n, o in names.items()}
     kinds = {n: e.kind.value for n, e in wanted.items()}
     mechanisms = [n.name for n in graph.nodes if isinstance(n, MechanismNode)]

@@ -6,10 +6,13 @@ import math
 from typing import TYPE_CHECKING
 
 from ..errors import UsageError
+from ..simulation.run import Wanted, simulate
+from .linear import linearization
+from .operating_point import Asked, operating_point
 from .response import Measured, first_harmonic, settling_time
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..compiled_model import CompiledModel
 
 PERIODS = 4  # periods evaluated, after the settling time
 SAMPLES = 64  # samples per period
@@ -17,13 +20,13 @@ MOST_PERIODS = 100_000
 
 
 def excite(
-    model: Model, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None,
+    model: CompiledModel, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None,
     settings: dict[str, str | float], rtol: float,
 ) -> Measured:  # fmt: skip
     """Measure the response to a harmonic motion of the input `given` about its value at the equilibrium."""
     if given not in model.inputs:
         raise UsageError(f"`{given}` is no input of the model; inputs are {', '.join(model.inputs) or 'none'}")
-    linear = model.linearize((given,), (seen,), experiment, settings)
+    linear = linearization(operating_point(model, Asked(experiment, settings, (seen,), (given,))))
     waited = math.ceil(settling_time(linear, given, seen, frequency) * frequency) + 1
     if waited > MOST_PERIODS:
         raise UsageError(f"it takes {waited} periods until `{seen}` has settled: `bode` gives its response exactly")
@@ -31,14 +34,8 @@ def excite(
     mean = f"{float(linear.u[0])!r} [{unit}]"
     swing = f"{amplitude!r} [{unit}]*sin(2*pi*{frequency!r}*time/(1 [s]))"
     periods = waited + PERIODS
-    result = model.simulate(
-        experiment,
-        {**settings, given: f"{mean} + {swing}"},
-        periods / frequency,
-        periods * SAMPLES + 1,
-        rtol,
-        outputs=(seen,),
-    )
+    wanted = Wanted(periods / frequency, periods * SAMPLES + 1, rtol)
+    result = simulate(model, experiment, {**settings, given: f"{mean} + {swing}"}, (seen,), wanted)
     last = slice(waited * SAMPLES, periods * SAMPLES)
     value, rest = first_harmonic(result.time[last], result[seen][last], frequency)
     return Measured(frequency, value / amplitude, rest, waited / frequency)

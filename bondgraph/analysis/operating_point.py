@@ -20,8 +20,8 @@ from ..prepared import Prepared
 from .told import named
 
 if TYPE_CHECKING:
+    from ..compiled_model import CompiledModel
     from ..door import Compilation, Expression, Lowered, Program
-    from ..model import Model
     from ..results import LimitLeft
     from ..simulation.closed.constraints import Constraints
     from .following import Follower
@@ -354,7 +354,7 @@ def _tied(slopes: Any, moved: Any) -> tuple[Any, Any, Any]:
 
 
 def operating_point(
-    model: Model, asked: Asked, target: str = "numpy", moved: Mapping[str, float] | None = None
+    model: CompiledModel, asked: Asked, target: str = "numpy", moved: Mapping[str, float] | None = None
 ) -> OperatingPoint:
     """Return the model at the requested point; numbers that are set are arguments of one program, so that others need no compilation.
 

@@ -26,7 +26,7 @@ from .told import finite
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..model import Model
+    from ..compiled_model import CompiledModel
 
     Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ class RunSensitivity:
 
 
 def run_sensitivity(
-    model: Model, parameters: tuple[str, ...] | None, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None,
+    model: CompiledModel, parameters: tuple[str, ...] | None, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None,
     instants: Array | None, to: str | float | None, points: int, rtol: float = RTOL, moved: Mapping[str, float] | None = None,
 ) -> RunSensitivity:  # fmt: skip
     """Return the sensitivity of a run to `to` at `points` instants, or at given `instants`.

@@ -27,7 +27,7 @@ from .told import finite
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..model import Model
+    from ..compiled_model import CompiledModel
 
 SCHEMA = "bondgraph-sensitivity/1"
 SINGULAR = 1e-11  # relative to the largest singular value
@@ -92,7 +92,7 @@ class Sensitivity:
 
 
 def independent(
-    model: Model, parameters: tuple[str, ...] | None, experiment: str | None, settings: Mapping[str, str | float]
+    model: CompiledModel, parameters: tuple[str, ...] | None, experiment: str | None, settings: Mapping[str, str | float]
 ) -> tuple[tuple[str, ...], dict[str, str | float]]:  # fmt: skip
     """Return the parameters to differentiate by (None: all independent ones), and settings that make them independent."""
     graph = model.compilation(model.scene(experiment, settings)).whole_graph

@@ -20,9 +20,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from ..compiled_model import LIBRARY, CompiledModel
 from ..door import Diagnostic, Source, bond_lines, braces, check_source
 from ..errors import UsageError
-from ..model import LIBRARY, Model
+from ..model import Model
 from ..simulation.steps.methods import chosen_solver
 from .elements import Elements
 from .given import (
@@ -140,7 +141,7 @@ class Graph(Elements):
         self._events.append(f"{told} {{ {inner} }}")
 
     # ------------------------------------------------------------ models within models
-    def instance(self, name: str, model: Model | Graph | Quantity | str, /, **values: Value) -> Part:
+    def instance(self, name: str, model: CompiledModel | Graph | Quantity | str, /, **values: Value) -> Part:
         """Add an instance of another model, with its parameters and inputs; `instance["port"]` is one of its ports.
 
         `model` is a `Graph`, a model from `bondgraph.load` (`load("mems.bg", "CombDrive")`; a file is imported, a text is copied), a model of the shipped
@@ -148,7 +149,7 @@ class Graph(Elements):
         """
         own = self._free(name)
         given = {
-            name_of(n): None if isinstance(v, Graph | Model) else value_of(v, f"`{n}` of `{own}`")
+            name_of(n): None if isinstance(v, Graph | CompiledModel) else value_of(v, f"`{n}` of `{own}`")
             for n, v in values.items()
         }
         kind = self._use(model)
@@ -156,13 +157,13 @@ class Graph(Elements):
         inner = [f"{n} = {self._use(values[n]) if v is None else v}" for n, v in given.items()]
         return self._add(own, f"{kind} {own}{braces(inner)}", None)
 
-    def slot(self, name: str, default: Model | Graph | str) -> Quantity:
+    def slot(self, name: str, default: CompiledModel | Graph | str) -> Quantity:
         """Add a slot: an instance of this graph may replace it by another model with the same ports."""
         own = self._free(name)
         self._quantities.append(f"parameter {own}: model = {self._use(default)}")
         return Quantity(self, self._enter(own))
 
-    def _use(self, model: Model | Graph | Quantity | str) -> str:
+    def _use(self, model: CompiledModel | Graph | Quantity | str) -> str:
         """Return the name of a model that this one uses, and add the necessary text."""
         if isinstance(model, Quantity):
             return model.name
@@ -176,7 +177,7 @@ class Graph(Elements):
             if model is self or self in model._within():
                 raise UsageError(f"`{self.name}` cannot contain itself")
             return self._copy(model.name, model)
-        if not isinstance(model, Model):
+        if not isinstance(model, CompiledModel):
             raise UsageError(f"an instance is one of a model, not of {model!r}")
         kind = _model_of(model)
         return self._copy(kind, model.source) if model.source.path is None else self._import(kind, model.source.path)
@@ -335,7 +336,7 @@ class Graph(Elements):
         return full
 
 
-def _model_of(model: Model) -> str:
+def _model_of(model: CompiledModel) -> str:
     """Return the name of a loaded model; a file with several models needs the choice of one."""
     names = list(model.compilation().tree.models)
     if model.model is not None and model.model not in names:

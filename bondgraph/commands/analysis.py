@@ -25,7 +25,7 @@ from .options import (
 from .telling import problems_told
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from .. import Model
 
 PICTURES = (".png", ".svg", ".pdf")
 

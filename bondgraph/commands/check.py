@@ -26,7 +26,7 @@ CHECK_SCHEMA = "bondgraph-check/1"
 def command(files: Sequence[str], as_json: bool, model: str | None) -> None:
     """Tell everything that is wrong with some files; of fine ones, what kind of equations a run solves."""
     with problems_told():
-        from ..model import certify
+        from ..compiled_model import certify
 
         examined = [certify(Path(file), model) for file in files]
         found = [d for diagnostics, _ in examined for d in diagnostics]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from .. import Model
     from ..studies.sharing import Sharing
 
 TABLES = (".csv", ".npz", ".nc", ".mat")  # endings of files for tables
@@ -55,7 +55,7 @@ jobs_option = click.option(
 
 
 def load(file: str, model: str | None) -> Model:
-    from ..model import load
+    from .. import load
 
     return load(Path(file), model)
 

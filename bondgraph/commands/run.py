@@ -27,7 +27,7 @@ from .options import (
 from .telling import FAILED, harmless, problems_told
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from .. import Model
     from ..results import Result
 
 

@@ -17,8 +17,8 @@ from .subject import subject_of
 from .svg import svg_text
 
 if TYPE_CHECKING:
+    from ..compiled_model import CompiledModel
     from ..door import BondGraph, Compilation
-    from ..model import Model
     from .figure import Figure
 
 __all__ = ["draw", "mechanism_of", "shapes_of", "svg_text", "write_figure"]
@@ -31,7 +31,7 @@ def draw(compilation: Compilation, closed: bool = False, numbers: bool = False) 
     return compose(named, layout, frames, numbers)
 
 
-def mechanism_of(model: Model, name: str | None, experiment: str | None, at: str | float | None) -> Figure:
+def mechanism_of(model: CompiledModel, name: str | None, experiment: str | None, at: str | float | None) -> Figure:
     """Return the picture of a mechanism: in the reference, or at a time of an experiment. Raises as `Model.draw_mechanism`."""
     graph = model.compilation().whole_graph
     names = [node.name for node in _mechanisms(graph)]

@@ -9,29 +9,31 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from ..compiled_model import CompiledModel, source_of
 from ..door import MechanismNode
 from .scenery import Pose, Turn, Vector, numbers_of
 
 if TYPE_CHECKING:
     from ..door import BondGraph, Bound, Mechanism
-    from ..model import Model
 
 PLANE, SPACE = ("x", "y", "phi"), ("x", "y", "z", "attitude.w", "attitude.x", "attitude.y", "attitude.z")
 
 
-def poses_at(model: Model, experiment: str | None, at: str | float) -> tuple[Sequence[Sequence[Pose]], float]:
+def poses_at(model: CompiledModel, experiment: str | None, at: str | float) -> tuple[Sequence[Sequence[Pose]], float]:
     """Return the poses of the bodies of each mechanism, in the order of the text, at a time; and that time in s.
 
     Raises `CompilationFailed`, `UsageError`, or `RunFailed`.
     """
-    from ..model import load
+    from ..door import Scene, write_text
+    from ..simulation.run import Wanted, simulate
 
-    flat = model.text(experiment).rstrip()
-    graph = load(flat).compilation().whole_graph
+    flat = write_text(model.compilation(Scene(model.model, experiment)).whole_graph).rstrip()
+    graph = CompiledModel(source_of(flat)).compilation().whole_graph
     wanted = [(m, body.name, part) for m in mechanisms(graph) for body in m.bodies for part in parts(m)]
     lines = [f"  output pose_of_body_{i} = {m.name}.{body}.{part}" for i, (m, body, part) in enumerate(wanted)]
     names = tuple(f"pose_of_body_{i}" for i in range(len(wanted)))
-    run = load("\n".join([flat.removesuffix("}"), *lines, "}"])).simulate(None, to=at, points=2, outputs=names)
+    posed = CompiledModel(source_of("\n".join([flat.removesuffix("}"), *lines, "}"])))
+    run = simulate(posed, None, {}, names, Wanted(at, 2))
     values: dict[tuple[str, str], list[float]] = {}
     for name, (mechanism, body, _) in zip(names, wanted, strict=True):
         values.setdefault((mechanism.name, body), []).append(float(run[name][-1]))

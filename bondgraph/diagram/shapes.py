@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from ..compiled_model import CompiledModel, source_of
 from ..door import MechanismNode
 from ..errors import UsageError
 from .compose import group_at
@@ -22,7 +23,6 @@ from .scenery import Pose, Scenery, scenery_of
 if TYPE_CHECKING:
     from ..analysis.modes import Mode
     from ..door import BondGraph
-    from ..model import Model
 
 SHARE = 0.06  # fraction of the mechanism's size: largest displacement
 SMALL = 1e-6  # fraction of the size: displacement of a first evaluation
@@ -42,7 +42,7 @@ class Shapes:
     modes: Sequence[Mode]
 
 
-def shapes_of(model: Model, experiment: str | None, name: str | None, count: int) -> Figure:
+def shapes_of(model: CompiledModel, experiment: str | None, name: str | None, count: int) -> Figure:
     """Return the first `count` modes that move the mechanism, slowest first, in rows of three. Raises as `Model.draw_mechanism`."""
     found = _found(model, experiment)
     nodes = [n for n in found.graph.nodes if isinstance(n, MechanismNode)]
@@ -65,17 +65,20 @@ def shapes_of(model: Model, experiment: str | None, name: str | None, count: int
     return _sheet(pictures, f"modes of {node.name}")
 
 
-def _found(model: Model, experiment: str | None) -> Shapes:
-    from ..model import load
+def _found(model: CompiledModel, experiment: str | None) -> Shapes:
+    from ..analysis.equilibrium import equilibrium
+    from ..analysis.modes import modes as modes_at
+    from ..analysis.operating_point import Asked, operating_point
+    from ..door import Scene, write_text
 
-    flat = model.text(experiment).rstrip()
-    graph = load(flat).compilation().whole_graph
+    flat = write_text(model.compilation(Scene(model.model, experiment)).whole_graph).rstrip()
+    graph = CompiledModel(source_of(flat)).compilation().whole_graph
     wanted = [(m.name, body.name, part) for m in mechanisms(graph) for body in m.bodies for part in parts(m)]
     names = {key: f"pose_of_body_{i}" for i, key in enumerate(wanted)}
     lines = [f"  output {output} = {'.'.join(key)}" for key, output in names.items()]
-    posed = load("\n".join([flat.removesuffix("}"), *lines, "}"]))
-    rest = posed.equilibrium(outputs=tuple(names.values()))
-    modes = [m for m in posed.modes() if m.frequency > 0]
+    posed = CompiledModel(source_of("\n".join([flat.removesuffix("}"), *lines, "}"])))
+    rest = equilibrium(operating_point(posed, Asked(outputs=tuple(names.values()))))
+    modes = [m for m in modes_at(operating_point(posed, Asked())) if m.frequency > 0]
     return Shapes(graph, names, rest.outputs, modes)
 
 

@@ -6,14 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import door
-from .analysed import Analysed
-from .compiled import LIBRARY, Parameter, names_of
+from ..analysed_model import AnalysedModel
+from ..compiled_model import names_of, source_of
 from .shown import STAGES, Shown
 
 if TYPE_CHECKING:
+    from ..analysis.inversion.feed_forward import FeedForward
     from ..analysis.outcome import Outcome
-    from ..door import Certificate, Diagnostic, Source
     from ..ensembles import Ensemble
     from ..results import Result
     from ..studies.distributions import Distribution
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from ..studies.sharing import Sharing
     from ..studies.tolerances import MonteCarlo
 
-__all__ = ["LIBRARY", "STAGES", "Model", "Parameter", "certify", "check", "load"]
+__all__ = ["STAGES", "Model", "load"]
 
 
 def load(path_or_text: str | Path, model: str | None = None) -> Model:
@@ -33,30 +32,10 @@ def load(path_or_text: str | Path, model: str | None = None) -> Model:
     `model` names one of several. Nothing is compiled yet: errors are raised at the first use of the model, or by `check`. Raises OSError if the file
     cannot be read, `CompilationFailed` if it is not UTF-8.
     """
-    return Model(_source(path_or_text), model)
+    return Model(source_of(path_or_text), model)
 
 
-def check(path_or_text: str | Path, model: str | None = None) -> tuple[Diagnostic, ...]:
-    """Return all errors of a file or text; empty if there are none."""
-    return certify(path_or_text, model)[0]
-
-
-def certify(path_or_text: str | Path, model: str | None = None) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
-    """Return the same as `check`; and, without errors, the kind of equations that a run solves (None for a file of parts)."""
-    try:
-        source = _source(path_or_text)
-    except door.CompilationFailed as failed:  # the file is no text
-        return failed.diagnostics, None
-    return door.examine(source, model, LIBRARY)
-
-
-def _source(path_or_text: str | Path) -> Source:
-    if isinstance(path_or_text, str) and ("\n" in path_or_text or "{" in path_or_text):
-        return door.Source("text", path_or_text)
-    return door.read_source(path_or_text)
-
-
-class Model(Shown, Analysed):
+class Model(Shown, AnalysedModel):
     """One model of a text, compiled at its first use. Raises `CompilationFailed` with all errors."""
 
     def run(
@@ -136,6 +115,22 @@ class Model(Shown, Analysed):
             [data] if isinstance(data, str | Path | Measurements) else list(data)
         )
         return fit(self, files, parameters, experiment, settings or {}, explain)
+
+    def invert_file(
+        self, file: str | Path, inputs: Sequence[str], experiment: str | None = None, settings: Mapping[str, str | float] | None = None, *,
+        to: str | float | None = None, start: str | float | None = None, points: int = 501, moving: bool = False,
+        limits: Mapping[str, str | float] | None = None, sharing: Sharing | None = None,
+    ) -> Outcome | FeedForward:  # fmt: skip
+        """Apply `invert` to setpoints of a CSV file, whose headings are outputs with units: `x [um],phi [deg]`.
+
+        Each line is held at equilibrium: an `Outcome` with a row of inputs for each; columns of parameters or inputs are settings of their line. With a
+        column `time [s]` outputs follow the path through the lines (a spline, at rest at both ends), from the first to the last unless `start` and `to` are
+        given. Raises as `invert`, and OSError.
+        """
+        from ..studies.setpoints import invert_file
+
+        along = {"to": to, "start": start, "points": points, "moving": moving, "limits": limits or {}}
+        return invert_file(self, file, inputs, experiment, dict(settings or {}), along, sharing)
 
     def simulate(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import door
+from ..analysed_model import AnalysedModel
 from ..errors import UsageError
-from .compiled import Compiled
 
 if TYPE_CHECKING:
     from ..analysis.symbolic import Equations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code", "text")
 
 
-class Shown(Compiled):
+class Shown(AnalysedModel):
     """Presentation methods of a model."""
 
     def draw(
@@ -51,11 +51,7 @@ class Shown(Compiled):
         """
         from ..diagram import mechanism_of, shapes_of, write_figure
 
-        figure = (
-            shapes_of(self._whole, experiment or None, name, modes)
-            if modes
-            else mechanism_of(self._whole, name, experiment, at)
-        )
+        figure = shapes_of(self, experiment or None, name, modes) if modes else mechanism_of(self, name, experiment, at)
         if path is not None:
             write_figure(figure, path)
         return figure
@@ -64,13 +60,13 @@ class Shown(Compiled):
         """Return certificate, bond graph and names for notebooks, or the errors."""
         from ..page.notebook import model_html
 
-        return model_html(self._whole)
+        return model_html(self)
 
     def _repr_svg_(self) -> str | None:
         """Return the bond graph for notebooks; None if it is too large to be drawn without a request."""
         from ..page.notebook import picture
 
-        return picture(self._whole) or None
+        return picture(self) or None
 
     def state_equations(self) -> Equations:
         """Return the state equations in sympy: a mapping from state to the right-hand side, over parameters, states and inputs.
@@ -80,23 +76,23 @@ class Shown(Compiled):
         from ..analysis.symbolic import state_equations
 
         with door.uncollected():
-            return state_equations(self._with_inputs().state_space)
+            return state_equations(self.with_inputs().state_space)
 
     def algebraic_equations(self) -> Equations:
         """Return the equations of nonlinear loops in sympy: a mapping from unknown to an expression that vanishes; often empty."""
         from ..analysis.symbolic import algebraic_equations
 
-        return algebraic_equations(self._with_inputs().state_space)
+        return algebraic_equations(self.with_inputs().state_space)
 
     def ordered_equations(self) -> StateSpace:
         """Return the equations step by step, in the order of computation, with every input as a symbol."""
-        return self._with_inputs().state_space
+        return self.with_inputs().state_space
 
     def equations(self, latex: bool = False) -> str:
         """Return the causally ordered equations as text, or as LaTeX."""
         from ..views.equations import equations_text
 
-        return equations_text(self._with_inputs().state_space, latex)
+        return equations_text(self.with_inputs().state_space, latex)
 
     def show(self, stage: str, experiment: str | None = "") -> str:
         """Return one stage of the compiler as stable text; `STAGES` lists them."""

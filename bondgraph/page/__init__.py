@@ -8,11 +8,11 @@ from .document import document_of
 from .shell import page_text
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..analysed_model import AnalysedModel
 
 __all__ = ["document_of", "page_text", "report_text"]
 
 
-def report_text(model: Model) -> str:
+def report_text(model: AnalysedModel) -> str:
     """Return the page of a model with all its experiments and modes, as the text of an HTML file. Raises `CompilationFailed`."""
     return page_text(document_of(model))

@@ -19,8 +19,8 @@ from .text import text_markup
 from .told import causality_markup, certificate_markup
 
 if TYPE_CHECKING:
+    from ..analysed_model import AnalysedModel
     from ..door import Source
-    from ..model import Model
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Document:
     data: dict[str, Any] = field(default_factory=dict)
 
 
-def document_of(model: Model, live: bool = False) -> Document:
+def document_of(model: AnalysedModel, live: bool = False) -> Document:
     """Return the page of a model; a live page has no runs yet, it requests them. Raises `CompilationFailed`."""
     watched = Watched(model)
     compilation = model.compilation(Scene(model.model, None, free=frozenset({"*"})))
@@ -58,13 +58,15 @@ def _modes(watched: Watched) -> tuple[list[dict[str, Any]], str]:
         return [], str(problem)
 
 
-def _sources(model: Model) -> list[Source]:
+def _sources(model: AnalysedModel) -> list[Source]:
     """Return the model's own text, then every imported file."""
     files = model.compilation().files
     return [model.source, *(f for f in files if f.name != model.source.name and f.name.endswith(".bg"))]
 
 
-def _sections(model: Model, drawing: Html, sources: list[Source], data: dict[str, Any], trouble: str) -> Iterator[Html]:
+def _sections(
+    model: AnalysedModel, drawing: Html, sources: list[Source], data: dict[str, Any], trouble: str
+) -> Iterator[Html]:
     certificate = _or_problem(lambda: certificate_markup(model.certificate))
     line = _or_problem(lambda: Html(tag("p", model.certificate.line, class_="line")))
     yield tag("header", tag("h1", data["model"]), line)
@@ -103,11 +105,11 @@ def _runs(data: dict[str, Any]) -> Iterator[Html]:
     yield tag("div", id="told")
 
 
-def _equations(model: Model, sources: list[Source]) -> Html:
+def _equations(model: AnalysedModel, sources: list[Source]) -> Html:
     return tag(
         "details",
         tag("summary", "in the order in which they are computed"),
-        equations_markup(model.ordered_equations(), sources),
+        equations_markup(model.with_inputs().state_space, sources),
         open=True,
     )
 

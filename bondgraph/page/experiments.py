@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ..door import CompilationFailed, Experiment
 from ..errors import MissingPackage, RunFailed, UsageError
 from ..prepared import many_runs
+from ..studies.experiment import Options, run
 from ..views.tables import short, visible
 from .markup import Html, table, tag
 from .numbers import packed
@@ -40,7 +41,7 @@ def experiment_data(watched: Watched, name: str, settings: Mapping[str, float] |
             result = watched.simulate(name, settings, energy=True)
             told = _balance(result.energy) if result.energy is not None else ""
             return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}
-        outcome = watched.model.run(name, settings)
+        outcome = run(watched.model, name, settings or {}, Options())
         return {"name": name, "kind": "told", "told": _pre(outcome.summary()), **_plotted(outcome)}
     except PROBLEMS as problem:
         return {"name": name, "kind": "failed", "told": _pre(visible_lines(str(problem)))}
@@ -93,11 +94,11 @@ def _runs(outcome: Outcome, swept: str) -> Iterator[tuple[str, str, Any]]:
     if not runs or any(len(r.time) != len(runs[0][1].time) for _, r in runs):
         return
     for item, _ in runs[0][1].shown()[: max(1, OUTPUTS // len(runs))]:
-        for value, run in runs[:OUTPUTS]:
+        for value, result in runs[:OUTPUTS]:
             yield (
                 f"{short(item.name, 30)} at {value:.4g}",
                 visible(item.unit),
-                run[item.name] * item.scale + item.offset,
+                result[item.name] * item.scale + item.offset,
             )
 
 

@@ -13,7 +13,7 @@ from .markup import Html, tag
 from .told import problems_markup
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..analysed_model import AnalysedModel
     from ..results import Result
 
 NODES = 150  # most nodes of a picture that is drawn without a request
@@ -22,7 +22,7 @@ POINTS = 120  # points of a small curve
 WIDE, HIGH = 140.0, 24.0
 
 
-def model_html(model: Model) -> Html:
+def model_html(model: AnalysedModel) -> Html:
     """Return the certificate, the bond graph, and the settings and outputs; for an invalid model, its errors."""
     try:
         head = [tag("strong", model.name), tag("div", model.certificate.line)]
@@ -33,17 +33,18 @@ def model_html(model: Model) -> Html:
         return tag("pre", str(problem))
 
 
-def picture(model: Model) -> str:
+def picture(model: AnalysedModel) -> str:
     """Return the bond graph as SVG; empty if it is too large to be drawn without a request. Raises `CompilationFailed`."""
-    from ..diagram import svg_text
+    from ..diagram import draw, svg_text
 
     scene = Scene(model.model, None, free=frozenset({"*"}))
-    if not 0 < len(model.compilation(scene).graph.nodes) <= NODES:
+    compilation = model.compilation(scene)
+    if not 0 < len(compilation.graph.nodes) <= NODES:
         return ""
-    return svg_text(model.draw())
+    return svg_text(draw(compilation))
 
 
-def _names(model: Model) -> Html:
+def _names(model: AnalysedModel) -> Html:
     """Return parameters with their values, inputs, outputs, states."""
     values = {n: p for n, p in model.parameters.items() if "." not in n}
     shown = [f"{n} = {p.value:.6g}{'' if p.unit == '1' else f' {p.unit}'}" for n, p in values.items()]

@@ -17,8 +17,8 @@ from .numbers import packed, thinned
 from .scene import Scenes, scenes_of
 
 if TYPE_CHECKING:
+    from ..analysed_model import AnalysedModel
     from ..door import BondGraph
-    from ..model import Model
     from ..results import Result
 
 OUTPUTS = 24  # most curves of one run
@@ -29,7 +29,7 @@ POINTS = 2001  # most instants of a plot
 class Watched:
     """A model with the data that a page needs of every run."""
 
-    model: Model
+    model: AnalysedModel
 
     @cached_property
     def graph(self) -> BondGraph:
@@ -61,7 +61,9 @@ class Watched:
         self, experiment: str | None, settings: Mapping[str, str | float] | None = None, energy: bool = False
     ) -> Result:
         """Run an experiment. Raises as `Model.simulate`."""
-        return self.model.simulate(experiment, settings, outputs=self.names(experiment), energy=energy)
+        from ..simulation.run import Wanted, simulate
+
+        return simulate(self.model, experiment, settings or {}, self.names(experiment), Wanted(energy=energy))
 
 
 def run_data(watched: Watched, experiment: str | None, result: Result) -> dict[str, Any]:

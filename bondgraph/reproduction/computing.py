@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..analysed_model import AnalysedModel
+from ..compiled_model import source_of
 from ..errors import UsageError
 from ..quantities import in_unit, quantity
 from .compared import Compared, Table
@@ -15,7 +17,6 @@ from .listed import inside
 
 if TYPE_CHECKING:
     from ..analysis.outcome import Outcome, Point
-    from ..model import Model
 
 DIGITS = 6  # digits of computed tables
 
@@ -25,15 +26,13 @@ class Computing:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._models: dict[str, Model] = {}
+        self._models: dict[str, AnalysedModel] = {}
         self._outcomes: dict[tuple[str, str], Outcome] = {}
 
-    def model(self, file: str) -> Model:
+    def model(self, file: str) -> AnalysedModel:
         """Return a model of the folder, read once."""
-        from ..model import load
-
         if file not in self._models:
-            self._models[file] = load(inside(self.folder, file))
+            self._models[file] = AnalysedModel(source_of(inside(self.folder, file)))
         return self._models[file]
 
     def outcome(self, file: str, experiment: str) -> Outcome:

@@ -24,7 +24,9 @@ def draw_all(computing: Computing, entries: Sequence[Mapping[str, Any]], page: P
 def _draw(computing: Computing, entry: Mapping[str, Any], path: Path) -> None:
     model, experiment, kind = computing.model(entry["model"]), entry["experiment"], entry["kind"]
     if kind == "modes":
-        model.draw_mechanism(path, entry.get("of"), experiment or None, modes=int(entry.get("count", 6)))
+        from ..diagram import shapes_of, write_figure
+
+        write_figure(shapes_of(model, experiment or None, entry.get("of"), int(entry.get("count", 6))), path)
         return
     if kind == "energy":
         from ..analysis.energies import energies

@@ -23,9 +23,9 @@ from .steps.methods import chosen_solver
 from .watch.choice import WORST, Handover
 
 if TYPE_CHECKING:
+    from ..compiled_model import CompiledModel
     from ..door import Plan, Program, Scene
     from ..left_out import LeftOut
-    from ..model import Model
     from ..prepared import Prepared
     from .events.complementarity import Companion
     from .events.impulse import Jump
@@ -73,7 +73,7 @@ def check_wanted(wanted: Wanted) -> None:
 
 
 def simulate(
-    model: Model,
+    model: CompiledModel,
     experiment: str | None,
     settings: Settings,
     outputs: tuple[str, ...] | None,
@@ -99,7 +99,7 @@ def simulate(
         raise
 
 
-def _with_zeros(model: Model, scene: Scene, wanted: Wanted, start: Result | None) -> Result | None:
+def _with_zeros(model: CompiledModel, scene: Scene, wanted: Wanted, start: Result | None) -> Result | None:
     """Run the scene in which parameters set to zero are compiled in; return None if that fails as well."""
     try:
         found = run(model, scene, {}, wanted, start)
@@ -110,7 +110,9 @@ def _with_zeros(model: Model, scene: Scene, wanted: Wanted, start: Result | None
     return replace(found, notes=(*found.notes, note))
 
 
-def run(model: Model, scene: Scene, values: Mapping[str, float], wanted: Wanted, start: Result | None = None) -> Result:
+def run(
+    model: CompiledModel, scene: Scene, values: Mapping[str, float], wanted: Wanted, start: Result | None = None
+) -> Result:
     """Run a scene of a model; `values` are parameters set when it begins."""
     began = clock.perf_counter()
     to, points, rtol, atol, energy = wanted.to, wanted.points, wanted.rtol, wanted.atol, wanted.energy

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 from ..door import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded
 
 if TYPE_CHECKING:
+    from ..compiled_model import CompiledModel
     from ..door import Facts
-    from ..model import Model
 
 Settings = Mapping[str, str | float]
 
@@ -28,7 +28,14 @@ class Settled:
     values: Mapping[str, float]
 
 
-def settle(model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, everything: bool, target: str) -> Settled:  # fmt: skip
+def settle(
+    model: CompiledModel,
+    experiment: str | None,
+    settings: Settings,
+    outputs: tuple[str, ...] | None,
+    everything: bool,
+    target: str,
+) -> Settled:
     """Return the scene and the numbers for a run of a model with some settings. Raises `CompilationFailed` for settings that are not possible."""
     numbers = {name.replace(" ", ""): found for name, x in settings.items() if (found := _number(name, x)) is not None}
     later = frozenset(numbers)
@@ -55,7 +62,9 @@ def settle(model: Model, experiment: str | None, settings: Settings, outputs: tu
     return Settled(model.scene(experiment, settings, (), outputs), {})
 
 
-def compiled_in(model: Model, experiment: str | None, settings: Settings, names: Iterable[str]) -> dict[str, str]:
+def compiled_in(
+    model: CompiledModel, experiment: str | None, settings: Settings, names: Iterable[str]
+) -> dict[str, str]:
     """Return those of `names`, set to numbers, that must be compiled in instead of being arguments; for each the place that needs the value."""
     found: dict[str, str] = {}
     written = {name: x for name, x in settings.items() if name not in names}
@@ -77,7 +86,7 @@ def compiled_in(model: Model, experiment: str | None, settings: Settings, names:
     return found
 
 
-def with_zeros(model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> Scene | None:  # fmt: skip
+def with_zeros(model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> Scene | None:  # fmt: skip
     """Return the scene in which settings equal to zero are compiled in for the whole run; None if no setting is zero."""
     zeros = frozenset(n.replace(" ", "") for n, x in settings.items() if (found := _number(n, x)) and found.value == 0)
     if not zeros:
@@ -85,10 +94,10 @@ def with_zeros(model: Model, experiment: str | None, settings: Settings, outputs
     return replace(model.scene(experiment, settings, (), outputs), fixed=zeros)
 
 
-def refused_with_values(model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> None:  # fmt: skip
+def refused_with_values(model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> None:  # fmt: skip
     """Raise `CompilationFailed` if the compiler, which did not know the values, finds an error with them."""
+    from ..compiled_model import LIBRARY
     from ..door import Compilation
-    from ..model import LIBRARY
 
     _ = Compilation(model.source, model.scene(experiment, settings, (), outputs), LIBRARY).lowered
 

@@ -20,7 +20,7 @@ from .steps import differentiated, made_of, varied
 from .wrong import kept
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..analysed_model import AnalysedModel
 
 STEPS = ("equilibrium", "modes", "simulate")
 Settings = Mapping[str, str | float]
@@ -41,7 +41,7 @@ def why(problem: Exception) -> str:
 
 
 def compilation_notes(
-    model: Model, experiment: str | None, settings: Settings, points: Sequence[Mapping[str, str | float]]
+    model: AnalysedModel, experiment: str | None, settings: Settings, points: Sequence[Mapping[str, str | float]]
 ) -> tuple[str, ...]:
     """Return notes on names with several values that must be compiled in: each such point takes as long as the compiler."""
     varying = [n for n in (points[0] if points else ()) if len({p[n] for p in points}) > 1]
@@ -68,14 +68,14 @@ class Numbers:
     wanted: Wanted
     most: int = MODES  # most frequencies
 
-    def answer(self, model: Model, point: Mapping[str, str | float]) -> dict[str, float] | Failed:
+    def answer(self, model: AnalysedModel, point: Mapping[str, str | float]) -> dict[str, float] | Failed:
         """Return the numbers at one point, or the reason of its failure."""
         try:
             return self._numbers(model, {**dict(self.settings), **point})
         except Exception as problem:
             return Failed(why(kept(problem)))
 
-    def _numbers(self, model: Model, settings: Settings) -> dict[str, float]:
+    def _numbers(self, model: AnalysedModel, settings: Settings) -> dict[str, float]:
         found: dict[str, float] = {}
         if "equilibrium" in self.of or "modes" in self.of:
             outputs = self.outputs if "equilibrium" in self.of else None
@@ -107,14 +107,14 @@ class Whole:
     outputs: tuple[str, ...] | None
     wanted: Wanted
 
-    def answer(self, model: Model, point: Mapping[str, float]) -> Point | Exception:
+    def answer(self, model: AnalysedModel, point: Mapping[str, float]) -> Point | Exception:
         """Return the results at one point, or its exception, which is raised where the results are collected."""
         try:
             return self.made(model, point, Sharing(workers=1))
         except Exception as problem:
             return kept(problem)
 
-    def made(self, model: Model, point: Mapping[str, float], sharing: Sharing) -> Point:
+    def made(self, model: AnalysedModel, point: Mapping[str, float], sharing: Sharing) -> Point:
         """Compute one point; `sharing`: the workers for the points of a Monte Carlo study in it."""
         settings = {**dict(self.settings), **point}
         studies = self._at(model, settings) if point else self.studies
@@ -125,14 +125,14 @@ class Whole:
             return Point(point, analyses=((chance.role, found),))
         return self._point(model, Point(point), studies, of, settings)
 
-    def _at(self, model: Model, settings: Settings) -> tuple[Analysis, ...]:
+    def _at(self, model: AnalysedModel, settings: Settings) -> tuple[Analysis, ...]:
         """Return the steps, whose numbers may depend on swept values."""
         if all(isinstance(s, Study) for s in self.studies):
             return self.studies
         return model.compilation(model.scene(self.experiment, settings, outputs=self.outputs)).plan.studies
 
     def _point(
-        self, model: Model, found: Point, studies: Sequence[Analysis], of: tuple[str, ...], settings: Settings
+        self, model: AnalysedModel, found: Point, studies: Sequence[Analysis], of: tuple[str, ...], settings: Settings
     ) -> Point:
         for study in studies:
             match study:

@@ -15,7 +15,7 @@ from .sharing import Question, Sharing, answers
 from .wrong import check_some_stand
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..analysed_model import AnalysedModel
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,9 @@ class Options(Wanted):
         return Wanted(**{f.name: getattr(self, f.name) for f in fields(Wanted)})
 
 
-def run(model: Model, experiment: str, settings: Settings, options: Options, sharing: Sharing | None = None) -> Outcome:
+def run(
+    model: AnalysedModel, experiment: str, settings: Settings, options: Options, sharing: Sharing | None = None
+) -> Outcome:
     """Run the experiment of that name ("": the first). Raises as `Model.simulate`."""
     first = model.compilation(model.scene(experiment, settings, outputs=options.outputs))
     plan = first.plan
@@ -49,7 +51,9 @@ def run(model: Model, experiment: str, settings: Settings, options: Options, sha
     return Outcome(first.whole_graph.name, plan.experiment, {s.name: s.unit for s in left}, points, shown, notes)
 
 
-def made(model: Model, asked: Question, grid: Sequence[Mapping[str, float]], sharing: Sharing) -> tuple[Point, ...]:
+def made(
+    model: AnalysedModel, asked: Question, grid: Sequence[Mapping[str, float]], sharing: Sharing
+) -> tuple[Point, ...]:
     """Return the points of a grid; failed ones with the reason. Raises the error of the first point if all have failed."""
     found: list[Any] = answers(model, asked, grid, sharing)
     check_some_stand(found)

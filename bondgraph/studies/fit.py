@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ..model import Model
+    from ..analysed_model import AnalysedModel
 
     Array = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ class Problem:
 
     def __init__(
         self,
-        model: Model,
+        model: AnalysedModel,
         data: Sequence[Measurements],
         given: Sequence[Sought],
         experiment: str | None,
@@ -257,7 +257,7 @@ class Problem:
 
 
 def fit(
-    model: Model, files: Sequence[str | os.PathLike[str] | Measurements], given: Mapping[str, str | Sought], experiment: str | None,
+    model: AnalysedModel, files: Sequence[str | os.PathLike[str] | Measurements], given: Mapping[str, str | Sought], experiment: str | None,
     settings: Settings, explain: bool | None = None,
 ) -> Fit:  # fmt: skip
     """Return the parameters that fit the data best.
@@ -347,7 +347,7 @@ def _numbers(settings: Settings, units: Mapping[str, str]) -> dict[str, float]:
 
 
 def _data(
-    model: Model,
+    model: AnalysedModel,
     files: Sequence[str | os.PathLike[str] | Measurements],
     experiment: str | None,
     settings: Settings,
@@ -368,7 +368,9 @@ def _data(
     return data
 
 
-def _units(model: Model, experiment: str | None, settings: Settings, data: Sequence[Measurements]) -> dict[str, str]:
+def _units(
+    model: AnalysedModel, experiment: str | None, settings: Settings, data: Sequence[Measurements]
+) -> dict[str, str]:
     space = model.compilation(model.scene(experiment, settings), everything=True).state_space
     units = {v.name: v.unit for v in space.variables} | {n: space.variables[v].unit for n, v in space.outputs.items()}
     names = [n for d in data for n in d.found]

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from ..errors import RunFailed, UsageError
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..analysed_model import AnalysedModel
     from .sharing import Question
 
 SCHEMA = b"bondgraph-journal/1\n"
@@ -48,7 +48,7 @@ class Journal:
         self.path = os.fspath(path)
         self._stream: BinaryIO | None = None
 
-    def begun(self, model: Model, question: Question, points: Sequence[Any]) -> dict[int, Any]:
+    def begun(self, model: AnalysedModel, question: Question, points: Sequence[Any]) -> dict[int, Any]:
         """Return the stored results by the index of their point; create the file if there is none.
 
         Raises `UsageError` for a file of another study or kind, OSError.
@@ -100,7 +100,7 @@ class Journal:
         return UsageError(what)
 
 
-def digest_of(model: Model, question: Question, points: Sequence[Any]) -> bytes:
+def digest_of(model: AnalysedModel, question: Question, points: Sequence[Any]) -> bytes:
     """Return the digest of all data that determine the results."""
     from ..cache import code_version
     from .sharing import key_of

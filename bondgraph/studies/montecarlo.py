@@ -25,7 +25,7 @@ from .tolerances import MonteCarlo, Swing
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..model import Model
+    from ..analysed_model import AnalysedModel
 
     Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Chance:
 
 
 def montecarlo(
-    model: Model, chance: Chance, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
+    model: AnalysedModel, chance: Chance, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
     wanted: Wanted, sharing: Sharing,
 ) -> MonteCarlo:  # fmt: skip
     """Run the study. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if no point of the sample has a result."""
@@ -145,7 +145,7 @@ def _table(found: Sequence[Any], quantities: Sequence[str]) -> Array:
 
 
 def _units(
-    model: Model, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, units: Mapping[str, str],
+    model: AnalysedModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, units: Mapping[str, str],
     quantities: Sequence[str],
 ) -> dict[str, str]:  # fmt: skip
     space = model.compilation(model.scene(experiment, settings, outputs=outputs)).state_space

@@ -13,7 +13,7 @@ from .sharing import Sharing, answers
 from .wrong import check_some_stand, kept
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..analysed_model import AnalysedModel
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Run:
     outputs: tuple[str, ...] | None
     wanted: Wanted
 
-    def answer(self, model: Model, point: Mapping[str, str | float]) -> Result | Exception:
+    def answer(self, model: AnalysedModel, point: Mapping[str, str | float]) -> Result | Exception:
         """Return the result of a run, or its exception."""
         try:
             return simulate(model, self.experiment, point, self.outputs, self.wanted)
@@ -33,7 +33,7 @@ class Run:
 
 
 def simulate_many(
-    model: Model, experiment: str | None, settings: Sequence[Mapping[str, str | float]], outputs: tuple[str, ...] | None, wanted: Wanted,
+    model: AnalysedModel, experiment: str | None, settings: Sequence[Mapping[str, str | float]], outputs: tuple[str, ...] | None, wanted: Wanted,
     sharing: Sharing,
 ) -> Ensemble:  # fmt: skip
     """Run a model with each of several settings. Raises `UsageError` for an error common to all, `RunBroken` for a defect in all."""

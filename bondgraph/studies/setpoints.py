@@ -22,7 +22,7 @@ from .sharing import Sharing
 from .wrong import kept
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..analysed_model import AnalysedModel
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Held:
     experiment: str | None
     settings: tuple[tuple[str, str | float], ...]
 
-    def answer(self, model: Model, point: Mapping[str, float]) -> Point | Exception:
+    def answer(self, model: AnalysedModel, point: Mapping[str, float]) -> Point | Exception:
         """Return the point of one line, or its exception."""
         wanted = {n: point[n] for n in self.outputs}
         given = {**dict(self.settings), **{n: v for n, v in point.items() if n not in wanted}}
@@ -45,7 +45,7 @@ class Held:
 
 
 def invert_file(
-    model: Model, file: str | os.PathLike[str], inputs: Sequence[str], experiment: str | None, settings: Settings, along: Mapping[str, Any],
+    model: AnalysedModel, file: str | os.PathLike[str], inputs: Sequence[str], experiment: str | None, settings: Settings, along: Mapping[str, Any],
     sharing: Sharing | None = None,
 ) -> Outcome | FeedForward:  # fmt: skip
     """Return a table of inputs by lines, or inputs over time. `along`: as for `Model.invert` along a path. Raises as that, and OSError."""
@@ -102,7 +102,7 @@ def _checked(
 
 
 def _along(
-    model: Model, file: str, columns: Mapping[str, Any], wanted: Sequence[str], inputs: Sequence[str], experiment: str | None,
+    model: AnalysedModel, file: str, columns: Mapping[str, Any], wanted: Sequence[str], inputs: Sequence[str], experiment: str | None,
     settings: Settings, along: Mapping[str, Any],
 ) -> FeedForward:  # fmt: skip
     time = columns["time"]

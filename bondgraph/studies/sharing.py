@@ -17,12 +17,12 @@ from dataclasses import dataclass, field, replace
 from operator import index
 from typing import TYPE_CHECKING, Any, Protocol
 
+from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
 from .workers import Answers, made
 
 if TYPE_CHECKING:
     from ..door import Source
-    from ..model import Model
     from .journal import Journal
 
 MOST_AT_ONCE = 64  # most points of one task
@@ -31,7 +31,7 @@ MOST_KEPT = 8  # most models that a worker keeps compiled
 
 Progress = Callable[[int, int], None]
 
-_MODELS: dict[str, Model] = {}  # models of this process
+_MODELS: dict[str, AnalysedModel] = {}  # models of this process
 _OWNERS: dict[str, int] = {}  # number of studies of each that run from here
 _FIRST, _OWNING = threading.Lock(), threading.Lock()
 
@@ -39,7 +39,7 @@ _FIRST, _OWNING = threading.Lock(), threading.Lock()
 class Question(Protocol):
     """Request at each point; it is sent to other processes. An error at a point is part of its result."""
 
-    def answer(self, model: Model, point: Any) -> Any: ...
+    def answer(self, model: AnalysedModel, point: Any) -> Any: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def standard(executor: Any) -> Executor | None:
     )
 
 
-def answers(model: Model, question: Question, points: Sequence[Any], sharing: Sharing) -> list[Any]:
+def answers(model: AnalysedModel, question: Question, points: Sequence[Any], sharing: Sharing) -> list[Any]:
     """Return the result at each point, in order. Raises `UsageError` for invalid workers, `RunFailed` if workers died."""
     sharing = sharing.checked()
     found: Answers = {} if sharing.journal is None else sharing.journal.begun(model, question, points)
@@ -113,7 +113,7 @@ def answers(model: Model, question: Question, points: Sequence[Any], sharing: Sh
 
 
 def _reports(
-    model: Model, question: Question, points: Sequence[Any], found: Answers, sharing: Sharing
+    model: AnalysedModel, question: Question, points: Sequence[Any], found: Answers, sharing: Sharing
 ) -> Generator[Answers]:
     """Yield the missing results as soon as they are known."""
     missing = [i for i in range(len(points)) if i not in found]
@@ -140,11 +140,10 @@ def work(task: Task) -> list[Any]:
     return found + [task.question.answer(model, point) for point in task.points[len(found) :]]
 
 
-def _begun(task: Task) -> tuple[Model, list[Any]]:
+def _begun(task: Task) -> tuple[AnalysedModel, list[Any]]:
     """Return a worker's own model, and the first result, after which it is compiled."""
-    from ..model import Model
 
-    model = Model(task.source, task.model)
+    model = AnalysedModel(task.source, task.model)
     found = [task.question.answer(model, task.points[0])]
     with _OWNING:
         kept = [key for key in _MODELS if key not in _OWNERS]
@@ -163,7 +162,7 @@ def _gaps(found: dict[int, Any], total: int) -> list[tuple[int, int]]:
 
 
 @contextmanager
-def _ready(model: Model) -> Iterator[str]:
+def _ready(model: AnalysedModel) -> Iterator[str]:
     """Provide the model under a key by which tasks find it in this process, as long as a study of this text runs."""
     key = key_of(model)
     with _OWNING:
@@ -179,7 +178,7 @@ def _ready(model: Model) -> Iterator[str]:
                 _MODELS.pop(key, None)
 
 
-def key_of(model: Model) -> str:
+def key_of(model: AnalysedModel) -> str:
     """Return a unique key of a model's text."""
     source = model.source
     text = f"{source.name}\0{source.path}\0{model.model}\0{source.text}"

@@ -10,15 +10,15 @@ from ..door import Differentiating, Fitting, Following, Inverting, Linearizing, 
 from .distributions import Distribution
 
 if TYPE_CHECKING:
+    from ..analysed_model import AnalysedModel
     from ..door import Analysis, Drawn
-    from ..model import Model
     from ..simulation.run import Wanted
     from .asked import Settings
     from .sharing import Sharing
 
 
 def made_of(
-    model: Model, step: Analysis, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None
+    model: AnalysedModel, step: Analysis, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None
 ) -> Any:
     """Return the result of a step: `linearize`, `continue`, `invert` or `fit`. Raises as the call."""
     match step:
@@ -31,15 +31,15 @@ def made_of(
         case Inverting():
             return _inverted(model, step, experiment, settings)
         case Fitting():
-            from .fit import Sought
+            from .fit import Sought, fit
 
             sought = {s.name: Sought(s.name, s.low, s.high, s.logarithmic) for s in step.sought}
             folder = model.source.path.parent if model.source.path is not None else Path()
-            return model.fit([folder / f for f in step.files], sought, experiment, settings, step.explain)
+            return fit(model, [folder / f for f in step.files], sought, experiment, settings, step.explain)
     raise AssertionError(step.role)
 
 
-def _inverted(model: Model, step: Inverting, experiment: str | None, settings: Settings) -> Any:
+def _inverted(model: AnalysedModel, step: Inverting, experiment: str | None, settings: Settings) -> Any:
     wanted = {w.output: w.text or w.value for w in step.wanted}
     if step.stop is None:
         return model.invert(wanted, step.inputs, experiment, settings)
@@ -50,7 +50,7 @@ def _inverted(model: Model, step: Inverting, experiment: str | None, settings: S
 
 
 def differentiated(
-    model: Model, step: Differentiating, of: Sequence[str], beside: Sequence[Analysis], experiment: str | None, settings: Settings,
+    model: AnalysedModel, step: Differentiating, of: Sequence[str], beside: Sequence[Analysis], experiment: str | None, settings: Settings,
     outputs: tuple[str, ...] | None, wanted: Wanted,
 ) -> list[tuple[str, Any]]:  # fmt: skip
     """Return derivatives of the results of the other steps, each with its word: at equilibrium, along the run, of linear models and responses."""
@@ -74,7 +74,7 @@ def differentiated(
 
 
 def varied(
-    model: Model, step: Varying, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
+    model: AnalysedModel, step: Varying, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
     wanted: Wanted, sharing: Sharing,
 ) -> Any:  # fmt: skip
     """Return the Monte Carlo study of the results of the other steps."""

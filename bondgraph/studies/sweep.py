@@ -14,13 +14,13 @@ from .experiment import Options, made
 from .sharing import Sharing
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..analysed_model import AnalysedModel
 
 MOST_POINTS = 1_000_000
 
 
 def sweep(
-    model: Model, values: Mapping[str, str | Sequence[str | float]], of: tuple[str, ...], together: bool, experiment: str | None,
+    model: AnalysedModel, values: Mapping[str, str | Sequence[str | float]], of: tuple[str, ...], together: bool, experiment: str | None,
     settings: Settings, options: Options, sharing: Sharing | None = None,
 ) -> Outcome:  # fmt: skip
     """Compute a grid of values, or (`together`) the first of each name, the second of each and so on."""
@@ -52,7 +52,7 @@ def check_steps(of: tuple[str, ...], what: str) -> None:
         raise UsageError(f"{what} is of {', '.join(STEPS)}; not of `{(*unknown, 'nothing')[0]}`")
 
 
-def units_of(model: Model, names: Sequence[str], experiment: str | None, settings: Settings) -> dict[str, str]:
+def units_of(model: AnalysedModel, names: Sequence[str], experiment: str | None, settings: Settings) -> dict[str, str]:
     """Return SI units of settings. Raises `CompilationFailed` for names that the model does not have."""
     quantities = model.compilation(model.scene(experiment, settings)).whole_graph.quantities
     for name in names:

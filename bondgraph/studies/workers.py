@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import RunFailed
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..analysed_model import AnalysedModel
     from .sharing import Question
 
 MOST_TOLD = 64  # most results in one report
@@ -39,7 +39,7 @@ class Points:
     """Points from which every worker takes the next. `numbers`: indices of the missing points; `copied`: copies of this process take part."""
 
     def __init__(
-        self, model: Model, question: Question, points: Sequence[Any], numbers: Sequence[int], copied: bool
+        self, model: AnalysedModel, question: Question, points: Sequence[Any], numbers: Sequence[int], copied: bool
     ) -> None:
         self.model, self.question, self.points, self.numbers = model, question, points, numbers
         self._taken: Any = [0, 0]  # number of points taken, and 1 when the study has ended
@@ -129,7 +129,7 @@ class _Others:
 
 
 def made(
-    model: Model, question: Question, points: Sequence[Any], numbers: Sequence[int], count: int
+    model: AnalysedModel, question: Question, points: Sequence[Any], numbers: Sequence[int], count: int
 ) -> Iterator[Answers]:
     """Yield the results at the points with these indices, in reports, by `count` workers.
 

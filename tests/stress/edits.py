@@ -22,7 +22,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))
 
 from bondgraph import door  # noqa: E402
-from bondgraph.model import LIBRARY  # noqa: E402
+from bondgraph.compiled_model import LIBRARY  # noqa: E402
 from compiler.errors import CompilationFailed  # noqa: E402
 from tests.stress.report import Section  # noqa: E402
 from tests.stress.trial import TooLong, within  # noqa: E402

@@ -108,7 +108,7 @@ def test_what_is_wrong_in_all_is_told_at_once() -> None:
 
 def test_threads_that_share_a_model_may_forget_what_another_keeps(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thread keeps its own result, even if others have just removed it from the cache."""
-    from bondgraph.model import compiled
+    from bondgraph import compiled_model as compiled
 
     class Racing(dict[object, object]):
         """Another thread is always first."""

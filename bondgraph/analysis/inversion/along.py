@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
 from ..equilibrium import units_of
-from ..operating_point import Asked, OperatingPoint
+from ..operating_point import Asked, OperatingPoint, operating_point
 from .drives import Drive, drives_of
 from .equations import Equations
 from .feed_forward import NEAR, FeedForward, within_limits
@@ -21,7 +21,7 @@ from .path import Path, is_plain, path_of
 from .static import Search, rest_with
 
 if TYPE_CHECKING:
-    from ...model import Model
+    from ...compiled_model import CompiledModel
 
 MOST_POINTS = 200_000
 SCHEME = "smoothstep9"
@@ -44,7 +44,7 @@ class Along:
 
 
 def invert_along(
-    model: Model, wanted: Mapping[str, Any], inputs: Sequence[str], asked: Asked, along: Along
+    model: CompiledModel, wanted: Mapping[str, Any], inputs: Sequence[str], asked: Asked, along: Along
 ) -> FeedForward:  # fmt: skip
     """Return the inputs over time. Raises `UsageError` for impossible requests or paths that are not smooth enough, `RunFailed`, `CompilationFailed`."""
     if not along.stop > along.start or not 2 <= along.points <= MOST_POINTS:
@@ -56,7 +56,7 @@ def invert_along(
     names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
     state = "start" if along.moving else "equilibrium"
     asked = replace(asked, outputs=path.names, by=names, time=along.start, state=state)
-    point = model.operating_point(asked)
+    point = operating_point(model, asked)
     _refuse_jumps(point, along)
     search = Search(point, [point.program.outputs.names.index(n) for n in path.names], drives)
     if not along.moving:
@@ -116,7 +116,7 @@ def _ends(search: Search, path: Path, equations: Equations, along: Along) -> End
 
 def _told(
     search: Search, equations: Equations, path: Path, wanted: Mapping[str, Any], asked: Asked, found: Any, along: Along,
-    notes: list[str], model: Model,
+    notes: list[str], model: CompiledModel,
 ) -> FeedForward:  # fmt: skip
     point, program = search.point, search.point.program
     n, size, times, drives = equations.count, equations.all, found.times, search.drives
@@ -141,7 +141,7 @@ def _told_of(value: Any) -> str:
     return repr(float(value)) if isinstance(value, float | int) else f"{len(value[0])} points"
 
 
-def _number(model: Model, asked: Asked, name: str, value: str | float) -> float:
+def _number(model: CompiledModel, asked: Asked, name: str, value: str | float) -> float:
     if not isinstance(value, str):
         return float(value)
     known = model.compilation(model.scene(asked.experiment, asked.settings)).whole_graph.quantities[name]

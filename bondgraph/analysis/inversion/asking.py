@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...quantities import quantity
-from ..operating_point import Asked
+from ..operating_point import Asked, operating_point
 from ..sensitivity import independent
 from .along import Along, invert_along
 from .drives import drives_of
@@ -14,14 +14,14 @@ from .feed_forward import FeedForward
 from .static import Inversion, asked_for, invert
 
 if TYPE_CHECKING:
-    from ...model import Model
+    from ...compiled_model import CompiledModel
 
     Quantity = str | float
     Told = tuple[Quantity, Quantity, int, bool, Mapping[str, Quantity]]  # start, stop, points, moving, limits
 
 
 def inverted(
-    model: Model, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None, settings: Mapping[str, Quantity],
+    model: CompiledModel, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None, settings: Mapping[str, Quantity],
     along: Told | None,
 ) -> Inversion | FeedForward:  # fmt: skip
     """Return the same as `Model.invert`."""
@@ -30,7 +30,7 @@ def inverted(
     _, fixed = independent(model, names, experiment, settings)
     if along is None:
         wanted = asked_for(model, targets, experiment)
-        return invert(model.operating_point(Asked(experiment, fixed, tuple(wanted), names)), wanted, drives)
+        return invert(operating_point(model, Asked(experiment, fixed, tuple(wanted), names)), wanted, drives)
     start, stop, points, moving, limits = along
     known = model.compilation(model.scene(experiment, fixed)).whole_graph.quantities
     most = {

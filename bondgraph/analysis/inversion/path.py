@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...compiled_model import CompiledModel
 from ...door import Leaf, Series
 from ...errors import UsageError
 
 if TYPE_CHECKING:
-    from ...model import Model
     from ...simulation.segments import Segment
 
 BESIDE = 1e-9  # fraction of the path's length: distance from an instant at which both sides are compared
@@ -47,7 +47,12 @@ class Path:
     """Functions `derivatives(times, order)` of all outputs over [start, stop], and their jumps. `samples`: those given by points instead of a text."""
 
     def __init__(
-        self, names: Sequence[str], model: Model, start: float, stop: float, samples: Mapping[str, Any] | None = None
+        self,
+        names: Sequence[str],
+        model: CompiledModel,
+        start: float,
+        stop: float,
+        samples: Mapping[str, Any] | None = None,
     ) -> None:
         from ...simulation.segments import segments
 
@@ -154,7 +159,7 @@ def curve_through(points: Any, name: str, start: float, stop: float) -> Any:
     return lambda at, k: spline((np.asarray(at) - times[0]) / span, k) / span**k
 
 
-def is_plain(model: Model) -> bool:
+def is_plain(model: CompiledModel) -> bool:
     """Return True if the model has bare numbers without units."""
     return any(
         getattr(s, "plain", False) and getattr(s, "name", None) == model.name
@@ -162,14 +167,13 @@ def is_plain(model: Model) -> bool:
     )
 
 
-def path_of(model: Model, wanted: Mapping[str, Any], start: float, stop: float) -> Path:
+def path_of(model: CompiledModel, wanted: Mapping[str, Any], start: float, stop: float) -> Path:
     """Return the path of texts such as `8 um*smoothstep9(time, 0 s, 5 ms)`, numbers in SI, or points (times in s, values in SI).
 
     Tables of a text (`cubic(time, column("curve.csv", "t"), column("curve.csv", "x"))`) are files beside the model. Raises `UsageError`,
     `CompilationFailed`.
     """
     from ... import door
-    from ...model import Model
 
     outputs = model.compilation(model.scene(None)).whole_graph.outputs
     unknown = [n for n in wanted if n not in outputs]
@@ -186,4 +190,4 @@ def path_of(model: Model, wanted: Mapping[str, Any], start: float, stop: float) 
         lines.append(f"  output wanted_{number}{'' if unit == '1' else f': {unit}'} = {' '.join(text.split())}")
     text = "\n".join([*lines, "}"])
     source = door.Source("what is wanted", text, model.source.path)
-    return Path(tuple(wanted), Model(source), start, stop, samples)
+    return Path(tuple(wanted), CompiledModel(source), start, stop, samples)

@@ -23,7 +23,7 @@ from ..told import named, with_units
 from .drives import PROBE, Drive
 
 if TYPE_CHECKING:
-    from ...model import Model
+    from ...compiled_model import CompiledModel
 
 SCHEMA = "bondgraph-inversion/1"
 ITERATIONS = 30
@@ -221,7 +221,7 @@ def _told(search: Search, targets: Mapping[str, float]) -> Inversion:
     )  # fmt: skip
 
 
-def asked_for(model: Model, targets: Mapping[str, str | float], experiment: str | None) -> dict[str, float]:
+def asked_for(model: CompiledModel, targets: Mapping[str, str | float], experiment: str | None) -> dict[str, float]:
     """Return targets in SI. Raises `UsageError` for names that are no outputs."""
     from ...quantities import quantity
 

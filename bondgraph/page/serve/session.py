@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ...analysed_model import AnalysedModel
 from ...door import CompilationFailed, Source, read_text
 from ...errors import UsageError
-from ...model import Model
 from ..document import Document, document_of
 from ..experiments import PROBLEMS, experiment_data, experiment_names, one_run
 from ..markup import Html, tag
@@ -84,7 +84,7 @@ class Session:
 
     def _compiled(self) -> Loaded:
         text = read_text(self.path)
-        model = Model(Source(str(self.path), text, self.path), self.model)
+        model = AnalysedModel(Source(str(self.path), text, self.path), self.model)
         document = document_of(model, live=True)
         watched = Watched(model)
         document.data["parameters"] = parameters_of(model)
@@ -193,7 +193,7 @@ def _run(loaded: Loaded, experiment: str, settings: Mapping[str, float]) -> dict
         return {"name": experiment, "kind": "failed", "told": tag("pre", str(problem))}
 
 
-def _compiled_in(model: Model, experiment: str, settings: Mapping[str, float]) -> list[str]:
+def _compiled_in(model: AnalysedModel, experiment: str, settings: Mapping[str, float]) -> list[str]:
     """Return notes on values that must be compiled in, which takes longer."""
     from ...simulation.settings import compiled_in
 

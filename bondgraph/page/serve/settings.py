@@ -10,13 +10,13 @@ from ...door import CompilationFailed, Source, evaluate, read_unit
 from ...views.tables import visible
 
 if TYPE_CHECKING:
-    from ...model import Model
+    from ...compiled_model import CompiledModel
 
 MOST = 200
 _NUMBERS = re.compile(r"(\d+(?:\.\d+)?(?:[eE][-+]?\d{1,3})?) ?(?:\[([^\]\n]{1,40})\]|([^\W\d]\w{0,8}))")
 
 
-def parameters_of(model: Model) -> list[dict[str, Any]]:
+def parameters_of(model: CompiledModel) -> list[dict[str, Any]]:
     """Return parameters and inputs that are numbers, as data; an input that depends on time begins at zero."""
     found = []
     sizes = _sizes(model.source.text)
@@ -54,7 +54,7 @@ def _sizes(text: str) -> dict[Any, float]:
     return found
 
 
-def base_settings(model: Model, experiment: str) -> dict[str, float]:
+def base_settings(model: CompiledModel, experiment: str) -> dict[str, float]:
     """Return the values in an experiment of all independent constants: set in every run, so that another value needs no compilation."""
     quantities = model.compilation(model.scene(experiment)).whole_graph.quantities
     found: dict[str, float] = {}

@@ -5,29 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, overload
 
-from .compiled import Compiled, names_of
+from .compiled_model import CompiledModel, names_of
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from ..analysis.branch import Branch
-    from ..analysis.equilibrium import Equilibrium
-    from ..analysis.inversion.feed_forward import FeedForward
-    from ..analysis.inversion.static import Inversion
-    from ..analysis.linear import Linearization
-    from ..analysis.linear_sensitivity import ResponseSensitivity
-    from ..analysis.modes import Modes
-    from ..analysis.operating_point import Asked, OperatingPoint
-    from ..analysis.outcome import Outcome
-    from ..analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
-    from ..analysis.response import Measured, Response
-    from ..analysis.run_sensitivity import RunSensitivity
-    from ..analysis.sensitivity import Sensitivity
-    from ..studies.sharing import Sharing
+    from .analysis.branch import Branch
+    from .analysis.equilibrium import Equilibrium
+    from .analysis.inversion.feed_forward import FeedForward
+    from .analysis.inversion.static import Inversion
+    from .analysis.linear import Linearization
+    from .analysis.linear_sensitivity import ResponseSensitivity
+    from .analysis.modes import Modes
+    from .analysis.operating_point import Asked, OperatingPoint
+    from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
+    from .analysis.response import Measured, Response
+    from .analysis.run_sensitivity import RunSensitivity
+    from .analysis.sensitivity import Sensitivity
 
 
-class Analysed(Compiled):
-    """Analyses of a model."""
+class AnalysedModel(CompiledModel):
+    """A compiled model with its analyses as methods."""
 
     def port_hamiltonian(
         self,
@@ -39,25 +35,25 @@ class Analysed(Compiled):
 
         Raises `UsageError` for models without such a form (mechanisms, heat from loss) and where resistors create energy.
         """
-        from ..analysis.port_hamiltonian import port_hamiltonian
+        from .analysis.port_hamiltonian import port_hamiltonian
 
         compilation = self.compilation(self.scene(None, settings), everything=True)
         return port_hamiltonian(compilation, state or {}, time)
 
     def symbolic_port_hamiltonian(self) -> SymbolicPortHamiltonian:
         """Return J, R, G and H in sympy, for linear resistors and no storage in derivative form. Raises `UsageError`."""
-        from ..analysis.port_hamiltonian import symbolic_port_hamiltonian
+        from .analysis.port_hamiltonian import symbolic_port_hamiltonian
 
-        return symbolic_port_hamiltonian(self._with_inputs())
+        return symbolic_port_hamiltonian(self.with_inputs())
 
     def operating_point(self, asked: Asked | None = None) -> OperatingPoint:
         """Return the model at one state and instant, with all derivatives; the analyses below use it.
 
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if there is no such state.
         """
-        from ..analysis.operating_point import Asked, operating_point
+        from .analysis.operating_point import Asked, operating_point
 
-        return operating_point(self._whole, asked or Asked())
+        return operating_point(self, asked or Asked())
 
     def equilibrium(
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
@@ -67,8 +63,8 @@ class Analysed(Compiled):
 
         `experiment`: None: none, "": the first; its settings and start values are used. Raises as `operating_point`.
         """
-        from ..analysis.equilibrium import equilibrium
-        from ..analysis.operating_point import Asked
+        from .analysis.equilibrium import equilibrium
+        from .analysis.operating_point import Asked
 
         return equilibrium(self.operating_point(Asked(experiment, settings, names_of(outputs), time=time)))
 
@@ -81,8 +77,8 @@ class Analysed(Compiled):
 
         From `inputs` (None: the model's; parameters and signals are allowed too) to `outputs` (None: all). Raises as `operating_point`.
         """
-        from ..analysis.linear import linearization
-        from ..analysis.operating_point import Asked
+        from .analysis.linear import linearization
+        from .analysis.operating_point import Asked
 
         by = self.inputs if inputs is None else tuple(inputs)
         return linearization(self.operating_point(Asked(experiment, settings, names_of(outputs), by, state, time)))
@@ -92,8 +88,8 @@ class Analysed(Compiled):
         state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
     ) -> Modes:  # fmt: skip
         """Return frequencies (Hz), damping, shapes and the energy of each element, at the equilibrium, the "start" or given states."""
-        from ..analysis.modes import modes
-        from ..analysis.operating_point import Asked
+        from .analysis.modes import modes
+        from .analysis.operating_point import Asked
 
         return modes(self.operating_point(Asked(experiment, settings, state=state, time=time)))
 
@@ -106,10 +102,10 @@ class Analysed(Compiled):
 
         A dependent parameter is treated as independent, with the others fixed. Raises as `operating_point`.
         """
-        from ..analysis.operating_point import Asked
-        from ..analysis.sensitivity import independent, sensitivity
+        from .analysis.operating_point import Asked
+        from .analysis.sensitivity import independent, sensitivity
 
-        by, fixed = independent(self._whole, names_of(parameters), experiment, settings or {})
+        by, fixed = independent(self, names_of(parameters), experiment, settings or {})
         point = self.operating_point(Asked(experiment, fixed, names_of(outputs), by, time=time))
         return sensitivity(point, (of,) if isinstance(of, str) else of)
 
@@ -122,7 +118,7 @@ class Analysed(Compiled):
 
         Raises as `response`.
         """
-        from ..analysis.linear_sensitivity import response_sensitivity
+        from .analysis.linear_sensitivity import response_sensitivity
 
         point, given, by = self._moved_linear(
             names_of(parameters), names_of(inputs), names_of(outputs), experiment, settings, time
@@ -138,7 +134,7 @@ class Analysed(Compiled):
 
         Raises as `linearize`, and `UsageError` where loop joints tie coordinates.
         """
-        from ..analysis.linear_sensitivity import linear_sensitivity
+        from .analysis.linear_sensitivity import linear_sensitivity
 
         point, given, by = self._moved_linear(
             names_of(parameters), names_of(inputs), names_of(outputs), experiment, settings, time
@@ -150,11 +146,11 @@ class Analysed(Compiled):
         settings: Mapping[str, str | float] | None, time: float | None,
     ) -> tuple[OperatingPoint, tuple[str, ...], tuple[str, ...]]:  # fmt: skip
         """Return the model at equilibrium with the derivatives by inputs and parameters, and the names of both."""
-        from ..analysis.operating_point import Asked
-        from ..analysis.sensitivity import independent
+        from .analysis.operating_point import Asked
+        from .analysis.sensitivity import independent
 
         given = self.inputs if inputs is None else inputs
-        by, fixed = independent(self._whole, parameters, experiment, settings or {})
+        by, fixed = independent(self, parameters, experiment, settings or {})
         both = tuple(dict.fromkeys((*given, *by)))
         return self.operating_point(Asked(experiment, fixed, outputs, both, time=time)), given, by
 
@@ -166,10 +162,10 @@ class Analysed(Compiled):
 
         Steps at instants that depend on a parameter are included. Raises as `simulate`, and `UsageError` for events and delays.
         """
-        from ..analysis.run_sensitivity import run_sensitivity
+        from .analysis.run_sensitivity import run_sensitivity
 
         return run_sensitivity(
-            self._whole, names_of(parameters), experiment, settings or {}, names_of(outputs), None, to, points, rtol
+            self, names_of(parameters), experiment, settings or {}, names_of(outputs), None, to, points, rtol
         )
 
     def continuation(
@@ -180,12 +176,12 @@ class Analysed(Compiled):
 
         `most`: largest number of points; `points`: the range over the first step. `branches`: also the branches that cross it. Raises as `operating_point`.
         """
-        from ..analysis.branch import follow
-        from ..analysis.operating_point import Asked
-        from ..analysis.sensitivity import independent
-        from ..quantities import quantity
+        from .analysis.branch import follow
+        from .analysis.operating_point import Asked
+        from .analysis.sensitivity import independent
+        from .quantities import quantity
 
-        _, fixed = independent(self._whole, (parameter,), experiment, settings or {})
+        _, fixed = independent(self, (parameter,), experiment, settings or {})
         unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
         first, last = (quantity(v, unit, parameter) if isinstance(v, str) else float(v) for v in (low, high))
         asked = Asked(experiment, {**fixed, parameter: first}, names_of(outputs), (parameter,))
@@ -216,26 +212,10 @@ class Analysed(Compiled):
         the model is `moving`. `limits`: largest inputs. Raises as `operating_point`, `RunFailed` if there are none, and `UsageError` where a path is not
         smooth enough.
         """
-        from ..analysis.inversion.asking import inverted
+        from .analysis.inversion.asking import inverted
 
         along = None if to is None else (start, to, points, moving, limits or {})
-        return inverted(self._whole, targets, inputs, experiment, dict(settings or {}), along)
-
-    def invert_file(
-        self, file: str | Path, inputs: Sequence[str], experiment: str | None = None, settings: Mapping[str, str | float] | None = None, *,
-        to: str | float | None = None, start: str | float | None = None, points: int = 501, moving: bool = False,
-        limits: Mapping[str, str | float] | None = None, sharing: Sharing | None = None,
-    ) -> Outcome | FeedForward:  # fmt: skip
-        """Apply `invert` to setpoints of a CSV file, whose headings are outputs with units: `x [um],phi [deg]`.
-
-        Each line is held at equilibrium: an `Outcome` with a row of inputs for each; columns of parameters or inputs are settings of their line. With a
-        column `time [s]` outputs follow the path through the lines (a spline, at rest at both ends), from the first to the last unless `start` and `to` are
-        given. Raises as `invert`, and OSError.
-        """
-        from ..studies.setpoints import invert_file
-
-        along = {"to": to, "start": start, "points": points, "moving": moving, "limits": limits or {}}
-        return invert_file(self._whole, file, inputs, experiment, dict(settings or {}), along, sharing)
+        return inverted(self, targets, inputs, experiment, dict(settings or {}), along)
 
     def response(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
@@ -246,10 +226,10 @@ class Analysed(Compiled):
 
         For a sampled loop (`every`) with its hold, up to half the sampling rate.
         """
-        from ..analysis.linear import linearization
-        from ..analysis.operating_point import Asked
-        from ..analysis.response import response
-        from ..analysis.sampled import is_sampled, sampled_response
+        from .analysis.linear import linearization
+        from .analysis.operating_point import Asked
+        from .analysis.response import response
+        from .analysis.sampled import is_sampled, sampled_response
 
         by = self.inputs if inputs is None else names_of(inputs) or ()
         point = self.operating_point(Asked(experiment, settings, names_of(outputs), by, state, time))
@@ -265,6 +245,6 @@ class Analysed(Compiled):
 
         Then `seen` is decomposed into harmonics. Raises as `simulate`, and `UsageError` if it never settles.
         """
-        from ..analysis.excitation import excite
+        from .analysis.excitation import excite
 
-        return excite(self._whole, given, seen, frequency, amplitude, experiment, dict(settings or {}), rtol)
+        return excite(self, given, seen, frequency, amplitude, experiment, dict(settings or {}), rtol)

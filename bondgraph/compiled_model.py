@@ -1,4 +1,4 @@
-"""Compiled forms of a text: stages, programs, names."""
+"""A model of a text with its compiled forms, the ground of everything that computes: stages, programs, names."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
-from .. import door
+from . import door
 
 if TYPE_CHECKING:
     import networkx
 
-    from ..door import Certificate, Compilation, Override, Scene, Source
-    from ..prepared import Prepared
-    from . import Model
+    from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
+    from .prepared import Prepared
 
-LIBRARY = Path(__file__).parent.with_name("library")
+LIBRARY = Path(__file__).with_name("library")
 MOST_KEPT = 64  # most scenes whose stages and programs are kept
 
 
@@ -30,7 +29,7 @@ class Parameter:
     description: str
 
 
-class Compiled:
+class CompiledModel:
     """One model of a text, compiled at its first use. Raises `CompilationFailed` with all errors."""
 
     def __init__(self, source: Source, model: str | None = None) -> None:
@@ -69,7 +68,7 @@ class Compiled:
 
     def prepared(self, scene: Scene, everything: bool, target: str) -> Prepared:
         """Return the compiled scene: its program and the data for a run; from the cache if it exists there."""
-        from ..prepared import Prepared
+        from .prepared import Prepared
 
         key = (scene, everything, target)
         made = self._prepared.get(key)
@@ -129,7 +128,7 @@ class Compiled:
         """Return the bond graph in networkx; nodes have `node=`, edges (half arrows) `bond=`."""
         return self.compilation().whole_graph.network
 
-    def _with_inputs(self) -> Compilation:
+    def with_inputs(self) -> Compilation:
         """Return the equations with every input as a symbol; where a storage would need an input's derivative, with its default."""
         free = self.compilation(door.Scene(self.model, None, free=frozenset(self.inputs)), everything=True)
         try:
@@ -151,10 +150,26 @@ class Compiled:
         overrides = tuple(_override(name, value) for name, value in (settings or {}).items())
         return door.Scene(self.model, experiment, overrides, frozenset(free), names_of(outputs))
 
-    @property
-    def _whole(self) -> Model:
-        """Return this object as a `Model`, of which this class is one part."""
-        return cast("Model", self)
+
+def source_of(path_or_text: str | Path) -> Source:
+    """Return the source of a file, or of a text with at least one line break or brace. Raises OSError, and `CompilationFailed` for a file that is not UTF-8."""
+    if isinstance(path_or_text, str) and ("\n" in path_or_text or "{" in path_or_text):
+        return door.Source("text", path_or_text)
+    return door.read_source(path_or_text)
+
+
+def check(path_or_text: str | Path, model: str | None = None) -> tuple[Diagnostic, ...]:
+    """Return all errors of a file or text; empty if there are none."""
+    return certify(path_or_text, model)[0]
+
+
+def certify(path_or_text: str | Path, model: str | None = None) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
+    """Return the same as `check`; and, without errors, the kind of equations that a run solves (None for a file of parts)."""
+    try:
+        source = source_of(path_or_text)
+    except door.CompilationFailed as failed:  # the file is no text
+        return failed.diagnostics, None
+    return door.examine(source, model, LIBRARY)
 
 
 def _kept(things: dict[Any, Any], key: object, thing: object) -> None:
