@@ -31,8 +31,9 @@ if TYPE_CHECKING:
     from compiler.chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
     from compiler.codegen.cost import Cost, cost
     from compiler.codegen.limits import Leaf
-    from compiler.codegen.llvm.described import Described, bind
-    from compiler.codegen.lower import Lowered
+    from compiler.codegen.llvm.bind import bind
+    from compiler.codegen.llvm.described import Described
+    from compiler.codegen.lowered import Lowered
     from compiler.codegen.program import EventNote, Function, Hybrid, LimitNote, Program, TimeFunctions
     from compiler.codegen.ranges import Ranges
     from compiler.codegen.series import Expansion, Series
@@ -125,7 +126,7 @@ _HOMES = {
     "BUNDLES": "graph.domains", "DOMAINS": "graph.domains", "ELEMENT_KINDS": "semantics.domain_table", "RESERVED": "semantics.scope",
     "Negative": "syntax.tree", "parse_law": "syntax", "Path": "syntax.tree", "bond_lines": "writing.literals", "braces": "writing.literals",
     "number_text": "writing.literals", "Because": "causality", "CausalGraph": "causality", "Dependence": "causality",
-    "Described": "codegen.llvm.described", "bind": "codegen.llvm.described", "Facts": "scene", "native_available": "native.machine:available",
+    "Described": "codegen.llvm.described", "bind": "codegen.llvm.bind", "Facts": "scene", "native_available": "native.machine:available",
     "processor": "native.machine",
     "Numbers": "native.arrays",
     "Floats": "native.arrays", "Ints": "native.arrays", "Record": "native.arrays", "MachineCode": "native.machine", "object_code": "native.machine",
@@ -134,7 +135,7 @@ _HOMES = {
     "dependent_rates": "equations.sharing",
     "dependences": "causality", "Cost": "codegen.cost", "cost": "codegen.cost", "EquationSystem": "equations.system", "blocks": "reduction.order",
     "Leaf": "codegen.limits",
-    "Ranges": "codegen.ranges", "Expansion": "codegen.series", "Series": "codegen.series", "Lowered": "codegen.lower",
+    "Ranges": "codegen.ranges", "Expansion": "codegen.series", "Series": "codegen.series", "Lowered": "codegen.lowered",
     "NoSlope": "algebra.derivative", "Tape": "codegen.tape", "Study": "scene",
     "Analysis": "scene", "Differentiating": "scene", "Drawn": "scene", "Fitting": "scene", "Following": "scene", "Inverting": "scene",
     "Linearizing": "scene", "Varying": "scene", "DISTRIBUTIONS": "chance", "SPREAD": "chance", "fault": "chance", "kinds_told": "chance",

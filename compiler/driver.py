@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from .causality import CausalGraph, assign_causality
 from .codegen.identity import identity
-from .codegen.lower import Lowered, lower, moving
+from .codegen.lower import lower, moving
+from .codegen.lowered import Lowered
 from .codegen.products import with_shared_products
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations, notes

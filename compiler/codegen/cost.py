@@ -14,7 +14,7 @@ from ..algebra.systems import shape_of
 from ..nouns import dataclass
 from ..source import Span
 from .dependence import INPUT, MODE, STATE, TIME
-from .lower import Lowered
+from .lowered import Lowered
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from ..algebra.expression import Expression, Number, Symbol
 from .limits import Leaf
-from .lower import Lowered
+from .lowered import Lowered
 from .order import operations_in_order
 
 COMMUTES = frozenset({"add", "multiply", "min", "max", "and", "or", "equal"})

@@ -12,7 +12,6 @@ multipliers, which is as sparse as the mechanism; its users eliminate the multip
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
 
 from ..algebra.expression import (
     ZERO,
@@ -29,25 +28,14 @@ from ..algebra.expression import (
     select,
 )
 from ..algebra.systems import SYSTEMS
-from ..nouns import dataclass
+from ..reduction import StateSpace
 from .limits import Leaf
-
-if TYPE_CHECKING:
-    from ..reduction import StateSpace
-    from .lower import Lowered
+from .lowered import Lowered, Solved
 
 DROPPED = 1e-14  # share of its own diagonal below which a pivot is dropped: round-off of cancelling terms
 LARGEST = 40_000  # products of a factorisation that is written out; beyond that it is left to a dense solver
 
 Matrix = dict[tuple[int, int], Expression]  # the lower triangle
-
-
-@dataclass(frozen=True, slots=True)
-class Solved:
-    """Rates of the states and residuals of the other unknowns (zero for multipliers), then the multipliers. No multiplier is read."""
-
-    rates: tuple[Expression, ...]
-    multipliers: tuple[Expression, ...]
 
 
 def solve_multipliers(lowered: Lowered) -> Solved | None:

@@ -19,8 +19,7 @@ from ..algebra.expression import MINUS_ONE, Apply, Expression, Number
 from .dependence import INPUT, MODE, STATE, TIME
 from .events import Located, LoweredEvents
 from .limits import Limit, LimitValue
-from .lower import Lowered
-from .multipliers import Solved
+from .lowered import Lowered, Solved
 from .order import operations_in_order
 
 LONGEST = 12  # factors; a longer product has too many pairs to look at, and stays as it is

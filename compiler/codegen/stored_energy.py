@@ -7,14 +7,11 @@ quadrature with enough nodes for full accuracy with a smooth law. The gradient f
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import ZERO, Apply, Expression, Number, Symbol, add, multiply, negate, substitute
-
-if TYPE_CHECKING:
-    from ..equations.system import Storage
-    from .lower import Lowered
+from ..equations.system import Storage
+from .lowered import Lowered
 
 PLACES = 16  # of the quadrature of a law that is no polynomial
 HIGHEST = 2 * PLACES - 1  # degree that it takes exactly

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import log, pi
-from typing import TYPE_CHECKING
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import (
@@ -35,11 +34,8 @@ from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME
 from .errors import JumpsWithoutEnd, NoiseOutOfStep
 from .events import Located
 from .limits import Leaf
+from .lowered import Lowered
 from .program import ConditionNote
-
-if TYPE_CHECKING:
-    from .lower import Lowered
-
 
 OF_TIME = "time", "Write the signal with step, pulse, ramp or `if` on time."
 OF_STATES = (

@@ -7,18 +7,16 @@ operations, which is stored with a program of any target; `ranges.py` evaluates 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..algebra.derivative import NoSlope, derivative
 from ..algebra.expression import Apply, Expression, Number, Symbol, operations, symbols
 from ..algebra.operators import OPERATORS
 from .dependence import MODE
 from .limits import Leaf
+from .lowered import Lowered
 from .program import Function, TimeFunctions
 from .tape import operands_first
-
-if TYPE_CHECKING:
-    from .lower import Lowered
 
 # Other operations leave functions of time moving everywhere as fast as they ever do, or at places that are instants: sums and products of
 # those have no narrow peaks that a look at many places could miss.

@@ -8,44 +8,51 @@ is symmetric and no energy is added.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Set
 
 from ..algebra.expression import ONE, ZERO, Expression, Symbol, add, multiply, negate
 from ..graph.mechanism import COUPLINGS, POSE, Joint, reactions_of
 from .coordinates import is_turning
 from .errors import ClosedLoop
+from .kinematics import Kinematics
 from .leaves import Leaves
-from .motion import Motion
+from .motion import MechanismEquations, Motion
+from .recursion import Recursion
 from .sides import Coordinate, Row, Sides
 from .tree import loop_of
 from .vectors import NULL, Vector
-
-if TYPE_CHECKING:
-    from .mechanics import Mechanics
 
 
 class Closure:
     """Closing joints of one mechanism. Call `begin` before the recursion, `end` after it."""
 
-    def __init__(self, mechanics: Mechanics) -> None:
-        self.mechanics, self.script = mechanics, mechanics.script
+    def __init__(
+        self, kinematics: Kinematics, recursion: Recursion, efforts: dict[str, Expression], result: MechanismEquations,
+        used: Set[str],
+    ) -> None:  # fmt: skip
+        self.kinematics, self.script, self.recursion = kinematics, kinematics.script, recursion
+        self.efforts, self.result, self.used = efforts, result, used
         self.rows: list[tuple[Row, int, Expression, Joint]] = []
         self.wrenches: dict[str, tuple[Vector, Vector]] = {}  # joint -> on its second body, of its multipliers and port
         self.left: dict[str, dict[str, Coordinate]] = {}  # joint -> the coordinates that it leaves
 
     def begin(self) -> None:
         """Write the ports of the closing joints, their rows, and the multipliers as forces."""
-        for joint in self.mechanics.tree.closing:
+        tree = self.kinematics.tree
+        for joint in tree.closing:
             if joint.locked and joint.starts:
-                loop = " - ".join(loop_of(self.mechanics.tree, joint, self.mechanics.mechanism))
-                self.mechanics.result.diagnostics.append(ClosedLoop(joint.span, joint.name, loop))
+                loop = " - ".join(loop_of(tree, joint, self.kinematics.mechanism))
+                self.result.diagnostics.append(ClosedLoop(joint.span, joint.name, loop))
                 continue
-            sides = None if joint.kind in COUPLINGS else Sides(self, joint)
+            sides = None if joint.kind in COUPLINGS else self._sides(joint)
             for row in self._coupled(joint) if sides is None else sides.rows():
                 if row.gap != ZERO or row.rate != ZERO:  # else it holds by the way that all of it is drawn
                     self._begin(row, joint)
-            if sides is not None and joint.name in self.mechanics.used and not joint.locked:
+            if sides is not None and joint.name in self.used and not joint.locked:
                 self._ports(joint, sides)
+
+    def _sides(self, joint: Joint) -> Sides:
+        return Sides(self.kinematics, self.recursion, self.result, self.wrenches, joint)
 
     def _begin(self, row: Row, joint: Joint) -> None:
         builder, name = self.script.builder, self.script.named(row.name)
@@ -65,29 +72,29 @@ class Closure:
             rest = self.script.constant(joint.rest[letter], f"{name} rest") if letter in joint.rest else ZERO
             held = self.script.held(name, add(rest, coordinate.value), "1" if turns else "m")
             flow = self.script.let(f"{name} rate", coordinate.rate, "1/s" if turns else "m/s")
-            self.mechanics.result.motions[name] = Motion(flow, Symbol(held), held)
-            effort = self.mechanics.efforts.get(name, ZERO)
+            self.result.motions[name] = Motion(flow, Symbol(held), held)
+            effort = self.efforts.get(name, ZERO)
             if effort != ZERO:
                 coordinate.push(effort)
 
     def _coordinates(self, joint: Joint, sides: Sides | None = None) -> dict[str, Coordinate]:
         """Coordinates that a closing joint leaves free, written once, as an angle may be a state."""
         if joint.name not in self.left:
-            self.left[joint.name] = Leaves(Sides(self, joint) if sides is None else sides).coordinates()
+            self.left[joint.name] = Leaves(self._sides(joint) if sides is None else sides).coordinates()
         return self.left[joint.name]
 
-    def end(self) -> None:
-        """Write the accelerations of the residuals, which determine the multipliers, and the reactions that are read."""
+    def end(self, reacting: Iterable[Joint]) -> None:
+        """Write the accelerations of the residuals, which determine the multipliers, and the reactions of the joints `reacting`."""
         for row, multiplier, part, joint in self.rows:
             closing = self.script.let(f"{row.name} gap acceleration", row.acceleration())
             rest = add(multiply(part, closing), multiply(ONE - part, Symbol(multiplier)))
             self.script.builder.vanishing(multiplier, rest, joint.span, self.script.named(joint.name))
-        for joint in self.mechanics.reacting:
+        for joint in reacting:
             if joint.name in self.wrenches:
                 force, torque = self.wrenches[joint.name]
                 parts = dict(zip((*POSE, "phi"), (*force, *torque, torque[2]), strict=True))
                 for c in reactions_of(joint.kind, joint.planar):
-                    self.mechanics.result.readings[f"{joint.name}.reaction.{c}"] = parts[c]
+                    self.result.readings[f"{joint.name}.reaction.{c}"] = parts[c]
 
     # ------------------------------------------------------------ couplings
     def _coupled(self, joint: Joint) -> list[Row]:
@@ -113,12 +120,12 @@ class Closure:
 
     def _coordinate(self, name: str) -> Coordinate:
         """Coordinate of a hinge or slide, of the tree or closing, relative to the drawing."""
-        joint = next(j for j in self.mechanics.mechanism.joints if j.name == name)
+        joint = next(j for j in self.kinematics.mechanism.joints if j.name == name)
         port = f"{name}.{joint.freedoms[0]}"
-        found = self.mechanics.kinematics.states.scalars.get(port)
+        found = self.kinematics.states.scalars.get(port)
         if found is None:
             return next(iter(self._coordinates(joint).values()))
-        known, efforts = found, self.mechanics.efforts
+        known, efforts = found, self.efforts
 
         def push(effort: Expression) -> None:
             efforts[port] = efforts.get(port, ZERO) + effort

@@ -14,7 +14,6 @@ from .idle_turns import idle_turns
 from .kinematics import Kinematics
 from .massless import lent_around
 from .motion import MechanismEquations, Motion
-from .placed import Placed
 from .ports import Ports
 from .reactions import reaction
 from .recursion import PLACES, Recursion
@@ -39,7 +38,7 @@ def mechanism_equations(
 
 
 class Mechanics:
-    """Writer of one mechanism. The README lists the functions that closing joints use."""
+    """Writer of one mechanism."""
 
     def __init__(
         self, mechanism: Mechanism, tree: Tree, efforts: Mapping[str, Expression], flows: Mapping[str, Expression],
@@ -54,7 +53,7 @@ class Mechanics:
         self.reacting = [j for j in mechanism.joints if j.name in reacting]
         self.kinematics = Kinematics(mechanism, tree, self.script, flows, bool(self.reacting) and not mechanism.planar)
         self.recursion = Recursion(self.kinematics, self.efforts)
-        self.closure = Closure(self)
+        self.closure = Closure(self.kinematics, self.recursion, self.efforts, self.result, self.used)
 
     def write(self) -> MechanismEquations:
         """Write all equations."""
@@ -71,25 +70,12 @@ class Mechanics:
             self.recursion.nothing(*found.lost)
         self.result.diagnostics += self.recursion.diagnostics
         if not self.result.diagnostics:
-            self.closure.end()
+            self.closure.end(self.reacting)
             self._reactions()
             self._driven()
             total = energy(self.kinematics, self.recursion)
             self.result.energy = self.script.held("energy", total, "J") if total != ZERO else None
         return self.result
-
-    # ------------------------------------------------------------ for closing joints
-    def placed(self, body: str, point: Vector, name: str) -> Placed:
-        """Marker: a point of a body (or of the ground) with its motion. In the drawing it is at `point`. World axes."""
-        return self.kinematics.placed(body, point, name)
-
-    def push(self, placed: Placed, force: Vector, torque: Vector, name: str) -> None:
-        """Apply a force at a marker and a torque on its body, world axes. Only before the recursion."""
-        self.kinematics.push(placed, force, torque, name)
-
-    def accelerations(self, placed: Placed, name: str) -> tuple[Vector, Vector]:
-        """Acceleration of a marker and angular acceleration of its body, world axes. Only after the recursion."""
-        return self.recursion.seen(placed, name)
 
     # ------------------------------------------------------------ what the graph sees
     def _ports(self) -> None:

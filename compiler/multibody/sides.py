@@ -8,19 +8,18 @@ a displacement in a ratio.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, add, call, divide, multiply, negate, select
 from ..graph.mechanism import Joint
 from ..nouns import dataclass
 from .axes import snapped
 from .errors import RodWithoutLength
+from .kinematics import Kinematics
+from .motion import MechanismEquations
 from .placed import Placed
+from .recursion import Recursion
 from .turns import AxialTurn, unit
 from .vectors import NULL, UNIT, Vector, cross, dot, is_null, minus, negated, plus, scaled
-
-if TYPE_CHECKING:
-    from .closure import Closure
 
 TWO, HALF = Number(2.0), Number(0.5)
 TURN = Number(0.15915494309189535)  # 1/(2 pi)
@@ -53,12 +52,19 @@ class Coordinate:
 class Sides:
     """The two sides of a closing joint, and their constraint rows."""
 
-    def __init__(self, closure: Closure, joint: Joint) -> None:
-        self.closure, self.joint, self.script = closure, joint, closure.script
-        mechanics = closure.mechanics
-        bodies = [mechanics.kinematics.on[end] for end in (joint.first, joint.second)]
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        recursion: Recursion,
+        result: MechanismEquations,
+        wrenches: dict[str, tuple[Vector, Vector]],
+        joint: Joint,
+    ) -> None:
+        self.kinematics, self.recursion, self.result = kinematics, recursion, result
+        self.wrenches, self.joint, self.script = wrenches, joint, kinematics.script
+        bodies = [kinematics.on[end] for end in (joint.first, joint.second)]
         if joint.kind == "rod":
-            drawn = [mechanics.mechanism.point_of(end) for end in (joint.first, joint.second)]
+            drawn = [kinematics.mechanism.point_of(end) for end in (joint.first, joint.second)]
         else:
             drawn = [joint.position, joint.position]
         points = [
@@ -66,7 +72,7 @@ class Sides:
         ]
         names = ["first", "second"] if bodies[0] == bodies[1] else bodies
         self.first, self.second = (
-            mechanics.placed(body, point, f"{joint.name}.{name}")
+            kinematics.placed(body, point, f"{joint.name}.{name}")
             for body, point, name in zip(bodies, points, names, strict=True)
         )
         self.gap = self.script.vector(
@@ -130,7 +136,7 @@ class Sides:
         """The joint's axis and two directions at right angles to it, in the drawing; for a planar joint its own axes."""
         joint, script = self.joint, self.script
         if joint.kind in ("planar", "free"):
-            turn = self.closure.mechanics.kinematics.joint_turn(joint)
+            turn = self.kinematics.joint_turn(joint)
             x, y, z = (turn.apply(script, UNIT[i], f"{joint.name}.{'xyz'[i]} axis") for i in range(3))
             return x, y, z
         if joint.kind in ("weld", "ball"):
@@ -153,7 +159,7 @@ class Sides:
     def accelerations(self) -> tuple[Accelerations, Accelerations]:
         if not self._known:
             first, second = (
-                self.closure.mechanics.accelerations(side, f"{self.joint.name}.{word}")
+                self.recursion.seen(side, f"{self.joint.name}.{word}")
                 for side, word in ((self.first, "first"), (self.second, "second"))
             )
             self._known.append((first, second))
@@ -161,13 +167,13 @@ class Sides:
 
     def push(self, force: Vector, torque: Vector, back: Vector) -> None:
         """Apply a force and a torque to the second body. The first body gets the negative force, and `back`."""
-        name, mechanics = self.joint.name, self.closure.mechanics
-        mechanics.push(self.second, force, torque, f"{name}.second")
-        mechanics.push(self.first, negated(force), back, f"{name}.first")
+        name = self.joint.name
+        self.kinematics.push(self.second, force, torque, f"{name}.second")
+        self.kinematics.push(self.first, negated(force), back, f"{name}.first")
 
     def reacts(self, force: Vector, torque: Vector) -> None:
-        old = self.closure.wrenches.get(self.joint.name, (NULL, NULL))
-        self.closure.wrenches[self.joint.name] = (plus(old[0], force), plus(old[1], torque))
+        old = self.wrenches.get(self.joint.name, (NULL, NULL))
+        self.wrenches[self.joint.name] = (plus(old[0], force), plus(old[1], torque))
 
     def along(self, drawn: Vector, n: Vector, word: str) -> Row:
         """Row without gap along n. If n turns with the first body, its rotation adds terms to the rates."""
@@ -267,7 +273,7 @@ class Sides:
         script, name = self.script, self.joint.name
         drawn = minus(self.second.point, self.first.point)
         if is_null(drawn):
-            self.closure.mechanics.result.diagnostics.append(RodWithoutLength(self.joint.span, name))
+            self.result.diagnostics.append(RodWithoutLength(self.joint.span, name))
             return []
         length = script.let(f"{name}.length", call("sqrt", dot(drawn, drawn)), "m")
         u = script.vector(f"{name}.drawn", scaled(divide(ONE, length), drawn))

@@ -37,9 +37,9 @@ def read_body(reader: Attributes) -> Body:
 
 def _not_negative(reader: Attributes, word: str, bound: Bound) -> Bound:
     name, span = reader.part.entry.name, reader.part.entry.span
-    value = reader.elaborator.value_of(bound, span, decides=False)
+    value = reader.resolver.value_of(bound, span, decides=False)
     if value is None:
-        reader.elaborator.positive.append((f"{word} of {name}", bound))
+        reader.resolver.positive.append((f"{word} of {name}", bound))
     elif value < 0:
         what = f"The {word} of `{name}` is negative: {value:g}"
         raise Wrong(WrongMechanism(span, what, "Masses and inertias are zero or positive."))
@@ -53,17 +53,17 @@ def _planar_inertia(reader: Attributes) -> Inertia:
 
 def _inertia(reader: Attributes) -> Inertia:
     """Three principal moments of inertia, or the six entries of the tensor. Negative kinetic energy is refused."""
-    attribute, elaborator, scope = reader.given.get("inertia"), reader.elaborator, reader.part.scope
+    attribute, resolver, scope = reader.given.get("inertia"), reader.resolver, reader.part.scope
     if attribute is None:
         return Inertia()
-    template = elaborator.template(attribute.value, scope)
+    template = resolver.template(attribute.value, scope)
     expected = "An inertia (Ixx, Iyy, Izz) or (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)"
     hint = "About the centre of mass, in the body's own axes; of a ball three times the same number."
     parts = counted(template, attribute.value, (3, 6), expected, hint)
     of_dimension(parts, attribute.value, scope, (MOMENT,), "`inertia`")
-    bounds = static(elaborator, template, scope, "`inertia`", attribute.value.span)
+    bounds = static(resolver, template, scope, "`inertia`", attribute.value.span)
     words = f"inertia of {reader.part.entry.name}"
-    known = known_or_later(elaborator, bounds, attribute.span, words, takes_energy(ROUNDING))
+    known = known_or_later(resolver, bounds, attribute.span, words, takes_energy(ROUNDING))
     if known is not None:
         principal = principal_moments([*known, 0.0, 0.0, 0.0][:6])
         if is_impossible(principal):
@@ -103,7 +103,7 @@ def part_named(
         return None
     found = entry.parts.entries.get(place.head)
     if isinstance(found, Array) and len(place.steps) == 1 and isinstance(place.steps[0], tree.Index):
-        index = reader.elaborator.index_of(place.steps[0], scope)
+        index = reader.resolver.index_of(place.steps[0], scope)
         assert index is not None
         found = found.items.get(index)
     elif place.steps:

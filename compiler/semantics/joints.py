@@ -145,7 +145,7 @@ def _check_span(reader: Attributes, definition: tree.Link, first: str, second: s
             what = f"The {kind} `{name}` needs a point of the ground"
             raise Wrong(WrongMechanism(place.span, what, "Name one: `frame anchor : ground { at = … }`."))
     points = (*places.point_of(first), *places.point_of(second))
-    known = known_or_later(reader.elaborator, points, definition.span, f"length of {name}", apart(APART))
+    known = known_or_later(reader.resolver, points, definition.span, f"length of {name}", apart(APART))
     if known is not None and _length(known, APART) == 0:
         what = f"The {kind} `{name}` has the length zero in the drawing, so no direction"
         raise Wrong(WrongMechanism(definition.span, what, "Draw its two ends apart."))
@@ -153,7 +153,7 @@ def _check_span(reader: Attributes, definition: tree.Link, first: str, second: s
 
 def _distance(reader: Attributes, a: Vector, b: Vector, span: Span, threshold: float) -> float:
     """Distance of two points in the drawing; 0 below the threshold, NaN if it is not known yet, so that no error is reported."""
-    values = [reader.elaborator.value_of(x, span) for x in (*a, *b)]
+    values = [reader.resolver.value_of(x, span) for x in (*a, *b)]
     known = [v for v in values if v is not None]
     return _length(known, threshold) if len(known) == len(values) else math.nan
 
@@ -186,10 +186,10 @@ def _axis(reader: Attributes, kind: str) -> tuple[Vector, Vector]:
 def _planar_slide(reader: Attributes) -> tuple[Vector, Vector]:
     """`along = 90 deg` or `along = (0, 1)`: a direction and its angle."""
     attribute = reader.needed("along")
-    if isinstance(reader.elaborator.template(attribute.value, reader.part.scope).value, tuple):
+    if isinstance(reader.resolver.template(attribute.value, reader.part.scope).value, tuple):
         axis = reader.direction("along")
         return axis, (NOTHING, NOTHING, bind(call("atan2", axis[1].expression, axis[0].expression)))
-    (angle,) = static_bounds(reader.elaborator, attribute.value, reader.part.scope, ONE, "`along`", 1)
+    (angle,) = static_bounds(reader.resolver, attribute.value, reader.part.scope, ONE, "`along`", 1)
     axis = bind(call("cos", angle.expression)), bind(call("sin", angle.expression)), NOTHING
     return axis, (NOTHING, NOTHING, angle)
 
@@ -198,7 +198,7 @@ def _second_axis(reader: Attributes, first: Vector) -> Vector:
     """Second axis of a universal joint, which is not parallel to the first."""
     second, attribute = reader.direction("then"), reader.needed("then")
     words = f"axes of {reader.part.entry.name}"
-    known = known_or_later(reader.elaborator, (*first, *second), attribute.span, words, not_parallel(APART))
+    known = known_or_later(reader.resolver, (*first, *second), attribute.span, words, not_parallel(APART))
     if known is not None:
         a, b = known[:3], known[3:]
         normal = [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]

@@ -13,25 +13,24 @@ from .part_kinds import noun_of
 from .statement_errors import Wrong
 
 
-def joint_limits(reader: Attributes) -> None:
+def joint_limits(reader: Attributes) -> list[Requirement]:
     """Limits of one joint, for the warnings of a run. Errors are collected."""
-    for words, attribute in reader.targeted["limits"].items():
-        found = reader.elaborator.guard(_limit, reader, words, attribute)
-        reader.elaborator.limits += [found] if found else []
+    limits = (reader.resolver.guard(_limit, reader, *item) for item in reader.targeted["limits"].items())
+    return [limit for limit in limits if limit]
 
 
 def _limit(reader: Attributes, words: str, attribute: tree.Attribute) -> Requirement:
-    elaborator, part = reader.elaborator, reader.part
+    resolver, part = reader.resolver, reader.part
     entry, scope = part.entry, part.scope
     coordinate = reader.coordinate(words, attribute)
-    template = elaborator.template(attribute.value, scope)
+    template = resolver.template(attribute.value, scope)
     what = f"`{f'limits {words}'.strip()}`"
     dimension = entry.ports[coordinate].dimension("q")
     parts = counted(
         template, attribute.value, (2,), "A pair of limits (low, high)", f"Write `{what[1:-1]} = (low, high)`."
     )
     of_dimension(parts, attribute.value, scope, (dimension,), what)
-    low, high = static(elaborator, template, scope, what, attribute.value.span)
+    low, high = static(resolver, template, scope, what, attribute.value.span)
     _check_order(reader, attribute, low, high)
     reading = Reading(entry.mechanism, f"{entry.name}.{coordinate}", "q")
     place = Symbol(reading)
@@ -47,7 +46,7 @@ def _limit(reader: Attributes, words: str, attribute: tree.Attribute) -> Require
 
 
 def _check_order(reader: Attributes, attribute: tree.Attribute, low: Bound, high: Bound) -> None:
-    first, second = (reader.elaborator.value_of(b, attribute.span) for b in (low, high))
+    first, second = (reader.resolver.value_of(b, attribute.span) for b in (low, high))
     if first is not None and second is not None and first > second:
         what = f"The limits of `{reader.part.entry.name}` are the wrong way round: {first:g} is more than {second:g}"
         raise Wrong(WrongMechanism(attribute.value.span, what, "The lower one comes first."))

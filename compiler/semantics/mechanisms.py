@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from ..graph.domains import DOMAINS
 from ..graph.mechanism import (
@@ -19,6 +18,7 @@ from ..graph.mechanism import (
 from ..graph.units import METRE, SECOND
 from ..syntax import tree
 from .bodies import read_body, read_frame
+from .declarations import Declarations
 from .errors import UnknownAttribute, UnknownName, WrongMechanism, WrongType
 from .joints import Places, read_joint
 from .limits import joint_limits
@@ -27,13 +27,10 @@ from .part_kinds import instead_in_the_plane, kinds_of
 from .scope import Array, Broken, MechanismEntry, PartEntry, Scope
 from .statement_errors import Wrong, suggestion
 
-if TYPE_CHECKING:
-    from .elaborate import Elaborator
-
 SPACES = {None: True, "planar": True, "spatial": False}
 
 
-def declare_mechanism(elaborator: Elaborator, scope: Scope, statement: tree.Mechanism) -> MechanismEntry:
+def declare_mechanism(elaborator: Declarations, scope: Scope, statement: tree.Mechanism) -> MechanismEntry:
     """Declare the names of a mechanism's parts."""
     if statement.space not in SPACES:
         space = str(statement.space)
@@ -48,7 +45,7 @@ def declare_mechanism(elaborator: Elaborator, scope: Scope, statement: tree.Mech
 
 
 def _declare(
-    elaborator: Elaborator,
+    elaborator: Declarations,
     scope: Scope,
     statements: tuple[tree.Node, ...],
     entry: MechanismEntry,
@@ -74,7 +71,7 @@ def _declare(
 
 
 def _declare_part(
-    elaborator: Elaborator, scope: Scope, statement: tree.Declaration, entry: MechanismEntry, declared: list[Part]
+    elaborator: Declarations, scope: Scope, statement: tree.Declaration, entry: MechanismEntry, declared: list[Part]
 ) -> None:
     kind, planar = statement.kind, entry.planar
     if planar and kind in SPATIAL_JOINTS:
@@ -115,7 +112,7 @@ def _declare_part(
 
 
 def build_mechanism(
-    elaborator: Elaborator, scope: Scope, statement: tree.Mechanism, entry: MechanismEntry
+    elaborator: Declarations, scope: Scope, statement: tree.Mechanism, entry: MechanismEntry
 ) -> Mechanism:
     """Read the attributes of all parts. Joints come last, as they may refer to frames."""
     readers = [Attributes(elaborator, part) for part in elaborator.mechanism_parts.get(entry.name, [])]
@@ -129,7 +126,7 @@ def build_mechanism(
         if kind not in ("body", "frame"):
             joint = elaborator.guard(read_joint, reader, entry, places)
             joints += [joint] if joint else []
-            elaborator.guard(joint_limits, reader)
+            elaborator.limits += joint_limits(reader)
     gravity = ORIGIN
     for setting in _settings(statement.statements):
         if setting.name != "gravity":

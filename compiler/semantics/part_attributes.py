@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..algebra.formula import Bound
 from ..graph.mechanism import ATTITUDE, NOTHING, ORIGIN, Vector
@@ -14,12 +14,10 @@ from ..syntax import tree
 from .conditions import known_or_later, not_zero
 from .errors import DimensionMismatch, NotStatic, UnknownAttribute, WrongMechanism, WrongType, WrongValue
 from .part_kinds import NEEDED, TARGETED, attributes_of, foreign_attribute, noun_of
+from .resolve import Resolver
 from .scope import STATIC_ROLES, PartEntry, Scope
 from .statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
 from .template import Template, Typed
-
-if TYPE_CHECKING:
-    from .elaborate import Elaborator
 
 EXPECTED = {1: "A single number", 2: "A point (x, y)", 3: "A point (x, y, z)"}
 
@@ -35,14 +33,14 @@ class Part:
 
 
 def static_bounds(
-    elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, count: int,
+    resolver: Resolver, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, count: int,
     hint: str = "",
 ) -> list[Bound]:  # fmt: skip
     """`count` numbers of one dimension that are known before the run. Raises `Wrong`."""
-    template = elaborator.template(value, scope)
+    template = resolver.template(value, scope)
     parts = counted(template, value, (count,), EXPECTED[count], hint)
     of_dimension(parts, value, scope, (dimension,), what)
-    return static(elaborator, template, scope, what, value.span)
+    return static(resolver, template, scope, what, value.span)
 
 
 def counted(
@@ -75,36 +73,36 @@ def of_dimension(
         )
 
 
-def static(elaborator: Elaborator, template: Template, scope: Scope, what: str, span: Span) -> list[Bound]:
+def static(resolver: Resolver, template: Template, scope: Scope, what: str, span: Span) -> list[Bound]:
     """Return the bound formulas of a template. Raises `Wrong` if one reads a value that changes during a run, or has no value."""
     for slot in template.slots:
-        scalar = elaborator.scalar_at(slot, scope)
+        scalar = resolver.scalar_at(slot, scope)
         if scalar.role not in STATIC_ROLES:
             raise Wrong(NotStatic(slot.path.span, what, slot.words))
-    bounds = [elaborator.bind(template, formula, scope) for formula in template.formulas]
+    bounds = [resolver.bind(template, formula, scope) for formula in template.formulas]
     for bound in bounds:
-        elaborator.value_of(bound, span, decides=False)
+        resolver.value_of(bound, span, decides=False)
     return bounds
 
 
 def vector(
-    elaborator: Elaborator, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, planar: bool
+    resolver: Resolver, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, planar: bool
 ) -> Vector:
     """Point or vector in the space of the mechanism; z = 0 in the plane."""
     hint = "In the plane it has two components." if planar else "In space it has three components."
-    bounds = static_bounds(elaborator, value, scope, dimension, what, 2 if planar else 3, hint)
+    bounds = static_bounds(resolver, value, scope, dimension, what, 2 if planar else 3, hint)
     return bounds[0], bounds[1], NOTHING if planar else bounds[2]
 
 
 class Attributes:
     """The attributes of one part."""
 
-    def __init__(self, elaborator: Elaborator, part: Part) -> None:
-        self.elaborator, self.part = elaborator, part
+    def __init__(self, resolver: Resolver, part: Part) -> None:
+        self.resolver, self.part = resolver, part
         self.given: dict[str, tree.Attribute] = {}
         self.targeted: dict[str, dict[str, tree.Attribute]] = {word: {} for word in TARGETED}
         for attribute in part.declaration.attributes:
-            elaborator.guard(self._take, attribute)
+            resolver.guard(self._take, attribute)
 
     def _take(self, attribute: tree.Attribute) -> None:
         name, entry = attribute.name, self.part.entry
@@ -130,9 +128,9 @@ class Attributes:
 
     def together(self, *readings: Callable[[], Any]) -> list[Any]:
         """Do several readings and return their results. All are done, so that all errors of a part are reported. Raises `AlreadyTold`."""
-        before = len(self.elaborator.diagnostics)
-        found = [self.elaborator.guard(reading) for reading in readings]
-        if len(self.elaborator.diagnostics) > before or any(item is None for item in found):
+        before = len(self.resolver.diagnostics)
+        found = [self.resolver.guard(reading) for reading in readings]
+        if len(self.resolver.diagnostics) > before or any(item is None for item in found):
             raise AlreadyTold
         return found
 
@@ -157,7 +155,7 @@ class Attributes:
         attribute = self.given.get(name)
         if attribute is None:
             return NOTHING
-        (bound,) = static_bounds(self.elaborator, attribute.value, self.part.scope, dimension, f"`{name}`", 1, hint)
+        (bound,) = static_bounds(self.resolver, attribute.value, self.part.scope, dimension, f"`{name}`", 1, hint)
         return bound
 
     def nonzero(self, name: str, dimension: Dimension, why: str) -> Bound:
@@ -165,7 +163,7 @@ class Attributes:
         attribute = self.needed(name)
         bound = self.scalar(name, dimension)
         words = f"{name} of {self.part.entry.name}"
-        if known_or_later(self.elaborator, [bound], attribute.span, words, not_zero) == [0]:
+        if known_or_later(self.resolver, [bound], attribute.span, words, not_zero) == [0]:
             what = f"The {name} of `{self.part.entry.name}` is zero"
             raise Wrong(WrongMechanism(attribute.value.span, what, why))
         return bound
@@ -175,9 +173,9 @@ class Attributes:
         attribute = self.given.get(name)
         if attribute is None:
             return ORIGIN
-        found = vector(self.elaborator, attribute.value, self.part.scope, METRE, f"`{name}`", self.planar)
+        found = vector(self.resolver, attribute.value, self.part.scope, METRE, f"`{name}`", self.planar)
         for bound in found:  # values that are not finite are reported here, where their line is known
-            self.elaborator.value_of(bound, attribute.span, decides=False)
+            self.resolver.value_of(bound, attribute.span, decides=False)
         return found
 
     def turn(self) -> Vector:
@@ -199,7 +197,7 @@ class Attributes:
             what, hint = "A direction (x, y, z)", f"Write `{name} = (0, 0, 1)`."
         found = self._three(attribute, what, hint, (ONE, METRE))
         words = f"{name} of {self.part.entry.name}"
-        values = known_or_later(self.elaborator, found, attribute.span, words, not_zero)
+        values = known_or_later(self.resolver, found, attribute.span, words, not_zero)
         if values is not None and not any(values):
             what = f"The direction `{name}` of `{self.part.entry.name}` has the length zero"
             raise Wrong(WrongMechanism(attribute.value.span, what, "Any length but zero will do: `(0, 0, 1)`."))
@@ -207,11 +205,11 @@ class Attributes:
 
     def _three(self, attribute: tree.Attribute, expected: str, hint: str, allowed: tuple[Dimension, ...]) -> Vector:
         """Two components in the plane, three in space."""
-        elaborator, scope = self.elaborator, self.part.scope
-        template = elaborator.template(attribute.value, scope)
+        resolver, scope = self.resolver, self.part.scope
+        template = resolver.template(attribute.value, scope)
         parts = counted(template, attribute.value, (2,) if self.planar else (3,), expected, hint)
         of_dimension(parts, attribute.value, scope, allowed, f"`{attribute.name}`")
-        bounds = static(elaborator, template, scope, f"`{attribute.name}`", attribute.value.span)
+        bounds = static(resolver, template, scope, f"`{attribute.name}`", attribute.value.span)
         return bounds[0], bounds[1], NOTHING if self.planar else bounds[2]
 
     def word(self, name: str, allowed: tuple[str, ...], hint: str) -> str:
@@ -231,13 +229,13 @@ class Attributes:
         attribute = self.given.get("locked")
         if attribute is None:
             return False
-        template = self.elaborator.template(attribute.value, self.part.scope)
+        template = self.resolver.template(attribute.value, self.part.scope)
         if not isinstance(template.value, Typed) or not template.value.truth:
             hint = "Write `locked = true`, or compare parameters: `locked = stroke == 0`."
             found = "a list" if isinstance(template.value, tuple) else "a number"
             raise Wrong(WrongType(attribute.value.span, "A condition", found, hint))
-        (bound,) = static(self.elaborator, template, self.part.scope, "`locked`", attribute.value.span)
-        return bool(self.elaborator.value_of(bound, attribute.value.span))
+        (bound,) = static(self.resolver, template, self.part.scope, "`locked`", attribute.value.span)
+        return bool(self.resolver.value_of(bound, attribute.value.span))
 
     # ------------------------------------------------------------ by coordinate
     def starts(self) -> Mapping[str, Bound]:
@@ -247,11 +245,11 @@ class Attributes:
             if words == "attitude" and "attitude" in self.part.entry.groups:
                 result.update(self._attitude(attribute))
             else:
-                self.elaborator.guard(self._start, words, attribute, result)
+                self.resolver.guard(self._start, words, attribute, result)
         if "attitude.w" in result and result.keys() & {"rx", "ry", "rz"}:
             span = self.targeted["start"]["attitude"].span
             what = f"The start of `{self.part.entry.name}` says twice how it is turned"
-            self.elaborator.tell(WrongMechanism(span, what, "Give the attitude, or rx, ry and rz."))
+            self.resolver.tell(WrongMechanism(span, what, "Give the attitude, or rx, ry and rz."))
         return result
 
     def _start(self, words: str, attribute: tree.Attribute, result: dict[str, Bound]) -> None:
@@ -260,18 +258,18 @@ class Attributes:
         key = port if variable == "q" else f"{port}.f"
         dimension = domain.dimension(variable)
         (result[key],) = static_bounds(
-            self.elaborator, attribute.value, self.part.scope, dimension, f"`start {words}`", 1
+            self.resolver, attribute.value, self.part.scope, dimension, f"`start {words}`", 1
         )
 
     def _attitude(self, attribute: tree.Attribute) -> Mapping[str, Bound]:
-        found = attitude_bounds(self.elaborator, attribute.value, self.part.scope)
+        found = attitude_bounds(self.resolver, attribute.value, self.part.scope)
         return {} if found is None else {f"attitude.{c}": b for c, b in zip(ATTITUDE, found, strict=True)}
 
     def rests(self) -> Mapping[str, Bound]:
         """Values of the coordinates in the drawing, by coordinate."""
         result: dict[str, Bound] = {}
         for words, attribute in self.targeted["rest"].items():
-            self.elaborator.guard(self._rest, words, attribute, result)
+            self.resolver.guard(self._rest, words, attribute, result)
         return result
 
     def _rest(self, words: str, attribute: tree.Attribute, result: dict[str, Bound]) -> None:
@@ -282,7 +280,7 @@ class Attributes:
             raise Wrong(WrongMechanism(attribute.span, what, hint))
         dimension = self.part.entry.ports[port].dimension("q")
         (result[port],) = static_bounds(
-            self.elaborator, attribute.value, self.part.scope, dimension, f"`{f'rest {words}'.strip()}`", 1
+            self.resolver, attribute.value, self.part.scope, dimension, f"`{f'rest {words}'.strip()}`", 1
         )
 
     def coordinate(self, words: str, attribute: tree.Attribute) -> str:
@@ -312,23 +310,23 @@ class Attributes:
         return port, variable
 
 
-def attitude_bounds(elaborator: Elaborator, value: tree.Expression, scope: Scope) -> list[Bound] | None:
+def attitude_bounds(resolver: Resolver, value: tree.Expression, scope: Scope) -> list[Bound] | None:
     """A unit quaternion (w, x, y, z). On an error, which is collected, return None."""
-    return elaborator.guard(_attitude_bounds, elaborator, value, scope)  # type: ignore[no-any-return]
+    return resolver.guard(_attitude_bounds, resolver, value, scope)  # type: ignore[no-any-return]
 
 
-def _attitude_bounds(elaborator: Elaborator, value: tree.Expression, scope: Scope) -> list[Bound]:
-    template = elaborator.template(value, scope)
+def _attitude_bounds(resolver: Resolver, value: tree.Expression, scope: Scope) -> list[Bound]:
+    template = resolver.template(value, scope)
     hint = "An attitude is a unit quaternion: `(1, 0, 0, 0)` is the drawing's axes; (cos(a/2), sin(a/2)*n) turns by a about n."
     parts = counted(template, value, (4,), "A unit quaternion (w, x, y, z)", hint)
     of_dimension(parts, value, scope, (ONE,), "`start attitude`")
-    bounds = static(elaborator, template, scope, "`start attitude`", value.span)
-    _check_length(elaborator, bounds, value.span)
+    bounds = static(resolver, template, scope, "`start attitude`", value.span)
+    _check_length(resolver, bounds, value.span)
     return bounds
 
 
-def _check_length(elaborator: Elaborator, bounds: list[Bound], span: Span) -> None:
-    values = [elaborator.value_of(b, span) for b in bounds]
+def _check_length(resolver: Resolver, bounds: list[Bound], span: Span) -> None:
+    values = [resolver.value_of(b, span) for b in bounds]
     known = [v for v in values if v is not None]
     length = sum(v * v for v in known) ** 0.5
     if len(known) == len(values) and abs(length - 1) > 1e-6:

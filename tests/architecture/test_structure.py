@@ -7,7 +7,7 @@ import pytest
 from tests.architecture import structure
 
 # Files, and folders (a file at the top of a package is one), that lie on a cycle of imports of any kind.
-FILES_ON_CYCLES = {"bondgraph": 74, "compiler": 21}
+FILES_ON_CYCLES = {"bondgraph": 74, "compiler": 0}
 FOLDERS_ON_CYCLES = {"bondgraph": 11, "compiler": 0}
 FILES_THAT_IMPORT_THE_MODEL = 3
 FUNCTIONS_OF_MORE_THAN_SEVEN_PARAMETERS = 52

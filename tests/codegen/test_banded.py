@@ -15,7 +15,7 @@ from compiler.algebra.systems import LEAST, SYSTEMS, band_of, entries_of, shape_
 from compiler.codegen.cost import _operations
 from compiler.codegen.limits import Leaf
 from compiler.codegen.llvm import support
-from compiler.codegen.lower import Lowered
+from compiler.codegen.lowered import Lowered
 from compiler.codegen.order import operations_in_order
 from compiler.codegen.tape import Tape
 from compiler.driver import Compilation

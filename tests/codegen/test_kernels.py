@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from compiler.codegen.llvm import write
+from compiler.codegen.llvm import module
 from compiler.codegen.llvm.generate import Described, bind, generate_code
 from compiler.codegen.program import Program
 from compiler.driver import Compilation
@@ -26,8 +26,8 @@ MANY = (
 def by_lines_and_by_kernels(made: Compilation, monkeypatch: pytest.MonkeyPatch) -> list[Program]:
     programs = []
     for longest, saving in ((10**9, 2), (-1, 0)):
-        monkeypatch.setattr(write, "LONGEST_IN_LINES", longest)
-        monkeypatch.setattr(write, "SAVING", saving)
+        monkeypatch.setattr(module, "LONGEST_IN_LINES", longest)
+        monkeypatch.setattr(module, "SAVING", saving)
         described, codes = generate_code(made.lowered, lambda text, _: object_code(text, 0))
         assert bool(described.rows) == (longest < 0)
         programs.append(bind(described, codes))
@@ -86,7 +86,7 @@ def code_of(text: str) -> tuple[Described, list[str], list[int]]:
 @pytest.mark.machine_code
 @pytest.mark.parametrize("kind", ["flat ladder", "ladder as an array", "coils", "star"])
 def test_code_does_not_grow_with_the_number_of_instances(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(write, "LONGEST_IN_LINES", 0)  # also where lines would do
+    monkeypatch.setattr(module, "LONGEST_IN_LINES", 0)  # also where lines would do
     described, texts, sizes = code_of(TEXTS[kind](100))
     longer, more, others = code_of(TEXTS[kind](1000))
     assert sum(sizes) < 30_000

@@ -14,7 +14,8 @@ from compiler.algebra.expression import Apply, Expression, Number, Symbol
 from compiler.codegen.limits import Leaf
 from compiler.codegen.llvm.evaluate import ROLES
 from compiler.codegen.llvm.generate import generate_program
-from compiler.codegen.lower import Lowered, lower
+from compiler.codegen.lower import lower
+from compiler.codegen.lowered import Lowered
 from compiler.codegen.numpy import generate_program as reference_program
 from compiler.codegen.program import Program
 from compiler.driver import Compilation

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from compiler.semantics import elaborate
+from compiler.semantics import declarations
 from tests.compiling import Running, bonds_of, compiled, mistake, mistakes, numbers
 
 SPRING = """
@@ -186,8 +186,8 @@ def test_depth_is_limited() -> None:
 
 def test_number_of_instances_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     """Five levels of a hundred are ten milliard instances: refused, not opened."""
-    assert elaborate.MAXIMUM_INSTANCES <= 1_000_000
-    monkeypatch.setattr(elaborate, "MAXIMUM_INSTANCES", 2000)
+    assert declarations.MAXIMUM_INSTANCES <= 1_000_000
+    monkeypatch.setattr(declarations, "MAXIMUM_INSTANCES", 2000)
     models = (
         "".join(f"model M{i} {{ for i in 1..100 {{ M{i + 1} m[i] }} }}\n" for i in range(5))
         + "model M5 { output y = 1 }\n"

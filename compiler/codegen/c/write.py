@@ -18,7 +18,7 @@ from ...errors import printable
 from ...native.c_source import BEGINNING, c_number, c_source
 from ..limits import Leaf
 from ..llvm import support
-from ..lower import Lowered
+from ..lowered import Lowered
 from ..numpy.generate import name_tables
 from ..numpy.write import Writer
 from ..order import operations_in_order

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from ...native.machine import AS_WRITTEN, object_code
-from ..lower import Lowered, count_operations
+from ..lower import count_operations
+from ..lowered import Lowered
 from ..numpy.generate import hybrid_note, name_tables, of_invariants
 from ..numpy.write import Writer
 from ..program import Names, Program, TimeFunctions
 from ..time_functions import time_functions_of
-from .described import Described, Rows, bind
-from .write import Module
+from .bind import bind
+from .described import Described, Rows
+from .module import Module
 
 Compile = Callable[[str, int], bytes]
 
@@ -39,7 +41,7 @@ def generate_code(lowered: Lowered, compile_: Compile = object_code) -> tuple[De
 def _level(module: Module) -> int:
     """Optimization level of a module. Loops over kernels are limited by memory: LLVM's passes only make their code longer."""
     level = next((level for most, level in LEVELS if module.operations <= most), 0)
-    return AS_WRITTEN if level and module.rows is not None and not module.called else level
+    return AS_WRITTEN if level and module.rows is not None and not module.needs.called else level
 
 
 def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[str, ...], int], ...], rows: tuple[Rows, ...],

@@ -7,18 +7,15 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from ...algebra.expression import Apply, Expression, Symbol
 from ...native.values import float_text
 from ...nouns import dataclass
 from ..limits import Leaf
+from ..lowered import Lowered
 from ..shapes import ARRAYS, Kernel, Place, Plan, Shapes, read
 from .described import Rows
-
-if TYPE_CHECKING:
-    from ..lower import Lowered
-    from .write import Module
+from .write import HEAD, Body, Needs
 
 ON_THE_STACK = 4096  # numbers in between that a function keeps on the stack; more come from the heap
 _GIVEN = ("state", "inputs", "constants", "mode", "out")
@@ -60,10 +57,10 @@ class Kernels:
         """Rows and numbers that the kernels read."""
         return Rows(suffix, array("i", self.streams).tobytes(), array("d", self.shapes.table()).tobytes())
 
-    def text(self, module: Module, suffix: str) -> tuple[list[str], int]:
+    def text(self, needs: Needs, suffix: str) -> tuple[list[str], int]:
         """Text of the kernels, of the functions that call them and of the function that binds the rows; and the number of lines of the kernels."""
         kernels = list(self.shapes.kernels.values())
-        written = [self._kernel(module, kernel) for kernel in kernels]
+        written = [self._kernel(needs, kernel) for kernel in kernels]
         functions = [self._function(name, suffix) for name in self.plans]
         bound = (
             f"@streams_{suffix} = internal global ptr null\n@numbers_{suffix} = internal global ptr null\n"
@@ -75,14 +72,12 @@ class Kernels:
         return [bound, heap, *written, *functions], lines
 
     # ------------------------------------------------------------ a loop over instances
-    def _kernel(self, module: Module, kernel: Kernel) -> str:
+    def _kernel(self, needs: Needs, kernel: Kernel) -> str:
         if kernel.expression is None:
             return _sum_kernel(kernel.number)
-        from .write import _Body
-
         differ = [i for i, value in enumerate(kernel.literals) if value is None]
         width = 1 + len(kernel.reads) + len(differ)
-        body = _Body(module, {})
+        body = Body(needs, {})
         loads: list[str] = []
 
         def item(place: int, home: str, name: str) -> None:
@@ -134,8 +129,6 @@ class Kernels:
 
     # ------------------------------------------------------------ a function
     def _function(self, name: str, suffix: str) -> str:
-        from .write import HEAD
-
         plan = self.plans[name]
         used = sorted({kernel.number for kernel, _ in plan.runs})
         heap = plan.work > ON_THE_STACK

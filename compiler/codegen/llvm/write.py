@@ -1,4 +1,4 @@
-"""Expressions to LLVM IR: one function without branches for each function of a program, over arrays of the caller.
+"""Expressions to LLVM IR: the lines of one function, without branches, over arrays of the caller.
 
 Operations have the same order as in the numpy target, so both agree except for the last bits of powers and of library functions.
 The IR is written as text directly: it is the largest part of a model's compilation time.
@@ -7,128 +7,44 @@ The IR is written as text directly: it is the largest part of a model's compilat
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import field
 
 from ...algebra.expression import Apply, Expression, Number, Symbol
 from ...algebra.interpolate import SMOOTH_STEP
 from ...algebra.operators import CONDITIONS, OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of, size_of
 from ...algebra.table import lists
-from ...native.translate import translate
 from ...native.values import float_text
+from ...nouns import dataclass
 from ..limits import Leaf
-from ..lower import Lowered
-from ..numpy.write import Writer
 from ..order import operations_in_order
 from . import support
-from .described import Rows
-from .kernels import Function, Kernels
 
 ARGUMENTS = ("state", "inputs", "constants", "mode")
 HEAD = "(double %time, {arrays}, ptr noalias nocapture %out) {{\nentry:".format(
     arrays=", ".join(f"ptr noalias nocapture readonly %{a}" for a in ARGUMENTS)
 )
-LONGEST_IN_LINES = 1500  # operations and values of a module that are written one after the other
-SAVING = 2  # by how much shorter the kernels must be
 LARGEST_PRODUCT = 32  # power that is written as products
 
 
-HOT = frozenset(
-    {
-        "derivative",
-        "jacobian_entries",
-        "signals",
-        "solved",
-        "invariant",
-        "invariant_slopes",
-        "bends",
-        "stored_energy",
-        "roots",
-    }
-)  # called at every step of a run
+@dataclass(slots=True)
+class Needs:
+    """Parts of a module that its functions need: operators with support, functions of the library, lists of numbers."""
 
-
-def mode_size(lowered: Lowered) -> int:
-    """Length of the mode: truth values of conditions, and discrete variables."""
-    return max(len(lowered.switches), lowered.events.size if lowered.events.present else 0)
-
-
-class Module:
-    """Writer of a module with some functions of a program. `functions` gives for each: name, arguments in Python, number of values."""
-
-    def __init__(self, writer: Writer, hot: bool) -> None:
-        self.lowered, self.writer, self.hot = writer.lowered, writer, hot
-        self.called: set[str] = set()  # operators that need support
-        self.declared: set[str] = set()
-        self.arrays: dict[tuple[float, ...], str] = {}
-        self.functions: list[tuple[str, tuple[str, ...], int]] = []
-        self.operations = 0
-        self.rows: Rows | None = None  # data of the kernels, if there are any
-
-    def text(self) -> str:
-        """The whole module: either the functions that are called at every step, or the others."""
-        constants = self.writer.constants
-        self.functions, self.operations = [], 0
-        known: dict[Expression, tuple[str, int]] = {node: ("constants", i) for i, node in enumerate(constants)}
-        space = self.lowered.space
-        counts = {"state": len(space.states) + len(space.unknowns), "input": len(self.lowered.inputs)}
-        known |= {Symbol(Leaf("state", i)): ("state", i) for i in range(counts["state"])}
-        known |= {Symbol(Leaf("input", i)): ("inputs", i) for i in range(counts["input"])}
-        known |= {Symbol(Leaf("mode", i)): ("mode", i) for i in range(mode_size(self.lowered))}
-        wanted = [] if self.hot else [self._constants(constants)]
-        for name, arguments, _, roots in self.writer.functions():
-            if (name in HOT) == self.hot:
-                self.functions.append((name, tuple(arguments.split(", ")), len(roots)))
-                wanted.append(_ordered(name, roots, known))
-        parts = self._parts(wanted)
-        needed = list(dict.fromkeys(support.BY_OPERATOR[o] for o in sorted(self.called)))
-        supporting = translate(needed if self.hot else [support.batch, *needed])
-        declared = [
-            f"declare double @{name}" for name in sorted(self.declared) if f"declare double @{name}" not in supporting
-        ]
-        arrays = [
-            f"{name} = private unnamed_addr constant [{len(v)} x double] [{', '.join(f'double {float_text(x)}' for x in v)}]"
-            for v, name in self.arrays.items()
-        ]
-        return "\n".join([*arrays, *declared, supporting, *parts, ""])
-
-    def _constants(self, nodes: Sequence[Expression]) -> Function:
-        parameters = range(len(self.lowered.parameters))
-        leaves: dict[Expression, tuple[str, int]] = {Symbol(Leaf("parameter", i)): ("constants", i) for i in parameters}
-        self.functions.append(("constants", ("parameters",), len(nodes)))
-        return _ordered("constants", nodes, leaves)
-
-    def _parts(self, functions: Sequence[Function]) -> list[str]:
-        """Text of the functions: straight-line code if it is short or has few equal parts, else over kernels."""
-        if sum(len(f.order) + len(f.roots) for f in functions) > LONGEST_IN_LINES:
-            kernels = Kernels(self.lowered, functions)
-            if SAVING * kernels.size() < sum(len(f.order) + len(f.roots) for f in functions):
-                suffix = "hot" if self.hot else "cold"
-                self.rows = kernels.rows(suffix)
-                parts, self.operations = kernels.text(self, suffix)
-                return parts
-        return [self._function(f) for f in functions]
+    called: set[str] = field(default_factory=set)
+    declared: set[str] = field(default_factory=set)
+    arrays: dict[tuple[float, ...], str] = field(default_factory=dict)
 
     def array(self, values: tuple[float, ...]) -> str:
         """Name of a list of numbers, which is written once per module."""
         return self.arrays.setdefault(values, f"@points.{len(self.arrays) + 1}")
 
-    def _function(self, function: Function) -> str:
-        body = _Body(self, function.known)
-        lines = body.write(function.order, function.roots)
-        self.operations += len(lines)
-        return "\n".join([f"define void @{function.name}{HEAD}", *body.opening, *lines, "  ret void", "}"])
 
-
-def _ordered(name: str, roots: Sequence[Expression], known: dict[Expression, tuple[str, int]]) -> Function:
-    here: dict[Expression, object] = {**known, Symbol(Leaf("time", 0)): ""}
-    return Function(name, roots, operations_in_order(roots, here), known)
-
-
-class _Body:
+class Body:
     """Lines of one function. Values are doubles, except conditions, which are `i1`."""
 
-    def __init__(self, module: Module, known: Mapping[Expression, tuple[str, int]]) -> None:
-        self.module, self.known = module, known
+    def __init__(self, needs: Needs, known: Mapping[Expression, tuple[str, int]]) -> None:
+        self.needs, self.known = needs, known
         self.names: dict[Expression, str] = {Symbol(Leaf("time", 0)): "%time"}
         self.truths: set[str] = set()  # names that are no doubles
         self.lines: list[str] = []
@@ -200,7 +116,7 @@ class _Body:
         """A list as an array: a constant of the module if it holds numbers alone."""
         numbers = tuple(x.value for x in nodes if isinstance(x, Number))
         if len(numbers) == len(nodes):
-            return self.module.array(numbers)
+            return self.needs.array(numbers)
         place = self._room(len(nodes))
         for i, value in enumerate(self._doubles(nodes)):
             pointer = self._emit(f"getelementptr inbounds double, ptr {place}, i64 {i}")
@@ -213,7 +129,7 @@ class _Body:
         if operator in CONDITIONS:
             return self._condition(node)
         if operator in support.BY_OPERATOR:
-            self.module.called.add(operator)
+            self.needs.called.add(operator)
             return self._supported(node)
         match operator:
             case "add":
@@ -240,7 +156,7 @@ class _Body:
 
     def _call(self, operator: str, values: Sequence[str]) -> str:
         name = OPERATORS[operator].llvm or OPERATORS[operator].in_c
-        self.module.declared.add(f"{name}({', '.join(['double'] * len(values))})")
+        self.needs.declared.add(f"{name}({', '.join(['double'] * len(values))})")
         return self._emit(f"call double @{name}({', '.join(f'double {v}' for v in values)})")
 
     def _condition(self, node: Apply) -> str:
@@ -319,7 +235,7 @@ class _Body:
             case "noise":
                 place, seed = self._doubles(operands[1:])
                 steps = tuple(map(float, SMOOTH_STEP[_order(node)]))
-                rest = f"double {place}, double {seed}, ptr {self.module.array(steps)}, i64 {len(steps)}"
+                rest = f"double {place}, double {seed}, ptr {self.needs.array(steps)}, i64 {len(steps)}"
                 return self._emit(f"call double @noise(i64 {_order(node)}, {rest})")
             case "root":
                 return self._emit("call double @root(double {}, double {})".format(*self._doubles(operands)))

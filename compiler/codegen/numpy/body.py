@@ -3,29 +3,41 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import field
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
 from ...algebra.expression import Apply, Expression, Number
 from ...algebra.operators import OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of, size_of
 from ...algebra.table import lists
 from ...errors import printable
+from ...nouns import dataclass
+from ..lowered import Label
 from ..order import in_order
 from .names import Identifiers
 
-if TYPE_CHECKING:
-    from .write import Writer
-
 _COMPARE = {name: OPERATORS[name].c for name in ("less", "less_equal", "equal")}
+
+
+@dataclass(slots=True)
+class Needs:
+    """Parts of a module that its functions need: operators, lists of numbers; and the labels of expressions."""
+
+    labels: Mapping[Expression, Label]
+    operators: set[str] = field(default_factory=set)  # that have been written
+    arrays: dict[tuple[float, ...], str] = field(default_factory=dict)  # the lists of tables that are numbers
+
+    def array(self, values: tuple[float, ...]) -> str:
+        """Name of a list of numbers, which is written once per module."""
+        return self.arrays.setdefault(values, f"_list_{len(self.arrays) + 1}")
 
 
 class Body:
     """Lines of one function."""
 
-    def __init__(self, writer: Writer, known: dict[Expression, str], taken: set[str]) -> None:
-        self.writer, self.known = writer, known
+    def __init__(self, needs: Needs, known: dict[Expression, str], taken: set[str]) -> None:
+        self.needs, self.known = needs, known
         self.identifiers = Identifiers()
         self.identifiers.taken = taken
         self.lines: list[str] = []
@@ -35,7 +47,7 @@ class Body:
     def write(self, roots: Sequence[Expression], names: dict[Expression, str]) -> list[str]:
         """Write lines for all operations that the roots need, and return the text of each root. `names` are names that are given already."""
         order, uses = in_order(roots, self.known)
-        labels = self.writer.lowered.labels
+        labels = self.needs.labels
         for node in order:
             label = labels.get(node)
             given = names.get(node)
@@ -63,7 +75,7 @@ class Body:
             return name
         assert isinstance(node, Apply)
         operands = node.operands
-        self.writer.operators.add(node.operator)
+        self.needs.operators.add(node.operator)
         match node.operator:
             case "linear" | "cubic" | "monotone" | "inverse":
                 points = ", ".join(map(self._list, lists(node)))
@@ -111,7 +123,7 @@ class Body:
         """A list of a table: an array of the module if it is of numbers alone."""
         numbers = tuple(x.value for x in items if isinstance(x, Number))
         if len(numbers) == len(items):
-            return self.writer.array(numbers)
+            return self.needs.array(numbers)
         return f"({', '.join(self._text(x, 0) for x in items)})"
 
     def _slope(self, node: Apply) -> str:

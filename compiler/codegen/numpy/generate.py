@@ -8,7 +8,8 @@ from importlib.abc import InspectLoader
 from types import ModuleType
 
 from ..dependence import EVENT
-from ..lower import Lowered, count_operations
+from ..lower import count_operations
+from ..lowered import Lowered
 from ..multipliers import solved_for
 from ..program import Delays, HybridNote, Names, Program, hybrid_of
 from ..time_functions import time_functions_of

@@ -14,9 +14,10 @@ from ...errors import printable
 from ..dependence import INPUT, MODE, STATE, TIME
 from ..events import LoweredEvents
 from ..limits import Leaf
-from ..lower import Lowered, moving
+from ..lower import moving
+from ..lowered import Lowered
 from .beginning import beginning
-from .body import Body, number
+from .body import Body, Needs, number
 from .names import Identifiers
 
 FIXED, FULL = "constants", "time, state, inputs, constants, mode"
@@ -36,8 +37,7 @@ class Writer:
         self.state_names = [identifiers.of(lowered.space.variables[v].name) for v in moving(lowered.space)]
         self.input_names = [identifiers.of(lowered.space.variables[v].name) for v in lowered.inputs]
         self.taken = set(identifiers.taken)
-        self.operators: set[str] = set()  # that have been written
-        self.arrays: dict[tuple[float, ...], str] = {}  # the lists of tables that are numbers
+        self.needs = Needs(lowered.labels)
 
     def _label(self, node: Expression) -> str:
         if isinstance(node, Symbol) and isinstance(node.key, Leaf) and node.key.role == "parameter":
@@ -146,8 +146,10 @@ class Writer:
                 parts.append(_jacobian(sorted(lowered.jacobian), len(lowered.rates)))
         if lowered.events.present:
             parts.append(_mode_at(lowered.events))
-        arrays = "".join(f"{name} = np.array({list(values)!r})\n" for values, name in self.arrays.items())
-        return "\n".join([f'"""{_quoted(note)}"""', beginning(self.operators), *([arrays] if arrays else []), *parts])
+        arrays = "".join(f"{name} = np.array({list(values)!r})\n" for values, name in self.needs.arrays.items())
+        return "\n".join(
+            [f'"""{_quoted(note)}"""', beginning(self.needs.operators), *([arrays] if arrays else []), *parts]
+        )
 
     def functions(self) -> Iterator[Written]:
         """Name, arguments, description and result of each function."""
@@ -228,12 +230,8 @@ class Writer:
         words = "Efforts for displacements and flows for momenta, where junctions switch."
         yield "conjugates", FULL, words, events.conjugates
 
-    def array(self, values: tuple[float, ...]) -> str:
-        """Name of a list of numbers, which is written once per module."""
-        return self.arrays.setdefault(values, f"_list_{len(self.arrays) + 1}")
-
     def _constants(self) -> str:
-        body = Body(self, {}, {*self.taken})
+        body = Body(self.needs, {}, {*self.taken})
         for position in range(len(self.lowered.parameters)):
             leaf = Symbol(Leaf("parameter", position))
             name = self.constant_names.get(leaf) or body.identifiers.of(self._label(leaf))
@@ -251,7 +249,7 @@ class Writer:
         return "\n" + "\n".join(lines) + "\n"
 
     def _function(self, name: str, arguments: str, note: str, roots: Sequence[Expression]) -> str:
-        body = Body(self, dict(self.constant_names), set(self.taken))
+        body = Body(self.needs, dict(self.constant_names), set(self.taken))
         for position, leaf_name in enumerate(self.state_names):
             body.known[Symbol(Leaf("state", position))] = leaf_name
         for position, leaf_name in enumerate(self.input_names):

@@ -1,0 +1,106 @@
+"""A module of LLVM IR: one function for each function of a program, the support that they call, and their lists of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...algebra.expression import Expression, Symbol
+from ...native.translate import translate
+from ...native.values import float_text
+from ..limits import Leaf
+from ..lowered import Lowered
+from ..numpy.write import Writer
+from ..order import operations_in_order
+from . import support
+from .described import Rows
+from .kernels import Function, Kernels
+from .write import HEAD, Body, Needs
+
+SAVING = 2  # by how much shorter the kernels must be
+LONGEST_IN_LINES = 1500  # operations and values of a module that are written one after the other
+HOT = frozenset(
+    {
+        "derivative",
+        "jacobian_entries",
+        "signals",
+        "solved",
+        "invariant",
+        "invariant_slopes",
+        "bends",
+        "stored_energy",
+        "roots",
+    }
+)  # called at every step of a run
+
+
+def mode_size(lowered: Lowered) -> int:
+    """Length of the mode: truth values of conditions, and discrete variables."""
+    return max(len(lowered.switches), lowered.events.size if lowered.events.present else 0)
+
+
+class Module:
+    """Writer of a module with some functions of a program. `functions` gives for each: name, arguments in Python, number of values."""
+
+    def __init__(self, writer: Writer, hot: bool) -> None:
+        self.lowered, self.writer, self.hot = writer.lowered, writer, hot
+        self.needs = Needs()
+        self.functions: list[tuple[str, tuple[str, ...], int]] = []
+        self.operations = 0
+        self.rows: Rows | None = None  # data of the kernels, if there are any
+
+    def text(self) -> str:
+        """The whole module: either the functions that are called at every step, or the others."""
+        constants = self.writer.constants
+        self.functions, self.operations = [], 0
+        known: dict[Expression, tuple[str, int]] = {node: ("constants", i) for i, node in enumerate(constants)}
+        space = self.lowered.space
+        counts = {"state": len(space.states) + len(space.unknowns), "input": len(self.lowered.inputs)}
+        known |= {Symbol(Leaf("state", i)): ("state", i) for i in range(counts["state"])}
+        known |= {Symbol(Leaf("input", i)): ("inputs", i) for i in range(counts["input"])}
+        known |= {Symbol(Leaf("mode", i)): ("mode", i) for i in range(mode_size(self.lowered))}
+        wanted = [] if self.hot else [self._constants(constants)]
+        for name, arguments, _, roots in self.writer.functions():
+            if (name in HOT) == self.hot:
+                self.functions.append((name, tuple(arguments.split(", ")), len(roots)))
+                wanted.append(_ordered(name, roots, known))
+        parts = self._parts(wanted)
+        needed = list(dict.fromkeys(support.BY_OPERATOR[o] for o in sorted(self.needs.called)))
+        supporting = translate(needed if self.hot else [support.batch, *needed])
+        declared = [
+            f"declare double @{name}"
+            for name in sorted(self.needs.declared)
+            if f"declare double @{name}" not in supporting
+        ]
+        arrays = [
+            f"{name} = private unnamed_addr constant [{len(v)} x double] [{', '.join(f'double {float_text(x)}' for x in v)}]"
+            for v, name in self.needs.arrays.items()
+        ]
+        return "\n".join([*arrays, *declared, supporting, *parts, ""])
+
+    def _constants(self, nodes: Sequence[Expression]) -> Function:
+        parameters = range(len(self.lowered.parameters))
+        leaves: dict[Expression, tuple[str, int]] = {Symbol(Leaf("parameter", i)): ("constants", i) for i in parameters}
+        self.functions.append(("constants", ("parameters",), len(nodes)))
+        return _ordered("constants", nodes, leaves)
+
+    def _parts(self, functions: Sequence[Function]) -> list[str]:
+        """Text of the functions: straight-line code if it is short or has few equal parts, else over kernels."""
+        if sum(len(f.order) + len(f.roots) for f in functions) > LONGEST_IN_LINES:
+            kernels = Kernels(self.lowered, functions)
+            if SAVING * kernels.size() < sum(len(f.order) + len(f.roots) for f in functions):
+                suffix = "hot" if self.hot else "cold"
+                self.rows = kernels.rows(suffix)
+                parts, self.operations = kernels.text(self.needs, suffix)
+                return parts
+        return [self._function(f) for f in functions]
+
+    def _function(self, function: Function) -> str:
+        body = Body(self.needs, function.known)
+        lines = body.write(function.order, function.roots)
+        self.operations += len(lines)
+        return "\n".join([f"define void @{function.name}{HEAD}", *body.opening, *lines, "  ret void", "}"])
+
+
+def _ordered(name: str, roots: Sequence[Expression], known: dict[Expression, tuple[str, int]]) -> Function:
+    here: dict[Expression, object] = {**known, Symbol(Leaf("time", 0)): ""}
+    return Function(name, roots, operations_in_order(roots, here), known)
