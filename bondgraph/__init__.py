@@ -20,10 +20,11 @@ from .presentation.renderers import RENDERERS
 if TYPE_CHECKING:
     from .builder import Graph
     from .compiled_model import check
-    from .ensembles import Ensemble
     from .errors import RunFailed, RunInterrupted, UsageError
     from .model import Model, load
-    from .results import Result, read_result
+    from .results.archive import read_result
+    from .results.ensemble import Ensemble
+    from .results.result import Result
     from .studies.journal import Journal
     from .studies.sharing import Sharing
 
@@ -36,11 +37,11 @@ _HOMES = {
     "check": "compiled_model",
     "Model": "model",
     "Graph": "builder",
-    "Ensemble": "ensembles",
+    "Ensemble": "results.ensemble",
     "Journal": "studies.journal",
     "Sharing": "studies.sharing",
-    "Result": "results",
-    "read_result": "results",
+    "Result": "results.result",
+    "read_result": "results.archive",
     "RunFailed": "errors",
     "RunInterrupted": "errors",
     "UsageError": "errors",

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import cache
 from .errors import UsageError
-from .results import Column
+from .results.records import Column
 
 if TYPE_CHECKING:
     from .door import Certificate, Compilation, Facts, Plan, Program, Scene, Source, StateSpace

@@ -15,7 +15,7 @@ from .told import finite, named, pair, with_units
 from .verdict import Verdict, verdict
 
 if TYPE_CHECKING:
-    from ..results import Reporting
+    from ..results.records import Reporting
 
 SCHEMA = "bondgraph-equilibrium/1"
 

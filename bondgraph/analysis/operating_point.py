@@ -22,7 +22,7 @@ from .told import named
 if TYPE_CHECKING:
     from ..compiled_model import CompiledModel
     from ..door import Compilation, Expression, Lowered, Program
-    from ..results import LimitLeft
+    from ..results.records import LimitLeft
     from ..simulation.closed.constraints import Constraints
     from .following import Follower
 

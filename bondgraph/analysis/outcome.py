@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     import xarray
     from numpy.typing import NDArray
 
-    from ..exports import Arrays
-    from ..results import Result
+    from ..results.exports import Arrays
+    from ..results.result import Result
     from .equilibrium import Equilibrium
     from .modes import Modes
     from .response import Response
@@ -165,7 +165,7 @@ class Outcome(Sequence[Point]):
 
     def _arrays(self) -> Arrays:
         """Return numbers over the swept names if they form a grid, else over `point`; and runs over time, if all have the same instants."""
-        from ..exports import Arrays
+        from ..results.exports import Arrays
 
         table, units, shape = self.table(), self.units, self.grid
         dims = tuple(self.swept) if shape is not None else ("point",)
@@ -185,13 +185,13 @@ class Outcome(Sequence[Point]):
 
     def to_xarray(self) -> xarray.Dataset:
         """Return a data set over the swept names, if they form a grid (else over `point`), in SI and Hz; and runs over `time`. Raises `MissingPackage`."""
-        from ..exports import dataset
+        from ..results.exports import dataset
 
         return dataset(self._arrays())
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the table into a .csv (17 significant digits) file; or all of `to_xarray` into a .npz, .nc or .mat file. Raises OSError, `UsageError`."""
-        from ..exports import write_arrays
+        from ..results.exports import write_arrays
 
         if os.fspath(path).lower().endswith(".csv"):
             self.to_csv(path)
@@ -200,7 +200,7 @@ class Outcome(Sequence[Point]):
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write the table as .csv into a file of any name. Raises OSError."""
-        from ..exports import write_csv
+        from ..results.exports import write_csv
 
         write_csv(path, dict(zip(self.names, self.table().T, strict=True)), self.units)
 

@@ -28,7 +28,7 @@ from .telling import FAILED, harmless, problems_told
 
 if TYPE_CHECKING:
     from .. import Model
-    from ..results import Result
+    from ..results.result import Result
 
 
 @click.command("run")
@@ -163,9 +163,9 @@ def _how_to_go_on(result: Result, file: str, out: str | None) -> str:
     if out is None:
         return f"{count} {'were' if len(result.time) != 1 else 'was'} computed; `--out R.npz` keeps what there is"
     written = f"{count} {'are' if len(result.time) != 1 else 'is'} in {out}"
-    if not out.endswith(".npz") or result.end is None:
+    if not out.endswith(".npz") or result.checkpoint is None:
         return written
-    return f"{written}; `bondgraph run {file} --from {out} --out {out}` goes on from t = {result.end.time:.6g} s"
+    return f"{written}; `bondgraph run {file} --from {out} --out {out}` goes on from t = {result.checkpoint.time:.6g} s"
 
 
 def _has_bars() -> bool:

@@ -13,8 +13,8 @@ from .shown import STAGES, Shown
 if TYPE_CHECKING:
     from ..analysis.inversion.feed_forward import FeedForward
     from ..analysis.outcome import Outcome
-    from ..ensembles import Ensemble
-    from ..results import Result
+    from ..results.ensemble import Ensemble
+    from ..results.result import Result
     from ..studies.distributions import Distribution
     from ..studies.fit import Sought
     from ..studies.fitted import Fit
@@ -144,14 +144,14 @@ class Model(Shown, AnalysedModel):
         `points`: equally spaced instants, both ends included (default 501). `outputs`: only these. `energy` adds the energy balance. `target`: native
         (machine code) or numpy; by default the first that this machine has. `solver`: automatic, exponential (linear models), explicit, radau, rodas (stiff
         models) or energy (lossless models).
-        `bandwidth`: a frequency as text or in Hz; faster modes need not be followed, and the result's `left_out` reports the truncated ones.
+        `bandwidth`: a frequency as text or in Hz; faster modes need not be followed, and the result's `truncation` reports the truncated ones.
         `start`: a result of the same model, or its .npz file, from whose end the run goes on.
         `check`: repeat the run by another method, with a tenth of the tolerance and a finer search for events; the result's `check` has the differences.
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have the
         `result` up to then.
         """
         from ..errors import UsageError
-        from ..results import read_result
+        from ..results.archive import read_result
         from ..simulation.run import Wanted, simulate
 
         before = read_result(start) if isinstance(start, str | Path) else start

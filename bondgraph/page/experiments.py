@@ -16,7 +16,7 @@ from .runs import OUTPUTS, Watched, run_data
 
 if TYPE_CHECKING:
     from ..analysis.outcome import Outcome
-    from ..results import EnergyBalance
+    from ..results.records import EnergyBalance
 
 PROBLEMS = (CompilationFailed, UsageError, RunFailed, MissingPackage)
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from ..door import CompilationFailed, Scene
 from ..errors import RunFailed, UsageError
-from ..results import extremes
+from ..results.result import extremes
 from ..views.tables import short
 from .markup import Html, tag
 from .told import problems_markup
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
-    from ..results import Result
+    from ..results.result import Result
 
 NODES = 150  # most nodes of a picture that is drawn without a request
 ROWS = 40

@@ -19,7 +19,7 @@ from .scene import Scenes, scenes_of
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
     from ..door import BondGraph
-    from ..results import Result
+    from ..results.result import Result
 
 OUTPUTS = 24  # most curves of one run
 POINTS = 2001  # most instants of a plot

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..ended import End
 from ..errors import NotLossless, RateNotFinite, RunFailed, StepsCollapsed, UsageError
-from ..results import EnergyBalance, Occurrence, ToleranceDoubt
+from ..results.checkpoint import Checkpoint
+from ..results.records import EnergyBalance, EventRecord, ToleranceDoubt
 from .closed.constraints import Constraints
 from .loops.loops import LoopSolver
 from .segments import Segment, Timeline, mode_after, rest_of, timeline_in_parts
@@ -26,8 +26,8 @@ from .watch.validity import Watch
 
 if TYPE_CHECKING:
     from ..door import Plan, Program, Scene, StateSpace
-    from ..left_out import LeftOut
     from ..prepared import Prepared
+    from ..results.truncation import TruncationReport
     from .bandwidth.leave import Leaving, Removal
     from .events.complementarity import Companion
     from .events.events import Events
@@ -86,7 +86,7 @@ class Leg:
         self.looked_from = self.state  # state from which a pilot run starts
         self.bandwidth = bandwidth
         self.leaving: Leaving | None = None  # modal truncation at the bandwidth
-        self.left_out: LeftOut | None = None
+        self.left_out: TruncationReport | None = None
         self.parameters, self.constants = self.constraints.parameters, self.constraints.constants
         self.told = self._told_tolerances()
         self.notes: tuple[str, ...] = ()
@@ -426,7 +426,7 @@ class Leg:
         )
         return ToleranceDoubt(float(self.instants[0]), "", "tolerance below rounding", text, (), "")
 
-    def end(self, until: float) -> End | None:
+    def end(self, until: float) -> Checkpoint | None:
         """Return the checkpoint at the end of this phase, from which another run can go on; None if no step was accepted."""
         kept, program = self.trajectory.kept, self.program
         if kept is None:
@@ -436,7 +436,7 @@ class Leg:
         names = (*program.states.names, *program.unknowns.names)
         hybrid = program.hybrid
         modes = {} if hybrid is None else dict(zip(hybrid.modes.names, map(float, kept.mode), strict=False))
-        return End(
+        return Checkpoint(
             self.compilation.facts.identity, dict(zip(program.parameters.names, self.parameters.tolist(), strict=True)),
             kept.time, until, stored, peaks, dict(zip(program.unknowns.names, kept.state[count:].tolist(), strict=True)),
             dict(self.known) if self.used is None else dict(zip(names, self.used.tolist(), strict=True)), modes,
@@ -463,13 +463,15 @@ class Leg:
         )
 
     @property
-    def occurrences(self) -> list[Occurrence]:
+    def occurrences(self) -> list[EventRecord]:
         """Records of the events that acted."""
         if self.events is None:
             return []
         notes = self.events.hybrid.events
         acted = [(h.time, notes[i]) for h in self.events.log for i in h.events if not notes[i].sampled]
-        return [Occurrence(t, n.words, n.owner, f"{PurePath(n.span.source.name).name}:{n.span.line}") for t, n in acted]
+        return [
+            EventRecord(t, n.words, n.owner, f"{PurePath(n.span.source.name).name}:{n.span.line}") for t, n in acted
+        ]
 
     def _outputs(self) -> Any:
         """Return the outputs, shape (points, outputs)."""

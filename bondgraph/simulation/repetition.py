@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import RunFailed, UsageError
-from ..run_check import FACTOR, OutputDifference, RunCheck
+from ..results.run_check import FACTOR, OutputDifference, RunCheck
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from ..results import Result
+    from ..results.result import Result
     from .run import Wanted
 
 PARTS = 61

@@ -13,9 +13,9 @@ from .watch.choice import Handover
 
 if TYPE_CHECKING:
     from ..door import Scene
-    from ..ended import End
     from ..prepared import Prepared
-    from ..results import Result
+    from ..results.checkpoint import Checkpoint
+    from ..results.result import Result
 
 SAME = 1e-12  # relative change of a parameter by writing and reading
 SHOWN = 4  # most names in a message
@@ -31,7 +31,7 @@ def resumed(
     instants: Any,
 ) -> tuple[Scene, Handover, Any]:
     """Return the scene and the handover from which the run goes on, and its remaining output instants. Raises `UsageError`."""
-    end = before.end
+    end = before.checkpoint
     if end is None:
         raise UsageError("the result says nothing of where its run ended, so nothing goes on from it")
     _check_model(before, end, prepared, values, energy)
@@ -63,7 +63,9 @@ def resumed(
     return scene, begin, left
 
 
-def _check_model(before: Result, end: End, prepared: Prepared, values: Mapping[str, float], energy: bool) -> None:
+def _check_model(
+    before: Result, end: Checkpoint, prepared: Prepared, values: Mapping[str, float], energy: bool
+) -> None:
     """Raise `UsageError` if the result belongs to another model, or has other outputs or other parameters."""
     program, plan = prepared.program, prepared.plan
     if before.model != program.name:
@@ -100,7 +102,7 @@ def _same(a: float, b: float) -> bool:
 
 def joined(before: Result, after: Result) -> Result:
     """Return both results as one."""
-    from ..left_out import joined as both
+    from ..results.truncation import joined as both
     from .watch.energy import added
 
     kept = before.time <= (after.time[0] if len(after.time) else np.inf)
@@ -116,5 +118,5 @@ def joined(before: Result, after: Result) -> Result:
         evaluations=evaluations, energy=added(energies) if len(energies) == 2 else None,
         warnings=(*before.warnings, *(w for w in after.warnings if (w.owner, w.condition, w.place) not in first)),
         notes=tuple(dict.fromkeys([*before.notes, *after.notes])), events=(*before.events, *after.events),
-        left_out=both(before.left_out, after.left_out),
+        truncation=both(before.truncation, after.truncation),
     )  # fmt: skip

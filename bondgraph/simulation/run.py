@@ -16,7 +16,8 @@ from ..door import CompilationFailed
 from ..errors import ManyRuns, RunFailed, UsageError
 from ..prepared import chosen_target, many_runs
 from ..quantities import behind
-from ..results import EnergyBalance, LimitLeft, Result
+from ..results.records import EnergyBalance, LimitLeft
+from ..results.result import Result
 from .leg import Leg
 from .settings import Settings, refused_with_values, settle, with_zeros
 from .steps.methods import chosen_solver
@@ -25,8 +26,8 @@ from .watch.choice import WORST, Handover
 if TYPE_CHECKING:
     from ..compiled_model import CompiledModel
     from ..door import Plan, Program, Scene
-    from ..left_out import LeftOut
     from ..prepared import Prepared
+    from ..results.truncation import TruncationReport
     from .events.complementarity import Companion
     from .events.impulse import Jump
     from .segments import Timeline
@@ -348,9 +349,9 @@ def _balance(legs: Sequence[Leg]) -> EnergyBalance | None:
     return added([leg.balance for leg in legs if leg.balance is not None])
 
 
-def _left_out(legs: Sequence[Leg], balance: EnergyBalance | None) -> LeftOut | None:
+def _left_out(legs: Sequence[Leg], balance: EnergyBalance | None) -> TruncationReport | None:
     """Return the joined truncation report of all phases, with the removed energy; None if nothing was truncated."""
-    from ..left_out import joined
+    from ..results.truncation import joined
 
     found = None
     for leg in legs:

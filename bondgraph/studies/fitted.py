@@ -123,7 +123,7 @@ class Fit:
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write row, measured, computed and sigma of all data in SI, stacked, into a .csv, .npz, .nc or .mat file. Raises OSError, `UsageError`."""
-        from ..exports import write_columns
+        from ..results.exports import write_columns
 
         columns: dict[str, Array] = {
             "series": np.concatenate([np.full(len(s.rows), float(i)) for i, s in enumerate(self.series, 1)]),

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..ensembles import Ensemble
-from ..results import Result
+from ..results.ensemble import Ensemble
+from ..results.result import Result
 from ..simulation.run import Wanted, check_wanted, simulate
 from .sharing import Sharing, answers
 from .wrong import check_some_stand, kept

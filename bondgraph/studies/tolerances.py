@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import xarray
     from numpy.typing import NDArray
 
-    from ..exports import Arrays
+    from ..results.exports import Arrays
     from .indices import Indices
 
     Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ class MonteCarlo:
         return found | {f"{100 * s:g} %": float(q) for s, q in zip(SHARES, np.quantile(column, SHARES), strict=True)}
 
     def _arrays(self) -> Arrays:
-        from ..exports import Arrays
+        from ..results.exports import Arrays
 
         columns = {n: (("point",), self(n), self.units[n]) for n in self.names}
         told: dict[str, str | int | float | None] = {
@@ -103,13 +103,13 @@ class MonteCarlo:
 
     def to_xarray(self) -> xarray.Dataset:
         """Return parameters and quantities over `point`, in SI and Hz. Raises `MissingPackage`."""
-        from ..exports import dataset
+        from ..results.exports import dataset
 
         return dataset(self._arrays())
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the same into a .csv, .npz, .nc or .mat file; completely or not at all. Raises OSError, `UsageError`."""
-        from ..exports import write_arrays
+        from ..results.exports import write_arrays
 
         write_arrays(path, self._arrays())
 

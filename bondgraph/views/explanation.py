@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from ..door import Compilation, cost
-from ..left_out import told_hertz
+from ..results.truncation import frequency_text
 from .tables import columns, counted, short, visible
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Explanation:
         yield self.certificate.line
         yield from ("", "left out")
         if self.bandwidth is not None:
-            yield f"  what rings faster than {told_hertz(self.bandwidth)}, if it does: the run tells what that was, and what it would have done"
+            yield f"  what rings faster than {frequency_text(self.bandwidth)}, if it does: the run tells what that was, and what it would have done"
         elif not self.left_out and not self.certificate.unneeded:
             yield "  nothing: all of the model is needed"
         for item in self.left_out:

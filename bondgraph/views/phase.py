@@ -15,7 +15,7 @@ from .tables import labelled, visible
 
 if TYPE_CHECKING:
     from ..analysis.branch import Branch
-    from ..results import Result
+    from ..results.result import Result
 
 ARROWS = (0.2, 0.45, 0.7)  # positions, as fractions of the length of a curve
 LOOKS = {"fold": "o", "branch": "D", "oscillation": "s"}

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ..results import Result
+    from ..results.result import Result
 
     Curve = tuple[str, NDArray[np.float64]]
 

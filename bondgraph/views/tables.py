@@ -6,14 +6,15 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ..results import extremes
+from ..results.result import extremes
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ..results import EnergyBalance, Result
-    from ..run_check import RunCheck
+    from ..results.records import EnergyBalance
+    from ..results.result import Result
+    from ..results.run_check import RunCheck
 
 LONGEST_NAME = 60
 BARS, SPARKS = "▁▂▃▄▅▆▇█", 24

@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bondgraph.commands import commands
-from bondgraph.results import _csv_field
+from bondgraph.results.result import _csv_field
 
 # What would be run if a literal could be ended: each writes the file `canary`. A text holds no quotation mark, a comment does.
 TEXTS = [

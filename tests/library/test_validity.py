@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from bondgraph.results import LimitLeft
+from bondgraph.results.records import LimitLeft
 from tests.library.bench import run
 
 

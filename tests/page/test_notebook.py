@@ -6,7 +6,8 @@ import numpy as np
 
 import bondgraph
 from bondgraph import Graph
-from bondgraph.results import Column, Result
+from bondgraph.results.records import Column
+from bondgraph.results.result import Result
 from tests.compiling import MODELS
 from tests.page.test_page import HOSTILE, read
 

@@ -9,7 +9,7 @@ import pytest
 
 import bondgraph
 from bondgraph import CompilationFailed, RunFailed
-from bondgraph.results import Result
+from bondgraph.results.result import Result
 
 TARGETS = ["numpy", pytest.param("native", marks=pytest.mark.machine_code)]
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.results import Column, Result, Shown
+from bondgraph.results.records import Column, ReportColumn
+from bondgraph.results.result import Result
 
 
 def made(values: object = ((0.0, 1.0), (2.0, math.nan))) -> Result:
@@ -20,7 +21,7 @@ def made(values: object = ((0.0, 1.0), (2.0, math.nan))) -> Result:
         np.array([0.0, 0.5]),
         columns,
         np.array(values),
-        (Shown("x", "mm", 1e3),),
+        (ReportColumn("x", "mm", 1e3),),
         "s",
         3,
         {"derivative": 7},

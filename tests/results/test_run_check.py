@@ -12,8 +12,9 @@ from click.testing import CliRunner
 import bondgraph
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
-from bondgraph.results import Column, Occurrence, Result
-from bondgraph.run_check import FACTOR
+from bondgraph.results.records import Column, EventRecord
+from bondgraph.results.result import Result
+from bondgraph.results.run_check import FACTOR
 from bondgraph.simulation.repetition import compare
 
 OSCILLATOR = """model A {
@@ -31,7 +32,7 @@ OSCILLATOR = """model A {
 def result(x: list[float], events: list[float], rtol: float = 1e-6) -> Result:
     """A run of one output at five instants."""
     time = np.linspace(0, 4, 5)
-    told = tuple(Occurrence(t, "x > 0", "", "a.bg:1") for t in events)
+    told = tuple(EventRecord(t, "x > 0", "", "a.bg:1") for t in events)
     return Result("A", None, time, (Column("x", "m"),), np.array(x)[:, None], rtol=rtol, events=told)
 
 

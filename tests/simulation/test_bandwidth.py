@@ -11,7 +11,8 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import UsageError
-from bondgraph.results import Result, read_result
+from bondgraph.results.archive import read_result
+from bondgraph.results.result import Result
 from bondgraph.simulation.bandwidth import leave, push
 from tests.compiling import MODELS
 
@@ -162,14 +163,14 @@ def test_a_manipulator_that_starts_off(manipulator: bondgraph.Model) -> None:
         chosen = [i for i, n in enumerate(names) if STATES[n] in kinds]
         assert apart[chosen].max() < 1e-6 * size[chosen].max()
     tight = manipulator.simulate("off", bandwidth=50e3, rtol=1e-10)
-    told, found = tight.left_out, lacking(full, tight)
+    told, found = tight.truncation, lacking(full, tight)
     assert told is not None and told.faster == 3 and told.instants == (0.0,)
     assert told.outputs["x"] == pytest.approx(0.97e-9, rel=0.01)
     for name in ("x", "y", "phi", "c2", "c3", "vx", "vy", "w", "v2", "v3"):
         assert within(told.outputs[name], found[name], 3), name
     assert 0 < told.kept["x"] < 1e-9 * np.abs(full["x"]).max()
-    assert usual.left_out is not None and not any(
-        usual.left_out.kept.values()
+    assert usual.truncation is not None and not any(
+        usual.truncation.kept.values()
     )  # below that tolerance, and not computed
     assert [round(m.frequency) for m in told.modes] == [836512] and told.modes[0].elements[0] == "stage.platform"
 
@@ -181,7 +182,7 @@ def test_nothing_rings(manipulator: bondgraph.Model, target: str) -> None:
     for bandwidth, told in (("50 kHz", "3 modes are faster, and none rings"), ("10 MHz", "nothing in it is faster")):
         found = manipulator.simulate("quiet", target=target, to="6 ms", bandwidth=bandwidth)
         assert (found.values == quiet.values).all() and found.steps == quiet.steps
-        assert found.left_out is not None and told in found.left_out.reason and not found.left_out.instants
+        assert found.truncation is not None and told in found.truncation.reason and not found.truncation.instants
         assert any(told in note for note in found.notes)
 
 
@@ -196,9 +197,11 @@ def test_numpy_takes_the_same_steps(manipulator: bondgraph.Model) -> None:
             a.evaluations["derivative"], rel=0.02
         )
         assert (
-            a.left_out is not None and b.left_out is not None and len(a.left_out.instants) == len(b.left_out.instants)
+            a.truncation is not None
+            and b.truncation is not None
+            and len(a.truncation.instants) == len(b.truncation.instants)
         )
-        assert a.left_out.instants == pytest.approx(b.left_out.instants, rel=1e-9)
+        assert a.truncation.instants == pytest.approx(b.truncation.instants, rel=1e-9)
         assert np.abs(a.values - b.values).max(axis=0) == pytest.approx(0, abs=1e-7)
 
 
@@ -215,16 +218,16 @@ def test_a_linear_model_keeps_its_slow_part(target: str) -> None:
     start[[linear.states.index("link.x"), linear.states.index("wall.x")]] = 1e-3, 50e-3
     shares = np.linalg.solve(right, start)
     names = {"wall.x": "xa", "link.x": "stretch", "soft.x": "xs", "ma.p": "pa", "mb.p": "pb", "mc.p": "pc"}
-    for chosen, told in ((slow, None), (~slow, found.left_out)):
+    for chosen, told in ((slow, None), (~slow, found.truncation)):
         states = (right[:, chosen] * shares[chosen]) @ np.exp(values[chosen, None] * found.time)
         for row, name in zip(states.real, linear.states, strict=True):
             if told is None:
                 assert found[names[name]] == pytest.approx(row, abs=1e-7 * max(0.05, np.abs(row).max()))
             else:
                 assert within(told.outputs[names[name]], float(np.abs(row).max()), 1.3)
-    assert found.left_out is not None and max(found.left_out.kept.values()) < 1e-12
+    assert found.truncation is not None and max(found.truncation.kept.values()) < 1e-12
     exact = model.simulate("off", target=target)
-    assert exact.left_out is not None and "solved exactly" in exact.left_out.reason
+    assert exact.truncation is not None and "solved exactly" in exact.truncation.reason
     assert (exact.values == model.simulate("off", target=target, bandwidth="1 THz").values).all()
 
 
@@ -239,7 +242,7 @@ def test_the_push_on_the_slow_motion(text: str, experiment: str, shown: str, bes
     model = bondgraph.load(text)
     kept = model.simulate(experiment, rtol=1e-9, points=2001)
     full = followed(model, experiment, rtol=1e-10, points=2001)
-    told, apart = kept.left_out, full[shown] - kept[shown]
+    told, apart = kept.truncation, full[shown] - kept[shown]
     assert told is not None
     rings = full[beside] - kept[beside]
     rest = apart - rings * (rings @ apart) / (rings @ rings)
@@ -259,8 +262,8 @@ def test_what_is_not_computed_is_small(text: str, experiment: str, monkeypatch: 
 
     monkeypatch.setattr(push, "_bound", noted)
     found = bondgraph.load(text).simulate(experiment)
-    assert found.left_out is not None and len(bounds) == 1
-    for name, lacks in found.left_out.kept.items():
+    assert found.truncation is not None and len(bounds) == 1
+    for name, lacks in found.truncation.kept.items():
         assert lacks <= 2 * bounds[0] * 1e-6 * np.abs(found[name]).max()
         assert lacks == 0 or bounds[0] > 0.3
 
@@ -271,7 +274,7 @@ def test_what_a_blow_leaves_ringing() -> None:
     """The blow is followed; the ringing after it is truncated within the segment."""
     model = bondgraph.load(CHAIN)
     found, full = model.simulate("kicked"), followed(model, "kicked", rtol=1e-9)
-    told = found.left_out
+    told = found.truncation
     assert told is not None and told.instants and all(1 <= t < 1.1 for t in told.instants)
     assert found.steps < 750 < 20 * found.steps < full.steps
     after = found.time > 1.05
@@ -283,7 +286,7 @@ def test_what_a_blow_leaves_ringing() -> None:
 def test_what_a_jump_leaves_ringing() -> None:
     """The stiff spring takes half the jump at once: k x = 100 N/2, about which it would ring by as much."""
     found = bondgraph.load(CHAIN).simulate("jumped")
-    told = found.left_out
+    told = found.truncation
     assert told is not None and told.instants[0] == 1.0
     assert told.outputs["stretch"] == pytest.approx(100 / 1e5, rel=0.1)
     after = found["stretch"][(found.time > 1.0) & (found.time < 1.02)]
@@ -293,12 +296,12 @@ def test_what_a_jump_leaves_ringing() -> None:
 def test_a_drive_that_is_faster_is_followed_and_told() -> None:
     model = bondgraph.load(CHAIN)
     found, full = (model.simulate("buzz", rtol=1e-8, bandwidth=b) for b in ("50 Hz", "1 THz"))
-    assert found.left_out is not None
-    assert "what drives it changes as fast as 3" in found.left_out.reason and found.left_out.reason.endswith(
+    assert found.truncation is not None
+    assert "what drives it changes as fast as 3" in found.truncation.reason and found.truncation.reason.endswith(
         "0 Hz, and is followed"
     )
     quiet = np.abs(full["pa"]).max()
-    assert within(found.left_out.outputs["pa"], float(np.abs(full["pa"] - found["pa"]).max()), 3)
+    assert within(found.truncation.outputs["pa"], float(np.abs(full["pa"] - found["pa"]).max()), 3)
     assert np.abs(full["pa"] - found["pa"]).max() < quiet
 
 
@@ -306,7 +309,7 @@ def test_a_drive_that_is_faster_is_followed_and_told() -> None:
 def test_parasitics(target: str) -> None:
     """3 nC on 1 nF: 3 V that ring at 50 MHz, q^2/2C = 4.5 nJ of energy, and the balance closes."""
     found = bondgraph.load(FILTER).simulate("charged", target=target, energy=True)
-    told = found.left_out
+    told = found.truncation
     assert told is not None and found.steps < 300
     assert told.outputs["far_u"] == pytest.approx(3, rel=1e-3)
     assert told.modes[0].frequency == pytest.approx(1 / (2 * np.pi * np.sqrt(1e-8 * 1e-9)), rel=1e-3)
@@ -334,14 +337,14 @@ def test_what_grows_is_followed() -> None:
     """Rates of 10 1/s: 1.6 Hz, above a bandwidth of 0.5 Hz."""
     model = bondgraph.load(GROWS)
     found, full = model.simulate(to=2, bandwidth=0.5), model.simulate(to=2)
-    assert found.left_out is not None and "a motion of 1.592 Hz grows, so it is followed" in found.left_out.reason
+    assert found.truncation is not None and "a motion of 1.592 Hz grows, so it is followed" in found.truncation.reason
     assert (found.values == full.values).all()
 
 
 def test_with_events_all_is_followed() -> None:
     model = bondgraph.load(BOUNCES)
     found, full = (model.simulate(to=0.1, bandwidth=b) for b in (10, None))
-    assert found.left_out is not None and "events ask for its states" in found.left_out.reason
+    assert found.truncation is not None and "events ask for its states" in found.truncation.reason
     assert (found.values == full.values).all()
 
 
@@ -351,18 +354,20 @@ def test_it_is_kept_with_the_result(tmp_path: Path) -> None:
     first = model.simulate("off", to="0.1 s")
     first.to_npz(tmp_path / "r.npz")
     again = read_result(tmp_path / "r.npz")
-    assert again.left_out == first.left_out and first.left_out is not None
+    assert again.truncation == first.truncation and first.truncation is not None
     told = json.loads(json.dumps(first.to_json()))["bandwidth"]
     assert told["frequency"] == 100 and told["instants"] == [0.0] and told["outputs"].keys() == {"xa", "stretch"}
     both = model.simulate("off", start=again)
-    assert both.left_out is not None and both.left_out.instants == first.left_out.instants  # nothing rings any more
+    assert (
+        both.truncation is not None and both.truncation.instants == first.truncation.instants
+    )  # nothing rings any more
     assert "left out at t = 0 s" in first.notes[-1] and "`stretch`" in first.notes[-1]
 
 
 def test_many_runs_are_as_single_ones() -> None:
     model = bondgraph.load(LOOP)
     many = model.simulate_many([{}, {}], "off", to="0.02 s", bandwidth="1 kHz", workers=1)
-    assert many[1].left_out == model.simulate("off", to="0.02 s", bandwidth="1 kHz").left_out
+    assert many[1].truncation == model.simulate("off", to="0.02 s", bandwidth="1 kHz").truncation
 
 
 @pytest.mark.parametrize("wrong", ["50 kg", "-1 Hz", "fast", 0.0, "1 Hz + 2 Hz"])

@@ -16,7 +16,7 @@ pytest.importorskip("llvmlite")
 import bondgraph
 from bondgraph.errors import RunFailed, UsageError
 from bondgraph.prepared import HIDDEN
-from bondgraph.results import Result
+from bondgraph.results.result import Result
 from bondgraph.simulation import leg
 from bondgraph.simulation.steps import exponential
 from bondgraph.simulation.steps.compiled import coarse_run, fields

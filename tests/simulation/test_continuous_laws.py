@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import bondgraph
 import bondgraph.errors
 from bondgraph.prepared import TARGETS
-from bondgraph.results import Result
+from bondgraph.results.result import Result
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
 

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import bondgraph
 from bondgraph.errors import RunFailed
 from bondgraph.prepared import TARGETS
-from bondgraph.results import Result
+from bondgraph.results.result import Result
 from bondgraph.simulation.closed.singular import Watcher
 from bondgraph.simulation.events.locate import _narrowed
 from bondgraph.simulation.events.zeros import crossing

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.results import ElementEnergy, EnergyBalance
+from bondgraph.results.records import ElementEnergy, EnergyBalance
 from bondgraph.simulation.watch.energy import unexplained
 
 SWUNG = """

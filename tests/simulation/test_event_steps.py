@@ -11,7 +11,7 @@ import pytest
 import bondgraph
 from bondgraph.errors import RunFailed, RunInterrupted
 from bondgraph.prepared import TARGETS, chosen_target
-from bondgraph.results import Result
+from bondgraph.results.result import Result
 from tests.stress.events import STICK_SLIP
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
@@ -141,8 +141,8 @@ def test_what_an_event_breaks_keeps_what_came_before(target: str) -> None:
     with pytest.raises(RunFailed, match=r"at t = 30 s the new value of `x` \(text:6\) is not finite") as failed:
         run(text, 100, target=target, points=1001)
     result = failed.value.result
-    assert result is not None and result.end is not None and len(result.events) == 29
-    assert 29 < result.end.time < 30 and 29 < result.time[-1] <= result.end.time
+    assert result is not None and result.checkpoint is not None and len(result.events) == 29
+    assert 29 < result.checkpoint.time < 30 and 29 < result.time[-1] <= result.checkpoint.time
     beside = np.abs(result.time - np.round(result.time)) > 0.01
     np.testing.assert_allclose(result["y"][beside], (result.time % 1)[beside], atol=1e-8)
 
@@ -174,8 +174,8 @@ def test_an_interrupted_run_with_events_goes_on(target: str, monkeypatch: pytest
             signal.signal(signal.SIGINT, before)
         monkeypatch.undo()
         result = stopped.value.result
-        assert result is not None and result.end is not None
-        assert 0 <= result.end.time - result.time[-1] < 1.1 and 44 <= len(result.events) <= 46
+        assert result is not None and result.checkpoint is not None
+        assert 0 <= result.checkpoint.time - result.time[-1] < 1.1 and 44 <= len(result.events) <= 46
         rest = run(SAW, 60.5, target=target, points=122, start=result)
         np.testing.assert_allclose([e.time for e in rest.events], [e.time for e in whole.events], rtol=1e-9)
         np.testing.assert_allclose(rest.values, whole.values, atol=1e-7)

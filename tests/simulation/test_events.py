@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 import bondgraph
 from bondgraph.errors import RunFailed
-from bondgraph.results import Result
+from bondgraph.results.result import Result
 from tests.compiling import compiled
 
 RTOL = 1e-8

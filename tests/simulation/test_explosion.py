@@ -15,8 +15,8 @@ def test_what_is_known_before_an_explosion(to: float) -> None:
     with pytest.raises(bondgraph.RunFailed, match=r"grows without bound") as failed:
         model.simulate(to=to, points=round(20 * to) + 1)
     result = failed.value.result
-    assert result is not None and result.end is not None
-    assert result.end.time == pytest.approx(1.0, abs=1e-6)
+    assert result is not None and result.checkpoint is not None
+    assert result.checkpoint.time == pytest.approx(1.0, abs=1e-6)
     known = result.time < 0.95
     assert known.sum() == 19
     np.testing.assert_allclose(result["x"][known], 1 / (1 - result.time[known]), rtol=1e-5)

@@ -151,7 +151,7 @@ def test_what_goes_by_steps_after_all_takes_a_bandwidth(target: str) -> None:
     model = bondgraph.load(SECOND_ORDER.replace("F = push", "F = push + 0.01 N*noise(time, 20 ms, 7)"))
     found, plain = (model.simulate(to=1.0, points=11, bandwidth=b, target=target) for b in (1.0, None))
     assert found.solver.startswith("Dormand-Prince 8")
-    assert found.left_out is not None and not found.left_out.modes
+    assert found.truncation is not None and not found.truncation.modes
     assert (found.values == plain.values).all()
 
 

@@ -12,7 +12,7 @@ import pytest
 import bondgraph
 from bondgraph import RunFailed, RunInterrupted, UsageError, read_result
 from bondgraph.errors import RunBroken
-from bondgraph.results import Result
+from bondgraph.results.result import Result
 from tests.simulation.test_events import BALL
 
 RTOL = 1e-8
@@ -221,8 +221,8 @@ def test_what_breaks_in_the_middle_keeps_what_came_before(monkeypatch: pytest.Mo
     with pytest.raises(RunBroken, match=r"ZeroDivisionError: a law of our own making, after t = ") as broken:
         bondgraph.load(HARDENING).simulate(to=5, points=5001, target="numpy")
     result = broken.value.result
-    assert result is not None and result.end is not None and 1 < len(result.time) < 5000
-    assert 0 <= result.end.time - result.time[-1] < 1.1e-3
+    assert result is not None and result.checkpoint is not None and 1 < len(result.time) < 5000
+    assert 0 <= result.checkpoint.time - result.time[-1] < 1.1e-3
     monkeypatch.setattr(OneByOne, "step", step)
     assert bondgraph.load(HARDENING).simulate(to=5, points=51, target="numpy", start=result).time[-1] == 5
 
@@ -252,12 +252,12 @@ def test_an_interrupted_run_goes_on(target: str, monkeypatch: pytest.MonkeyPatch
         signal.signal(signal.SIGINT, before)
     monkeypatch.undo()
     result = stopped.value.result
-    assert result.stopped == "it was interrupted" and result.end is not None
-    assert len(result.time) and result.time[-1] <= result.end.time
+    assert result.stopped == "it was interrupted" and result.checkpoint is not None
+    assert len(result.time) and result.time[-1] <= result.checkpoint.time
     energy = 0.5 * result["v"] ** 2 + 50 * result["x"] ** 2 + 5e4 * result["x"] ** 4 - result["x"]
     start = result.time < 1
     np.testing.assert_allclose(energy[start], 0, atol=1e-8)  # no loss: what the force gives is stored
-    step = result.end.time + 0.4
+    step = result.checkpoint.time + 0.4
     parts = model.simulate(to=step, points=int(step / 0.4) + 1, rtol=1e-7, start=result, target=target)
     assert parts.time[-1] == step and len(parts.time) > len(result.time)
     assert (

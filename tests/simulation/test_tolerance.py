@@ -13,7 +13,8 @@ from scipy.integrate import solve_ivp
 
 import bondgraph
 from bondgraph.model import Model
-from bondgraph.results import Result, ToleranceDoubt
+from bondgraph.results.records import ToleranceDoubt
+from bondgraph.results.result import Result
 from bondgraph.simulation.segments import segments
 from bondgraph.simulation.start.nominal import nominal_magnitudes
 from compiler.source import Source

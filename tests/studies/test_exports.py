@@ -10,7 +10,7 @@ import pytest
 
 import bondgraph
 from bondgraph import UsageError
-from bondgraph.exports import Arrays, write_arrays
+from bondgraph.results.exports import Arrays, write_arrays
 from bondgraph.studies.sharing import Sharing
 
 TEXT = """

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunFailed
-from ...left_out import told_hertz
+from ...results.truncation import frequency_text
 from ..segments import Segment
 from .inputs import content
 from .settle import Settled, second, settled
@@ -130,7 +130,7 @@ class Leaving:
             return None
         rates = np.append(at.values, at.decays)
         rate = rates[np.argmax(rates.real)]
-        return f"a motion of {told_hertz(abs(rate) / (2 * np.pi))} grows, so it is followed"
+        return f"a motion of {frequency_text(abs(rate) / (2 * np.pi))} grows, so it is followed"
 
     def _whole(self, stepper: Stepper, stretch: Segment, x: Any, found: Settled) -> Any:
         """Return the slow state in SI, on all constraints, with its unknowns."""

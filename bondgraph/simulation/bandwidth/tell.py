@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunFailed
-from ...left_out import FastMode, LeftOut, told_hertz
+from ...results.truncation import FastMode, TruncationReport, frequency_text
 from ..watch.crawling import elements_of
 from .along import ALIKE, Ringing, Way, amplitudes, followed, ways_of
 from .leave import Leaving, Removal
@@ -27,17 +27,17 @@ SHARE = 0.01  # fraction of the largest removed amplitude above which a mode is 
 
 def left_out_of(
     bandwidth: float, program: Program, leaving: Leaving | None, instants: Any, trajectory: Trajectory, stretches: Sequence[Segment]
-) -> LeftOut:  # fmt: skip
+) -> TruncationReport:  # fmt: skip
     """Return the truncation report of a phase that has been run. `stretches`: its segments, where no event cut them."""
     if leaving is None:
         events = program.hybrid is not None
         what = "events ask for its states, fast ones too" if events else "delayed signals carry on what is fast"
-        return LeftOut(bandwidth, reason=f"{what}, so all is followed")
+        return TruncationReport(bandwidth, reason=f"{what}, so all is followed")
     flow, end = leaving.flow, trajectory.kept
     removals = [r for r in leaving.removals if end is None or r.time <= end.time]
     if flow is None or not removals:
-        return LeftOut(bandwidth, leaving.faster, reason=_reason(leaving, len(program.states.names) > 0))
-    found = LeftOut(bandwidth, leaving.faster, _modes(flow, removals), tuple(float(r.time) for r in removals))
+        return TruncationReport(bandwidth, leaving.faster, reason=_reason(leaving, len(program.states.names) > 0))
+    found = TruncationReport(bandwidth, leaving.faster, _modes(flow, removals), tuple(float(r.time) for r in removals))
     names, reasons = program.outputs.names, _reasons(leaving)
     lacking, changed = np.full((2, len(names)), np.nan)
     try:
@@ -88,7 +88,7 @@ def _reason(leaving: Leaving, has_states: bool) -> str:
     elif leaving.decay:
         found = f"nothing that is faster rings, as what does so in {1 / leaving.decay:.3g} s decays without a turn"
     else:
-        fastest, looks = told_hertz(leaving.fastest / (2 * np.pi)), leaving.looks
+        fastest, looks = frequency_text(leaving.fastest / (2 * np.pi)), leaving.looks
         where = (
             f"at t = {looks[0]:.6g} s"
             if len(looks) == 1
@@ -101,7 +101,9 @@ def _reason(leaving: Leaving, has_states: bool) -> str:
 def _reasons(leaving: Leaving) -> list[str]:
     told = [f"at t = {time:.6g} s {why}" for why, time in leaving.reasons.items()]
     if leaving.above:
-        told.append(f"what drives it changes as fast as {told_hertz(float(f'{leaving.above:.2g}'))}, and is followed")
+        told.append(
+            f"what drives it changes as fast as {frequency_text(float(f'{leaving.above:.2g}'))}, and is followed"
+        )
     return told
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunFailed
-from ...results import ToleranceDoubt
+from ...results.records import ToleranceDoubt
 from ..loops.loops import LoopSolver
 from .constraints import NOISE, Assembled, Constraints
 from .crossing import Crossed, OnConstraints, cross

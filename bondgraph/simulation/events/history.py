@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...door import Program
-from ...ended import Past
+from ...results.checkpoint import DelayHistory
 
 DEGREE = 5  # degree of the polynomials, equal to that of the solver's dense output
 NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
@@ -27,7 +27,7 @@ ROUNDS = 50  # iterations at the start for signals that depend on each other's p
 StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 
 
-def history_of(program: Program, parameters: Any, before: Past | None) -> History | None:
+def history_of(program: Program, parameters: Any, before: DelayHistory | None) -> History | None:
     """Return the history of a program; None if it has no delays."""
     if program.delays is None:
         return None
@@ -37,7 +37,7 @@ def history_of(program: Program, parameters: Any, before: Past | None) -> Histor
 class History:
     """Past values of the delayed signals of a program. `before`: the history of another program of the run."""
 
-    def __init__(self, program: Program, constants: Any, before: Past | None = None) -> None:
+    def __init__(self, program: Program, constants: Any, before: DelayHistory | None = None) -> None:
         assert program.delays is not None
         self.plain, self.constants, self.count = program, constants, program.delays.count
         self.names = program.inputs.names[len(program.inputs.names) - self.count :]
@@ -53,7 +53,7 @@ class History:
             self._take(before)
         self.program = self._wrapped(program)
 
-    def _take(self, before: Past) -> None:
+    def _take(self, before: DelayHistory) -> None:
         """Take over the history of another program; a signal unknown there is 0 before that history ends."""
         known = [before.names.index(n) if n in before.names else -1 for n in self.names]
         self.starts, self.stops, self.cuts = list(before.starts), list(before.stops), list(before.cuts)
@@ -62,12 +62,12 @@ class History:
         for piece in before.pieces:
             self.pieces.append(np.stack([piece[:, k] if k >= 0 else 0 * piece[:, 0] for k in known], axis=1))
 
-    def past(self, count: int | None = None) -> Past:
+    def past(self, count: int | None = None) -> DelayHistory:
         """Return the stored history, of the first `count` steps or of all, for another program or another run."""
         count = len(self.starts) if count is None else count
         last = self.last if count == len(self.starts) else self.pieces[count - 1].sum(axis=0) if count else self.first
         starts, stops, pieces = self.starts[:count], self.stops[:count], self.pieces[:count]
-        return Past(self.names, starts, stops, pieces, list(self.cuts), self.first, last)
+        return DelayHistory(self.names, starts, stops, pieces, list(self.cuts), self.first, last)
 
     # ------------------------------------------------------------ reading
     def at(self, time: float) -> Any:

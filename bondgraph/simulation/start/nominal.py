@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from ...door import Program
-from ...results import ToleranceDoubt
+from ...results.records import ToleranceDoubt
 from ..closed.constraints import Constraints
 from ..segments import Segment
 from .ahead import trusted

@@ -18,7 +18,7 @@ import numpy as np
 from ...door import Program
 
 if TYPE_CHECKING:
-    from ...ended import Past
+    from ...results.checkpoint import DelayHistory
 
 WORST = 1e3  # relative change of a dependent storage per relative change of a state, each relative to its peak
 
@@ -38,7 +38,7 @@ class Handover:
     off: tuple[str, ...] | None = None  # the junctions that are off from now on; None: as before
     modes: Mapping[str, float] = field(default_factory=dict)  # by name: discrete variables that only events change
     on: Mapping[tuple[str, int], bool] = field(default_factory=dict)  # truth of the events' conditions
-    past: Past | None = None  # history of delayed signals
+    past: DelayHistory | None = None  # history of delayed signals
     magnitudes: Mapping[str, float] = field(default_factory=dict)  # magnitudes of states and unknowns
     unknowns: Mapping[str, float] = field(default_factory=dict)  # unknowns of loops
 

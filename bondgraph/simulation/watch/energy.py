@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...results import ElementEnergy, EnergyBalance
+from ...results.records import ElementEnergy, EnergyBalance
 
 if TYPE_CHECKING:
     from ...door import StateSpace, Storage

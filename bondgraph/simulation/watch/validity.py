@@ -16,7 +16,7 @@ import numpy as np
 from ...door import LimitNote, Program
 from ...errors import RunFailed
 from ...quantities import behind
-from ...results import LimitLeft
+from ...results.records import LimitLeft
 
 BISECTIONS = 60
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.results import read_result
+from bondgraph.results.archive import read_result
 
 # A heavy and a light mass (506 Hz) with what a damper between them dissipates.
 HEAT = """model Heat {
@@ -77,7 +77,7 @@ def test_what_decays_is_followed() -> None:
     ):
         model = bondgraph.load(text)
         found, usual = (model.simulate(settings=settings, bandwidth=b) for b in (hertz, 1e12))
-        told = found.left_out
+        told = found.truncation
         assert told is not None and not told.instants and told.faster == 0
         assert "nothing that is faster rings" in told.reason
         assert (found.values == usual.values).all()
@@ -86,7 +86,7 @@ def test_what_decays_is_followed() -> None:
 
 def test_a_decay_that_gets_faster_than_the_bandwidth() -> None:
     """A filter whose rate crosses the bandwidth does not change the report on a ringing elsewhere."""
-    plain, filtered = (bondgraph.load(text).simulate().left_out for text in (PUSHED, FILTERED))
+    plain, filtered = (bondgraph.load(text).simulate().truncation for text in (PUSHED, FILTERED))
     assert plain is not None and filtered is not None and filtered.reason == ""
     assert plain.kept["xa"] > 1e-5 and filtered.kept["xa"] == pytest.approx(plain.kept["xa"], rel=0.3)
 
@@ -137,7 +137,7 @@ GROWS = """model Grows {
 
 def test_modes_that_get_faster_beside_it() -> None:
     """The report on a ringing is not smaller if further modes become faster than the bandwidth later."""
-    plain, beside = (bondgraph.load(text).simulate().left_out for text in (PUSHED, BESIDE))
+    plain, beside = (bondgraph.load(text).simulate().truncation for text in (PUSHED, BESIDE))
     assert plain is not None and beside is not None
     assert plain.kept["xa"] > 1e-5 and beside.kept["xa"] == pytest.approx(plain.kept["xa"], rel=0.3)
 
@@ -147,7 +147,7 @@ def test_a_ringing_that_gets_slower_than_the_bandwidth() -> None:
     """It is followed as long as it is recognised, also below the bandwidth."""
     model = bondgraph.load(SOFTENS)
     found, full = model.simulate(rtol=1e-8), model.simulate(rtol=1e-10, bandwidth="1 THz")
-    told = found.left_out
+    told = found.truncation
     assert told is not None and told.kept["xa"] > 0
     assert told.outputs["s"] == pytest.approx(np.abs(full["s"] - found["s"]).max(), rel=0.3)
 
@@ -155,14 +155,14 @@ def test_a_ringing_that_gets_slower_than_the_bandwidth() -> None:
 def test_what_is_not_known_is_told(tmp_path: Path) -> None:
     """A stiffness that vanishes leaves no mode: the effect of the ringing is then reported as unknown, not as 0."""
     found = bondgraph.load(SOFTENS).simulate(settings={"part": 0.0, "k3": 0.0})
-    told = found.left_out
+    told = found.truncation
     assert told is not None and math.isnan(told.kept["xa"]) and told.outputs["s"] > 1e-3
     assert "what it does to the motion that is kept is not known" in str(told)
     assert "what rings is not told from what is kept" in told.reason
     text = json.dumps(found.to_json(), allow_nan=False)
     assert json.loads(text)["bandwidth"]["kept"]["xa"] is None
     found.to_npz(tmp_path / "r.npz")
-    assert read_result(tmp_path / "r.npz").left_out == told
+    assert read_result(tmp_path / "r.npz").truncation == told
 
 
 @pytest.mark.machine_code
@@ -173,7 +173,7 @@ def test_a_ringing_that_grows_later() -> None:
         model.simulate(points=5001),
         model.simulate(points=5001, rtol=1e-10, bandwidth="1 THz", solver="explicit"),
     )
-    told = found.left_out
+    told = found.truncation
     assert told is not None
     assert told.outputs["s"] == pytest.approx(np.abs(full["s"] - found["s"]).max(), rel=0.3)
     said = re.search(r"what was left out grows from t = ([0-9.]+) s on, to ([0-9.]+) times as much", str(told))
@@ -191,7 +191,7 @@ def test_a_ringing_that_decays_pushes_no_longer(damping: float) -> None:
         model.simulate(settings={"r": damping}),
         model.simulate(settings={"r": damping}, rtol=1e-10, bandwidth="1 THz"),
     )
-    told = found.left_out
+    told = found.truncation
     assert told is not None and told.instants[0] == 0.0
     lacks = full["heat"][-1] - found["heat"][-1]
     assert told.kept["heat"] == pytest.approx(lacks, rel=0.5)
@@ -204,7 +204,7 @@ def test_what_a_decaying_ringing_does(damping: float) -> None:
     settings = {"r": damping}
     found = model.simulate(settings=settings, rtol=1e-9)
     full = model.simulate(settings=settings, rtol=1e-11, solver="explicit", bandwidth="1 THz")
-    told, late = found.left_out, found.time > 3 * 0.02 / damping  # when nothing rings any more
+    told, late = found.truncation, found.time > 3 * 0.02 / damping  # when nothing rings any more
     lacks = np.abs(full["xa"] - found["xa"])[late].max()
     assert told is not None and lacks / 3 < told.kept["xa"] < 3 * lacks
 
@@ -217,7 +217,7 @@ def test_outputs_that_go_with_the_square(damping: float) -> None:
     model = bondgraph.load(HEAT.replace("output xa", "output stored = link.F*link.x/2, xa"))
     asked = {"settings": {"r": damping}, "points": 20001, "to": 0.2}
     found, full = model.simulate(**asked), model.simulate(**asked, rtol=1e-10, bandwidth="1 THz")
-    told = found.left_out
+    told = found.truncation
     assert told is not None
     for name in ("power", "stored"):
         lacks = np.abs(full[name] - found[name]).max()
@@ -255,7 +255,7 @@ def test_a_ringing_that_is_set_off_again_and_again(frequency: float, damping: fl
         model.simulate(**asked, rtol=1e-8),
         model.simulate(**asked, rtol=1e-9, solver="explicit", bandwidth="1 THz"),
     )
-    told = found.left_out
+    told = found.truncation
     assert told is not None and len(told.instants) > 40
     lacks = np.abs(full["s"] - found["s"]).max()
     assert lacks / 2.5 < told.outputs["s"] < 2.5 * lacks
@@ -266,7 +266,7 @@ def test_a_ringing_that_is_set_off_again_and_again(frequency: float, damping: fl
 def test_where_it_was_looked_at_is_told() -> None:
     """Beside a mass at rest on a spring that is not linear (0 Hz there)."""
     model = bondgraph.load("plain model Still { signal x = integral(v, 0), v = integral(-x^3, 0) \n output a = x }")
-    told = model.simulate(to=1, bandwidth=10).left_out
+    told = model.simulate(to=1, bandwidth=10).truncation
     assert told is not None and "its fastest motion is one of 0 Hz at t = 0 s where it was looked at" in told.reason
 
 
@@ -292,7 +292,7 @@ def test_what_is_required_is_asked_of_what_is_left_out() -> None:
     """The ringing exceeds a limit that neither the start nor the slow motion exceeds: the same warning as in the full run, at the same time."""
     model = bondgraph.load(LEAF)
     found, full = model.simulate(bandwidth="60 Hz"), model.simulate()
-    assert found.left_out is not None and found.left_out.instants == (0.0,)
+    assert found.truncation is not None and found.truncation.instants == (0.0,)
     (told,), (wanted,) = found.warnings, full.warnings
     assert told.text == wanted.text == "the leaf yields"
     assert told.time == pytest.approx(wanted.time, rel=0.05)
@@ -308,7 +308,7 @@ def test_a_ringing_that_goes_on_where_something_else_is_left_out() -> None:
     )
     model, asked = bondgraph.load(text), {"settings": {"part": 0.02}, "points": 4001}
     found, full = model.simulate(**asked), model.simulate(**asked, rtol=1e-9, bandwidth="1 THz")
-    told = found.left_out
+    told = found.truncation
     assert told is not None and any(1.64 < t < 1.66 for t in told.instants)
     lacks = np.abs(full["s"] - found["s"]).max()
     assert lacks / 1.5 < told.outputs["s"] < 1.5 * lacks

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import MissingPackage, UsageError
-from .files import replacing, write_text
+from ..errors import MissingPackage, UsageError
+from ..files import replacing, write_text
 
 if TYPE_CHECKING:
     import numpy as np

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from .quantities import behind
+from ..quantities import behind
 
 # in units of rtol: difference relative to an output's magnitude that a tolerance covers, as step errors add up
 FACTOR = 30

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .quantities import behind
+from ..quantities import behind
 
 NAMED = 3  # most modes, outputs and instants in a sentence
 
@@ -26,7 +26,7 @@ class FastMode:
 
 
 @dataclass(frozen=True, slots=True)
-class LeftOut:
+class TruncationReport:
     """Truncation report of a run with a bandwidth in Hz.
 
     `faster`: number of faster oscillating modes (without those that decay without oscillation); `modes`: those that were truncated, at `instants` in s.
@@ -50,7 +50,7 @@ class LeftOut:
 
     def sentence(self, units: Mapping[str, str]) -> str:
         """Return the report as one sentence. `units`: of the outputs."""
-        head = f"bandwidth {told_hertz(self.bandwidth)}: "
+        head = f"bandwidth {frequency_text(self.bandwidth)}: "
         if not self.instants:
             return f"{head}nothing was left out: {self.reason}"
         count = len(self.instants)
@@ -83,22 +83,22 @@ class LeftOut:
         }
 
 
-def read_left_out(told: Mapping[str, Any]) -> LeftOut:
+def read_truncation(told: Mapping[str, Any]) -> TruncationReport:
     """Return a report from the result of `to_json`."""
     modes = tuple(FastMode(m["frequency"], m["damping"], tuple(m["elements"])) for m in told["modes"])
-    return LeftOut(
+    return TruncationReport(
         told["frequency"], told["faster"], modes, tuple(told["instants"]), _read(told["outputs"]), _read(told["kept"]), told["energy"],
         told["reason"] or "",
     )  # fmt: skip
 
 
-def joined(before: LeftOut | None, after: LeftOut | None) -> LeftOut | None:
+def joined(before: TruncationReport | None, after: TruncationReport | None) -> TruncationReport | None:
     """Return the common report of two parts of a run."""
     if before is None or after is None:
         return after if before is None else before
     energies = [part.energy for part in (before, after) if part.energy is not None]
     reasons = dict.fromkeys(part.reason for part in (before, after) if part.reason)
-    return LeftOut(
+    return TruncationReport(
         after.bandwidth, max(before.faster, after.faster),
         (*before.modes, *(m for m in after.modes if not any(m.is_like(old) for old in before.modes))),
         (*before.instants, *after.instants), _larger(before.outputs, after.outputs), _larger(before.kept, after.kept),
@@ -106,7 +106,7 @@ def joined(before: LeftOut | None, after: LeftOut | None) -> LeftOut | None:
     )  # fmt: skip
 
 
-def told_hertz(frequency: float) -> str:
+def frequency_text(frequency: float) -> str:
     """Return a frequency as text with a suitable unit."""
     if not frequency > 0 or not math.isfinite(frequency):
         return f"{frequency:g} Hz"
@@ -119,8 +119,8 @@ def told_hertz(frequency: float) -> str:
 def _modes(modes: tuple[FastMode, ...]) -> str:
     where = ", ".join(f"`{e}`" for e in dict.fromkeys(e for m in modes[:NAMED] for e in m.elements[:1]))
     if len(modes) == 1:
-        return f"a mode at {told_hertz(modes[0].frequency)} (mostly in {where})"
-    slow, fast = (told_hertz(choose(m.frequency for m in modes)) for choose in (min, max))
+        return f"a mode at {frequency_text(modes[0].frequency)} (mostly in {where})"
+    slow, fast = (frequency_text(choose(m.frequency for m in modes)) for choose in (min, max))
     return f"{len(modes)} modes of {slow} to {fast} (mostly in {where})"
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from .errors import RunFailed, UsageError
+from ..errors import RunFailed, UsageError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from .exports import Arrays
-    from .results import Result
+    from .result import Result
 
 
 @dataclass(frozen=True, eq=False, repr=False)

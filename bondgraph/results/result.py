@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from .errors import MissingPackage, UnknownOutput
-from .files import replacing
-from .rendering import draw, text_of
+from ..errors import MissingPackage, UnknownOutput
+from ..files import replacing
+from ..rendering import draw, text_of
+from .records import Column, EnergyBalance, EventRecord, LimitLeft, ReportColumn, Reporting, finite
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,121 +21,15 @@ if TYPE_CHECKING:
     import xarray
     from numpy.typing import NDArray
 
-    from .door import Certificate
-    from .ended import End
+    from ..door import Certificate
+    from .checkpoint import Checkpoint
     from .exports import Arrays
-    from .left_out import LeftOut
     from .run_check import RunCheck
+    from .truncation import TruncationReport
 
 SCHEMA = "bondgraph-result/1"
+ARCHIVE, RUN = "bondgraph-run/1", "the run"  # schema of a file, and its array with everything but numbers
 ROWS_AT_ONCE = 10_000  # CSV rows turned into text at a time
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """A recorded quantity: the author's name and the SI unit of its values, as `N*m`; "1" for a bare number."""
-
-    name: str
-    unit: str
-
-
-class Reporting(Protocol):
-    """Column of a report: `shown = SI * scale + offset`, in `unit`. `compiler.scene.Reported` is one."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def scale(self) -> float: ...
-    @property
-    def offset(self) -> float: ...
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """A column in the unit of a report: `shown = SI * scale + offset`."""
-
-    name: str
-    unit: str
-    scale: float = 1.0
-    offset: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class ElementEnergy:
-    """Energy of one element in a run, in J: change of its stored energy, supplied as a source, dissipated.
-
-    `residual`: work of its bonds that none of the three explains: the error of the run, or a law that creates energy.
-    """
-
-    name: str
-    kind: str
-    stored: float
-    supplied: float
-    dissipated: float
-    residual: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class EnergyBalance:
-    """Energy balance of a run, in J: each element, the sums, and `residual = supplied - stored - dissipated`."""
-
-    elements: tuple[ElementEnergy, ...]
-    stored: float
-    supplied: float
-    dissipated: float
-    residual: float
-
-
-@dataclass(frozen=True, slots=True)
-class LimitLeft:
-    """Violation of a limit that a model requires: the first instant, and the values there in SI.
-
-    `owner` is the instance ("" for the model itself), `place` the line of the limit, `stands` that of the instance.
-    """
-
-    time: float
-    owner: str
-    condition: str
-    text: str
-    values: tuple[tuple[str, float, str], ...]  # name, value, unit
-    place: str
-    stands: str = ""
-
-    def __str__(self) -> str:
-        return f"from t = {self.time:.9g} s {self.words_at_rest}"
-
-    @property
-    def words_at_rest(self) -> str:
-        """Message without the instant."""
-        who = f"`{self.owner}` ({self.stands})" if self.owner else "the model"
-        shown = ", ".join(f"{name} = {value:.6g}{f' {unit}' * (unit != '1')}" for name, value, unit in self.values)
-        about = f" ({self.text})" if self.text else ""
-        where = f"{who} is outside of `{self.condition}`{about}, {self.place}"
-        return f"{where}: {shown}" if shown else where
-
-
-@dataclass(frozen=True, slots=True)
-class ToleranceDoubt(LimitLeft):
-    """A tolerance of a run that may not be meaningful; `text` gives the reason, `time` since when. The other fields have no meaning."""
-
-    def __str__(self) -> str:
-        return self.text
-
-
-@dataclass(frozen=True, slots=True)
-class Occurrence:
-    """Record of an event in a run: its time, its condition as written, the instance ("" for the model itself), its line."""
-
-    time: float
-    condition: str
-    owner: str
-    place: str
-
-    def __str__(self) -> str:
-        who = f" of `{self.owner}`" if self.owner else ""
-        return f"t = {self.time:.9g} s: when {self.condition}{who}, {self.place}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,7 +40,7 @@ class Result:
     `evaluations` count the solver's work, `rtol` is its relative tolerance, `wall_time` in s. `energy`: balance, if requested. `warnings`: violated limits
     of the model (`require`), where the run went on although the model is not valid, and tolerances that may not be meaningful (`ToleranceDoubt`).
     `certificate`: kind of the solved equations; `notes`: remarks on the run; `events`: the `when`s that acted, in order. `stopped`: reason of an early
-    end ("" if there is none); `end`: checkpoint, from which `simulate(start=result)` goes on. `left_out`: truncated modes, if a bandwidth was
+    end ("" if there is none); `checkpoint`: its end, from which `simulate(start=result)` goes on. `truncation`: truncated modes, if a bandwidth was
     requested; `check`: comparison with a repetition. Raises ValueError if the shapes do not fit.
     """
 
@@ -163,10 +59,10 @@ class Result:
     warnings: tuple[LimitLeft, ...] = ()
     certificate: Certificate | None = None
     notes: tuple[str, ...] = ()
-    events: tuple[Occurrence, ...] = ()
+    events: tuple[EventRecord, ...] = ()
     stopped: str = ""
-    end: End | None = None
-    left_out: LeftOut | None = None
+    checkpoint: Checkpoint | None = None
+    truncation: TruncationReport | None = None
     check: RunCheck | None = None
 
     def __post_init__(self) -> None:
@@ -233,7 +129,7 @@ class Result:
         """Return the columns for display: the report in its units and order, then the other outputs, in SI."""
         reported = [item for item in self.report if item.name in self._places]
         told = {item.name for item in reported}
-        others = [Shown(column.name, column.unit) for column in self.columns if column.name not in told]
+        others = [ReportColumn(column.name, column.unit) for column in self.columns if column.name not in told]
         return tuple((item, self[item.name] * item.scale + item.offset) for item in (*reported, *others))
 
     def to_numpy(self) -> dict[str, NDArray[np.float64]]:
@@ -277,13 +173,25 @@ class Result:
         """
         import numpy as np
 
-        from .ended import arrays_of
         from .exports import write_npz
 
         arrays: dict[str, NDArray[Any]] = dict(self.to_numpy())
         arrays |= {f"unit of {name}": np.array(self.unit(name)) for name in arrays}
-        arrays |= arrays_of(self)
-        write_npz(path, arrays)
+        arrays[RUN] = np.array(json.dumps(self._facts()))
+        write_npz(path, arrays | (self.checkpoint.arrays() if self.checkpoint is not None else {}))
+
+    def _facts(self) -> dict[str, Any]:
+        """Return everything but the columns' values and the arrays of the checkpoint, for a file."""
+        return {
+            "schema": ARCHIVE, "model": self.model, "experiment": self.experiment, "stopped": self.stopped,
+            "columns": [[c.name, c.unit] for c in self.columns],
+            "report": [[r.name, r.unit, r.scale, r.offset] for r in self.report],
+            "solver": self.solver, "steps": self.steps, "evaluations": dict(self.evaluations), "rtol": self.rtol,
+            "notes": list(self.notes), "warnings": [asdict(w) for w in self.warnings], "events": [asdict(e) for e in self.events],
+            "bandwidth": None if self.truncation is None else self.truncation.to_json(),
+            "energy": None if self.energy is None else asdict(self.energy),
+            **({"end": None} if self.checkpoint is None else self.checkpoint.to_json()),
+        }  # fmt: skip
 
     def _arrays(self) -> Arrays:
         from .exports import Arrays
@@ -338,26 +246,26 @@ class Result:
             "experiment": self.experiment,
             "time": {"unit": "s", "start": _first(self.time), "stop": _last(self.time), "points": len(self.time)},
             "outputs": {
-                column.name: {"unit": column.unit} | {key: _finite(v) for key, v in extremes(self[column.name]).items()}
+                column.name: {"unit": column.unit} | {key: finite(v) for key, v in extremes(self[column.name]).items()}
                 for column in self.columns
             },
             "solver": self.solver,
             "steps": int(self.steps),
             "evaluations": {what: int(count) for what, count in self.evaluations.items()},
-            "rtol": _finite(self.rtol),
-            "wall_time": _finite(self.wall_time),
+            "rtol": finite(self.rtol),
+            "wall_time": finite(self.wall_time),
         }
-        told["warnings"] = [_warning_json(item) for item in self.warnings]
+        told["warnings"] = [item.to_json() for item in self.warnings]
         told["notes"] = list(self.notes)
         told["stopped"] = self.stopped or None
-        if self.left_out is not None:
-            told["bandwidth"] = self.left_out.to_json()
+        if self.truncation is not None:
+            told["bandwidth"] = self.truncation.to_json()
         if self.check is not None:
             told["check"] = self.check.to_json()
         if self.certificate is not None:
             told["certificate"] = self.certificate.to_json()
         if self.energy is not None:
-            told["energy"] = _energy_json(self.energy)
+            told["energy"] = self.energy.to_json()
         return told
 
     def plot(self, path: str | os.PathLike[str], over: str | None = None) -> None:
@@ -391,36 +299,9 @@ def _csv_field(text: str) -> str:
     return text
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
 def _first(time: NDArray[np.float64]) -> float | None:
-    return _finite(time[0]) if len(time) else None
+    return finite(time[0]) if len(time) else None
 
 
 def _last(time: NDArray[np.float64]) -> float | None:
-    return _finite(time[-1]) if len(time) else None
-
-
-def read_result(path: str | os.PathLike[str]) -> Result:
-    """Return a result from a file of `to_npz`. Raises OSError, and UsageError if the file is not valid."""
-    from .ended import read
-
-    return read(os.fspath(path))
-
-
-def _warning_json(item: LimitLeft) -> dict[str, Any]:
-    values = {name: {"value": _finite(value), "unit": unit} for name, value, unit in item.values}
-    told = {"time": item.time, "owner": item.owner, "condition": item.condition, "text": item.text}
-    return {**told, "values": values, "place": item.place}
-
-
-def _energy_json(energy: EnergyBalance) -> dict[str, Any]:
-    sums = ("stored", "supplied", "dissipated")
-    told: dict[str, Any] = {"unit": "J"} | {key: _finite(getattr(energy, key)) for key in (*sums, "residual")}
-    told["elements"] = {
-        element.name: {"kind": element.kind} | {key: _finite(getattr(element, key)) for key in (*sums, "residual")}
-        for element in energy.elements
-    }
-    return told
+    return finite(time[-1]) if len(time) else None

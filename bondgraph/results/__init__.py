@@ -1,0 +1,1 @@
+"""Results of runs: numbers by the author's names, and their files."""

@@ -1,0 +1,134 @@
+"""Records of a result: columns, energies, violated limits, events."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+
+def finite(value: float) -> float | None:
+    """Return a number for JSON, null where it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A recorded quantity: the author's name and the SI unit of its values, as `N*m`; "1" for a bare number."""
+
+    name: str
+    unit: str
+
+
+class Reporting(Protocol):
+    """Column of a report: `shown = SI * scale + offset`, in `unit`. `compiler.scene.Reported` is one."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def scale(self) -> float: ...
+    @property
+    def offset(self) -> float: ...
+
+
+@dataclass(frozen=True, slots=True)
+class ReportColumn:
+    """A column in the unit of a report: `shown = SI * scale + offset`."""
+
+    name: str
+    unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ElementEnergy:
+    """Energy of one element in a run, in J: change of its stored energy, supplied as a source, dissipated.
+
+    `residual`: work of its bonds that none of the three explains: the error of the run, or a law that creates energy.
+    """
+
+    name: str
+    kind: str
+    stored: float
+    supplied: float
+    dissipated: float
+    residual: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class EnergyBalance:
+    """Energy balance of a run, in J: each element, the sums, and `residual = supplied - stored - dissipated`."""
+
+    elements: tuple[ElementEnergy, ...]
+    stored: float
+    supplied: float
+    dissipated: float
+    residual: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return JSON values, a part of `bondgraph-result/1`."""
+        sums = ("stored", "supplied", "dissipated", "residual")
+        told: dict[str, Any] = {"unit": "J"} | {key: finite(getattr(self, key)) for key in sums}
+        told["elements"] = {
+            e.name: {"kind": e.kind} | {key: finite(getattr(e, key)) for key in sums} for e in self.elements
+        }
+        return told
+
+
+@dataclass(frozen=True, slots=True)
+class LimitLeft:
+    """Violation of a limit that a model requires: the first instant, and the values there in SI.
+
+    `owner` is the instance ("" for the model itself), `place` the line of the limit, `stands` that of the instance.
+    """
+
+    time: float
+    owner: str
+    condition: str
+    text: str
+    values: tuple[tuple[str, float, str], ...]  # name, value, unit
+    place: str
+    stands: str = ""
+
+    def __str__(self) -> str:
+        return f"from t = {self.time:.9g} s {self.words_at_rest}"
+
+    @property
+    def words_at_rest(self) -> str:
+        """Message without the instant."""
+        who = f"`{self.owner}` ({self.stands})" if self.owner else "the model"
+        shown = ", ".join(f"{name} = {value:.6g}{f' {unit}' * (unit != '1')}" for name, value, unit in self.values)
+        about = f" ({self.text})" if self.text else ""
+        where = f"{who} is outside of `{self.condition}`{about}, {self.place}"
+        return f"{where}: {shown}" if shown else where
+
+    def to_json(self) -> dict[str, Any]:
+        """Return JSON values, a part of `bondgraph-result/1`."""
+        values = {name: {"value": finite(value), "unit": unit} for name, value, unit in self.values}
+        told = {"time": self.time, "owner": self.owner, "condition": self.condition, "text": self.text}
+        return {**told, "values": values, "place": self.place}
+
+
+@dataclass(frozen=True, slots=True)
+class ToleranceDoubt(LimitLeft):
+    """A tolerance of a run that may not be meaningful; `text` gives the reason, `time` since when. The other fields have no meaning."""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
+class EventRecord:
+    """Record of an event in a run: its time, its condition as written, the instance ("" for the model itself), its line."""
+
+    time: float
+    condition: str
+    owner: str
+    place: str
+
+    def __str__(self) -> str:
+        who = f" of `{self.owner}`" if self.owner else ""
+        return f"t = {self.time:.9g} s: when {self.condition}{who}, {self.place}"
