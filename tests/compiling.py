@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bondgraph.simulation.closed.constraints import Constraints
-from bondgraph.simulation.segments import Segment
+from bondgraph.simulation.segments.timeline import Segment
 from bondgraph.simulation.start.nominal import nominal_magnitudes
 from compiler.driver import Compilation, check
 from compiler.errors import CompilationFailed, Diagnostic

@@ -14,14 +14,15 @@ from ..results.checkpoint import Checkpoint
 from ..results.records import EnergyBalance, EventRecord, ToleranceDoubt
 from .closed.constraints import Constraints
 from .loops.loops import LoopSolver
-from .segments import Segment, Timeline, mode_after, rest_of, timeline_in_parts
+from .segments.timeline import Segment, Timeline, mode_after, rest_of, timeline_in_parts
+from .segments.trajectory import Tolerances, Trajectory, empty
+from .segments.transition import PhaseTransition
 from .start.coarse import Looks
 from .start.nominal import Magnitudes, least_tolerances, nominal_magnitudes
 from .start.start import consistent_start
 from .steps.methods import AUTOMATIC
 from .stretch.integrate import integrate
-from .trajectory import Tolerances, Trajectory, empty
-from .watch.choice import Choice, Handover
+from .watch.choice import Choice
 from .watch.validity import Watch
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class Leg:
         rtol: float,
         atol: float | None,
         energy: bool,
-        begin: Handover | None,
+        begin: PhaseTransition | None,
         values: Mapping[str, float] | None = None,
         solver: str = AUTOMATIC,
         off: tuple[str, ...] = (),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import UsageError
-from .watch.choice import Handover
+from .segments.transition import PhaseTransition
 
 if TYPE_CHECKING:
     from ..door import Scene
@@ -29,7 +29,7 @@ def resumed(
     prepared: Prepared,
     energy: bool,
     instants: Any,
-) -> tuple[Scene, Handover, Any]:
+) -> tuple[Scene, PhaseTransition, Any]:
     """Return the scene and the handover from which the run goes on, and its remaining output instants. Raises `UsageError`."""
     end = before.checkpoint
     if end is None:
@@ -57,7 +57,7 @@ def resumed(
             peaks[name] = max(peaks.get(name, 0.0), 0.0 if idle else value)
         known = {}
     on = {(owner, place): truth for owner, place, truth in end.on}
-    begin = Handover(
+    begin = PhaseTransition(
         end.time, end.stored, peaks, modes=end.modes, on=on, past=end.past, magnitudes=known, unknowns=end.unknowns
     )  # fmt: skip
     return scene, begin, left

@@ -19,9 +19,10 @@ from ..quantities import behind
 from ..results.records import EnergyBalance, LimitLeft
 from ..results.result import Result
 from .leg import Leg
+from .segments.transition import PhaseTransition
 from .settings import Settings, refused_with_values, settle, with_zeros
 from .steps.methods import chosen_solver
-from .watch.choice import WORST, Handover
+from .watch.choice import WORST
 
 if TYPE_CHECKING:
     from ..compiled_model import CompiledModel
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from ..results.truncation import TruncationReport
     from .events.complementarity import Companion
     from .events.impulse import Jump
-    from .segments import Timeline
+    from .segments.timeline import Timeline
 
 DEFAULT_RTOL = 1e-6
 RTOL = 1e-13, 0.1
@@ -207,8 +208,8 @@ class Run:
         self.instants = np.linspace(plan.start, stop, count)
         self.legs: list[Leg] = []
         self.leg: Leg | None = None  # the phase that is being integrated
-        self.begin: Handover | None = None
-        self.begins_now: Handover | None = None  # transition into the next phase
+        self.begin: PhaseTransition | None = None
+        self.begins_now: PhaseTransition | None = None  # transition into the next phase
         self.before: Result | None = None  # the result from which this run goes on
 
     def go(self) -> None:
@@ -256,7 +257,7 @@ class Run:
             self._check_progress(begin)
             begin = _with_earlier(begin, before, leg)
 
-    def _check_progress(self, begin: Handover) -> None:
+    def _check_progress(self, begin: PhaseTransition) -> None:
         """Raise `RunFailed` where junctions go on and off without end at one instant."""
         last = self.legs[-MOST_AT_ONCE:]
         if len(last) == MOST_AT_ONCE and last[0].stretches[0].start == begin.time:
@@ -363,7 +364,7 @@ def _left_out(legs: Sequence[Leg], balance: EnergyBalance | None) -> TruncationR
     return replace(found, energy=sum(e.dissipated for e in balance.elements if e.name == LEFT_OUT))
 
 
-def _with_earlier(begin: Handover, before: Handover | None, leg: Leg) -> Handover:
+def _with_earlier(begin: PhaseTransition, before: PhaseTransition | None, leg: Leg) -> PhaseTransition:
     """Return a handover completed by data of earlier programs: a state that is constant in one program may move in the next."""
     if before is not None:
         begin = replace(begin, stored={**before.stored, **begin.stored}, peaks={**before.peaks, **begin.peaks})
@@ -388,7 +389,7 @@ def _impulses(legs: Sequence[Leg]) -> Iterator[str]:
 
 
 def _check_choice(
-    made: Callable[[Scene, bool], Prepared], scene: Scene, wishes: Mapping[str, str], begin: Handover, times: int
+    made: Callable[[Scene, bool], Prepared], scene: Scene, wishes: Mapping[str, str], begin: PhaseTransition, times: int
 ) -> None:
     """Raise `RunFailed` if the other state selection is not possible."""
     try:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bondgraph.simulation.segments import segments
+from bondgraph.simulation.segments.timeline import segments
 from compiler.driver import Compilation
 from compiler.scene import Scene
 from compiler.source import Source

@@ -14,7 +14,7 @@ import sympy
 import bondgraph
 from bondgraph.analysis.symbolic import state_equations
 from bondgraph.errors import UsageError
-from bondgraph.simulation.segments import segments
+from bondgraph.simulation.segments.timeline import segments
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.compiling import Running, compiled, magnitudes
 

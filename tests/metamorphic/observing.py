@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bondgraph.model import Model
-from bondgraph.simulation.segments import segments
+from bondgraph.simulation.segments.timeline import segments
 from bondgraph.simulation.start.nominal import nominal_magnitudes
 from compiler.driver import Compilation
 from compiler.errors import CompilationFailed

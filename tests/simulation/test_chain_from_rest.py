@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bondgraph.simulation.segments import segments
+from bondgraph.simulation.segments.timeline import segments
 from bondgraph.simulation.start.nominal import nominal_magnitudes
 from tests.compiling import Running, compiled
 

@@ -13,11 +13,11 @@ from scipy.integrate import solve_ivp
 
 import bondgraph
 from bondgraph.errors import RunFailed
+from bondgraph.numerics.roots import crossing
 from bondgraph.prepared import TARGETS
 from bondgraph.results.result import Result
 from bondgraph.simulation.closed.singular import Watcher
 from bondgraph.simulation.events.locate import _narrowed
-from bondgraph.simulation.events.zeros import crossing
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
 SOLVERS = ["automatic", "explicit", "radau", "rodas"]

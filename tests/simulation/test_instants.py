@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import bondgraph
-from bondgraph.simulation.segments import segments, timeline
+from bondgraph.simulation.segments.timeline import segments, timeline
 from compiler.codegen.ranges import Ranges
 from tests.compiling import MODELS, compiled
 from tests.stress.ways import Way, ways

@@ -12,7 +12,7 @@ import pytest
 
 from bondgraph.door import Source
 from bondgraph.model import Model
-from bondgraph.simulation.segments import Segment
+from bondgraph.simulation.segments.timeline import Segment
 from bondgraph.simulation.start.coarse import CoarseRun
 from tests.benchmarks import large_models
 

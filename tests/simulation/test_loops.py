@@ -13,8 +13,8 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import RunFailed
+from bondgraph.numerics.homotopy import follow
 from bondgraph.simulation.loops.branches import _regular
-from bondgraph.simulation.loops.homotopy import follow
 
 DIODE = """model A {
   parameter supply = 5 kV

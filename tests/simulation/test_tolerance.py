@@ -15,7 +15,7 @@ import bondgraph
 from bondgraph.model import Model
 from bondgraph.results.records import ToleranceDoubt
 from bondgraph.results.result import Result
-from bondgraph.simulation.segments import segments
+from bondgraph.simulation.segments.timeline import segments
 from bondgraph.simulation.start.nominal import nominal_magnitudes
 from compiler.source import Source
 from tests.compiling import Running, compiled

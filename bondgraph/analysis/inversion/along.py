@@ -71,7 +71,7 @@ def invert_along(
 
 def _refuse_jumps(point: OperatingPoint, along: Along) -> None:
     """Raise an error if the model itself changes on the way."""
-    from ...simulation.segments import segments
+    from ...simulation.segments.timeline import segments
 
     with np.errstate(all="ignore"):
         stretches = segments(point.program, point.constants, along.start, along.stop)

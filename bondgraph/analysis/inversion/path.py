@@ -18,7 +18,7 @@ from ...door import Leaf, Series
 from ...errors import UsageError
 
 if TYPE_CHECKING:
-    from ...simulation.segments import Segment
+    from ...simulation.segments.timeline import Segment
 
 BESIDE = 1e-9  # fraction of the path's length: distance from an instant at which both sides are compared
 DEGREE = 9  # degree of a curve through points
@@ -54,7 +54,7 @@ class Path:
         stop: float,
         samples: Mapping[str, Any] | None = None,
     ) -> None:
-        from ...simulation.segments import segments
+        from ...simulation.segments.timeline import segments
 
         made = model.prepared(model.scene(None), True, "numpy")
         program, lowered = made.program, made.compilation.lowered

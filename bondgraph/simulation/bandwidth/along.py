@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..segments import Segment
+from ..segments.timeline import Segment
 from .leave import Removal
 from .split import GROWN, Flow, Modes, Split, several, split
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..segments import GOLDEN, Segment, inside
+from ..segments.timeline import GOLDEN, Segment, inside
 
 if TYPE_CHECKING:
     from ...door import Program

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...errors import RunFailed
 from ...results.truncation import frequency_text
-from ..segments import Segment
+from ..segments.timeline import Segment
 from .inputs import content
 from .settle import Settled, second, settled
 from .split import Flow, Split, one

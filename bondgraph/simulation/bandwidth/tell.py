@@ -19,8 +19,8 @@ from .split import STEADY, Flow
 
 if TYPE_CHECKING:
     from ...door import Program
-    from ..segments import Segment
-    from ..trajectory import Trajectory
+    from ..segments.timeline import Segment
+    from ..segments.trajectory import Trajectory
 
 SHARE = 0.01  # fraction of the largest removed amplitude above which a mode is named
 

@@ -15,6 +15,7 @@ import numpy as np
 from ...errors import RunFailed
 from ...results.records import ToleranceDoubt
 from ..loops.loops import LoopSolver
+from ..segments.trajectory import SingularPose
 from .constraints import NOISE, Assembled, Constraints
 from .crossing import Crossed, OnConstraints, cross
 
@@ -39,16 +40,6 @@ LARGEST = 400  # most positions for which singular values are computed at each s
 SHOWN = 5  # names and times in a note
 PLACES, NARROWINGS = 33, 5  # sample places of a crossing, and refinements, of the search for the pose
 WAYS = 4  # number of directions along which derivatives must vanish
-
-
-@dataclass(frozen=True, slots=True)
-class SingularPose:
-    """A singular pose that the run has passed."""
-
-    time: float
-    lost: int  # number of constraints without effect there
-    joints: tuple[str, ...]
-    rounding: float = 0.0  # that is left of the crossing, in magnitudes; 0 where the tolerance covers it
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,11 @@ import numpy as np
 from ...door import Program
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
-from ..segments import Segment
+from ..segments.timeline import Segment
+from ..segments.transition import PhaseTransition
 from ..start.assembly import choose_rows
 from ..start.start import consistent_start
-from ..watch.choice import Choice, Handover
+from ..watch.choice import Choice
 from .complementarity import Companion, Instant
 from .events import Events, Moment
 from .impulse import Jump, after_impulse
@@ -86,7 +87,12 @@ def begun(
 
 
 def continued(
-    constraints: Constraints, state: Any, first: Segment, begin: Handover, horizon: float, companion: Companion | None
+    constraints: Constraints,
+    state: Any,
+    first: Segment,
+    begin: PhaseTransition,
+    horizon: float,
+    companion: Companion | None,
 ) -> tuple[Events, Moment, tuple[Jump, ...]]:
     """Return the events of a run that goes on in this program, the hybrid state at that instant, and the jumps there."""
     program = constraints.program
@@ -115,7 +121,7 @@ def continued(
 
 
 def _through_integrals(
-    program: Program, full: Any, begin: Handover, companion: Companion, storages: tuple[Jump, ...]
+    program: Program, full: Any, begin: PhaseTransition, companion: Companion, storages: tuple[Jump, ...]
 ) -> tuple[Any, tuple[Jump, ...]]:
     """Return the state with the contribution of an impulse to the integrals of the model, and their jumps. `storages`: jumps of stored quantities."""
     if not any(n in companion.integrals for n in program.states.names):
@@ -133,7 +139,7 @@ def _through_integrals(
     return full, tuple(jumps)
 
 
-def unknowns_in(program: Program, begin: Handover, state: Any) -> list[float]:
+def unknowns_in(program: Program, begin: PhaseTransition, state: Any) -> list[float]:
     """Return the unknowns of loops as they were, where their names are known; this preserves the branch among several solutions."""
     return [
         begin.unknowns.get(n, float(x))

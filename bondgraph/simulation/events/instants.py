@@ -11,10 +11,11 @@ import numpy as np
 from ...door import Program
 from ...errors import RunFailed, StepsCollapsed
 from ..closed.constraints import Constraints
-from ..segments import Segment, mode_after, with_time_of
+from ..segments.timeline import Segment, mode_after, with_time_of
+from ..segments.trajectory import Tolerances, Trajectory
+from ..segments.transition import PhaseTransition
 from ..stretch.stepper import Stepper
-from ..trajectory import Tolerances, Trajectory
-from ..watch.choice import Choice, Handover
+from ..watch.choice import Choice
 from ..watch.validity import Watch
 from .events import Events, Moment
 from .history import History
@@ -114,10 +115,10 @@ class EventStepper(Stepper):
         if choice is None:
             return True
         stored, peaks = choice.stored(now.time, now.state, now.mode)
-        self.result.handover = self._carrying(Handover(now.time, stored, peaks, off=events.actives(now)))
+        self.result.handover = self._carrying(PhaseTransition(now.time, stored, peaks, off=events.actives(now)))
         return True
 
-    def _carrying(self, handover: Handover) -> Handover:
+    def _carrying(self, handover: PhaseTransition) -> PhaseTransition:
         """Return the handover with the discrete variables, and the truth of the events' conditions."""
         events = self.events
         if handover.off is None:

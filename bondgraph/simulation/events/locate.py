@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunFailed
+from ...numerics.indicators import EXACT, FINER, ON_GRID, SHARES, Interpolants
+from ...numerics.roots import narrowed
 from .events import Events, Moment
-from .interpolants import EXACT, FINER, ON_GRID, SHARES, Interpolants
-from .zeros import narrowed
 
 WIDTH = 4  # units in the last place of a time: end of the narrowing
 LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defined

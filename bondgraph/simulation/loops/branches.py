@@ -1,6 +1,6 @@
 """Search for several solutions of a model's loops at the start: then no solution is marked as the intended one.
 
-Newton's method from many guesses at once (`scatter.py`). Convergence to another regular solution proves another solution; its absence proves
+Newton's method from many guesses at once (`numerics/multistart.py`). Convergence to another regular solution proves another solution; its absence proves
 nothing, but a curve has to be very narrow to remain hidden.
 """
 
@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from ...numerics.multistart import arrivals, guesses
 from .loops import LoopSolver, SeparateLoop
-from .scatter import arrivals, guesses
 
 CLOSE = 1e-6  # relative distance within which two solutions are equal
 FLOOR = 1e-13  # of the magnitude: limit of Newton's method where a law is flat at a solution (a valve without flow)

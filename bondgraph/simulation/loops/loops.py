@@ -1,7 +1,7 @@
 """Algebraic loops solved separately: the unknowns for given states, by Newton's method to round-off; multipliers directly.
 
 The steps of the integrator include the unknowns; here they are computed at a start, after a jump, and at reported instants. Where Newton's method
-fails from the last solution, `homotopy.py` reduces the residual gradually to zero.
+fails from the last solution, `numerics/homotopy.py` reduces the residual gradually to zero.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class LoopSolver:
         """Return the nearest of the solutions to which many guesses lead; None if there is none."""
         if len(places) > LARGEST:
             return None
-        from .scatter import arrivals, far_guesses, guesses
+        from ...numerics.multistart import arrivals, far_guesses, guesses
 
         loop = SeparateLoop(self, (time, state, mode), last, places)
         ends = arrivals(loop, guesses(last[places])) or arrivals(loop, far_guesses(len(places)))
@@ -308,7 +308,7 @@ class LoopSolver:
 
     def _homotopy(self, time: float, state: Any, mode: Any, guess: Any, places: Any) -> Any:
         """Return a solution by Newton homotopy from the guess; None if that fails."""
-        from .homotopy import follow
+        from ...numerics.homotopy import follow
 
         near = follow(
             lambda y: self.residual(time, state, mode, _put(guess, places, y))[places],

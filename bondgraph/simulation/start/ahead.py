@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..segments import Segment
+from ..segments.timeline import Segment
 
 if TYPE_CHECKING:
     from ...door import Program

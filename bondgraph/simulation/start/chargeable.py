@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...door import Program
-from ..segments import Segment
+from ..segments.timeline import Segment
 
 PLACES = 9  # places of a segment at which the rates are evaluated
 MOST_STRETCHES = 64

@@ -12,7 +12,7 @@ import numpy as np
 from ...door import Program
 from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
-from ..segments import Segment, always, follower, signals_on
+from ..segments.timeline import Segment, always, follower, signals_on
 from ..steps.factorise import Shifted, is_large, once, sparse
 from .kept import KeptFactors, keeps_factors
 from .motion import LARGEST, FreeMotion, along, free_motion

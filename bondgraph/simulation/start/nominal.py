@@ -17,7 +17,7 @@ import numpy as np
 from ...door import Program
 from ...results.records import ToleranceDoubt
 from ..closed.constraints import Constraints
-from ..segments import Segment
+from ..segments.timeline import Segment
 from .ahead import trusted
 from .chargeable import chargeable
 from .coarse import SMALLEST_ANGLE, CoarseRun, Look, Looks, smallest_angles

@@ -1,7 +1,7 @@
 """Pose in which mechanisms start: from the drawing along the given coordinates, on the branch of the drawing.
 
 All given coordinates change proportionally from their drawn to their given values; the others follow by the least change, and the residuals of
-loop joints stay zero (`continuation.py`). So an elbow or a rocker is on the side on which it was drawn, and a coordinate winds as often as the path
+loop joints stay zero (`numerics/continuation.py`). So an elbow or a rocker is on the side on which it was drawn, and a coordinate winds as often as the path
 winds it. Coordinates that follow from others are compared at the end. A start that the path does not reach is an error that names the nearest
 reachable value.
 """
@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunFailed
+from ...numerics.continuation import Followed, Path, follow, newton, split
 from ...quantities import behind
 from ..closed.constraints import Constraints
-from .continuation import Followed, Path, follow, newton, split
 
 if TYPE_CHECKING:
     from ...door import StateSpace

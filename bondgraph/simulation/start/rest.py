@@ -16,7 +16,7 @@ import numpy as np
 from ...door import Program
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
-from ..segments import Segment
+from ..segments.timeline import Segment
 from ..steps.factorise import is_large
 from .rest_dense import CLOSE, Search
 

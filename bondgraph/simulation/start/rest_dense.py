@@ -10,7 +10,7 @@ from ...door import Program
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
-from ..segments import Segment
+from ..segments.timeline import Segment
 from ..watch.stuck import not_finite
 from .steady import CANCELLED, drivers, given_terms, unread_states
 

@@ -17,7 +17,7 @@ from ...door import Program
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..events.events import Events, Moment
-from ..segments import Segment
+from ..segments.timeline import Segment
 from .rest import equilibrium, found_by
 from .rest_dense import Search
 

@@ -15,7 +15,7 @@ from ...errors import RunFailed
 from ...quantities import behind
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
-from ..segments import Segment
+from ..segments.timeline import Segment
 from .claims import fulfil, slopes_of
 
 if TYPE_CHECKING:

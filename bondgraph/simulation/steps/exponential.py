@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from ...door import Program
-from ..segments import ROUNDING, Segment, signals_on
+from ..segments.timeline import ROUNDING, Segment, signals_on
 
 DEGREE = 10  # degree of the polynomials
 LARGEST = 200  # most states; and largest size of the augmented matrix

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import NotLossless, RunFailed, UsageError
-from ..segments import Segment
+from ..segments.timeline import Segment
+from ..segments.trajectory import Tolerances
 from ..steps.radau import StepFailed
-from ..trajectory import Tolerances
 from .reference import interpreted
 
 if TYPE_CHECKING:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..segments import Segment
+from ...numerics.quadrature import GAUSS, KRONROD, PLACES, too_coarse
+from ..segments.timeline import Segment
 from ..steps import exponential
 from ..watch.stuck import not_finite
-from .quadrature import GAUSS, KRONROD, PLACES, too_coarse
 
 if TYPE_CHECKING:
     from .stepper import Stepper

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...door import Program
 from ..closed.constraints import Constraints
-from ..segments import Segment
+from ..segments.timeline import Segment
+from ..segments.trajectory import Tolerances, Trajectory
 from ..steps.methods import AUTOMATIC
-from ..trajectory import Tolerances, Trajectory
 from ..watch.choice import Choice
 from ..watch.validity import Watch
 from .stepper import Powers, Stepper

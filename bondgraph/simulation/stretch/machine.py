@@ -9,7 +9,7 @@ import numpy as np
 from ...door import Program
 from ...errors import StepsCollapsed
 from ..closed.singular import NEAR
-from ..segments import Segment
+from ..segments.timeline import Segment
 from ..steps import pair
 from ..steps.compiled.advance import FINISHED, FLIP, HANDOVER, MORE, STIFF
 from ..steps.compiled.run import CompiledRadau, obstacle, steps
@@ -20,7 +20,7 @@ from .cut import is_sure
 from .poses import beyond, chosen_anew
 
 if TYPE_CHECKING:
-    from ..trajectory import Tolerances
+    from ..segments.trajectory import Tolerances
     from .stepper import Stepper
 
 

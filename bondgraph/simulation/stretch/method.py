@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UsageError
-from ..segments import Segment
+from ..segments.timeline import Segment
 from ..steps.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU, RODAS
 from ..steps.radau import StepFailed
 from .reference import interpreted

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import StepsCollapsed
 from ..closed.singular import NEAR
-from ..segments import Segment
+from ..segments.timeline import Segment
 from ..steps.methods import AUTOMATIC, RADAU
 from ..steps.radau import Radau, StepFailed
 from ..watch.stuck import MOST_STEPS

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..segments import Segment
-from ..watch.choice import Handover
+from ..segments.timeline import Segment
+from ..segments.transition import PhaseTransition
 
 if TYPE_CHECKING:
     from ..closed.crossing import Crossed
@@ -18,7 +18,7 @@ def chosen_anew(stepper: Stepper, time: float, state: Any, mode: Any, step: floa
     """Return True if the phase must end here because other constraints should be active from now on: the next phase selects them."""
     if stepper.choice is None or not stepper.singular.other_rows(time, state, mode, step):
         return False
-    stepper.result.handover = Handover(time, *stepper.choice.stored(time, state, mode))
+    stepper.result.handover = PhaseTransition(time, *stepper.choice.stored(time, state, mode))
     return True
 
 

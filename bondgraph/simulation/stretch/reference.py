@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..loops.loops import Eliminated
-from ..segments import Segment, follower
+from ..segments.timeline import Segment, follower
 from ..steps.methods import EXPLICIT
 from ..steps.radau import Problem, Radau
 

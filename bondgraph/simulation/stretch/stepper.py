@@ -14,18 +14,18 @@ import numpy as np
 
 from ...door import Program
 from ...errors import RunFailed, StepsCollapsed, UsageError
+from ...numerics.quadrature import work_of
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
-from ..segments import Segment, Signals, signals_on, with_time_of
+from ..segments.timeline import Segment, Signals, signals_on, with_time_of
+from ..segments.trajectory import Kept, Tolerances, Trajectory, empty
 from ..steps.methods import AUTOMATIC, ENERGY, NAMES
 from ..steps.radau import INNER, Radau
-from ..trajectory import Kept, Tolerances, Trajectory, empty
 from ..watch.beyond import notes_of_beyond
 from ..watch.choice import Choice
 from ..watch.crawling import notes_of
 from ..watch.stuck import MOST_STEPS, failure, not_finite
 from ..watch.validity import Watch
-from .quadrature import work_of
 from .stateless import without_states
 
 if TYPE_CHECKING:

@@ -9,45 +9,21 @@ derivatives are pivoted for the same reason: Mattsson and Söderlind, SIAM J. Sc
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...door import Program
-
-if TYPE_CHECKING:
-    from ...results.checkpoint import DelayHistory
+from ..segments.transition import PhaseTransition
 
 WORST = 1e3  # relative change of a dependent storage per relative change of a state, each relative to its peak
-
-
-@dataclass(frozen=True, slots=True)
-class Handover:
-    """Phase transition: the instant, all stored quantities, and the reason, from which another program can go on.
-
-    Either two storages are exchanged, or junctions switch, or the run ended there and is to be resumed.
-    """
-
-    time: float
-    stored: Mapping[str, float]  # by name: states and dependent storages
-    peaks: Mapping[str, float]  # their largest values so far
-    dependent: str = ""  # the element that was in derivative form
-    state: str = ""  # the element that was a state
-    off: tuple[str, ...] | None = None  # the junctions that are off from now on; None: as before
-    modes: Mapping[str, float] = field(default_factory=dict)  # by name: discrete variables that only events change
-    on: Mapping[tuple[str, int], bool] = field(default_factory=dict)  # truth of the events' conditions
-    past: DelayHistory | None = None  # history of delayed signals
-    magnitudes: Mapping[str, float] = field(default_factory=dict)  # magnitudes of states and unknowns
-    unknowns: Mapping[str, float] = field(default_factory=dict)  # unknowns of loops
 
 
 class Choice:
     """Monitor of the state selection. `storages`: the elements that can be exchanged; `before`: transition at the end of the phase before."""
 
     def __init__(
-        self, program: Program, constants: Any, inputs: Any, storages: frozenset[str], before: Handover | None
+        self, program: Program, constants: Any, inputs: Any, storages: frozenset[str], before: PhaseTransition | None
     ) -> None:  # fmt: skip
         self.program, self.fixed = program, (inputs, constants)
         rows, columns = program.sensitivity_pattern
@@ -66,7 +42,7 @@ class Choice:
         """Return True if there are storages that can be exchanged."""
         return len(self.rows) > 0
 
-    def look(self, time: float, state: Any, mode: Any) -> Handover | None:
+    def look(self, time: float, state: Any, mode: Any) -> PhaseTransition | None:
         """Return the transition that exchanges two storages after a step that ended here; None if none is needed."""
         if not len(self.rows):
             return None
@@ -79,7 +55,7 @@ class Choice:
         if not gain[worst] > WORST:
             return None
         dependent = self.program.dependents.names[self.rows[worst]].rpartition(".")[0]
-        return Handover(time, values, peaks, dependent, self._element(self.columns[worst]))
+        return PhaseTransition(time, values, peaks, dependent, self._element(self.columns[worst]))
 
     def stored(self, time: float, state: Any, mode: Any) -> tuple[dict[str, float], dict[str, float]]:
         """Return all stored quantities (states and dependent storages) and their largest values so far; by name."""

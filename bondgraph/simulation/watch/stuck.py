@@ -8,7 +8,7 @@ import numpy as np
 
 from ...door import Program
 from ...errors import RateNotFinite, RunFailed, StepsCollapsed
-from ..trajectory import Tolerances
+from ..segments.trajectory import Tolerances
 from .crawling import advice, limiting_mode
 
 if TYPE_CHECKING:

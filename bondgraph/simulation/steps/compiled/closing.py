@@ -1,10 +1,10 @@
-"""Step acceptance: growth of tolerances, state selection, work; see `quadrature.py` and `choice.py`."""
+"""Step acceptance: growth of tolerances, state selection, work; see `numerics/quadrature.py` and `choice.py`."""
 
 from __future__ import annotations
 
 from math import sqrt
 
-from ...stretch import quadrature
+from ....numerics import quadrature
 from .holding import put_multipliers
 from .polynomials import collocation
 from .stepper import Stepper

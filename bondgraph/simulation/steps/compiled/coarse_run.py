@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...segments import mode_size
+from ...segments.timeline import mode_size
 from ...start.coarse import unit_numbers
 from ...start.kept import keeps_factors
 from .coarse import Coarse

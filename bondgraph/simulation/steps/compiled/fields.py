@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....door import Program
-from ...events.interpolants import PLACES
-from ...segments import LOOKS, Segment, Signals, inside
+from ....numerics.indicators import PLACES
+from ...segments.timeline import LOOKS, Segment, Signals, inside
 from ...watch.choice import WORST
 from .. import pair
 from ..factorise import is_large
@@ -20,7 +20,7 @@ from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tol
 from .factors import ComplexFactors, Factors, room_for
 
 if TYPE_CHECKING:
-    from ...trajectory import Tolerances
+    from ...segments.trajectory import Tolerances
 
 LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with a sparse ordering
 

@@ -1,11 +1,11 @@
-"""Detection of possible zero crossings in the last step; `events/locate.py` locates them, with the same polynomials (`events/interpolants.py`)."""
+"""Detection of possible zero crossings in the last step; `events/locate.py` locates them, with the same polynomials (`numerics/indicators.py`)."""
 
 from __future__ import annotations
 
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from ...events import interpolants
+from ....numerics import indicators
 from .. import pair
 from ..methods import RADAU
 from .holding import put_multipliers
@@ -15,10 +15,10 @@ from .within import state_at
 if TYPE_CHECKING:
     from ....door import Floats
 
-PLACES, GRID, LAST, PARTS = interpolants.PLACES, interpolants.GRID, interpolants.LAST, pair.PARTS
-SHARES = tuple(interpolants.SHARES.tolist())
-COEFFICIENTS, ON_GRID = (tuple(a.ravel().tolist()) for a in (interpolants.COEFFICIENTS, interpolants.ON_GRID))
-CONVERGED, SURE = interpolants.CONVERGED, interpolants.SURE
+PLACES, GRID, LAST, PARTS = indicators.PLACES, indicators.GRID, indicators.LAST, pair.PARTS
+SHARES = tuple(indicators.SHARES.tolist())
+COEFFICIENTS, ON_GRID = (tuple(a.ravel().tolist()) for a in (indicators.COEFFICIENTS, indicators.ON_GRID))
+CONVERGED, SURE = indicators.CONVERGED, indicators.SURE
 
 
 def may_flip(s: Stepper) -> bool:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....door import Program
-from ...segments import Segment, Signals
+from ...segments.timeline import Segment, Signals
 from .. import pair
 from ..methods import ENERGY, RODAS
 from ..radau import StepFailed
@@ -27,7 +27,7 @@ from .run import FAILURES
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ...trajectory import Tolerances
+    from ...segments.trajectory import Tolerances
 
 OF_STATES = ("derivative", "entries", "holds", "dependent", "sensitivities", "powers")
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....door import Program, address_of, record_of
-from ...segments import Segment, Signals, inside
+from ...segments.timeline import Segment, Signals, inside
 from ...watch.choice import Choice
 from .. import pair, radau, rodas
 from ..methods import ENERGY, RADAU, RODAS
@@ -29,7 +29,7 @@ from .step import ERROR, NEWTON, ORDER, ROUND_OFF
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ...trajectory import Tolerances
+    from ...segments.trajectory import Tolerances
     from .held import CompiledConstraints
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted

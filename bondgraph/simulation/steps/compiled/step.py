@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite, sqrt, ulp
 from typing import TYPE_CHECKING
 
-from ... import segments
+from ...segments import timeline
 from .. import radau, tolerances
 from .bending import after_bend, bends_of, first_bend
 from .dense import factorise, factorise_real, solve_complex, solve_real
@@ -28,9 +28,9 @@ BENT, NEAREST, MOST_BENDS, BEYOND = radau.BENT, radau.NEAREST, radau.MOST_BENDS,
 POWER = 0.25  # exponent of the estimate in the step size
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
 GROWN = radau.GROWN
-LOOKS, BETWEEN = tuple(segments.LOOKS.tolist()), tuple(segments.BETWEEN.ravel().tolist())
-CUBIC = tuple(segments.CUBIC.ravel().tolist())
-SEEN, UNSEEN = len(segments.SEEN), len(segments.LOOKS) - len(segments.SEEN)
+LOOKS, BETWEEN = tuple(timeline.LOOKS.tolist()), tuple(timeline.BETWEEN.ravel().tolist())
+CUBIC = tuple(timeline.CUBIC.ravel().tolist())
+SEEN, UNSEEN = len(timeline.SEEN), len(timeline.LOOKS) - len(timeline.SEEN)
 NEWTON, ERROR, ROUND_OFF, ORDER = 4, 5, 6, 7  # reasons for no step; the last: the matrix needs another order
 
 
@@ -256,7 +256,7 @@ def first_size(
 def follows(
     s: Stepper, start: float, end: float, seen: int, unseen: int, looks: Numbers, between: Numbers, through: Numbers
 ) -> bool:
-    """Return True if a step between two times resolves the signals of time (see `segments.follower`).
+    """Return True if a step between two times resolves the signals of time (see `timeline.follower`).
 
     `looks`: the nodes of the step, and then the places where the polynomial through them (weights in `between`) must fit; `through`: matrix from the
     values at the nodes to the coefficients of that polynomial, highest degree first.

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .segments import Segment
+from .timeline import Segment
+from .transition import PhaseTransition
 
 if TYPE_CHECKING:
-    from ..door import Program
-    from .closed.singular import SingularPose
-    from .watch.choice import Handover
+    from ...door import Program
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +50,16 @@ class Kept:
     on: Mapping[tuple[str, int], bool]  # conditions of events, with their truth values
 
 
+@dataclass(frozen=True, slots=True)
+class SingularPose:
+    """A singular pose that the run has passed."""
+
+    time: float
+    lost: int  # number of constraints without effect there
+    joints: tuple[str, ...]
+    rounding: float = 0.0  # that is left of the crossing, in magnitudes; 0 where the tolerance covers it
+
+
 @dataclass(slots=True)
 class Trajectory:
     """States at the requested instants, and statistics of the integrator."""
@@ -62,7 +71,9 @@ class Trajectory:
     final: Any = None
     rounded: float = 0.0  # the most tolerances of rounding that a step was accepted with
     poses: list[SingularPose] = field(default_factory=list)  # singular poses passed on the way
-    handover: Handover | None = None  # transition at which the phase ends: other states are integrated from there on
+    handover: PhaseTransition | None = (
+        None  # transition at which the phase ends: other states are integrated from there on
+    )
     settled: int | None = None  # the method kept for all further segments, and for the next phase of this program
     solvers: dict[str, None] = field(default_factory=dict)  # used, in the order of their first use
     pieces: list[Segment] = field(default_factory=list)  # the segments, with their modes, as they were integrated

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ..door import Function, Program, Ranges, TimeFunctions
-from ..errors import RunFailed
-from .events.zeros import crossing
+from ...door import Function, Program, Ranges, TimeFunctions
+from ...errors import RunFailed
+from ...numerics.roots import crossing
 
 if TYPE_CHECKING:
     from .crossings import Found

@@ -1,0 +1,1 @@
+"""Time of a run cut into smooth segments, and the records of an integration over them."""
