@@ -6,29 +6,31 @@ all states, inputs and instants. A search for an equilibrium keeps their initial
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..door import dependent_rates, evaluate
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from ..door import EquationSystem, Expression
-    from .operating_point import OperatingPoint
+    from ..prepared import Prepared
 
 ROUNDING = 1e-11  # relative to the largest factor: remainder of cancelling factors
 
 
-def conserved_sums(point: OperatingPoint) -> Any:
+def conserved_sums(scene: Prepared, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the factors of the states, (k, n), each row of length 1; k = 0 for most models."""
-    rows = point.made.kept.get("dependent rates")
-    system, n = point.compilation.equations, point.count
+    rows = scene.kept.get("dependent rates")
+    system, n = scene.compilation.equations, len(scene.program.states.names)
     if rows is None:
-        rows = point.made.kept["dependent rates"] = dependent_rates(system, point.compilation.state_space.states)
+        rows = scene.kept["dependent rates"] = dependent_rates(system, scene.state_space.states)
     if not rows:
         return np.zeros((0, n))
-    value = _constants(system, point)
+    value = _constants(system, dict(zip(scene.program.parameters.names, map(float, parameters), strict=True)))
     flows = {flow: i for i, flow in enumerate(dict.fromkeys(f for row in rows.values() for f in row))}
     matrix = np.zeros((len(rows), max(len(flows), 1)))
     try:
@@ -47,13 +49,11 @@ def conserved_sums(point: OperatingPoint) -> Any:
     return whole
 
 
-def _constants(system: EquationSystem, point: OperatingPoint) -> Callable[[Any], float]:
-    """Return a function that computes a variable from parameters alone."""
-    names, parameters = point.program.parameters.names, point.constraints.parameters
-    given = {n: float(v) for n, v in zip(names, parameters, strict=True)}
+def _constants(system: EquationSystem, given: Mapping[str, float]) -> Callable[[int], float]:
+    """Return a function that computes a variable from the parameters `given` alone."""
     assigned: dict[int, Expression] = {a.target: a.expression for a in system.assignments if not a.implicit}
 
-    def value(variable: Any) -> float:
+    def value(variable: int) -> float:
         known = system.variables[variable]
         if known.role == "parameter":
             return given.get(known.name, known.value if known.value is not None else np.nan)

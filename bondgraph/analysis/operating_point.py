@@ -250,7 +250,7 @@ class OperatingPoint:
         """Conserved sums of the states, (k, n)."""
         from .conserved import conserved_sums
 
-        return conserved_sums(self)
+        return conserved_sums(self.made, self.constraints.parameters)
 
     @cached_property
     def reduced(self) -> Reduced:

@@ -7,7 +7,7 @@ from typing import Any, TypedDict, Unpack
 
 from ..door import BUNDLES, braces
 from ..errors import UsageError
-from .given import (
+from .argument_checks import (
     Ports,
     Value,
     domain_of,
@@ -16,11 +16,11 @@ from .given import (
     law_of,
     literal_of,
     mapping_of,
-    name_of,
     path_of,
     ports_of,
     value_of,
-)  # fmt: skip
+)
+from .names import name_of  # fmt: skip
 from .parts import Part
 
 CAUSALITIES = ("integral", "derivative", "effort", "flow")

@@ -25,20 +25,10 @@ from ..door import Diagnostic, Source, bond_lines, braces, check_source
 from ..errors import UsageError
 from ..model import Model
 from ..simulation.steps.methods import chosen_solver
+from .argument_checks import Value, description_of, is_one_number, literal_of, mapping_of, path_of, unit_of, value_of
 from .elements import Elements
-from .given import (
-    Value,
-    description_of,
-    is_one_number,
-    literal_of,
-    mapping_of,
-    model_name_of,
-    name_of,
-    path_of,
-    unit_of,
-    value_of,
-)
 from .mechanism import Mechanism
+from .names import model_name_of, name_of
 from .parts import Part, Quantity
 
 
@@ -204,11 +194,11 @@ class Graph(Elements):
         return direct + [deeper for g in direct for deeper in g._within()]
 
     # ------------------------------------------------------------ bonds
-    def bond(self, *places: Any) -> None:
+    def bond(self, *places: object) -> None:
         """Add half arrows from each place to the next; several places in parallel are a sequence."""
         self._arrows("->", places)
 
-    def multibond(self, *places: Any) -> None:
+    def multibond(self, *places: object) -> None:
         """Add the same with multibonds: all ports of a splitter, joint, body or port at once, by name."""
         self._arrows("=>", places)
 

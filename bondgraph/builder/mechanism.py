@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from ..door import braces, freedoms_of
 from ..errors import UsageError
-from .given import Value, expression_of, is_number, mapping_of, name_of, path_of, value_of
-from .parts import Part
-
-if TYPE_CHECKING:
-    from .graph import Graph
+from .argument_checks import Value, expression_of, is_number, mapping_of, path_of, value_of
+from .names import name_of
+from .parts import Bonding, Part
 
 GROUND = "ground"
 # Units by the last letter of a coordinate with start, limit or rest value.
@@ -45,7 +42,7 @@ class Mechanism:
     or a condition of parameters as text.
     """
 
-    graph: Graph
+    graph: Bonding
     path: str
     lines: list[str]
     spatial: bool = False

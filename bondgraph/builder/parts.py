@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import Protocol, TypeVar
 
 from ..errors import UsageError
-
-if TYPE_CHECKING:
-    from .graph import Graph
+from .names import name_of
 
 Head = TypeVar("Head")
+
+
+class Bonding(Protocol):
+    """The graph that a handle belongs to, as its handles see it."""
+
+    name: str
+
+    def bond(self, *places: object) -> None: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quantity:
     """A parameter, constant, input, signal, output or slot; in an f-string it is its name, an item of a list is `gap[2]`."""
 
-    graph: Graph
+    graph: Bonding
     name: str
 
     def __str__(self) -> str:
@@ -39,7 +45,7 @@ class Part:
     part is its path: `f"{spring}.x"`.
     """
 
-    graph: Graph
+    graph: Bonding
     path: str
     ports: tuple[str, ...] | None = None  # None: only the compiler knows them
 
@@ -47,8 +53,6 @@ class Part:
         return self.path
 
     def __getitem__(self, port: str) -> Part:
-        from .given import name_of
-
         if self.ports is not None and port not in self.ports:
             known = ", ".join(self.ports) or "one, without a name"
             raise UsageError(f"`{self.path}` has no port `{port}`; its ports: {known}")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..results.ensemble import Ensemble
     from ..results.result import Result
     from ..studies.distributions import Distribution
-    from ..studies.fit import Sought
+    from ..studies.fit_problem import Sought
     from ..studies.fitted import Fit
     from ..studies.journal import Journal
     from ..studies.measured import Measurements

@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Any
 from ..analysis.outcome import Outcome, Point
 from ..door import Varying
 from ..simulation.run import Wanted
-from .asked import Settings, Whole, compilation_notes, why
-from .sharing import Question, Sharing, answers
-from .wrong import check_some_stand
+from ..simulation.settings import Settings
+from .experiment_study import ExperimentStudy
+from .point_failure import check_some_stand, why
+from .question import Question
+from .scalar_study import compilation_notes
+from .sharing import Sharing, answers
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
@@ -42,7 +45,9 @@ def run(
         for values in itertools.product(*(s.values for s in left))
     ]
     simulates = plan.stop is not None or not plan.studies
-    asked = Whole(plan.experiment, tuple(settings.items()), plan.studies, simulates, options.outputs, options.wanted)
+    asked = ExperimentStudy(
+        plan.experiment, tuple(settings.items()), plan.studies, simulates, options.outputs, options.wanted
+    )
     chosen = sharing or Sharing(workers=1)
     alone = not left and any(isinstance(s, Varying) for s in plan.studies)  # then the workers share its own points
     points = (asked.made(model, {}, chosen),) if alone else made(model, asked, grid, chosen)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from .identify import Direction, Explanation
+    from .measured import Series
 
     Array = NDArray[np.float64]
 
@@ -33,18 +34,6 @@ class Fitted:
     error: float
     low: float
     high: float
-
-
-@dataclass(frozen=True, eq=False)
-class Series:
-    """One measured quantity: its rows (from 0) in a file, values in SI, and standard deviations (or sizes, if none are given)."""
-
-    file: str
-    name: str
-    unit: str
-    rows: tuple[int, ...]
-    measured: Array
-    sigma: Array
 
 
 @dataclass(frozen=True, eq=False)

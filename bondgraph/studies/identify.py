@@ -19,7 +19,7 @@ from ..errors import RunFailed
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from .fit import Problem
+    from .fit_problem import Problem
 
     Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from ..errors import RunFailed, UsageError
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
-    from .sharing import Question
+    from .question import Question
 
 SCHEMA = b"bondgraph-journal/1\n"
 _HEAD = struct.Struct("<QQ")  # number of results, length
@@ -103,7 +103,7 @@ class Journal:
 def digest_of(model: AnalysedModel, question: Question, points: Sequence[Any]) -> bytes:
     """Return the digest of all data that determine the results."""
     from ..cache import code_version
-    from .sharing import key_of
+    from .question import key_of
 
     digest = hashlib.sha256()
     files = [(str(s.path), s.text) for s in model.compilation().files]

@@ -31,6 +31,18 @@ LARGEST = 10_000_000  # most fields
 
 
 @dataclass(frozen=True, eq=False)
+class Series:
+    """One measured quantity: its rows (from 0) in a file, values in SI, and standard deviations (or sizes, if none are given)."""
+
+    file: str
+    name: str
+    unit: str
+    rows: tuple[int, ...]
+    measured: Array
+    sigma: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Measurements:
     """Columns `settings` and `found` (n,) in SI by name; NaN in `found` where nothing was measured. `sigmas` of some of them.
 

@@ -14,12 +14,12 @@ import numpy as np
 
 from ..errors import RunFailed, UsageError
 from ..simulation.run import DEFAULT_RTOL, Wanted, check_wanted
-from .asked import Failed, Numbers, Settings, compilation_notes
+from ..simulation.settings import Settings
 from .distributions import Distribution, distribution
 from .indices import Indices, indices, mixed
 from .sampling import MOST_NAMES, correlation_matrix, cube, values_of
+from .scalar_study import Failed, ScalarStudy, check_steps, compilation_notes, units_of
 from .sharing import Sharing, answers
-from .sweep import check_steps, units_of
 from .tolerances import MonteCarlo, Swing
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def montecarlo(
         other = values_of(shares[:rows, len(names) :], given, None)
         parts += [other, mixed(sample[:rows], other)]
     parts.append(_tornado_points(given))
-    asked = Numbers(of, experiment, tuple(settings.items()), outputs, wanted)
+    asked = ScalarStudy(of, experiment, tuple(settings.items()), outputs, wanted)
     points = [dict(zip(names, map(float, row), strict=True)) for part in parts for row in part]
     found = answers(model, asked, points, sharing)
     quantities = tuple(dict.fromkeys(n for x in found if not isinstance(x, Failed) for n in x))

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .sharing import Progress
+    from .question import Progress
 
 
 @contextmanager

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from ..results.ensemble import Ensemble
 from ..results.result import Result
 from ..simulation.run import Wanted, check_wanted, simulate
+from .point_failure import check_some_stand, kept
 from .sharing import Sharing, answers
-from .wrong import check_some_stand, kept
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel

@@ -15,11 +15,11 @@ import numpy as np
 from ..analysis.inversion.feed_forward import FeedForward
 from ..analysis.outcome import Outcome, Point
 from ..errors import UsageError
-from .asked import Settings
+from ..simulation.settings import Settings
 from .experiment import made
 from .measured import OF_MODES, SIGMA, read_columns
+from .point_failure import kept
 from .sharing import Sharing
-from .wrong import kept
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel

@@ -6,20 +6,20 @@ model; a worker compiles it once. Our own workers have it already (`workers.py`)
 
 from __future__ import annotations
 
-import hashlib
 import os
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from operator import index
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
-from .workers import Answers, made
+from .question import Answers, Progress, Question, key_of
+from .workers import made
 
 if TYPE_CHECKING:
     from ..door import Source
@@ -29,17 +29,9 @@ MOST_AT_ONCE = 64  # most points of one task
 AHEAD = 3  # number of tasks in a worker's share of the remaining points
 MOST_KEPT = 8  # most models that a worker keeps compiled
 
-Progress = Callable[[int, int], None]
-
 _MODELS: dict[str, AnalysedModel] = {}  # models of this process
 _OWNERS: dict[str, int] = {}  # number of studies of each that run from here
 _FIRST, _OWNING = threading.Lock(), threading.Lock()
-
-
-class Question(Protocol):
-    """Request at each point; it is sent to other processes. An error at a point is part of its result."""
-
-    def answer(self, model: AnalysedModel, point: Any) -> Any: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,13 +168,6 @@ def _ready(model: AnalysedModel) -> Iterator[str]:
             if not _OWNERS[key]:
                 del _OWNERS[key]
                 _MODELS.pop(key, None)
-
-
-def key_of(model: AnalysedModel) -> str:
-    """Return a unique key of a model's text."""
-    source = model.source
-    text = f"{source.name}\0{source.path}\0{model.model}\0{source.text}"
-    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def cores() -> int:

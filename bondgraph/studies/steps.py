@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
     from ..door import Analysis, Drawn
     from ..simulation.run import Wanted
-    from .asked import Settings
+    from ..simulation.settings import Settings
     from .sharing import Sharing
 
 
@@ -31,7 +31,8 @@ def made_of(
         case Inverting():
             return _inverted(model, step, experiment, settings)
         case Fitting():
-            from .fit import Sought, fit
+            from .fit import fit
+            from .fit_problem import Sought
 
             sought = {s.name: Sought(s.name, s.low, s.high, s.logarithmic) for s in step.sought}
             folder = model.source.path.parent if model.source.path is not None else Path()

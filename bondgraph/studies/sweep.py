@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 from ..analysis.outcome import Outcome
 from ..door import Study
 from ..errors import UsageError
-from .asked import STEPS, Settings, Whole, compilation_notes
+from ..simulation.settings import Settings
 from .experiment import Options, made
+from .experiment_study import ExperimentStudy
+from .scalar_study import check_steps, compilation_notes, units_of
 from .sharing import Sharing
 
 if TYPE_CHECKING:
@@ -37,28 +39,14 @@ def sweep(
         else itertools.islice(itertools.product(*numbers.values()), MOST_POINTS)
     )
     studies = tuple(Study(step) for step in of if step != "simulate")
-    asked = Whole(experiment, tuple(settings.items()), studies, "simulate" in of, options.outputs, options.wanted)
+    asked = ExperimentStudy(
+        experiment, tuple(settings.items()), studies, "simulate" in of, options.outputs, options.wanted
+    )
     grid = [dict(zip(numbers, row, strict=True)) for row in rows]
     points = made(model, asked, grid, sharing or Sharing(workers=1))
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
     notes = compilation_notes(model, experiment, settings, grid)
     return Outcome(compilation.whole_graph.name, plan.experiment, units, points, shown, notes)
-
-
-def check_steps(of: tuple[str, ...], what: str) -> None:
-    """Raise `UsageError` for steps that are not possible."""
-    unknown = [step for step in of if step not in STEPS]
-    if unknown or not of:
-        raise UsageError(f"{what} is of {', '.join(STEPS)}; not of `{(*unknown, 'nothing')[0]}`")
-
-
-def units_of(model: AnalysedModel, names: Sequence[str], experiment: str | None, settings: Settings) -> dict[str, str]:
-    """Return SI units of settings. Raises `CompilationFailed` for names that the model does not have."""
-    quantities = model.compilation(model.scene(experiment, settings)).whole_graph.quantities
-    for name in names:
-        if name not in quantities:  # the compiler's message lists the existing names
-            _ = model.compilation(model.scene(experiment, {**settings, name: 0.0})).whole_graph
-    return {name: quantities[name].unit for name in names}
 
 
 def _numbers(values: str | Sequence[str | float], unit: str, name: str) -> tuple[float, ...]:

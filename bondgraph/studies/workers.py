@@ -25,14 +25,12 @@ from ..errors import RunFailed
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
-    from .sharing import Question
+    from .question import Answers, Question
 
 MOST_TOLD = 64  # most results in one report
 OFTEN = 0.25  # s: longest time between reports, unless a point takes longer
 AHEAD = 3  # reports requested in advance from each worker, so that it does not wait
 PATIENCE = 1.0  # s: a worker that has not announced its point by then may be dead
-
-Answers = dict[int, Any]  # results by the index of the point
 
 
 class Points:

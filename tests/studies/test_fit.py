@@ -14,7 +14,7 @@ from click.testing import CliRunner
 import bondgraph
 from bondgraph import UsageError
 from bondgraph.commands import commands
-from bondgraph.studies.fit import Problem, Sought
+from bondgraph.studies.fit_problem import Problem, Sought
 from bondgraph.studies.measured import Measurements
 from tests.compiling import MODELS
 

@@ -26,6 +26,13 @@ def kept(problem: Exception) -> Exception:
     return problem
 
 
+def why(problem: Exception) -> str:
+    """Return an error as one line."""
+    if isinstance(problem, CompilationFailed):
+        return "; ".join(f"{d.code} {d.sentence}" for d in problem.diagnostics) or "the model does not compile"
+    return str(problem)
+
+
 def _broken(problem: Exception) -> PointBroken:
     within = isinstance(problem, RunBroken)
     what = str(problem) if within else f"{type(problem).__name__}: {problem}"

@@ -7,15 +7,12 @@ there. Texts are parsed, never evaluated.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Any
 
 from ..door import (
     DOMAINS,
-    ELEMENT_KINDS,
-    RESERVED,
     Literal,
     Path,
     Source,
@@ -25,32 +22,11 @@ from ..door import (
     read_unit,
 )  # fmt: skip
 from ..errors import UsageError
+from .names import name_of
 from .parts import Part, Quantity
 
 Value = Any  # a number, an expression of the language as text, a handle, or a sequence of these
 Ports = Mapping[str, str] | Sequence[str]  # the names of ports, with or without their domains
-
-_NAME = re.compile(r"([A-Za-z_][A-Za-z_0-9]*)(?:\[([0-9]{1,9}(?:, ?[0-9]{1,9})*)\])?")
-
-
-def name_of(name: Any) -> str:
-    """Return a name of the language, with an index if it has one."""
-    match = _NAME.fullmatch(name) if isinstance(name, str) else None
-    if match is None:
-        raise UsageError(
-            f"{name!r} is no name: letters a-z, digits and _, not a digit first, and perhaps an index, `mass[2]`"
-        )
-    word, index = match.groups()
-    if word in RESERVED:
-        raise UsageError(f"`{word}` is a word of the language and cannot be a name")
-    return word if index is None else f"{word}[{', '.join(str(int(i)) for i in index.split(','))}]"
-
-
-def model_name_of(name: Any) -> str:
-    """Return a name for a model."""
-    if name_of(name) in ELEMENT_KINDS or "[" in name:
-        raise UsageError(f"`{name}` cannot be the name of a model")
-    return str(name)
 
 
 def description_of(text: Any) -> str:

@@ -1,0 +1,25 @@
+"""Question of a study: the request at each point, as workers get it, and the key of the model that it is put to."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from ..analysed_model import AnalysedModel
+
+Answers = dict[int, Any]  # results by the index of the point
+Progress = Callable[[int, int], None]  # called with the number of finished points, and of all
+
+
+class Question(Protocol):
+    """Request at each point; it is sent to other processes. An error at a point is part of its result."""
+
+    def answer(self, model: AnalysedModel, point: Any) -> Any: ...
+
+
+def key_of(model: AnalysedModel) -> str:
+    """Return a unique key of a model's text."""
+    source = model.source
+    text = f"{source.name}\0{source.path}\0{model.model}\0{source.text}"
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

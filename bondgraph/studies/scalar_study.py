@@ -1,0 +1,101 @@
+"""Scalar study: numbers by name at each point, and the checks of a request before any point is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..analysis.modes import moving_frequencies
+from ..analysis.operating_point import Asked, operating_point
+from ..analysis.outcome import MODES
+from ..errors import RunFailed, UsageError
+from ..simulation.run import Wanted, simulate
+from ..simulation.settings import Settings, compiled_in
+from .point_failure import kept, why
+
+if TYPE_CHECKING:
+    from ..compiled_model import CompiledModel
+
+STEPS = ("equilibrium", "modes", "simulate")
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """Reason why a point has no result."""
+
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class ScalarStudy:
+    """Scalar study: numbers by name at each point, in SI and Hz.
+
+    `of`: equilibrium (outputs at equilibrium), modes (frequencies), simulate (outputs at the end).
+    """
+
+    of: tuple[str, ...]
+    experiment: str | None
+    settings: tuple[tuple[str, str | float], ...]  # settings of the call
+    outputs: tuple[str, ...] | None
+    wanted: Wanted
+    most: int = MODES  # most frequencies
+
+    def answer(self, model: CompiledModel, point: Mapping[str, str | float]) -> dict[str, float] | Failed:
+        """Return the numbers at one point, or the reason of its failure."""
+        try:
+            return self._numbers(model, {**dict(self.settings), **point})
+        except Exception as problem:
+            return Failed(why(kept(problem)))
+
+    def _numbers(self, model: CompiledModel, settings: Settings) -> dict[str, float]:
+        found: dict[str, float] = {}
+        if "equilibrium" in self.of or "modes" in self.of:
+            outputs = self.outputs if "equilibrium" in self.of else None
+            at_rest = operating_point(model, Asked(self.experiment, settings, outputs))
+            if "equilibrium" in self.of:
+                found |= dict(zip(at_rest.program.outputs.names, map(float, at_rest.outputs), strict=True))
+            if "modes" in self.of:
+                frequencies = moving_frequencies(at_rest)[: self.most]
+                found |= {f"frequency {i}": f for i, f in enumerate(frequencies, 1)}
+        if "simulate" in self.of:
+            run = simulate(model, self.experiment, settings, self.outputs, self.wanted)
+            if run.warnings:
+                raise RunFailed(f"the model does not hold there: {run.warnings[0]}")
+            found |= {name: run.final(name) for name in run.names}
+        bad = [name for name, value in found.items() if not np.isfinite(value)]
+        if bad:
+            raise RunFailed(f"`{bad[0]}` is no number there")
+        return found
+
+
+def check_steps(of: tuple[str, ...], what: str) -> None:
+    """Raise `UsageError` for steps that are not possible."""
+    unknown = [step for step in of if step not in STEPS]
+    if unknown or not of:
+        raise UsageError(f"{what} is of {', '.join(STEPS)}; not of `{(*unknown, 'nothing')[0]}`")
+
+
+def units_of(model: CompiledModel, names: Sequence[str], experiment: str | None, settings: Settings) -> dict[str, str]:
+    """Return SI units of settings. Raises `CompilationFailed` for names that the model does not have."""
+    quantities = model.compilation(model.scene(experiment, settings)).whole_graph.quantities
+    for name in names:
+        if name not in quantities:  # the compiler's message lists the existing names
+            _ = model.compilation(model.scene(experiment, {**settings, name: 0.0})).whole_graph
+    return {name: quantities[name].unit for name in names}
+
+
+def compilation_notes(
+    model: CompiledModel, experiment: str | None, settings: Settings, points: Sequence[Mapping[str, str | float]]
+) -> tuple[str, ...]:
+    """Return notes on names with several values that must be compiled in: each such point takes as long as the compiler."""
+    varying = [n for n in (points[0] if points else ()) if len({p[n] for p in points}) > 1]
+    if not varying:
+        return ()
+    why = compiled_in(model, experiment, {**settings, **points[0]}, varying)
+    return tuple(
+        f"`{name}` is compiled into the model anew at each of its {len({p[name] for p in points})} values: more than numbers go with it in {place}"
+        for name, place in why.items()
+    )
