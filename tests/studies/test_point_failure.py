@@ -20,7 +20,7 @@ from bondgraph.errors import (
     StepsCollapsed,
 )
 from bondgraph.simulation import run
-from bondgraph.studies import asked, runs
+from bondgraph.studies import experiment_study, point_failure, runs, scalar_study
 from tests.studies.test_runs import SETTINGS, TEXT
 
 BROKEN = (MemoryError("30 GB"), np.linalg.LinAlgError("singular"), OverflowError("too large"), RecursionError("deep"))
@@ -36,7 +36,8 @@ def breaking(monkeypatch: pytest.MonkeyPatch, broken: dict[float, BaseException]
         return plain(model, experiment, settings, *rest)
 
     monkeypatch.setattr(runs, "simulate", simulate)
-    monkeypatch.setattr(asked, "simulate", simulate)
+    monkeypatch.setattr(experiment_study, "simulate", simulate)
+    monkeypatch.setattr(scalar_study, "simulate", simulate)
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -64,7 +65,7 @@ def test_points_of_studies_that_break(of: str, monkeypatch: pytest.MonkeyPatch) 
         assert [bool(p.failure) for p in swept.points] == [False, True, False]
         assert "OverflowError: too large" in (swept.points[1].failure or "")
         return
-    monkeypatch.setattr(asked, "operating_point", lambda model, given: 1 / 0)
+    monkeypatch.setattr(scalar_study, "operating_point", lambda model, given: 1 / 0)
     with pytest.raises(bondgraph.RunFailed, match=r"defect of ours.*ZeroDivisionError"):
         model.montecarlo({"k": "uniform(50 N/m, 150 N/m)"}, ("modes",), samples=4, indices=0)
 
@@ -136,5 +137,5 @@ def test_why_a_point_does_not_compile_is_a_whole_sentence() -> None:
     for given in ({"k": "1 kg"}, {"no_such": 1.0}):
         with pytest.raises(bondgraph.CompilationFailed) as caught:
             bondgraph.load(TEXT).simulate(settings=given)  # type: ignore[arg-type]
-        told = asked.why(caught.value)
+        told = point_failure.why(caught.value)
         assert told == "; ".join(f"{d.code} {d.sentence}" for d in caught.value.diagnostics) and "{" not in told
