@@ -18,6 +18,8 @@ from . import rendering
 from .presentation.renderers import RENDERERS
 
 if TYPE_CHECKING:
+    from compiler.api import CacheBackend
+
     from .builder import Graph
     from .compiled_model import check
     from .errors import RunFailed, RunInterrupted, UsageError
@@ -45,10 +47,32 @@ _HOMES = {
     "RunFailed": "errors",
     "RunInterrupted": "errors",
     "UsageError": "errors",
-    "CompilationFailed": "door",
+    "CompilationFailed": "compiler.api",
 }
 
+
+def _connect_compiler() -> None:
+    """Give the compiler the user's cache. Raises `ImportError` if a file `compiler.py` beside the user's script hides our package."""
+    from importlib.machinery import PathFinder
+
+    found = PathFinder.find_spec("compiler")
+    if found is not None and PathFinder.find_spec("compiler.api", found.submodule_search_locations or []) is None:
+        raise ImportError(
+            f"bondgraph needs its own package `compiler`, but Python found {found.origin} first: rename that file"
+        )
+    from compiler.api import keep_on
+
+    keep_on(_cache)
+
+
+def _cache() -> CacheBackend:
+    from . import cache
+
+    return cache
+
+
 rendering.install(RENDERERS)
+_connect_compiler()
 
 
 def __getattr__(name: str) -> Any:
@@ -57,7 +81,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'bondgraph' has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(f".{home}", __name__), name)
+    return getattr(import_module(f".{home}" if home != "compiler.api" else home, __name__), name)
 
 
 def __dir__() -> list[str]:

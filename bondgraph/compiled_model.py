@@ -8,12 +8,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import door
+from compiler import api
 
 if TYPE_CHECKING:
     import networkx
 
-    from .door import Certificate, Compilation, Diagnostic, Override, Scene, Source
+    from compiler.api import Certificate, Compilation, Diagnostic, Override, Scene, Source
+
     from .prepared import Prepared
 
 LIBRARY = Path(__file__).with_name("library")
@@ -43,11 +44,11 @@ class CompiledModel:
 
     def compilation(self, scene: Scene | None = None, everything: bool = False) -> Compilation:
         """Return the compiler's stages for one scene (default: no experiment)."""
-        scene = scene if scene is not None else door.Scene(self.model, None)
+        scene = scene if scene is not None else api.Scene(self.model, None)
         key = (scene, everything)
         compilation = self._compilations.get(key)
         if compilation is None:
-            compilation = door.Compilation(self.source, scene, LIBRARY, everything)
+            compilation = api.Compilation(self.source, scene, LIBRARY, everything)
             for other in list(self._compilations.values())[:1]:  # parse the text only once
                 compilation.__dict__["tree"] = other.tree
             like = self._compilations.get((replace(scene, preferences=(), off=None), everything))
@@ -130,11 +131,11 @@ class CompiledModel:
 
     def with_inputs(self) -> Compilation:
         """Return the equations with every input as a symbol; where a storage would need an input's derivative, with its default."""
-        free = self.compilation(door.Scene(self.model, None, free=frozenset(self.inputs)), everything=True)
+        free = self.compilation(api.Scene(self.model, None, free=frozenset(self.inputs)), everything=True)
         try:
             _ = free.state_space
             return free
-        except door.CompilationFailed as failed:
+        except api.CompilationFailed as failed:
             if any(d.code != "BG503" for d in failed.diagnostics):
                 raise
             return self.compilation(everything=True)
@@ -148,14 +149,14 @@ class CompiledModel:
     ) -> Scene:
         """Return a run's scene: an experiment ("": the first, None: none), settings (texts are expressions with units, numbers SI)."""
         overrides = tuple(_override(name, value) for name, value in (settings or {}).items())
-        return door.Scene(self.model, experiment, overrides, frozenset(free), names_of(outputs))
+        return api.Scene(self.model, experiment, overrides, frozenset(free), names_of(outputs))
 
 
 def source_of(path_or_text: str | Path) -> Source:
     """Return the source of a file, or of a text with at least one line break or brace. Raises OSError, and `CompilationFailed` for a file that is not UTF-8."""
     if isinstance(path_or_text, str) and ("\n" in path_or_text or "{" in path_or_text):
-        return door.Source("text", path_or_text)
-    return door.read_source(path_or_text)
+        return api.Source("text", path_or_text)
+    return api.read_source(path_or_text)
 
 
 def check(path_or_text: str | Path, model: str | None = None) -> tuple[Diagnostic, ...]:
@@ -167,9 +168,9 @@ def certify(path_or_text: str | Path, model: str | None = None) -> tuple[tuple[D
     """Return the same as `check`; and, without errors, the kind of equations that a run solves (None for a file of parts)."""
     try:
         source = source_of(path_or_text)
-    except door.CompilationFailed as failed:  # the file is no text
+    except api.CompilationFailed as failed:  # the file is no text
         return failed.diagnostics, None
-    return door.examine(source, model, LIBRARY)
+    return api.examine(source, model, LIBRARY)
 
 
 def _kept(things: dict[Any, Any], key: object, thing: object) -> None:
@@ -181,10 +182,10 @@ def _kept(things: dict[Any, Any], key: object, thing: object) -> None:
 
 def _override(name: str, value: str | float) -> Override:
     if isinstance(value, str):
-        source = door.Source(f"setting of {name}", value)
-        return door.Override(name.replace(" ", ""), door.parse_expression(source), door.Span(source, 0, len(value)))
-    source = door.Source(f"setting of {name}", repr(value))
-    return door.Override(name.replace(" ", ""), float(value), door.Span(source, 0, len(source.text)))
+        source = api.Source(f"setting of {name}", value)
+        return api.Override(name.replace(" ", ""), api.parse_expression(source), api.Span(source, 0, len(value)))
+    source = api.Source(f"setting of {name}", repr(value))
+    return api.Override(name.replace(" ", ""), float(value), api.Span(source, 0, len(source.text)))
 
 
 def names_of(names: Sequence[str] | None) -> tuple[str, ...] | None:

@@ -34,7 +34,7 @@ def compiled_safely(text: str, level: int) -> bytes:
     LLVM ends the process at unsupported input: therefore code for a processor that is new here, and very long functions, are compiled in a child process
     first.
     """
-    from .door import object_code, processor
+    from compiler.api import object_code, processor
 
     if len(text) > LONGEST_HERE:
         return in_child(text, level)
@@ -51,7 +51,7 @@ def compiled_safely(text: str, level: int) -> bytes:
 
 def kernel(name: str, text: Callable[[], str], level: int) -> bytes:
     """Return the object code of a part of this package that is equal for all models, from the cache if it is there."""
-    from .door import processor
+    from compiler.api import processor
 
     key = cache.key_of("kernel", name, processor(), level)
     kept = cache.fetch(key)

@@ -17,7 +17,7 @@ from .errors import UsageError
 from .results.records import Column
 
 if TYPE_CHECKING:
-    from .door import Certificate, Compilation, Facts, Plan, Program, Scene, Source, StateSpace
+    from compiler.api import Certificate, Compilation, Facts, Plan, Program, Scene, Source, StateSpace
 
 TARGETS = ("native", "numpy")
 HIDDEN = "BONDGRAPH_WITHOUT_LLVM"  # environment variable: any value disables LLVM
@@ -25,7 +25,7 @@ HIDDEN = "BONDGRAPH_WITHOUT_LLVM"  # environment variable: any value disables LL
 
 def chosen_target(target: str | None) -> str:
     """Return the requested target, or the fastest that this machine has. Raises `UsageError`."""
-    from .door import native_available
+    from compiler.api import native_available
 
     possible = not os.environ.get(HIDDEN) and native_available()
     if target is None:
@@ -114,16 +114,16 @@ class Prepared:
         kept = cache.fetch(key)
         if kept is not None and all(_unchanged(*file) for file in kept["files"]):
             if "needed" in kept:
-                from .door import ValuesNeeded
+                from compiler.api import ValuesNeeded
 
                 raise ValuesNeeded(kept["needed"])
-            from .door import bind
+            from compiler.api import bind
 
             return bind(kept["described"], kept["codes"]), kept["plan"], kept["facts"], kept["certificate"]
         return self._made(key)
 
     def _made(self, key: str) -> tuple[Program, Any, Any, Any]:
-        from .door import ValuesNeeded, uncollected
+        from compiler.api import ValuesNeeded, uncollected
 
         made = self.compilation
         with uncollected():
@@ -137,7 +137,8 @@ class Prepared:
             return self._compiled(key, made)
 
     def _compiled(self, key: str, made: Compilation) -> tuple[Program, Any, Any, Any]:
-        from .door import bind
+        from compiler.api import bind
+
         from .native import CannotCompile, compiled_safely
 
         if made.lowered.lags:  # delayed signals are filled in by Python
@@ -154,7 +155,7 @@ class Prepared:
         return program, made.plan, made.facts, made.certificate
 
     def _key(self) -> str:
-        from .door import processor
+        from compiler.api import processor
 
         path = self.source.path.resolve() if self.source.path is not None else None
         return cache.key_of(

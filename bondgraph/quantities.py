@@ -12,7 +12,7 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*
 
 def quantity(text: str, unit: str, what: str) -> float:
     """Return the value in SI; `unit` is one of its kind. Raises `UsageError`, with `what` for the purpose."""
-    from .door import CompilationFailed, Source, read_unit
+    from compiler.api import CompilationFailed, Source, read_unit
 
     found = _NUMBER.fullmatch(text)
     if found is not None:
@@ -45,7 +45,7 @@ def quantities(text: str, unit: str, what: str) -> list[float]:
 
 def in_unit(value: float, unit: str, kind: str, what: str) -> float:
     """Return a value in SI, of a `kind` such as `N/m`, in another unit of that kind; a percentage of a bare number. Raises `UsageError`."""
-    from .door import CompilationFailed, Source, read_unit
+    from compiler.api import CompilationFailed, Source, read_unit
 
     try:
         scale, own = (read_unit(Source(what, u)) for u in (unit, kind))

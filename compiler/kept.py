@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 Thing = TypeVar("Thing")
 
 
-class Shelf(Protocol):
+class CacheBackend(Protocol):
     """Cache backend: values by key. `fetch` returns None for a missing key."""
 
     def key_of(self, *parts: object) -> str: ...
@@ -16,23 +16,23 @@ class Shelf(Protocol):
     def keep(self, key: str, value: object) -> None: ...
 
 
-_shelves: list[Shelf] = []
+_backends: list[Callable[[], CacheBackend]] = []
 
 
-def keep_on(shelf: Shelf) -> None:
-    """Set the cache backend."""
-    _shelves[:] = [shelf]
+def keep_on(backend: Callable[[], CacheBackend]) -> None:
+    """Set the cache backend, which is fetched when it is first needed."""
+    _backends[:] = [backend]
 
 
 def kept(kind: type[Thing], content: str, make: Callable[[str], Thing]) -> Thing:
     """Result of `make` for a content: from the cache if it is there, else computed and stored."""
-    if not _shelves:
+    if not _backends:
         return make(content)
-    shelf = _shelves[0]
-    key = shelf.key_of(kind.__name__, content)
-    found = shelf.fetch(key)
+    backend = _backends[0]()
+    key = backend.key_of(kind.__name__, content)
+    found = backend.fetch(key)
     if isinstance(found, kind):
         return found
     made = make(content)
-    shelf.keep(key, made)
+    backend.keep(key, made)
     return made

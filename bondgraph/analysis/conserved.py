@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..door import dependent_rates, evaluate
+from compiler.api import dependent_rates, evaluate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..door import EquationSystem, Expression
+    from compiler.api import EquationSystem, Expression
+
     from ..prepared import Prepared
 
 ROUNDING = 1e-11  # relative to the largest factor: remainder of cancelling factors

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Element, Kind, MechanismNode, write_text
+
 from ..compiled_model import CompiledModel, source_of
-from ..door import Element, Kind, MechanismNode, write_text
 from ..errors import UsageError
 from ..rendering import draw
 

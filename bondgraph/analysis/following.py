@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Tape
+from compiler.api import Tape
+
 from ..errors import UsageError
 
 if TYPE_CHECKING:
-    from ..door import Compilation
+    from compiler.api import Compilation
 
 SAME = 1e-9  # relative difference of values that share a state
 

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Leaf
+from compiler.api import Leaf
+
 from ..rendering import text_of
 from .linear import Linearization, linearization, state_matrix
 from .operating_point import OperatingPoint

@@ -14,14 +14,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Leaf, NoSlope, Tape
+from compiler.api import Leaf, NoSlope, Tape
+
 from ..errors import RunFailed, UsageError
 from ..prepared import Prepared
 from .told import named
 
 if TYPE_CHECKING:
+    from compiler.api import Compilation, Expression, Lowered, Program
+
     from ..compiled_model import CompiledModel
-    from ..door import Compilation, Expression, Lowered, Program
     from ..results.records import LimitLeft
     from ..simulation.closed.constraints import Constraints
     from .following import Follower

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..door import Compilation, LinearLoop, StateSpace, evaluate
+from compiler.api import Compilation, LinearLoop, StateSpace, evaluate
+
 from ..errors import RunFailed, UsageError
 from ..simulation.loops.loops import LoopSolver
 from .following import led

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Compilation, InternalError, Kind, Symbol, derivative, evaluate
+from compiler.api import Compilation, InternalError, Kind, Symbol, derivative, evaluate
+
 from ..errors import UsageError
 from ..simulation.watch.energy import stored_change
 from .point import values_at
@@ -249,7 +250,8 @@ def symbolic_port_hamiltonian(compilation: Compilation) -> SymbolicPortHamiltoni
     """Return the form in sympy, over parameters, inputs, time and states. Raises `UsageError` for models without one."""
     import sympy
 
-    from ..door import to_sympy
+    from compiler.api import to_sympy
+
     from .symbolic import symbolic_values
 
     if compilation.state_space.dependent:
@@ -278,7 +280,7 @@ def _symbolic_energy(storage: Any, stored: Mapping[int, Any], entry: Callable[[i
     """Return the energy of a storage; for linear laws half of derivative times stored quantity squared, else the work from zero as an integral."""
     import sympy
 
-    from ..door import to_sympy
+    from compiler.api import to_sympy
 
     count = len(storage.stored)
     slots = [stored[v] for v in storage.stored] + [entry(v) for v in storage.arguments]

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Leaf, symbols
+from compiler.api import Leaf, symbols
+
 from ..errors import RunFailed, UsageError
 from ..rendering import text_of
 from .operating_point import Asked, OperatingPoint

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ..door import Leaf
+from compiler.api import Leaf
+
 from ..errors import RunFailed, UsageError
 from .linear import Linearization
 from .operating_point import OperatingPoint, reduction

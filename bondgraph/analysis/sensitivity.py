@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import Leaf
+from compiler.api import Leaf
+
 from ..errors import RunFailed, UsageError
 from ..rendering import text_of
 from .linear import Linearization, linearization

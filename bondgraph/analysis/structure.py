@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..door import (
+from compiler.api import (
     DOMAINS,
     Assignment,
     Compilation,
@@ -24,6 +24,7 @@ from ..door import (
     depends_on,
     derivative,
 )
+
 from ..errors import UsageError
 
 Row = dict[int, Any]  # variable -> coefficient

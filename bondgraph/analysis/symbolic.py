@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ..door import Apply, Expression, LinearLoop, StateSpace, Symbol, to_sympy
+from compiler.api import Apply, Expression, LinearLoop, StateSpace, Symbol, to_sympy
+
 from ..errors import UsageError
 from ..rendering import text_of
 

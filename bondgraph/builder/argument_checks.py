@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Any
 
-from ..door import (
+from compiler.api import (
     DOMAINS,
     Literal,
     Path,
@@ -21,6 +21,7 @@ from ..door import (
     parse_law,
     read_unit,
 )  # fmt: skip
+
 from ..errors import UsageError
 from .names import name_of
 from .parts import Part, Quantity

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, TypedDict, Unpack
 
-from ..door import BUNDLES, braces
+from compiler.api import BUNDLES, braces
+
 from ..errors import UsageError
 from .argument_checks import (
     Ports,

@@ -20,8 +20,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from compiler.api import Diagnostic, Source, bond_lines, braces, check_source
+
 from ..compiled_model import LIBRARY, CompiledModel
-from ..door import Diagnostic, Source, bond_lines, braces, check_source
 from ..errors import UsageError
 from ..model import Model
 from ..simulation.steps.methods import chosen_solver

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from ..door import braces, freedoms_of
+from compiler.api import braces, freedoms_of
+
 from ..errors import UsageError
 from .argument_checks import Value, expression_of, is_number, mapping_of, path_of, value_of
 from .names import name_of

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from ..door import ELEMENT_KINDS, RESERVED
+from compiler.api import ELEMENT_KINDS, RESERVED
+
 from ..errors import UsageError
 
 _NAME = re.compile(r"([A-Za-z_][A-Za-z_0-9]*)(?:\[([0-9]{1,9}(?:, ?[0-9]{1,9})*)\])?")

@@ -14,7 +14,7 @@ from .options import model_option
 from .telling import WRONG, problems_told
 
 if TYPE_CHECKING:
-    from ..door import Diagnostic
+    from compiler.api import Diagnostic
 
 CHECK_SCHEMA = "bondgraph-check/1"
 
@@ -35,7 +35,7 @@ def command(files: Sequence[str], as_json: bool, model: str | None) -> None:
         if as_json:
             click.echo(json.dumps(_check_json(files, found), indent=2))
         elif found:
-            from ..door import render
+            from compiler.api import render
 
             click.echo("\n\n".join(render(d) for d in found), err=True)
         else:

@@ -15,7 +15,8 @@ from .telling import WRONG, harmless, problems_told
 def command(files: Sequence[str], only_check: bool) -> None:
     """Format files; comments, blank lines and columns stay."""
     with problems_told():
-        from ..door import format_text, read_source
+        from compiler.api import format_text, read_source
+
         from ..files import write_text
 
         changed = []

@@ -30,7 +30,8 @@ from .telling import problems_told
 def command(file: str, port: int, host: str, opens: bool, model: str | None) -> None:
     """Show the page of a model live: it follows the file, and sliders run it. Ctrl-C ends."""
     with problems_told():
-        from ..door import read_source
+        from compiler.api import read_source
+
         from ..page.serve import Server, Session
 
         read_source(file)  # what is no file is told here

@@ -45,7 +45,7 @@ def problems_told() -> Iterator[None]:
     except OSError as problem:
         stop(f"bondgraph: {problem.filename or 'file'}: {problem.strerror or problem}", USAGE)
     except Exception as problem:
-        from ..door import CompilationFailed, render
+        from compiler.api import CompilationFailed, render
 
         if isinstance(problem, CompilationFailed):
             stop("\n\n".join(render(d) for d in problem.diagnostics), WRONG)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..door import MechanismNode
+from compiler.api import MechanismNode
+
 from ..errors import UsageError
 from .compose import compose
 from .frames import place_framed
@@ -17,8 +18,9 @@ from .subject import subject_of
 from .svg import svg_text
 
 if TYPE_CHECKING:
+    from compiler.api import BondGraph, Compilation
+
     from ..compiled_model import CompiledModel
-    from ..door import BondGraph, Compilation
     from .figure import Figure
 
 __all__ = ["draw", "mechanism_of", "shapes_of", "svg_text", "write_figure"]

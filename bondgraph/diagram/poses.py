@@ -9,12 +9,13 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from compiler.api import MechanismNode
+
 from ..compiled_model import CompiledModel, source_of
-from ..door import MechanismNode
 from .scenery import Pose, Turn, Vector, numbers_of
 
 if TYPE_CHECKING:
-    from ..door import BondGraph, Bound, Mechanism
+    from compiler.api import BondGraph, Bound, Mechanism
 
 PLANE, SPACE = ("x", "y", "phi"), ("x", "y", "z", "attitude.w", "attitude.x", "attitude.y", "attitude.z")
 
@@ -24,7 +25,8 @@ def poses_at(model: CompiledModel, experiment: str | None, at: str | float) -> t
 
     Raises `CompilationFailed`, `UsageError`, or `RunFailed`.
     """
-    from ..door import Scene, write_text
+    from compiler.api import Scene, write_text
+
     from ..simulation.run import Wanted, simulate
 
     flat = write_text(model.compilation(Scene(model.model, experiment)).whole_graph).rstrip()

@@ -10,10 +10,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..door import Element, Junction, Kind, Quantity, evaluate
+from compiler.api import Element, Junction, Kind, Quantity, evaluate
 
 if TYPE_CHECKING:
-    from ..door import Body, BondGraph, Bound, Joint, Mechanism, MechanismNode
+    from compiler.api import Body, BondGraph, Bound, Joint, Mechanism, MechanismNode
 
 Point = tuple[float, float]
 Vector = tuple[float, float, float]

@@ -11,8 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from compiler.api import MechanismNode
+
 from ..compiled_model import CompiledModel, source_of
-from ..door import MechanismNode
 from ..errors import UsageError
 from .compose import group_at
 from .figure import Figure, Group
@@ -21,8 +22,9 @@ from .poses import mechanisms, parts, pose_of
 from .scenery import Pose, Scenery, scenery_of
 
 if TYPE_CHECKING:
+    from compiler.api import BondGraph
+
     from ..analysis.modes import Mode
-    from ..door import BondGraph
 
 SHARE = 0.06  # fraction of the mechanism's size: largest displacement
 SMALL = 1e-6  # fraction of the size: displacement of a first evaluation
@@ -66,10 +68,11 @@ def shapes_of(model: CompiledModel, experiment: str | None, name: str | None, co
 
 
 def _found(model: CompiledModel, experiment: str | None) -> Shapes:
+    from compiler.api import Scene, write_text
+
     from ..analysis.equilibrium import equilibrium
     from ..analysis.modes import modes as modes_at
     from ..analysis.operating_point import Asked, operating_point
-    from ..door import Scene, write_text
 
     flat = write_text(model.compilation(Scene(model.model, experiment)).whole_graph).rstrip()
     graph = CompiledModel(source_of(flat)).compilation().whole_graph

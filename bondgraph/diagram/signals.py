@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..door import Element, Quantity, Reading
+from compiler.api import Element, Quantity, Reading
 
 if TYPE_CHECKING:
-    from ..door import BondGraph
+    from compiler.api import BondGraph
 
 OUTSIDE = frozenset({"parameter", "constant"})  # constant quantities need no arrow
 

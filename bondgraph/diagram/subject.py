@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from ..door import Compilation, Element, Junction, Kind, MechanismNode
+from compiler.api import Compilation, Element, Junction, Kind, MechanismNode
+
 from ..views.causality import explain
 from .signals import Signal, signals_of
 
 if TYPE_CHECKING:
-    from ..door import BondGraph, CausalGraph, GraphNode
+    from compiler.api import BondGraph, CausalGraph, GraphNode
 
 TAIL, HEAD = 0, 1
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .. import door
+from compiler import api
+
 from ..analysed_model import AnalysedModel
 from ..errors import UsageError
 
 if TYPE_CHECKING:
+    from compiler.api import StateSpace
+
     from ..analysis.symbolic import Equations
     from ..diagram.figure import Figure
-    from ..door import StateSpace
 
 STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code", "text")
 
@@ -31,7 +33,7 @@ class Shown(AnalysedModel):
         from ..diagram import draw, write_figure
 
         free = frozenset({"*"}) if experiment is None else frozenset[str]()  # no value counts as zero
-        figure = draw(self.compilation(door.Scene(self.model, experiment, free=free)), closed, numbers)
+        figure = draw(self.compilation(api.Scene(self.model, experiment, free=free)), closed, numbers)
         if path is not None:
             write_figure(figure, path)
         return figure
@@ -75,7 +77,7 @@ class Shown(AnalysedModel):
         """
         from ..analysis.symbolic import state_equations
 
-        with door.uncollected():
+        with api.uncollected():
             return state_equations(self.with_inputs().state_space)
 
     def algebraic_equations(self) -> Equations:
@@ -100,18 +102,18 @@ class Shown(AnalysedModel):
             raise UsageError(f"there is no stage `{stage}`; stages are {', '.join(STAGES)}")
         from ..views.stages import stage_text
 
-        return stage_text(self.compilation(door.Scene(self.model, experiment)), stage)
+        return stage_text(self.compilation(api.Scene(self.model, experiment)), stage)
 
     def text(self, experiment: str | None = None) -> str:
         """Return the model as one flat model in the language, which compiles to an equal graph; with an experiment, with its settings.
 
         Instances and loops are expanded, numbers are in SI. Raises `CompilationFailed`, also if something cannot be written.
         """
-        return door.write_text(self.compilation(door.Scene(self.model, experiment)).whole_graph)
+        return api.write_text(self.compilation(api.Scene(self.model, experiment)).whole_graph)
 
     def compile(self, target: str = "numpy") -> str:
         """Return the source of a separate program, numpy or C, with every parameter and input as an argument."""
         if target not in ("numpy", "c"):
             raise UsageError(f"there is no target `{target}`; targets are numpy, c")
-        made = self.compilation(door.Scene(self.model, None, free=frozenset({"*"})))
+        made = self.compilation(api.Scene(self.model, None, free=frozenset({"*"})))
         return made.c_source if target == "c" else made.program.source

@@ -10,10 +10,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..door import Element, Junction, Kind, MechanismNode
+from compiler.api import Element, Junction, Kind, MechanismNode
 
 if TYPE_CHECKING:
-    from ..door import BondGraph, GraphNode
+    from compiler.api import BondGraph, GraphNode
 
 MOST = 400  # most bonds: a page would carry more numbers than a reader uses
 EFFORT, FLOW = "e", "f"

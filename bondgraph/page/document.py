@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from ..door import CompilationFailed, Scene
+from compiler.api import CompilationFailed, Scene
+
 from ..errors import RunFailed, UsageError
 from ..views.tables import visible
 from .equations import equations_markup
@@ -19,8 +20,9 @@ from .text import text_markup
 from .told import causality_markup, certificate_markup
 
 if TYPE_CHECKING:
+    from compiler.api import Source
+
     from ..analysed_model import AnalysedModel
-    from ..door import Source
 
 
 @dataclass(frozen=True, slots=True)

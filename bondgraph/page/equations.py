@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ..door import Expression, LinearLoop, StateSpace
+from compiler.api import Expression, LinearLoop, StateSpace
+
 from .markup import Html, tag
 from .mathml import formula, math, name, number, row, sign
 
 if TYPE_CHECKING:
-    from ..door import Source, Span
+    from compiler.api import Source, Span
 
 LARGEST = 300_000  # most characters of markup; `bondgraph equations` shows the rest
 

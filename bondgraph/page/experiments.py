@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from ..door import CompilationFailed, Experiment
+from compiler.api import CompilationFailed, Experiment
+
 from ..errors import MissingPackage, RunFailed, UsageError
 from ..prepared import many_runs
 from ..studies.experiment import Options, run

@@ -6,7 +6,8 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 
-from ..door import Apply, Expression, Number, Symbol
+from compiler.api import Apply, Expression, Number, Symbol
+
 from .markup import Html, tag
 
 SUM, PRODUCT, SIGN, POWER, ATOM = range(5)  # precedence of the written expression

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from ..door import CompilationFailed, Scene
+from compiler.api import CompilationFailed, Scene
+
 from ..errors import RunFailed, UsageError
 from ..results.result import extremes
 from ..views.tables import short

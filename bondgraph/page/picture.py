@@ -6,16 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from compiler.api import DOMAINS
+
 from ..diagram.compose import compose
 from ..diagram.frames import place_framed
 from ..diagram.subject import subject_of
 from ..diagram.svg import svg_text
-from ..door import DOMAINS
 from ..views.tables import visible
 from .markup import Html
 
 if TYPE_CHECKING:
-    from ..door import BondGraph, Compilation, Source, Span
+    from compiler.api import BondGraph, Compilation, Source, Span
 
 LARGEST = 300  # most nodes: a larger drawing takes half a minute and is not readable
 

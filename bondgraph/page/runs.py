@@ -10,15 +10,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from ..door import CompilationFailed, Scene
+from compiler.api import CompilationFailed, Scene
+
 from ..views.tables import short, visible
 from .bonds import BondColumns, bond_columns, powers
 from .numbers import packed, thinned
 from .scene import Scenes, scenes_of
 
 if TYPE_CHECKING:
+    from compiler.api import BondGraph
+
     from ..analysed_model import AnalysedModel
-    from ..door import BondGraph
     from ..results.result import Result
 
 OUTPUTS = 24  # most curves of one run

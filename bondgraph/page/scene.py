@@ -9,12 +9,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from compiler.api import MechanismNode
+
 from ..diagram.poses import PLANE, SPACE, quaternion
 from ..diagram.scenery import RIGHT, UP, Vector, numbers_of, springs_of
-from ..door import MechanismNode
 
 if TYPE_CHECKING:
-    from ..door import BondGraph, Joint, Mechanism
+    from compiler.api import BondGraph, Joint, Mechanism
 
 NOWHERE = (0.0, 0.0, 0.0)
 

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from ..door import ELEMENT_KINDS
+from compiler.api import ELEMENT_KINDS
+
 from .markup import Html, joined, tag
 
 if TYPE_CHECKING:
-    from ..door import Source
+    from compiler.api import Source
 
 WORDS = frozenset((
     "model", "plain", "parameter", "constant", "input", "output", "signal", "port", "import", "from", "for", "in", "function", "multibody",

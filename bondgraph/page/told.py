@@ -8,7 +8,7 @@ from ..views.causality import explain
 from .markup import Html, joined, table, tag, text
 
 if TYPE_CHECKING:
-    from ..door import Certificate, Compilation, Diagnostic
+    from compiler.api import Certificate, Compilation, Diagnostic
 
 ROWS = 400
 

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     import xarray
     from numpy.typing import NDArray
 
-    from ..door import Certificate
+    from compiler.api import Certificate
+
     from .checkpoint import Checkpoint
     from .exports import Arrays
     from .run_check import RunCheck

@@ -26,7 +26,8 @@ from .watch.choice import Choice
 from .watch.validity import Watch
 
 if TYPE_CHECKING:
-    from ..door import Plan, Program, Scene, StateSpace
+    from compiler.api import Plan, Program, Scene, StateSpace
+
     from ..prepared import Prepared
     from ..results.truncation import TruncationReport
     from .bandwidth.leave import Leaving, Removal
@@ -547,7 +548,7 @@ class Leg:
 
     def _arguments(self) -> dict[int, float]:
         """Return the values of the storages' parameters."""
-        from ..door import Assignment, evaluate
+        from compiler.api import Assignment, evaluate
 
         space = self.compilation.state_space
         known = dict(zip(self.program.parameters.names, self.parameters, strict=True))

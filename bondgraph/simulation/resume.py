@@ -12,7 +12,8 @@ from ..errors import UsageError
 from .segments.transition import PhaseTransition
 
 if TYPE_CHECKING:
-    from ..door import Scene
+    from compiler.api import Scene
+
     from ..prepared import Prepared
     from ..results.checkpoint import Checkpoint
     from ..results.result import Result

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..door import CompilationFailed
+from compiler.api import CompilationFailed
+
 from ..errors import ManyRuns, RunFailed, UsageError
 from ..prepared import chosen_target, many_runs
 from ..quantities import behind
@@ -25,8 +26,9 @@ from .steps.methods import chosen_solver
 from .watch.choice import WORST
 
 if TYPE_CHECKING:
+    from compiler.api import Plan, Program, Scene
+
     from ..compiled_model import CompiledModel
-    from ..door import Plan, Program, Scene
     from ..prepared import Prepared
     from ..results.truncation import TruncationReport
     from .events.complementarity import Companion
@@ -448,7 +450,7 @@ def hertz(given: str | float) -> float:
 @lru_cache(maxsize=256)  # called again at each point of a sweep
 def _number(where: str, text: str, unit: str) -> float | None:
     """Return a number in SI, written bare or in a unit of the same kind as `unit`; None if the text is not a number."""
-    from ..door import CompilationFailed, Literal, Source, parse_expression, read_unit
+    from compiler.api import CompilationFailed, Literal, Source, parse_expression, read_unit
 
     try:
         tree = parse_expression(Source(where, text))

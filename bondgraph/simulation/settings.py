@@ -11,11 +11,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ..door import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded
+from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded
 
 if TYPE_CHECKING:
+    from compiler.api import Facts
+
     from ..compiled_model import CompiledModel
-    from ..door import Facts
 
 Settings = Mapping[str, str | float]
 
@@ -96,8 +97,9 @@ def with_zeros(model: CompiledModel, experiment: str | None, settings: Settings,
 
 def refused_with_values(model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> None:  # fmt: skip
     """Raise `CompilationFailed` if the compiler, which did not know the values, finds an error with them."""
+    from compiler.api import Compilation
+
     from ..compiled_model import LIBRARY
-    from ..door import Compilation
 
     _ = Compilation(model.source, model.scene(experiment, settings, (), outputs), LIBRARY).lowered
 
@@ -114,7 +116,7 @@ def _number(name: str, given: str | float) -> _Number | None:
     """Return a setting that is a number; None for any other expression."""
     if not isinstance(given, str):
         return _Number(float(given), None)
-    from ..door import Literal, Negative, parse_expression, read_unit
+    from compiler.api import Literal, Negative, parse_expression, read_unit
 
     try:
         tree = parse_expression(Source(f"setting of {name}", given))
@@ -137,7 +139,7 @@ def _argument(name: str) -> Override:
 
 def _fits(facts: Facts, numbers: Mapping[str, _Number], values: Mapping[str, float]) -> bool:
     """Return True if the units are right, the numbers are finite, and quantities that must not be negative are not."""
-    from ..door import evaluate, read_unit
+    from compiler.api import evaluate, read_unit
 
     for name, number in numbers.items():
         wanted = facts.units[name]

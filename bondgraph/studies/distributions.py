@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..door import DISTRIBUTIONS, SPREAD, fault, kinds_told
+from compiler.api import DISTRIBUTIONS, SPREAD, fault, kinds_told
+
 from ..errors import UsageError
 from ..quantities import quantity
 

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+from compiler.api import Varying
+
 from ..analysis.outcome import Outcome, Point
-from ..door import Varying
 from ..simulation.run import Wanted
 from ..simulation.settings import Settings
 from .experiment_study import ExperimentStudy

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from compiler.api import Analysis, Differentiating, Study, Varying
+
 from ..analysis.outcome import Point
-from ..door import Analysis, Differentiating, Study, Varying
 from ..simulation.run import Wanted, simulate
 from .point_failure import kept
 from .scalar_study import STEPS

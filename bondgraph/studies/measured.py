@@ -93,7 +93,7 @@ def read_columns(file: str, units: Mapping[str, str]) -> dict[str, Array]:
 def _column(
     file: str, place: int, head: str, rows: Sequence[tuple[int, Sequence[str]]], units: Mapping[str, str]
 ) -> tuple[str, Array]:
-    from ..door import CompilationFailed, Source, read_unit
+    from compiler.api import CompilationFailed, Source, read_unit
 
     match = _HEAD.fullmatch(head)
     name, own = (match[1], match[2]) if match is not None else (head, None)

@@ -6,7 +6,8 @@ import traceback
 from collections.abc import Sequence
 from typing import Any
 
-from ..door import CompilationFailed
+from compiler.api import CompilationFailed
+
 from ..errors import PointBroken, RunBroken, RunFailed, UnknownOutput, UsageError
 
 OURS = (RunFailed, CompilationFailed, UsageError, UnknownOutput)  # errors with a message for the author

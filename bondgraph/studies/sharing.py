@@ -22,7 +22,8 @@ from .question import Answers, Progress, Question, key_of
 from .workers import made
 
 if TYPE_CHECKING:
-    from ..door import Source
+    from compiler.api import Source
+
     from .journal import Journal
 
 MOST_AT_ONCE = 64  # most points of one task

@@ -6,12 +6,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..door import Differentiating, Fitting, Following, Inverting, Linearizing, Study, Varying
+from compiler.api import Differentiating, Fitting, Following, Inverting, Linearizing, Study, Varying
+
 from .distributions import Distribution
 
 if TYPE_CHECKING:
+    from compiler.api import Analysis, Drawn
+
     from ..analysed_model import AnalysedModel
-    from ..door import Analysis, Drawn
     from ..simulation.run import Wanted
     from ..simulation.settings import Settings
     from .sharing import Sharing

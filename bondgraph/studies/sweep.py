@@ -6,8 +6,9 @@ import itertools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from compiler.api import Study
+
 from ..analysis.outcome import Outcome
-from ..door import Study
 from ..errors import UsageError
 from ..simulation.settings import Settings
 from .experiment import Options, made

@@ -8,11 +8,12 @@ from dataclasses import asdict, dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
-from ..door import Because, Compilation, CompilationFailed, blocks, dependences, render
+from compiler.api import Because, Compilation, CompilationFailed, blocks, dependences, render
+
 from .tables import columns, counted, visible
 
 if TYPE_CHECKING:
-    from ..door import CausalGraph, Dependence, Diagnostic, EquationSystem, Span
+    from compiler.api import CausalGraph, Dependence, Diagnostic, EquationSystem, Span
 
 SCHEMA = "bondgraph-causality/1"
 FLOWS = {"C": "flow", "I": "effort", "IC": "other variable"}

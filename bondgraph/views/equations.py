@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from pathlib import PurePath
 from typing import Any
 
-from ..door import LinearLoop, StateSpace, Unknown, to_sympy
+from compiler.api import LinearLoop, StateSpace, Unknown, to_sympy
+
 from .tables import visible
 
 

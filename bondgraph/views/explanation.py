@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
-from ..door import Compilation, cost
+from compiler.api import Compilation, cost
+
 from ..results.truncation import frequency_text
 from .tables import columns, counted, short, visible
 
 if TYPE_CHECKING:
-    from ..door import Certificate, Cost, Lowered, Span
+    from compiler.api import Certificate, Cost, Lowered, Span
 
 SCHEMA = "bondgraph-explanation/1"
 SHOWN = 10  # most lines of the table of expensive lines

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator
 from pathlib import PurePath
 from typing import Any
 
-from ..door import Compilation, Mechanism, MechanismNode, write_text
+from compiler.api import Compilation, Mechanism, MechanismNode, write_text
+
 from .tables import visible
 
 
@@ -115,7 +116,8 @@ def _causality(compilation: Compilation) -> Iterator[str]:
 
 def _equations(compilation: Compilation) -> Iterator[str]:
     """Yield all assignments, before reduction and ordering."""
-    from ..door import to_sympy
+    from compiler.api import to_sympy
+
     from .equations import to_number
 
     system = compilation.equations

@@ -16,8 +16,8 @@ from scipy.interpolate import CubicSpline
 
 import bondgraph
 from bondgraph.commands import commands
-from bondgraph.door import CompilationFailed
 from bondgraph.errors import RunFailed, UsageError
+from compiler.api import CompilationFailed
 from tests.compiling import MODELS
 from tests.physics import manipulator_reference as reference
 

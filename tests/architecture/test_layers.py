@@ -1,18 +1,21 @@
-"""Direction of imports: one arrow from the product to the compiler, through one door; rooms in the order of the pipeline."""
+"""Direction of imports: one arrow from the product to the compiler, to its api; rooms in the order of the pipeline."""
 
 from __future__ import annotations
 
 import ast
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from compiler import api
 from tests.compiling import ROOT
 
 COMPILER = sorted((ROOT / "compiler").rglob("*.py"))
 PRODUCT = sorted((ROOT / "bondgraph").rglob("*.py"))
-DOOR = ROOT / "bondgraph" / "door.py"
 
 
 def imports(path: Path) -> Iterator[tuple[str, int]]:
@@ -23,7 +26,12 @@ def imports(path: Path) -> Iterator[tuple[str, int]]:
             yield from ((alias.name, node.lineno) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
-            yield ".".join(x for x in (base, node.module or "") if x), node.lineno
+            origin = ".".join(x for x in (base, node.module or "") if x)
+            yield from (
+                [(f"compiler.{a.name}", node.lineno) for a in node.names]
+                if origin == "compiler"
+                else [(origin, node.lineno)]
+            )
         elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) == "import_module":
             yield from ((str(a.value), node.lineno) for a in node.args[:1] if isinstance(a, ast.Constant))
 
@@ -38,7 +46,7 @@ def name(path: Path) -> str:
 
 def test_there_is_something_to_look_at() -> None:
     assert len(COMPILER) > 40 and len(PRODUCT) > 10
-    assert any(n.startswith("compiler.") for n, _ in imports(DOOR)), "the reader of imports does not see them"
+    assert any(of(path, "compiler") for path in PRODUCT), "the reader of imports does not see them"
 
 
 @pytest.mark.parametrize("path", COMPILER, ids=name)
@@ -46,9 +54,29 @@ def test_the_compiler_knows_nothing_of_the_product(path: Path) -> None:
     assert of(path, "bondgraph") == []
 
 
-@pytest.mark.parametrize("path", [p for p in PRODUCT if p != DOOR], ids=name)
-def test_the_product_enters_through_its_door(path: Path) -> None:
-    assert of(path, "compiler") == []
+@pytest.mark.parametrize("path", PRODUCT, ids=name)
+def test_the_product_imports_the_api_alone(path: Path) -> None:
+    assert [found for found in of(path, "compiler") if not found.endswith(": compiler.api")] == []
+
+
+def test_the_api_names_what_is_used() -> None:
+    """No more, and each is found."""
+    nodes = [n for p in PRODUCT for n in ast.walk(ast.parse(p.read_text(encoding="utf-8")))]
+    used = {n.attr for n in nodes if isinstance(n, ast.Attribute)}
+    used |= {a.name for n in nodes if isinstance(n, ast.ImportFrom) and n.module == "compiler.api" for a in n.names}
+    assert [name for name in dir(api) if name not in used or getattr(api, name) is None] == []
+
+
+@pytest.mark.parametrize("script", ["script.py", "compiler.py"])
+def test_a_file_that_hides_the_compiler_is_named(script: str, tmp_path: Path) -> None:
+    (tmp_path / "compiler.py").write_text("raise SystemExit('it was run')\n", encoding="utf-8")
+    (tmp_path / script).write_text("import bondgraph\nbondgraph.load('model a {}')\n", encoding="utf-8")
+    command = [sys.executable, str(tmp_path / script)]
+    done = subprocess.run(
+        command, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False
+    )
+    sentence = f"ImportError: bondgraph needs its own package `compiler`, but Python found {tmp_path / 'compiler.py'} first: rename that file"
+    assert done.stderr.splitlines()[-1] == sentence
 
 
 # Each room, and what it may import of the others. `algebra`, `errors`, `source` and `graph` (nouns) serve all.

@@ -21,7 +21,7 @@ sys.path[:0] = [str(HERE.parents[1]), str(HERE)]
 
 from large_files import KINDS  # noqa: E402
 
-from bondgraph.door import Source, format_text  # noqa: E402
+from compiler.api import Source, format_text  # noqa: E402
 from compiler.syntax import parse  # noqa: E402
 
 SIZES = (100_000, 250_000, 500_000, 1_000_000)

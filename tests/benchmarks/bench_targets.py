@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 import bondgraph
-from bondgraph.door import cost
+from compiler.api import cost
 from tests.benchmarks import peers
 from tests.benchmarks.bench_work_precision import OURS, WHOLE, kept, measured, time_at
 from tests.benchmarks.scenes import MANIPULATOR, ROOT, SCENES

@@ -15,8 +15,8 @@ import pytest
 import bondgraph
 from bondgraph.diagram import svg_text
 from bondgraph.diagram.subject import subject_of
-from bondgraph.door import Scene
 from bondgraph.model import Model
+from compiler.api import Scene
 from compiler.causality.assign import CausalGraph
 from tests.compiling import MODELS
 from tests.conftest import Golden

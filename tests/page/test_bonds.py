@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.door import Junction
 from bondgraph.page.bonds import bond_columns
 from bondgraph.page.runs import Watched, energies
+from compiler.api import Junction
 from tests.compiling import MODELS
 
 FILES = sorted(p for p in MODELS.glob("*.bg") if p.name != "mems.bg")

@@ -10,10 +10,10 @@ import pytest
 
 import bondgraph
 from bondgraph.diagram.scenery import scenery_of
-from bondgraph.door import MechanismNode
 from bondgraph.page.runs import Watched
 from bondgraph.page.scene import scenes_of
 from bondgraph.page.shapes import modes_data
+from compiler.api import MechanismNode
 from tests.compiling import MODELS
 
 MECHANISMS = ["manipulator", "crane", "car", "robot_arm", "six_axes", "four_bar", "gyroscope", "end_stops"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import bondgraph
-from bondgraph.door import CompilationFailed
+from compiler.api import CompilationFailed
 
 TEXT = """model M {
   parameter m = 2 kg, k = 8 [N/m]

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bondgraph.door import Source
 from bondgraph.model import Model
 from bondgraph.simulation.segments.timeline import Segment
 from bondgraph.simulation.start.coarse import CoarseRun
+from compiler.api import Source
 from tests.benchmarks import large_models
 
 pytestmark = pytest.mark.machine_code

@@ -159,7 +159,7 @@ def test_small_pivots_are_left_to_a_library(diagonal: float) -> None:
 @pytest.mark.parametrize("text", [large_models.rc_ladder(120), large_models.network(large_models.mesh_edges(11), 121)], ids=["ladder", "mesh"])  # fmt: skip
 def test_large_models_run_without_scipy(text: str) -> None:
     script = (
-        "import sys, bondgraph\nfrom bondgraph.door import Source\n"
+        "import sys, bondgraph\nfrom compiler.api import Source\n"
         "result = bondgraph.Model(Source('ladder.bg', sys.stdin.read())).simulate()\n"
         "assert result.steps > 20\nprint('scipy' in sys.modules)"
     )

@@ -21,8 +21,8 @@ ROOT = Path(__file__).resolve().parents[2]
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))
 
-from bondgraph import door  # noqa: E402
 from bondgraph.compiled_model import LIBRARY  # noqa: E402
+from compiler import api  # noqa: E402
 from compiler.errors import CompilationFailed  # noqa: E402
 from tests.stress.report import Section  # noqa: E402
 from tests.stress.trial import TooLong, within  # noqa: E402
@@ -262,10 +262,10 @@ def nonsense(rng: Random) -> str:
 # ---------------------------------------------------------------- one text
 def answer(name: str, text: str) -> tuple[str, str]:
     """Outcome for a text: a word that is counted, and the fault of the answer."""
-    source = door.Source(name, text, Path(name) if os.path.isabs(name) else None)
+    source = api.Source(name, text, Path(name) if os.path.isabs(name) else None)
     try:
         with within(LONGEST):
-            diagnostics = tuple(door.check_source(source, None, LIBRARY))
+            diagnostics = tuple(api.check_source(source, None, LIBRARY))
     except TooLong:
         return "hangs", f"no answer within {LONGEST:g} s"
     except RecursionError:
@@ -273,7 +273,7 @@ def answer(name: str, text: str) -> tuple[str, str]:
     except Exception as error:
         return "crashes", f"{type(error).__name__}: {error}; {traceback.format_exc(limit=-2)[-300:]}"
     for diagnostic in diagnostics:
-        told = door.render(diagnostic)
+        told = api.render(diagnostic)
         span = diagnostic.span
         if not told.strip() or not diagnostic.code or span.line < 1 or span.column < 1:
             return "no place", f"{diagnostic.code} has no place: {told[:200]}"
@@ -288,7 +288,7 @@ def child(first: int, count: int) -> None:
     """Try edits and print what was wrong; the last line counts."""
     counted: Counter[str] = Counter()
     before = 0
-    door.check_source(door.Source("first.bg", seeds()[0][1]), None, LIBRARY)  # what is imported once counts for no text
+    api.check_source(api.Source("first.bg", seeds()[0][1]), None, LIBRARY)  # what is imported once counts for no text
     for number in range(first, first + count):
         name, text = edited(number)
         word, wrong = answer(name, text)
@@ -382,7 +382,7 @@ def _harmless(found: Section, short: bool) -> None:
         tried += 1
         try:
             first = bondgraph.load(path).simulate(points=5)
-            source = door.Source(str(path), changed, path)
+            source = api.Source(str(path), changed, path)
             second = bondgraph.Model(source).simulate(points=5)
         except bondgraph.errors.UsageError:
             continue

@@ -8,8 +8,8 @@ from typing import Any
 
 import bondgraph
 from bondgraph import prepared
-from bondgraph.door import SOLVERS
 from bondgraph.model import Model
+from compiler.api import SOLVERS
 
 
 @dataclass(frozen=True, slots=True)

@@ -82,11 +82,12 @@ def test_made_once_where_it_can_be_kept() -> None:
         made.append(grammar)
         return Table({}, (), (), (), {grammar: ()})
 
-    before = kept_module._shelves[:]
+    before = kept_module._backends[:]
     try:
-        kept_module.keep_on(Shelf())
+        shelf = Shelf()
+        kept_module.keep_on(lambda: shelf)
         tables = [kept_module.kept(Table, grammar, make) for grammar in ("one", "one", "two")]
     finally:
-        kept_module._shelves[:] = before
+        kept_module._backends[:] = before
     assert made == ["one", "two"]
     assert [list(t.fixed) for t in tables] == [["one"], ["one"], ["two"]]

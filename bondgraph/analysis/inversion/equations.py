@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ...door import Expression, Leaf, Number, Series, Symbol, call, select, substitute, symbols
+from compiler.api import Expression, Leaf, Number, Series, Symbol, call, select, substitute, symbols
+
 from ...errors import UsageError
 from ..operating_point import OperatingPoint
 from .drives import Drive

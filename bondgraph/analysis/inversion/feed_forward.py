@@ -194,7 +194,7 @@ def _number(value: float, unit: str) -> str:
 
 def _place(found: FeedForward, target: Path) -> str:
     """Return the path of the model from the new file."""
-    from ...door import project_folder
+    from compiler.api import project_folder
 
     if found.file is None:
         raise UsageError("a feed-forward model imports the model that it drives: save that as a file first")

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Leaf, Series
+
 from ...compiled_model import CompiledModel
-from ...door import Leaf, Series
 from ...errors import UsageError
 
 if TYPE_CHECKING:
@@ -173,7 +174,7 @@ def path_of(model: CompiledModel, wanted: Mapping[str, Any], start: float, stop:
     Tables of a text (`cubic(time, column("curve.csv", "t"), column("curve.csv", "x"))`) are files beside the model. Raises `UsageError`,
     `CompilationFailed`.
     """
-    from ... import door
+    from compiler import api
 
     outputs = model.compilation(model.scene(None)).whole_graph.outputs
     unknown = [n for n in wanted if n not in outputs]
@@ -185,9 +186,9 @@ def path_of(model: CompiledModel, wanted: Mapping[str, Any], start: float, stop:
         if not isinstance(value, str | float | int):
             samples[name], value = curve_through(value, name, start, stop), 0.0
         if isinstance(value, str):
-            door.parse_expression(door.Source(f"what is wanted of {name}", value))
+            api.parse_expression(api.Source(f"what is wanted of {name}", value))
         text = value if isinstance(value, str) else f"{float(value)!r}{'' if unit == '1' else f' [{unit}]'}"
         lines.append(f"  output wanted_{number}{'' if unit == '1' else f': {unit}'} = {' '.join(text.split())}")
     text = "\n".join([*lines, "}"])
-    source = door.Source("what is wanted", text, model.source.path)
+    source = api.Source("what is wanted", text, model.source.path)
     return Path(tuple(wanted), CompiledModel(source), start, stop, samples)

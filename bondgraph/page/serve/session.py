@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from compiler.api import CompilationFailed, Source, read_text
+
 from ...analysed_model import AnalysedModel
-from ...door import CompilationFailed, Source, read_text
 from ...errors import UsageError
 from ..document import Document, document_of
 from ..experiments import PROBLEMS, experiment_data, experiment_names, one_run

@@ -6,7 +6,8 @@ import re
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from ...door import CompilationFailed, Source, evaluate, read_unit
+from compiler.api import CompilationFailed, Source, evaluate, read_unit
+
 from ...views.tables import visible
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 from ..segments.timeline import GOLDEN, Segment, inside
 
 if TYPE_CHECKING:
-    from ...door import Program
+    from compiler.api import Program
 
 PLACES = 128  # number of sample places per segment
 AHEAD = 1e-3  # radians at the bandwidth: time step of difference quotients

@@ -18,7 +18,8 @@ from .push import kept
 from .split import STEADY, Flow
 
 if TYPE_CHECKING:
-    from ...door import Program
+    from compiler.api import Program
+
     from ..segments.timeline import Segment
     from ..segments.trajectory import Trajectory
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
 
 if TYPE_CHECKING:
     from ..steps.compiled.held import CompiledConstraints

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..segments.timeline import Segment

@@ -23,7 +23,8 @@ from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
 
 if TYPE_CHECKING:
-    from ...door import Facts, Program
+    from compiler.api import Facts, Program
+
     from ...prepared import Prepared
 
 STEPS = (

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ...door import EventNote, Hybrid
+from compiler.api import EventNote, Hybrid
+
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver

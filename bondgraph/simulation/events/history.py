@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ...results.checkpoint import DelayHistory
 
 DEGREE = 5  # degree of the polynomials, equal to that of the solver's dense output

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ...errors import RunFailed, StepsCollapsed
 from ..closed.constraints import Constraints
 from ..segments.timeline import Segment, mode_after, with_time_of

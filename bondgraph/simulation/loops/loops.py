@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ...errors import RunFailed
 
 if TYPE_CHECKING:
@@ -81,7 +82,8 @@ class LoopSolver:
         source = self.program.kept.get("opened")
         if source is None or self.parameters is None:
             return None
-        from ...door import CompilationFailed, ValuesNeeded
+        from compiler.api import CompilationFailed, ValuesNeeded
+
         from .waves import OpenedLoops
 
         try:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
 
 RESISTANCES = (1e3, 1.0, 1e6, 1e-3)  # tried one after the other as the reference resistance, in SI units
 LARGEST = 400  # unknowns

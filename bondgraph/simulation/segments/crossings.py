@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...door import Ranges
+from compiler.api import Ranges
 
 MOST_BOXES = 3_000_000  # boxes at once; with more, the search is given up (`Undecided`)
 MOST_CROSSINGS = 1_000_000  # crossings of one function

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...door import Program, Ranges
+from compiler.api import Program, Ranges
 
 BEGIN = 32  # number of boxes of a segment at the beginning
 TOGETHER = 256  # number of segments that are examined at once

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ...door import Function, Program, Ranges, TimeFunctions
+from compiler.api import Function, Program, Ranges, TimeFunctions
+
 from ...errors import RunFailed
 from ...numerics.roots import crossing
 

@@ -12,7 +12,7 @@ from .timeline import Segment
 from .transition import PhaseTransition
 
 if TYPE_CHECKING:
-    from ...door import Program
+    from compiler.api import Program
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,8 @@ import numpy as np
 from ..segments.timeline import Segment
 
 if TYPE_CHECKING:
-    from ...door import Program
+    from compiler.api import Program
+
     from .coarse import Look
 
 ASTRAY = 1e3  # factor on the magnitudes of the beginning above which the run is suspect

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ..segments.timeline import Segment
 
 PLACES = 9  # places of a segment at which the rates are evaluated

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments.timeline import Segment, always, follower, signals_on

@@ -10,7 +10,8 @@ import numpy as np
 from ..steps.factorise import is_large
 
 if TYPE_CHECKING:
-    from ...door import Program
+    from compiler.api import Program
+
     from ..steps.radau import Factorised
 
 KEPT_ITERATIONS = 8  # iterations with factors of an earlier step

@@ -21,7 +21,8 @@ def balance(matrix: Any, compiled: bool) -> tuple[Any, Any]:
         entries, scale = matrix.ravel().tolist(), [1.0] * count
         balance(count, entries, scale)
         return np.array(entries).reshape(count, count), np.array(scale)
-    from ...door import address_of
+    from compiler.api import address_of
+
     from ..steps.compiled.code import POINTER, WHOLE, called
 
     a, powers = np.array(matrix, dtype=float), np.ones(count)

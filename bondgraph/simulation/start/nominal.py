@@ -14,7 +14,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ...results.records import ToleranceDoubt
 from ..closed.constraints import Constraints
 from ..segments.timeline import Segment

@@ -21,7 +21,7 @@ from ...quantities import behind
 from ..closed.constraints import Constraints
 
 if TYPE_CHECKING:
-    from ...door import StateSpace
+    from compiler.api import StateSpace
 
 DIFFERENCE = 1e-6
 INDEPENDENT = 1e-6  # least part of a unit derivative that is independent of earlier start values

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver

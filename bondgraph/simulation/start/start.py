@@ -19,7 +19,8 @@ from ..segments.timeline import Segment
 from .claims import fulfil, slopes_of
 
 if TYPE_CHECKING:
-    from ...door import Program, StateSpace
+    from compiler.api import Program, StateSpace
+
     from ...prepared import Prepared
     from .poses import PoseProblem
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ...errors import RunFailed
 from ...quantities import behind
 

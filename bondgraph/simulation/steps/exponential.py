@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ...door import Program
+from compiler.api import Program
+
 from ..segments.timeline import ROUNDING, Segment, signals_on
 
 DEGREE = 10  # degree of the polynomials

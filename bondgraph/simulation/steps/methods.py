@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ...door import SOLVERS
+from compiler.api import SOLVERS
+
 from ...errors import UsageError
 
 AUTOMATIC = "automatic"

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ..closed.constraints import Constraints
 from ..segments.timeline import Segment
 from ..segments.trajectory import Tolerances, Trajectory

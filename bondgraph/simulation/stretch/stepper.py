@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ...errors import RunFailed, StepsCollapsed, UsageError
 from ...numerics.quadrature import work_of
 from ..closed.constraints import Constraints

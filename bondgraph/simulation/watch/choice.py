@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ..segments.transition import PhaseTransition
 
 WORST = 1e3  # relative change of a dependent storage per relative change of a state, each relative to its peak

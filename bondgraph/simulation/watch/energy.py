@@ -15,7 +15,7 @@ import numpy as np
 from ...results.records import ElementEnergy, EnergyBalance
 
 if TYPE_CHECKING:
-    from ...door import StateSpace, Storage
+    from compiler.api import StateSpace, Storage
 
 SOURCES, LOSSES, TRANSDUCERS = ("Se", "Sf"), ("R",), ("TF", "GY")
 LEFT_OUT = "left out"
@@ -184,7 +184,7 @@ def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:
 
 def stored_change(storage: Storage, before: Any, after: Any, arguments: dict[int, float]) -> float:
     """Return the change of a storage's energy in J: from its energy function, or the integral of its law between the two states."""
-    from ...door import evaluate
+    from compiler.api import evaluate
 
     count = len(before)
     values = [a if isinstance(a, float) else arguments[a] for a in storage.arguments]

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ...door import Assignment, Expression, LinearLoop, Program, StateSpace, evaluate, symbols
+from compiler.api import Assignment, Expression, LinearLoop, Program, StateSpace, evaluate, symbols
+
 from ...errors import RunFailed
 from .reason import Reason, reason
 

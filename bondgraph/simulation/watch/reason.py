@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ...door import Apply, Expression, Number, Symbol, value_of
+from compiler.api import Apply, Expression, Number, Symbol, value_of
 
 SHARE = 1e-12  # relative to the larger of two values: least size for a change of sign
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...door import Program
+from compiler.api import Program
+
 from ...errors import RateNotFinite, RunFailed, StepsCollapsed
 from ..segments.trajectory import Tolerances
 from .crawling import advice, limiting_mode

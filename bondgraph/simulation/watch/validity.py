@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ...door import LimitNote, Program
+from compiler.api import LimitNote, Program
+
 from ...errors import RunFailed
 from ...quantities import behind
 from ...results.records import LimitLeft

@@ -14,7 +14,7 @@ from .step import rates
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from compiler.api import Floats
 
 C, STARTS, FROM, A, D = pair.C, pair.STARTS, pair.FROM, pair.A, pair.D
 STAGES, ALL_STAGES = pair.STAGES, pair.ALL_STAGES

@@ -6,7 +6,7 @@ from math import isfinite, sqrt
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from compiler.api import Floats
 
 LESS = 0.95  # largest ratio of the sums of the norms for which a factor is applied
 ROOT = sqrt(2.0)

@@ -10,7 +10,7 @@ from .shares import tried_at
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ....door import Floats, Numbers
+    from compiler.api import Floats, Numbers
 
 PLACES = (0.0, *radau.C.tolist())
 NEAREST, ON_IT, CLOSE = radau.NEAREST, radau.ON_IT, radau.CLOSE

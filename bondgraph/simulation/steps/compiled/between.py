@@ -13,7 +13,7 @@ from .step import rates
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from compiler.api import Floats
 
 STIFF, SURE, NEAR, SLOW = radau.STIFF, radau.SURE, radau.NEAR, radau.SLOW
 ITERATIONS, LEFT, PATIENT = radau.BACK_ITERATIONS, radau.LEFT, radau.BACK_PATIENT

@@ -8,13 +8,14 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from ....door import Record
+from compiler.api import Record
+
 from ...start import coarse as look
 from .euler import Euler, euler
 from .sparse import ANEW, FINE, SINGULAR
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from compiler.api import Floats
 
 CAREFUL, MOST_STEPS = look.CAREFUL, look.MOST_STEPS
 AGAIN, NOTES = look.AGAIN, look.NOTES

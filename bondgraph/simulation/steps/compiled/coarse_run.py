@@ -20,7 +20,8 @@ from .run import Ordered
 from .sparse import ANEW, FINE
 
 if TYPE_CHECKING:
-    from ....door import Program
+    from compiler.api import Program
+
     from ...start.coarse import CoarseRun, Pace
     from ...start.motion import FreeMotion
 

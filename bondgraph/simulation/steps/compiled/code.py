@@ -7,7 +7,8 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-from ....door import MachineCode
+from compiler.api import MachineCode
+
 from ....native import kernel
 from .advance import advance, begin
 from .balancing import balance
@@ -28,7 +29,7 @@ def machine_code() -> MachineCode:
     """Return the machine code of the solvers."""
 
     def text() -> str:
-        from ....door import translate
+        from compiler.api import translate
 
         of_steps: list[Callable[..., Any]] = [begin, advance, euler, coarse, roots_along, states_along]
         of_matrices: list[Callable[..., Any]] = [balance, real_factors, least_degree, plan_eliminations, put_rows]

@@ -11,7 +11,7 @@ from .step import NEWTON, put_end, rates, renew
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from compiler.api import Floats
 
 C, A, B, WITHIN = gauss.C, gauss.A, gauss.B, gauss.WITHIN
 ITERATIONS, SLOW, CLOSE, PROJECTIONS = gauss.ITERATIONS, gauss.SLOW, gauss.CLOSE, gauss.PROJECTIONS

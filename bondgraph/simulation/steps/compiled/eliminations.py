@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ....door import Record
+from compiler.api import Record
 
 if TYPE_CHECKING:
-    from ....door import Ints
+    from compiler.api import Ints
 
 NOBODY = -1
 

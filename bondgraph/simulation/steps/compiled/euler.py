@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from ....door import Record
+from compiler.api import Record
+
 from ...start import coarse as look
 from ...start import kept
 from .factors import Factors, back, eliminate
@@ -13,7 +14,7 @@ from .sparse import FINE, SINGULAR, Pattern, real_back, real_factors
 from .stepper import Function
 
 if TYPE_CHECKING:
-    from ....door import Floats, Ints
+    from compiler.api import Floats, Ints
 
 NEWTON_ITERATIONS = look.NEWTON_ITERATIONS
 CLOSE, ROUNDING, SMALLEST_RATIO, PEERS = look.CLOSE, look.ROUNDING, look.SMALLEST_RATIO, look.PEERS

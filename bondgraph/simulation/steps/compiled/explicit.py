@@ -17,7 +17,7 @@ from .step import ERROR, ROUND_OFF, first_size, is_stubborn, put_end, rates, ren
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from compiler.api import Floats
 
 C, STARTS, FROM, A, E5, E3 = pair.C, pair.STARTS, pair.FROM, pair.A, pair.E5, pair.E3
 STAGES = pair.STAGES

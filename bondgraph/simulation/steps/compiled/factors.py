@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from ....door import Record
+from compiler.api import Record
 
 if TYPE_CHECKING:
-    from ....door import Floats, Ints
+    from compiler.api import Floats, Ints
 
 
 Kind = TypeVar("Kind", bound=Record)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import Program
+from compiler.api import Program
+
 from ....numerics.indicators import PLACES
 from ...segments.timeline import LOOKS, Segment, Signals, inside
 from ...watch.choice import WORST

@@ -13,7 +13,7 @@ from .stepper import Stepper
 from .within import state_at
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from compiler.api import Floats
 
 PLACES, GRID, LAST, PARTS = indicators.PLACES, indicators.GRID, indicators.LAST, pair.PARTS
 SHARES = tuple(indicators.SHARES.tolist())

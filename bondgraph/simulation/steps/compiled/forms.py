@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import INTS, Fields, Handed, Record, address_of, record_of
+from compiler.api import INTS, Fields, Handed, Record, address_of, record_of
 
 if TYPE_CHECKING:
-    from ....door import Program
+    from compiler.api import Program
 
 WORD = 8  # bytes
 _WHOLE, _DOUBLE = np.dtype(np.int64), np.dtype(float)

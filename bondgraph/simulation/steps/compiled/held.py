@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import Program, address_of
+from compiler.api import Program, address_of
+
 from ...segments.timeline import mode_size
 from .code import called
 from .forms import Laid, form_of

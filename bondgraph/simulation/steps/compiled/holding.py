@@ -10,11 +10,12 @@ from collections.abc import Callable
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from ....door import Record
+from compiler.api import Record
+
 from ...closed import constraints
 
 if TYPE_CHECKING:
-    from ....door import Floats, Ints
+    from compiler.api import Floats, Ints
 
 ITERATIONS, ROUNDING, NOISE = constraints.ITERATIONS, constraints.ROUNDING, constraints.NOISE
 WEAK = constraints.WEAK * constraints.WEAK  # relative to its diagonal entry: smaller pivots count as weak

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import Program
+from compiler.api import Program
+
 from ...segments.timeline import Segment, Signals
 from .. import pair
 from ..methods import ENERGY, RODAS

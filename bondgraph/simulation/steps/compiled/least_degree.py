@@ -10,10 +10,10 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from ....door import Record
+from compiler.api import Record
 
 if TYPE_CHECKING:
-    from ....door import Ints
+    from compiler.api import Ints
 
 NOBODY = -1
 DENSE, FEW = 10.0, 16.0  # nodes with more neighbours than DENSE sqrt(n), and than FEW, come last

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ....door import Record
+from compiler.api import Record
+
 from .code import POINTER, called
 from .eliminations import Eliminations, plan_eliminations, put_rows
 from .forms import Form, Laid

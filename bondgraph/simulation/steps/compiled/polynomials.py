@@ -11,7 +11,7 @@ from .conserving import within_step
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from compiler.api import Floats
 
 P = tuple(radau.P.ravel().tolist())
 

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....door import Program, address_of, record_of
+from compiler.api import Program, address_of, record_of
+
 from ...segments.timeline import Segment, Signals, inside
 from ...watch.choice import Choice
 from .. import pair, radau, rodas

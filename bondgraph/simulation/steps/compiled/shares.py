@@ -9,7 +9,7 @@ from ..methods import RADAU
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from compiler.api import Floats
 
 P = tuple(radau.P.ravel().tolist())
 

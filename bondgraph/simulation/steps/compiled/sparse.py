@@ -9,10 +9,10 @@ from __future__ import annotations
 from math import isfinite, sqrt
 from typing import TYPE_CHECKING
 
-from ....door import Record
+from compiler.api import Record
 
 if TYPE_CHECKING:
-    from ....door import Floats, Ints
+    from compiler.api import Floats, Ints
 
 SINGULAR, FINE, ANEW = 0, 1, 2
 

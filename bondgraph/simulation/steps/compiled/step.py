@@ -15,7 +15,7 @@ from .sparse import ANEW, FINE, SINGULAR
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ....door import Floats, Numbers
+    from compiler.api import Floats, Numbers
 
 C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))

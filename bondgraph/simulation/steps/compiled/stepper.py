@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ....door import Record
+from compiler.api import Record
+
 from .factors import ComplexFactors, Factors
 from .holding import Held
 from .sparse import Pattern
 
 if TYPE_CHECKING:
-    from ....door import Floats, Ints
+    from compiler.api import Floats, Ints
 
 # Arguments: time, state, inputs, constants, mode, array for the values.
 Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], None]

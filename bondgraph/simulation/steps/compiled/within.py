@@ -14,7 +14,7 @@ from .polynomials import collocation, quintic
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ....door import Floats
+    from compiler.api import Floats
 
 INNER, C = pair.INNER, tuple(radau.C.tolist())
 

@@ -1,0 +1,109 @@
+"""Names of the compiler that others may use: the imports below, each carried out when its name is first read.
+
+Type checkers read the list as it stands. At run time `__getattr__` looks names up in the same lines, so that no unnecessary stage is loaded.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from .kept import keep_on
+
+if TYPE_CHECKING:
+    from .algebra.affine import affine_parts
+    from .algebra.derivative import NoSlope, derivative
+    from .algebra.expression import (
+        Apply,
+        Expression,
+        Number,
+        Symbol,
+        call,
+        depends_on,
+        evaluate,
+        select,
+        substitute,
+        symbols,
+    )  # fmt: skip
+    from .algebra.formula import Bound
+    from .algebra.operators import value_of
+    from .algebra.sympy_form import to_sympy
+    from .causality import Because, CausalGraph, Dependence, dependences
+    from .certificate import Certificate
+    from .chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
+    from .codegen.cost import Cost, cost
+    from .codegen.limits import Leaf
+    from .codegen.llvm.bind import bind
+    from .codegen.lowered import Lowered
+    from .codegen.program import EventNote, Function, Hybrid, LimitNote, Program, TimeFunctions
+    from .codegen.ranges import Ranges
+    from .codegen.series import Series
+    from .codegen.tape import Tape
+    from .driver import Compilation, examine
+    from .driver import check as check_source
+    from .equations.sharing import dependent_rates
+    from .equations.system import Assignment, EquationSystem, PowerPort, Storage
+    from .errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, render
+    from .graph.domains import BUNDLES, DOMAINS
+    from .graph.mechanism import Body, Joint, Mechanism, freedoms_of
+    from .graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Quantity, Reading
+    from .graph.network import Node as GraphNode
+    from .kept import CacheBackend
+    from .memory import uncollected
+    from .native.arrays import Floats, Ints, Numbers, Record
+    from .native.kinds import INTS, Fields, Handed, record_of
+    from .native.machine import MachineCode, address_of, object_code, processor
+    from .native.machine import available as native_available
+    from .native.translate import translate
+    from .reduction.order import blocks
+    from .reduction.state_space import LinearLoop, StateSpace, Unknown
+    from .scene import (
+        SOLVERS,
+        Analysis,
+        Differentiating,
+        Drawn,
+        Facts,
+        Fitting,
+        Following,
+        Inverting,
+        Linearizing,
+        Override,
+        Plan,
+        Scene,
+        Study,
+        Varying,
+    )
+    from .semantics.domain_table import ELEMENT_KINDS
+    from .semantics.scope import RESERVED
+    from .semantics.unit import read_unit
+    from .semantics.within import project_folder
+    from .source import Source, Span, read_text
+    from .source_file import read_source
+    from .syntax import parse_expression, parse_law
+    from .syntax.format import format_text
+    from .syntax.tree import Experiment, Literal, Negative, Path
+    from .writing import write_text
+    from .writing.literals import bond_lines, braces, number_text
+
+
+@cache
+def _imports() -> dict[str, tuple[str, str]]:
+    """Module and original name of each import of this file from the compiler, by the name that it has here."""
+    import ast
+    from pathlib import Path
+
+    statements = ast.walk(ast.parse(Path(__file__).read_text(encoding="utf-8")))
+    lines = [s for s in statements if isinstance(s, ast.ImportFrom) and s.level == 1]
+    return {a.asname or a.name: (f".{line.module}", a.name) for line in lines for a in line.names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _imports():
+        raise AttributeError(f"module 'compiler.api' has no attribute {name!r}")
+    module, original = _imports()[name]
+    return getattr(import_module(module, __package__), original)
+
+
+def __dir__() -> list[str]:
+    return sorted(_imports())
