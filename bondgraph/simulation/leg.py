@@ -406,6 +406,10 @@ class Leg:
         if self.trajectory.rounded > ROUNDED:
             self.doubts += (self._doubt(self.trajectory.rounded),)
         self.notes += self.timed
+        if self.events is not None:
+            from .events.bounds import notes_on_bounds
+
+            self.notes += notes_on_bounds(self.program)
         if self.constraints and len(self.trajectory.states):
             from .closed.singular import doubts_of, told_of
 

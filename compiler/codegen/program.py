@@ -59,19 +59,31 @@ class Function:
     span: Span
 
 
-LEAVES = frozenset({"number", "time", "constant", "input", "mode"})  # operators of `TimeFunctions` without operands
+LEAVES = frozenset(
+    {"number", "time", "constant", "input", "mode", "state"}
+)  # operators of `TimeFunctions` without operands
+
+
+@dataclass(frozen=True, slots=True)
+class NarrowCondition:
+    """A located condition whose indicator may have narrow peaks between two places of a step."""
+
+    number: int  # among `Hybrid.conditions`
+    place: int  # of its indicator among the operations; -1 where there is no range for it
+    narrow: tuple[int, ...]  # places of the operations that may be narrow
 
 
 @dataclass(frozen=True, slots=True)
 class TimeFunctions:
-    """Functions of time alone as operations, operands first.
+    """Functions of time, and indicators of narrow conditions on states, as operations, operands first.
 
-    A node is an operator with the places of its operands, or a leaf (`number`, `time`, `constant`, `input`, `mode`) with its number.
+    A node is an operator with the places of its operands, or a leaf (`number`, `time`, `constant`, `input`, `mode`, `state`) with its number.
     """
 
     nodes: tuple[tuple[str, tuple[Any, ...]], ...]
     crossings: tuple[Function, ...]  # as `Program.crossings`
     narrow: tuple[int, ...]  # operations behind `Program.signals` that may move a lot within a short time
+    conditions: tuple[NarrowCondition, ...] = ()
 
     def needed(self, roots: Sequence[int]) -> list[int]:
         """Return the operations that some roots need, operands first: they stand in that order already."""

@@ -1,4 +1,4 @@
-"""Values and ranges over boxes of the functions of time of a program, with the one table of `algebra/intervals.py`."""
+"""Values and ranges over boxes of functions of time and of indicators of conditions, with the one table of `algebra/intervals.py`."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ class Ranges:
         self.fixed: dict[int, float] = {}
         self.order = self._moving(functions.needed(self.roots))
         self.curves = {i: curve for i in self.order if (curve := self._curve(i)) is not None}
+        self.states = sorted({self.nodes[i][1][0] for i in self.order if self.nodes[i][0] == "state"})
         self.moded = any(self.nodes[i][0] == "mode" for i in self.order)  # whether one of them depends on conditions
 
     def _moving(self, needed: list[int]) -> list[int]:
@@ -61,8 +62,8 @@ class Ranges:
         """True if the table has no range for one of the operations."""
         return any(self.nodes[i][0] not in self.table and self.nodes[i][0] not in LEAVES for i in self.order)
 
-    def values(self, times: Any, mode: Any) -> list[Any]:
-        """Values of the roots at instants, arrays (instants,) or numbers. `mode`: (size,) or (instants, size)."""
+    def values(self, times: Any, mode: Any, states: Any = None) -> list[Any]:
+        """Values of the roots at instants, arrays (instants,) or numbers. `mode`: (size,) or (instants, size); `states`: (instants, n)."""
         known: dict[int, Any] = {}
         fixed = self.fixed
         for number in self.order:
@@ -71,14 +72,16 @@ class Ranges:
                 known[number] = times
             elif operator == "mode":
                 known[number] = mode[..., operands[0]]
+            elif operator == "state":
+                known[number] = states[..., operands[0]]
             elif number in self.curves:
                 known[number] = self.curves[number].values(known[operands[1]])
             else:
                 known[number] = self.plain(operator, [fixed[o] if o in fixed else known[o] for o in operands])
         return [fixed[root] if root in fixed else known[root] for root in self.roots]
 
-    def over(self, low: Any, high: Any, mode: Any) -> list[Interval]:
-        """Ranges of the roots over boxes. `mode`: (size,) or (boxes, size)."""
+    def over(self, low: Any, high: Any, mode: Any, states: Any = None) -> list[Interval]:
+        """Ranges of the roots over boxes. `mode`: (size,) or (boxes, size); `states`: their ranges by number, each two arrays (boxes,)."""
         known: dict[int, Any] = {}
         fixed = self.fixed
 
@@ -91,6 +94,8 @@ class Ranges:
                 known[number] = low, high
             elif operator == "mode":
                 known[number] = (mode[..., operands[0]],) * 2
+            elif operator == "state":
+                known[number] = states[operands[0]]
             elif number in self.curves:
                 known[number] = self.curves[number].over(*known[operands[1]])
             else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import log, pi
+from math import pi
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import (
@@ -16,7 +16,6 @@ from ..algebra.expression import (
     add,
     call,
     divide,
-    multiply,
     negate,
     operations,
     rebuild,
@@ -33,6 +32,7 @@ from ..source import Span
 from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME
 from .errors import JumpsWithoutEnd, NoiseOutOfStep
 from .events import Located
+from .indicators import indicator
 from .limits import Leaf
 from .lowered import Lowered
 from .program import ConditionNote
@@ -170,9 +170,13 @@ class Switching:
             symbol = self.result.event_symbol(self.next)
             note = ConditionNote(self.next, condition.operator == "less", True, self.owner, self.span)
             self.modes[condition] = symbol
-            events.located.append(Located(symbol, _root(*operands), note))
+            events.located.append(Located(symbol, indicator(operands[0], operands[1], self._is_fixed), note))
         self.next += 1
         return self.modes[condition]
+
+    def _is_fixed(self, x: Expression) -> bool:
+        """Return True if an expression is constant between two events."""
+        return not self.result.dependence(x) & (TIME | STATE)
 
     def _of_segments(self, x: Apply, place: Expression) -> Expression:
         """Derivative of a curve in time that jumps at knots, from two numbers that are constant between instants.
@@ -259,20 +263,6 @@ class Switching:
         self.result.crossings.append(g)
         self.places[g] = len(self.result.crossing_places)
         self.result.crossing_places.append((self.owner, self.span, condition))
-
-
-def _root(left: Expression, right: Expression) -> Expression:
-    """Left less right side of a condition, or what has the same sign: a bell exp(-((x - a)/w)^2) against a number is a parabola against its logarithm,
-    which a polynomial follows however narrow the bell is."""
-    for bell, level, side in ((left, right, 1.0), (right, left, -1.0)):
-        factors = bell.operands if isinstance(bell, Apply) and bell.operator == "multiply" else (bell,)
-        scale = factors[0].value if len(factors) == 2 and isinstance(factors[0], Number) else 1.0
-        inner = factors[-1]
-        if len(factors) > 2 or not isinstance(inner, Apply) or inner.operator != "exp" or not isinstance(level, Number):
-            continue
-        if (len(factors) == 1 or isinstance(factors[0], Number)) and scale > 0 and level.value / scale > 0:
-            return multiply(Number(side), inner.operands[0] - Number(log(level.value / scale)))
-    return left - right
 
 
 def _rebuilt(operator: str, operands: tuple[Expression, ...]) -> Expression:

@@ -1,7 +1,7 @@
 """Functions of time as plain data, for the search for instants beside a program.
 
-The functions whose zeros are instants, their derivatives by time and the possibly narrow parts of the signals form one list of
-operations, which is stored with a program of any target; `ranges.py` evaluates it.
+The functions whose zeros are instants, their derivatives by time, the possibly narrow parts of the signals and the indicators of located
+conditions that may be narrow form one list of operations, which is stored with a program of any target; `ranges.py` evaluates it.
 """
 
 from __future__ import annotations
@@ -12,15 +12,17 @@ from typing import Any
 from ..algebra.derivative import NoSlope, derivative
 from ..algebra.expression import Apply, Expression, Number, Symbol, operations, symbols
 from ..algebra.operators import OPERATORS
-from .dependence import MODE
+from ..algebra.systems import SYSTEMS
+from .dependence import MODE, STATE, TIME
 from .limits import Leaf
 from .lowered import Lowered
-from .program import Function, TimeFunctions
+from .program import Function, NarrowCondition, TimeFunctions
 from .tape import operands_first
 
 # Other operations leave functions of time moving everywhere as fast as they ever do, or at places that are instants: sums and products of
 # those have no narrow peaks that a look at many places could miss.
 NARROWING = frozenset(row.name for row in OPERATORS.values() if not row.broad)
+FLAT = frozenset({"sqrt", "root", "asin", "acos", "asinh"})  # of these, a polynomial sees a dip as it sees a kink
 
 
 def time_roots(crossings: Sequence[Expression]) -> tuple[Expression, ...]:
@@ -53,9 +55,31 @@ def _is_broad(node: Apply) -> bool:
     return node.operator == "divide" and all(s.key.role == "parameter" for s in symbols(node.operands[1]))
 
 
+def narrow_conditions(lowered: Lowered) -> tuple[tuple[int, Expression, tuple[Expression, ...]], ...]:
+    """Located conditions that may have narrow peaks: number, indicator and narrow operations, which are none where there is no range."""
+
+    def moves(x: Expression) -> bool:
+        return bool(lowered.dependence(x) & (STATE | TIME))
+
+    def may_be_narrow(x: Expression) -> bool:
+        assert isinstance(x, Apply)
+        return moves(x) and x.operator not in FLAT and (x.operator != "divide" or moves(x.operands[1]))
+
+    found = []
+    for number, item in enumerate(lowered.events.located):
+        narrow = narrow_operations([item.root], may_be_narrow)
+        if narrow:
+            ranged = not any(x.operator in SYSTEMS or x.operator == "item" for x in operations(item.root))
+            delayed = any(s.key.role == "input" and lowered.dependence(s) & STATE for s in symbols(item.root))
+            found.append((number, item.root, narrow if ranged and not delayed else ()))
+    return tuple(found)
+
+
 def time_functions_of(lowered: Lowered, constants: Sequence[Expression]) -> TimeFunctions | None:
     """Functions of time of a program whose constants are these expressions; None if it has none."""
-    if not lowered.time_roots:
+    conditions = narrow_conditions(lowered)
+    roots = (*lowered.time_roots, *(x for _, root, narrow in conditions if narrow for x in (root, *narrow)))
+    if not roots and not conditions:
         return None
     leaves: dict[Expression, int] = {node: number for number, node in enumerate(constants)}
     places: dict[Expression, int] = {}
@@ -65,9 +89,9 @@ def time_functions_of(lowered: Lowered, constants: Sequence[Expression]) -> Time
         nodes.append((operator, operands))
         return len(nodes) - 1
 
-    for node in operands_first(lowered.time_roots, leaves):
+    for node in operands_first(roots, leaves):
         places[node] = _put(node, leaves, places, put)
-    for node in lowered.time_roots:
+    for node in roots:
         if node not in places:
             places[node] = put("constant", (leaves[node],))
     count = 2 * len(lowered.crossings)
@@ -78,7 +102,13 @@ def time_functions_of(lowered: Lowered, constants: Sequence[Expression]) -> Time
         functions.append(
             Function(places[root], places[slope] if slope is not root else -1, moded, condition, owner, span)
         )
-    return TimeFunctions(tuple(nodes), tuple(functions), tuple(places[n] for n in lowered.time_roots[count:]))
+    narrow_ones = tuple(
+        NarrowCondition(number, places[root] if narrow else -1, tuple(places[x] for x in narrow))
+        for number, root, narrow in conditions
+    )
+    return TimeFunctions(
+        tuple(nodes), tuple(functions), tuple(places[n] for n in lowered.time_roots[count:]), narrow_ones
+    )
 
 
 def _put(node: Expression, leaves: Mapping[Expression, int], places: dict[Expression, int], put: Any) -> int:

@@ -319,13 +319,71 @@ def test_a_flip_that_is_not_seen_again_is_where_it_was_seen() -> None:
     assert crossed == pytest.approx(0.25, rel=1e-14)
 
 
-@pytest.mark.parametrize("width", [1e-3, 1e-5, 1e-6])
-@pytest.mark.parametrize(
-    "bell", ["exp(-((x - 0.123)/{w})^2) > 0.5", "0.5 < exp(-((x - 0.123)/{w})^2)", "2*exp(-((0.123 - x)/{w})^2) > 1.3"]
-)
+BELLS = [
+    "exp(-((x - 0.123)/w)^2) > 0.5",
+    "0.5 < exp(-((x - 0.123)/w)^2)",
+    "2*exp(-((0.123 - x)/w)^2) > 1.3",
+    "exp(-((x - 0.123)/w)^2) > c",
+    "0.1 + exp(-((x - 0.123)/w)^2) > c",
+    "1/(1 + ((x - 0.123)/w)^2) > c",
+    "a/(1 + ((x - 0.123)/w)^2) > a*c",
+    "w^2/(w^2 + (x - 0.123)^2) > c",
+    "1/(1 + ((x - 0.123)/w)^4) > c",
+    "(1 + ((x - 0.123)/w)^2)^(-2) > c",
+    "sqrt(1/(1 + ((x - 0.123)/w)^2)) > c",
+    "1/(1 + ((x - 0.123)/w)^2) > 1/(1 + x^2)",
+    "1/((x - 0.123)/w)^2 > c",
+    "1/cosh((x - 0.123)/w) > c",
+    "1 - tanh((x - 0.123)/w)^2 > c",
+    "tanh((x - 0.123)/w) - tanh((x - 0.123)/w - 4) > 1",
+    "1/(1 + exp((0.123 - x)/w)) - 1/(1 + exp((0.123 + 2*w - x)/w)) > 0.3*c",
+    "exp(-abs(x - 0.123)/w) > c",
+    "x/((x - 0.123)^2 + w^2) > 0.01/w",
+    "log((x - 0.123)^2) < 2*log(w)",
+    "(x - 0.123)^2 < w^2",
+    "(x - 0.123)^4 < w^4",
+    "a*((x - 0.123)/w)^6 < c",
+    "-c < -a*((x - 0.123)/w)^12",
+    "abs(x - 0.123) < w",
+]
+
+
+@pytest.mark.parametrize("condition", BELLS)
+@pytest.mark.parametrize("width", [1e-6, 1e-9])
 @pytest.mark.parametrize("target", BOTH)
-def test_narrow_bells_of_states_are_seen(bell: str, width: float, target: str) -> None:
-    """x = cos t passes the bell at 0.123 six times in three periods."""
+def test_narrow_bells_of_states_are_seen(condition: str, width: float, target: str) -> None:
+    """x = cos t passes the bell at 0.123 twice in a period."""
+    text = SWING.format(condition=condition).replace("k = 40, c = 0", f"w = {width}, a = 2, c = 0.5")
     for solver in ("explicit", "radau") if target == "native" else ("explicit",):
-        found = run(SWING.format(condition=bell.format(w=width)), 6 * math.pi, target=target, solver=solver)
-        assert found.final("count") == 6
+        assert run(text, 2 * math.pi, target=target, solver=solver).final("count") == 2
+
+
+@pytest.mark.parametrize(
+    ("condition", "count"),
+    [
+        ("a*exp(-((x - 0.123)/w)^2) > -c", 1),  # always
+        ("a*exp(-((x - 0.123)/w)^2) > a + c", 0),  # never
+        ("-a*exp(-((x - 0.123)/w)^2) < -c", 2),
+        ("-a*exp(-((x - 0.123)/w)^2) < c", 1),
+        ("-a*exp(-((x - 0.123)/w)^2) > c", 0),
+        ("(a - 2)*exp(-((x - 0.123)/w)^2) > -c", 1),
+        ("(a - 2)*exp(-((x - 0.123)/w)^2) >= c", 0),
+        ("(a - 2)*((x - 0.123)/w)^4 < c", 1),
+        ("(a - 2)*((x - 0.123)/w)^4 < -c", 0),
+        ("-a*((x - 0.123)/w)^4 < c", 1),
+        ("a*((x - 0.123)/w)^4 < -c", 0),
+        ("-a*((x - 0.123)/w)^4 < -c", 3),  # true at the start, false within the window
+    ],
+)
+def test_signs_of_levels_and_factors(condition: str, count: int) -> None:
+    """Whether a bell or a power ever crosses its level is decided by parameters of the run."""
+    text = SWING.format(condition=condition).replace("k = 40, c = 0", "w = 1e-6, a = 2, c = 0.5")
+    assert run(text, 2 * math.pi, target="numpy").final("count") == count
+
+
+def test_a_narrow_condition_behind_a_delay_is_told() -> None:
+    """A delayed signal has no range within a step."""
+    text = SWING.format(condition="1/(1 + ((late - 0.1)/1e-6)^2) > 0.5").replace(
+        "  mode n", "  signal late = delay(x, 0.1)\n  mode n"
+    )
+    assert any("has no bounds within a step" in note for note in run(text, 1.0).notes)

@@ -21,6 +21,7 @@ from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
 from ..start.claims import fulfil
+from .bounds import bounds_of
 from .complementarity import Companion, Instant
 
 NOISE = 1e-13  # relative to the magnitudes: rounding in a root that is zero
@@ -82,6 +83,7 @@ class Events:
         self.sampled = np.array([i for i, e in enumerate(hybrid.events) if e.sampled], dtype=int)
         self.periods = np.asarray(hybrid.sampling(self.constants), dtype=float)
         self.settings = [s for e in hybrid.events for s in e.settings]
+        self.bounds = bounds_of(self.program, self.inputs, self.constants, len(self.places))
         self._find_valves()
 
     def _find_valves(self) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,9 +18,14 @@ from ...numerics.indicators import EXACT, FINER, ON_GRID, SHARES, Interpolants
 from ...numerics.roots import narrowed
 from .events import Events, Moment
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 WIDTH = 4  # units in the last place of a time: end of the narrowing
 LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defined
+NARROWEST = 2.0**-44  # smallest part, as a fraction of the interval searched, for conditions with narrow peaks
 SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump or a kink lies at one of its places
+NEWTON = 4  # iterations for the extremum of a polynomial
 MOST_PARTS = 1 << 15  # most parts of the interval searched
 
 StateAt = Callable[[Any, bool], Any]  # instants (k,), True to solve loops exactly -> states (k, n)
@@ -47,29 +52,37 @@ def first_flip(
         return None
     said = np.asarray(mode)[events.places] == 1.0
     smallest = max(SMALLEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
-    waiting, count = [(start, stop)], 0
+    least = max(NARROWEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
+    waiting: list[tuple[float, float, Any]] = [(start, stop, None)]
+    count = 0
     rounding: Any = None  # rounding of the indicators: smaller changes are ignored
     while waiting:
-        low, high = waiting.pop()
+        low, high, widths = waiting.pop()
         times = low + (high - low) * SHARES
         times[[0, -1]] = low, high
         seen = Interpolants.through(roots(times, False))
         near = ~seen.far(events.floor) | _wrong(events, seen.values[1:], said).any(axis=0)
-        if not near.any():
+        hidden, bounded = np.zeros_like(near), None
+        if events.bounds is not None:
+            bounded = events.bounds.over((low, high), times, state_at(times, False), mode, events.floor, widths)
+            hidden, widths = bounded.zero & (bounded.unseen | ~seen.converged), bounded.widths
+        if not near.any() and not hidden.any():
             continue
         count += 1
         if count > MOST_PARTS:
             raise RunFailed(_unresolved(events, low, np.flatnonzero(near & ~seen.converged)))
         on_grid = ON_GRID @ seen.coefficients
         dips = seen.dips(on_grid, low == start)
+        if bounded is not None:
+            hidden |= bounded.zero & dips.any(axis=0) & ~_wrong(events, on_grid, said).any(axis=0)
         unsure = near & (~seen.converged | (dips.any(axis=0) & (seen.error > EXACT * seen.variation)))
         if unsure.any() and high - low > smallest:
             if rounding is None:
                 rounding = events.noise(Moment(high, state_at(times[-1:], False)[0], mode), seen.values[-1])
             unsure &= seen.variation > rounding
-        if unsure.any() and high - low > smallest:
+        if (unsure.any() and high - low > smallest) or (hidden.any() and high - low > least):
             middle = 0.5 * (low + high)
-            waiting += [(middle, high), (low, middle)]
+            waiting += [(middle, high, widths), (low, middle, widths)]
             continue
         found = _in_part(events, (low, high), _suspects(events, seen, on_grid, dips, said, (low, high)), said, roots)
         if found is not None:
@@ -91,17 +104,26 @@ def _suspects(events: Events, seen: Interpolants, on_grid: Any, dips: Any, said:
     deepest = wrong & (depth >= np.roll(depth, 1, axis=0)) & (depth >= np.roll(depth, -1, axis=0))
     shares.append(FINER[(begins | deepest).any(axis=1)])
     for place, j in zip(*np.nonzero((dips & seen.converged)[1:-1]), strict=True):
-        shares.append(_vertex(FINER[place : place + 3], on_grid[place : place + 3, j]))
+        shares.append(_vertex(FINER[place : place + 3], on_grid[place : place + 3, j], seen.coefficients[:, j]))
     times = low + (high - low) * np.unique(np.concatenate(shares))
     return times[times > low]
 
 
-def _vertex(places: Any, values: Any) -> Any:
-    """Return the extremum of the parabola through three places, or the middle one; shape (1,)."""
+def _vertex(
+    places: NDArray[np.float64], values: NDArray[np.float64], coefficients: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the extremum of a Chebyshev polynomial between three places, from that of the parabola through them, or the middle one; shape (1,)."""
     (a, b, c), (u, v, w) = places, values
     slope, other = (v - u) / (b - a), (w - v) / (c - b)
     bend = (other - slope) / (c - a)
     low = 0.5 * (a + b) - slope / (2 * bend) if bend else b
+    from numpy.polynomial import chebyshev as polynomial  # few runs need it
+
+    first = polynomial.chebder(coefficients)
+    second = polynomial.chebder(first)
+    for _ in range(NEWTON):
+        bend = polynomial.chebval(2 * low - 1, second)
+        low -= 0.5 * polynomial.chebval(2 * low - 1, first) / bend if bend else 0.0
     return np.array([low if a < low < c else b])
 
 

@@ -83,6 +83,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
     order = 3 * n if method == ENERGY else 0 if large else n  # size of the linear systems
     dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
     conditions = () if program.hybrid is None else program.hybrid.conditions
+    narrow = program.time_functions is not None and bool(program.time_functions.conditions)
     room: Callable[[int], Any] = partial(np.zeros, dtype=float)
     whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
     return {
@@ -90,7 +91,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers, "stored_energy": program.stored_energy,
         "roots": None if program.hybrid is None else program.hybrid.roots, "root_count": len(conditions), "root_said": whole(len(conditions)),
         "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "root_floor": room(len(conditions)),
-        "root_seen": room(PLACES * len(conditions)), "root_form": room(PLACES), "greatest": room(n),
+        "root_seen": room(PLACES * len(conditions)), "root_narrow": int(narrow), "root_form": room(PLACES), "greatest": room(n),
         "bends": program.bends, "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends),
         "n": n, "differential": differential, "method": method, "entry_count": entries,
         "seen": room(max(len(LOOKS), len(pair.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),

@@ -23,6 +23,8 @@ CONVERGED, SURE = indicators.CONVERGED, indicators.SURE
 
 def may_flip(s: Stepper) -> bool:
     """Return True if a condition differs from the mode at a place of the step, or may have differed between places."""
+    if s.root_narrow > 0:
+        return True
     start = s.end_time[s.ends - 2]
     parts = 1 if s.method == RADAU else PARTS
     begin = start

@@ -76,6 +76,7 @@ class Stepper(Record):
     root_strict: Ints  # root_count: 1 where it does not hold at zero
     root_floor: Floats  # root_count: rounding level
     root_seen: Floats  # interpolants.PLACES root_count
+    root_narrow: int  # 1 if an indicator may have narrow peaks, which values at places do not show
     root_form: Floats  # interpolants.PLACES: the polynomial of one of them
     greatest: Floats  # n: largest values of the scaled states
     # current point
