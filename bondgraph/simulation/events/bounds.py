@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...door import Program, Ranges
+from compiler.api import Program, Ranges
+
 from ...numerics.indicators import GRID, ON_GRID, PLACES, SURE, Interpolants
 
 if TYPE_CHECKING:
