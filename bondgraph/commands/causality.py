@@ -18,7 +18,7 @@ from .telling import WRONG, problems_told, stop
 def command(file: str, experiment: str, model: str | None, as_json: bool) -> None:
     """Print the strokes, and why there are derivative storages and algebraic loops."""
     with problems_told():
-        from ..views.causality import explain, told
+        from ..presentation.text.causality import explain, told
 
         chosen = load(file, model)
         found = explain(chosen.compilation(chosen.scene(None if experiment == "none" else experiment)))

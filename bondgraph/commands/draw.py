@@ -26,7 +26,7 @@ def command(
 ) -> None:  # fmt: skip
     """Draw the bond graph (half arrows, causal strokes, signals), or a mechanism in a pose."""
     with problems_told():
-        from ..diagram.picture import ENDINGS
+        from ..presentation.diagram.picture import ENDINGS
 
         check_target(out, ENDINGS, "--out")
         if at is not None and mechanism is None:

@@ -20,7 +20,7 @@ from .telling import problems_told
 def command(file: str, experiment: str, outputs: Sequence[str], model: str | None, as_json: bool) -> None:
     """Tell what a run leaves out and why, what remains, and what is expensive."""
     with problems_told():
-        from ..views.explanation import explain as explanation
+        from ..presentation.text.explanation import explain as explanation
 
         chosen = load(file, model)
         scene = chosen.scene(None if experiment == "none" else experiment, outputs=tuple(outputs) or None)

@@ -16,7 +16,7 @@ def command(file: str, out: str, model: str | None) -> None:
     """Write a page of a model: its text, its bond graph, equations, and all its runs, to look at in a browser."""
     with problems_told():
         from ..files import write_text
-        from ..page import report_text
+        from ..presentation.page import report_text
 
         check_target(out, (".html", ".htm"), "--out")
         write_text(out, report_text(load(file, model)))

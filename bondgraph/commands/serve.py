@@ -32,7 +32,7 @@ def command(file: str, port: int, host: str, opens: bool, model: str | None) -> 
     with problems_told():
         from compiler.api import read_source
 
-        from ..page.serve import Server, Session
+        from ..presentation.page.serve import Server, Session
 
         read_source(file)  # what is no file is told here
         server = Server(Session(Path(file), model), host, port)

@@ -14,7 +14,7 @@ WRONG, USAGE, FAILED, DEFECT, INTERRUPTED = 1, 2, 3, 70, 130
 
 def harmless(message: str) -> str:
     """Return a message with names of files made harmless: they cannot change the terminal."""
-    from ..views.tables import visible
+    from ..presentation.text.tables import visible
 
     return "\n".join(map(visible, message.split("\n")))
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from compiler.api import StateSpace
 
     from ..analysis.symbolic import Equations
-    from ..diagram.figure import Figure
+    from ..presentation.diagram.figure import Figure
 
 STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code", "text")
 
@@ -30,7 +30,7 @@ class Shown(AnalysedModel):
         The whole text is drawn; with an experiment the part that remains in that run. `closed`: instances are boxes. `numbers`: with the numbers of the
         bonds. Raises `CompilationFailed`, `UsageError`, `MissingPackage`, OSError.
         """
-        from ..diagram import draw, write_figure
+        from ..presentation.diagram import draw, write_figure
 
         free = frozenset({"*"}) if experiment is None else frozenset[str]()  # no value counts as zero
         figure = draw(self.compilation(api.Scene(self.model, experiment, free=free)), closed, numbers)
@@ -51,7 +51,7 @@ class Shown(AnalysedModel):
         It is drawn in the reference configuration, or with `at` at that time of an experiment (text with a unit, or s), or as displaced from equilibrium by
         its first `modes` modes. Raises `CompilationFailed`, `RunFailed`, `UsageError`, `MissingPackage`, OSError.
         """
-        from ..diagram import mechanism_of, shapes_of, write_figure
+        from ..presentation.diagram import mechanism_of, shapes_of, write_figure
 
         figure = shapes_of(self, experiment or None, name, modes) if modes else mechanism_of(self, name, experiment, at)
         if path is not None:
@@ -60,13 +60,13 @@ class Shown(AnalysedModel):
 
     def _repr_html_(self) -> str:
         """Return certificate, bond graph and names for notebooks, or the errors."""
-        from ..page.notebook import model_html
+        from ..presentation.page.notebook import model_html
 
         return model_html(self)
 
     def _repr_svg_(self) -> str | None:
         """Return the bond graph for notebooks; None if it is too large to be drawn without a request."""
-        from ..page.notebook import picture
+        from ..presentation.page.notebook import picture
 
         return picture(self) or None
 
@@ -92,7 +92,7 @@ class Shown(AnalysedModel):
 
     def equations(self, latex: bool = False) -> str:
         """Return the causally ordered equations as text, or as LaTeX."""
-        from ..views.equations import equations_text
+        from ..presentation.text.equations import equations_text
 
         return equations_text(self.with_inputs().state_space, latex)
 
@@ -100,7 +100,7 @@ class Shown(AnalysedModel):
         """Return one stage of the compiler as stable text; `STAGES` lists them."""
         if stage not in STAGES:
             raise UsageError(f"there is no stage `{stage}`; stages are {', '.join(STAGES)}")
-        from ..views.stages import stage_text
+        from ..presentation.text.stages import stage_text
 
         return stage_text(self.compilation(api.Scene(self.model, experiment)), stage)
 

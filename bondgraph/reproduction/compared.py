@@ -139,7 +139,7 @@ class Reproduction:
 
     def summary(self) -> str:
         """Return a table for terminals."""
-        from ..views.tables import aligned, visible
+        from ..presentation.text.tables import aligned, visible
 
         rows: list[tuple[str, ...]] = [("where", "what", "published", "computed", "error", "")]
         for v in self.values:

@@ -24,7 +24,7 @@ def draw_all(computing: Computing, entries: Sequence[Mapping[str, Any]], page: P
 def _draw(computing: Computing, entry: Mapping[str, Any], path: Path) -> None:
     model, experiment, kind = computing.model(entry["model"]), entry["experiment"], entry["kind"]
     if kind == "modes":
-        from ..diagram import shapes_of, write_figure
+        from ..presentation.diagram import shapes_of, write_figure
 
         write_figure(shapes_of(model, experiment or None, entry.get("of"), int(entry.get("count", 6))), path)
         return
@@ -35,7 +35,7 @@ def _draw(computing: Computing, entry: Mapping[str, Any], path: Path) -> None:
         return
     outcome = computing.outcome(entry["model"], experiment)
     if kind == "surface":
-        from ..views.surface import plot_surface
+        from ..presentation.plots.surface import plot_surface
 
         plot_surface(outcome, str(entry.get("of", "")), path)
     elif kind in ("time", "phase"):

@@ -67,7 +67,7 @@ def test_a_run_loads_no_page() -> None:
     """Nor what a server needs: who runs a model looks at numbers."""
     code = (
         "import sys, bondgraph\nbondgraph.load('models/rlc.bg').simulate(to='1 ms').summary()\n"
-        "print(*(m for m in sys.modules if m.startswith(('bondgraph.page', 'http.server'))))"
+        "print(*(m for m in sys.modules if m.startswith(('bondgraph.presentation.page', 'http.server'))))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
     assert done.stdout.split() == []

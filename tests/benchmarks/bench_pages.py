@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import bondgraph
-from bondgraph.page import report_text
+from bondgraph.presentation.page import report_text
 from tests.compiling import MODELS, ROOT
 from tests.page.chromium import FLAGS, found_browser
 

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from bondgraph.commands import commands
-from bondgraph.views.causality import Explanation, explain
+from bondgraph.presentation.text.causality import Explanation, explain
 from compiler.causality import Because, CausalGraph, dependences
 from compiler.graph.network import Element, Junction, Kind
 from tests.causality.small_graphs import graph_of, small_graphs

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 import bondgraph
-from bondgraph.diagram import svg_text
-from bondgraph.diagram.subject import subject_of
 from bondgraph.model import Model
+from bondgraph.presentation.diagram import svg_text
+from bondgraph.presentation.diagram.subject import subject_of
 from compiler.api import Scene
 from compiler.causality.assign import CausalGraph
 from tests.compiling import MODELS

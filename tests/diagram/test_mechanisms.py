@@ -12,10 +12,10 @@ from click.testing import CliRunner
 
 import bondgraph
 from bondgraph.commands import commands
-from bondgraph.diagram import svg_text
-from bondgraph.diagram.scenery import RIGHT, UP
 from bondgraph.errors import UsageError
 from bondgraph.model import Model
+from bondgraph.presentation.diagram import svg_text
+from bondgraph.presentation.diagram.scenery import RIGHT, UP
 from tests.compiling import MODELS
 from tests.diagram.reading import SVG, measured, overlap
 

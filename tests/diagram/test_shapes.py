@@ -11,8 +11,8 @@ from click.testing import CliRunner
 
 import bondgraph
 from bondgraph.commands import commands
-from bondgraph.diagram import svg_text
 from bondgraph.errors import UsageError
+from bondgraph.presentation.diagram import svg_text
 from tests.compiling import MODELS
 
 PENDULA = """

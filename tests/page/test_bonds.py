@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.page.bonds import bond_columns
-from bondgraph.page.runs import Watched, energies
+from bondgraph.presentation.page.bonds import bond_columns
+from bondgraph.presentation.page.runs import Watched, energies
 from compiler.api import Junction
 from tests.compiling import MODELS
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import bondgraph
-from bondgraph.page import report_text
+from bondgraph.presentation.page import report_text
 from tests.compiling import MODELS
 from tests.page.test_page import HOSTILE
 

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 import bondgraph
-from bondgraph.page import report_text
-from bondgraph.page.markup import Html, joined, tag, text
-from bondgraph.page.mathml import formula, name
-from bondgraph.page.shell import data_text
+from bondgraph.presentation.page import report_text
+from bondgraph.presentation.page.markup import Html, joined, tag, text
+from bondgraph.presentation.page.mathml import formula, name
+from bondgraph.presentation.page.shell import data_text
 from compiler.algebra.expression import Number, Symbol, call, divide
 from tests.compiling import MODELS
 

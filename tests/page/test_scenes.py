@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.diagram.scenery import scenery_of
-from bondgraph.page.runs import Watched
-from bondgraph.page.scene import scenes_of
-from bondgraph.page.shapes import modes_data
+from bondgraph.presentation.diagram.scenery import scenery_of
+from bondgraph.presentation.page.runs import Watched
+from bondgraph.presentation.page.scene import scenes_of
+from bondgraph.presentation.page.shapes import modes_data
 from compiler.api import MechanismNode
 from tests.compiling import MODELS
 

@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from bondgraph.page.serve import Server, Session
-from bondgraph.page.serve.guard import Guard
-from bondgraph.page.serve.patience import Patience, Stopped
-from bondgraph.page.serve.settings import base_settings
+from bondgraph.presentation.page.serve import Server, Session
+from bondgraph.presentation.page.serve.guard import Guard
+from bondgraph.presentation.page.serve.patience import Patience, Stopped
+from bondgraph.presentation.page.serve.settings import base_settings
 from tests.compiling import MODELS
 
 TEXT = """model Swing {
@@ -207,7 +207,7 @@ def test_sweeps_and_failures_are_told(tmp_path: Path) -> None:
 
 def test_sliders_of_what_is_zero_go_as_far_as_the_text() -> None:
     from bondgraph import load
-    from bondgraph.page.serve.settings import parameters_of
+    from bondgraph.presentation.page.serve.settings import parameters_of
 
     sizes = {p["name"]: p["size"] for p in parameters_of(load(MODELS / "manipulator.bg"))}
     assert sizes["fx"] == pytest.approx(30e-6) and sizes["push1"] == 60.0  # a limit of an inversion
@@ -295,7 +295,7 @@ def test_modes_come_by_themselves(served: tuple[Server, Path], open_page: Callab
 def test_all_models_have_sliders() -> None:
     """On parameters and inputs of the model itself, lists among them."""
     from bondgraph import load
-    from bondgraph.page.serve.settings import parameters_of
+    from bondgraph.presentation.page.serve.settings import parameters_of
 
     names = [p["name"] for p in parameters_of(load(MODELS / "manipulator.bg"))]
     assert {"h", "d[1]", "d[3]", "fx", "push2"} <= set(names) and not any("." in n for n in names)

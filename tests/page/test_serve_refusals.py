@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from bondgraph.errors import UsageError
-from bondgraph.page.serve import Server, Session
-from bondgraph.page.serve.request import Limits, RequestRefused, body_length, known_version, run_request
+from bondgraph.presentation.page.serve import Server, Session
+from bondgraph.presentation.page.serve.request import Limits, RequestRefused, body_length, known_version, run_request
 
 TEXT = """model Swing {
   parameter m = 2 kg, k = 8 [N/m]

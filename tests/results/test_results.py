@@ -87,7 +87,7 @@ def test_summary_is_in_the_units_of_the_report() -> None:
 
 def test_sparks() -> None:
     """A ramp goes from the lowest bar to the highest, a pulse is at its place, NaN is blank, a constant is in the middle."""
-    from bondgraph.views.tables import spark
+    from bondgraph.presentation.text.tables import spark
 
     time = np.linspace(0.0, 2.0, 801)
     assert spark(time, time, 8) == "▁▂▃▄▅▆▇█"

@@ -1,0 +1,54 @@
+"""Bond graphs as pictures: from a compilation to a figure in a textbook's notation."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from compiler.api import MechanismNode
+
+from ...errors import UsageError
+from .compose import compose
+from .frames import place_framed
+from .mechanism import draw_mechanism
+from .picture import write_figure
+from .poses import poses_at
+from .scenery import scenery_of
+from .shapes import shapes_of
+from .subject import subject_of
+from .svg import svg_text
+
+if TYPE_CHECKING:
+    from compiler.api import BondGraph, Compilation
+
+    from ...compiled_model import CompiledModel
+    from .figure import Figure
+
+__all__ = ["draw", "mechanism_of", "shapes_of", "svg_text", "write_figure"]
+
+
+def draw(compilation: Compilation, closed: bool = False, numbers: bool = False) -> Figure:
+    """Return the diagram of a scene. `closed`: draw instances as boxes; `numbers`: show the numbers of the bonds. Raises `CompilationFailed`."""
+    subject = subject_of(compilation, closed)
+    named, layout, frames = place_framed(subject)
+    return compose(named, layout, frames, numbers)
+
+
+def mechanism_of(model: CompiledModel, name: str | None, experiment: str | None, at: str | float | None) -> Figure:
+    """Return the picture of a mechanism: in the reference, or at a time of an experiment. Raises as `Model.draw_mechanism`."""
+    graph = model.compilation().whole_graph
+    names = [node.name for node in _mechanisms(graph)]
+    if not names or (name is None and len(names) > 1) or (name is not None and name not in names):
+        told = f"it has {', '.join(f'`{n}`' for n in names)}: name one" if names else "it has none"
+        raise UsageError(f"which mechanism of `{graph.name}` is to be drawn? {told}")
+    place = names.index(name or names[0])
+    if at is None:
+        return draw_mechanism(scenery_of(graph, _mechanisms(graph)[place]))
+    poses, time = poses_at(model, experiment, at)
+    graph = model.compilation(model.scene(experiment)).whole_graph  # the experiment may set parameters of positions
+    node = _mechanisms(graph)[place]
+    named = dict(zip((body.name for body in node.mechanism.bodies), poses[place], strict=True))
+    return draw_mechanism(scenery_of(graph, node, named), f"at {time:.6g} s")
+
+
+def _mechanisms(graph: BondGraph) -> list[MechanismNode]:
+    return [node for node in graph.nodes if isinstance(node, MechanismNode)]

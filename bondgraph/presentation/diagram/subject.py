@@ -1,0 +1,246 @@
+"""Diagram model: contents of a diagram before the layout, that is nodes with letters, bonds with strokes, signals.
+
+It is made from the causal graph, so that every stroke is the compiler's. Parallel bonds between the same two nodes, with equal strokes, are one
+multibond; junctions that such bonds pass through together are one junction.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+from compiler.api import Compilation, Element, Junction, Kind, MechanismNode
+
+from ..text.causality import explain
+from .signals import Signal, signals_of
+
+if TYPE_CHECKING:
+    from compiler.api import BondGraph, CausalGraph, GraphNode
+
+TAIL, HEAD = 0, 1
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """An element, a junction, or a box: a mechanism or a submodel that is not expanded."""
+
+    name: str
+    letter: str  # letter as drawn: `I`, `MSe`, `0`; the kind of a box
+    label: str  # text beside the letter; empty for a junction without a name
+    shape: str  # element, junction or box; in a layout also signal or stub
+    members: tuple[int, ...]  # nodes of the graph
+    place: str  # file:line
+    inside: str  # its instance, or empty
+    derivative: bool = False
+    loop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A bond or a multibond from `tail` to `head`; the stroke is at the end that receives the effort."""
+
+    bonds: tuple[int, ...]  # indices in the graph
+    tail: int
+    head: int
+    ports: tuple[str, str]  # at tail and head, as far as they have names
+    stroke: int  # TAIL or HEAD
+    domain: str
+    place: str
+    derivative: bool = False
+    loop: bool = False
+
+    @property
+    def ends(self) -> tuple[int, int]:
+        return self.tail, self.head
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """Contents of a diagram."""
+
+    name: str
+    nodes: tuple[Node, ...]
+    lines: tuple[Line, ...]
+    signals: tuple[Signal, ...]
+    left_out: tuple[str, ...]
+    instances: Mapping[str, str]  # instance -> its model
+
+
+def subject_of(compilation: Compilation, closed: bool = False) -> Subject:
+    """Return the contents of the diagram of a scene. `closed`: instances of the model are boxes. Raises `CompilationFailed`."""
+    causal = compilation.causal
+    graph = causal.graph
+    found = explain(compilation)
+    looping = frozenset(name for loop in found.loops for name in loop.members)
+    instances = _instances(compilation.whole_graph)
+    homes = _boxes(graph, instances) if closed else tuple((n,) for n in range(len(graph.nodes)))
+    groups = _twins(causal, homes)
+    of = {member: number for number, group in enumerate(groups) for member in group}
+    derivative = frozenset(end.node for end in causal.derivative)
+    nodes = tuple(_node(graph, group, instances, derivative, looping, closed) for group in groups)
+    lines = tuple(_lines(causal, of, nodes, compilation.whole_graph.walls))
+    signals = tuple(s for s in signals_of(graph, of) if s.source is not None or nodes[s.target].shape != "box")
+    kept = {node.name for node in graph.nodes}
+    left_out = tuple(n.name for n in compilation.whole_graph.nodes if n.name not in kept)
+    return Subject(graph.name, nodes, lines, signals, left_out, instances)
+
+
+# ---------------------------------------------------------------- nodes
+
+
+def _instances(graph: BondGraph) -> dict[str, str]:
+    """Return the instances declared in the model itself, with the names of their models."""
+    found = {name: "" for name in graph.stands if "." not in name}
+    for node in graph.nodes:
+        first, dot, rest = node.name.partition(".")
+        if dot and first in found and "." not in _plain(rest):
+            found[first] = node.definition.partition(".")[0]
+    return found
+
+
+def _plain(name: str) -> str:
+    """Return a name without text in parentheses."""
+    return name.partition("(")[0]
+
+
+def _boxes(graph: BondGraph, instances: Mapping[str, str]) -> tuple[tuple[int, ...], ...]:
+    """Return the nodes of each instance together, all others alone."""
+    boxes: dict[str, list[int]] = {}
+    for number, node in enumerate(graph.nodes):
+        first = _plain(node.name).partition(".")[0]
+        inside = first in instances and first != _plain(node.name)
+        boxes.setdefault(first if inside else f"\0{number}", []).append(number)
+    return tuple(map(tuple, boxes.values()))
+
+
+def _twins(causal: CausalGraph, homes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """Group junctions of one kind whose bonds go, with equal arrows and strokes, to the same multiports: each group is one junction."""
+    graph = causal.graph
+    home = {member: number for number, group in enumerate(homes) for member in group}
+    alike: dict[object, list[int]] = defaultdict(list)
+    for number, group in enumerate(homes):
+        alike[_signature(causal, group, home) or number].append(number)
+    groups = [tuple(m for number in numbers for m in homes[number]) for numbers in alike.values()]
+    order = {group: min(group) for group in groups}
+    return sorted((g for g in groups if all(m < len(graph.nodes) for m in g)), key=order.__getitem__)
+
+
+def _signature(causal: CausalGraph, group: tuple[int, ...], home: Mapping[int, int]) -> object:
+    """Return the properties that a junction shares with its twins; None for nodes that cannot have twins."""
+    graph = causal.graph
+    (number, *more) = group
+    node = graph.nodes[number]
+    if more or not isinstance(node, Junction) or not graph.incident[number]:
+        return None
+    around = []
+    for bond in graph.incident[number]:
+        ends = graph.bonds[bond]
+        outwards = ends.tail.node == number
+        other = (ends.head if outwards else ends.tail).node
+        ports = getattr(graph.nodes[other], "ports", ())
+        if len(ports) < 2 or graph.nodes[other].kind in (Kind.TRANSFORMER, Kind.GYRATOR):
+            return None
+        around.append((home[other], outwards, causal.decides_effort(bond, number)))
+    return node.kind, node.name.rpartition(".")[0] if "(" not in node.name else "", tuple(sorted(around))
+
+
+def _node(
+    graph: BondGraph, group: tuple[int, ...], instances: Mapping[str, str], derivative: frozenset[int],
+    looping: frozenset[str], closed: bool,
+) -> Node:  # fmt: skip
+    first = graph.nodes[group[0]]
+    name = first.name
+    instance = _plain(name).partition(".")[0]
+    inside = instance if instance in instances and instance != _plain(name) else ""
+    if closed and inside:
+        name, letter, label, shape, inside = inside, instances[inside] or "model", inside, "box", ""
+    else:
+        letter, shape = _letter(first), _shape(first)
+        label = _label(graph, group)
+    place = f"{PurePath(first.span.source.name).name}:{first.span.line}"
+    marks = (any(m in derivative for m in group), any(graph.nodes[m].name in looping for m in group))
+    return Node(name, letter, label, shape, group, place, inside, *marks)
+
+
+def _letter(node: GraphNode) -> str:
+    if isinstance(node, Element):
+        spreads = node.kind is Kind.RESISTOR and len(node.ports) > 1 and node.ports[-1].domain == "thermal"
+        return f"{'M' * node.modulated}{node.kind.value}{'S' * spreads}"
+    return str(node.kind.value)
+
+
+def _shape(node: GraphNode) -> str:
+    if isinstance(node, MechanismNode):
+        return "box"
+    return "junction" if isinstance(node, Junction) else "element"
+
+
+def _label(graph: BondGraph, group: tuple[int, ...]) -> str:
+    names = [graph.nodes[m].name for m in group]
+    if isinstance(graph.nodes[group[0]], Junction) and any("(" in n for n in names):
+        return ""
+    if len(names) == 1:
+        return names[0]
+    stem = names[0].rpartition(".")[0]
+    return stem if all(n.rpartition(".")[0] == stem for n in names) else ", ".join(names)
+
+
+# ---------------------------------------------------------------- bonds
+
+
+def _lines(
+    causal: CausalGraph, of: Mapping[int, int], nodes: Sequence[Node], walls: Mapping[tuple[str, str], int]
+) -> Iterator[Line]:
+    """Yield the lines between different nodes: parallel bonds with equal strokes as one."""
+    graph = causal.graph
+    alike: dict[tuple[int, int, int, str], list[int]] = defaultdict(list)
+    for number, bond in enumerate(graph.bonds):
+        tail, head = of[bond.tail.node], of[bond.head.node]
+        if tail != head:
+            whole = "" if _bundled(nodes[tail], nodes[head], graph, number) else str(number)
+            alike[tail, head, causal.effort_from[number], whole].append(number)
+    doors: dict[int, str] = {}
+    for (port, _), crossing in walls.items():
+        if port.count(".") == 1:
+            doors.setdefault(crossing, port.partition(".")[2])
+    for (tail, head, effort_from, _), bonds in alike.items():
+        ports = tuple(
+            _stem([_port(graph, b, side, nodes[number], doors) for b in bonds])
+            for side, number in enumerate((tail, head))
+        )
+        first = graph.bonds[bonds[0]]
+        place = f"{PurePath(first.span.source.name).name}:{first.span.line}"
+        derivative = any(end in causal.derivative for b in bonds for end in (graph.bonds[b].tail, graph.bonds[b].head))
+        loop = nodes[tail].loop and nodes[head].loop
+        domains = dict.fromkeys(graph.bonds[b].domain for b in bonds)
+        yield Line(
+            tuple(bonds), tail, head, (ports[0], ports[1]), 1 - effort_from, ", ".join(domains), place, derivative, loop
+        )
+
+
+def _bundled(tail: Node, head: Node, graph: BondGraph, number: int) -> bool:
+    """Return True if a bond may share a line with parallel ones; False between two single junctions, where each bond is separate."""
+    kinds = {graph.nodes[m].kind for n in (tail, head) for m in n.members}
+    if kinds <= {Kind.ZERO, Kind.ONE} and len(tail.members) == len(head.members) == 1:
+        return False  # bonds in both directions between two junctions
+    return number >= 0
+
+
+def _port(graph: BondGraph, bond: int, side: int, node: Node, doors: Mapping[int, str]) -> str:
+    end = graph.bonds[bond].tail if side == TAIL else graph.bonds[bond].head
+    if node.shape == "box" and not isinstance(graph.nodes[end.node], MechanismNode):
+        return doors.get(bond, "")
+    ports = getattr(graph.nodes[end.node], "ports", ())
+    return ports[end.port].name if len(ports) > 1 or (ports and node.shape == "box") else ""
+
+
+def _stem(names: Iterable[str]) -> str:
+    """Return the common part of port names: `flex[1]` of `flex[1].x`, `flex[1].y`; else all of them."""
+    names = list(names)
+    if len(names) == 1:
+        return names[0]
+    stems = list(dict.fromkeys(n.rpartition(".")[0] for n in names))
+    return ", ".join(stems if all(stems) else dict.fromkeys(names))

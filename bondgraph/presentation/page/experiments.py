@@ -1,0 +1,110 @@
+"""Experiments of a model as data: single runs are plotted over time, others over their swept values, or described in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from compiler.api import CompilationFailed, Experiment
+
+from ...errors import MissingPackage, RunFailed, UsageError
+from ...prepared import many_runs
+from ...studies.experiment import Options, run
+from ..text.tables import short, visible
+from .markup import Html, table, tag
+from .numbers import packed
+from .runs import OUTPUTS, Watched, run_data
+
+if TYPE_CHECKING:
+    from ...analysis.outcome import Outcome
+    from ...results.records import EnergyBalance
+
+PROBLEMS = (CompilationFailed, UsageError, RunFailed, MissingPackage)
+
+
+def experiment_names(watched: Watched) -> tuple[str, ...]:
+    """Return the experiments of the model, in the order of the text."""
+    model = watched.model.compilation().tree.models[watched.graph.name]
+    return tuple(dict.fromkeys(s.name for s in model.statements if isinstance(s, Experiment)))
+
+
+def one_run(watched: Watched, name: str) -> bool:
+    """Return True if an experiment is a single run over time."""
+    scene = watched.model.scene(name)
+    plan = watched.model.compilation(scene).plan
+    return many_runs(plan, scene) is None and plan.stop is not None
+
+
+def experiment_data(watched: Watched, name: str, settings: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """Return an experiment as data; errors are shown in its place."""
+    try:
+        if one_run(watched, name):
+            result = watched.simulate(name, settings, energy=True)
+            told = _balance(result.energy) if result.energy is not None else ""
+            return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}
+        outcome = run(watched.model, name, settings or {}, Options())
+        return {"name": name, "kind": "told", "told": _pre(outcome.summary()), **_plotted(outcome)}
+    except PROBLEMS as problem:
+        return {"name": name, "kind": "failed", "told": _pre(visible_lines(str(problem)))}
+
+
+def visible_lines(words: str) -> str:
+    """Return text of several lines without characters that would change the reading direction."""
+    return "\n".join(map(visible, words.split("\n")))
+
+
+def _pre(words: str) -> Html:
+    return tag("pre", words)
+
+
+def _balance(balance: EnergyBalance) -> Html:
+    """Return the supplied, stored and dissipated energy, element by element."""
+    rows = [
+        (e.name, e.kind, *(f"{v:.4g}" if v else "" for v in (e.supplied, e.stored, e.dissipated)))
+        for e in balance.elements[:200]
+    ]
+    rows.append(("sum", "", *(f"{v:.6g}" for v in (balance.supplied, balance.stored, balance.dissipated))))
+    summary = tag("summary", f"energy balance of the whole run; what it leaves unexplained: {balance.residual:.3g} J")
+    return tag("details", summary, table(rows, ("element", "", "supplied, J", "stored, J", "dissipated, J")))
+
+
+def _plotted(outcome: Outcome) -> dict[str, Any]:
+    """Return a sweep over one name as curves over it, or the runs of its points over time."""
+    if len(outcome.swept) != 1 or len(outcome.points) < 2:
+        return {}
+    ((swept, unit),) = outcome.swept.items()
+    curves = list(_runs(outcome, swept)) or list(_values(outcome, swept))
+    if not curves:
+        return {}
+    first = outcome.points[0].run
+    axis = ("time", "s") if first is not None else (short(swept), visible(unit))
+    over = first.time if first is not None else outcome(swept)
+    return {
+        "plot": {
+            "axis": {"name": axis[0], "unit": "" if axis[1] == "1" else axis[1]},
+            "time": packed(over, single=False),
+            "outputs": [{"name": n, "unit": "" if u == "1" else u} for n, u, _ in curves],
+            "values": packed([v for _, _, v in curves], single=False),
+        }
+    }
+
+
+def _runs(outcome: Outcome, swept: str) -> Iterator[tuple[str, str, Any]]:
+    """Yield each output of each run over time, if they are few and have equal instants."""
+    runs = [(p.settings[swept], p.run) for p in outcome.points if p.run is not None]
+    if not runs or any(len(r.time) != len(runs[0][1].time) for _, r in runs):
+        return
+    for item, _ in runs[0][1].shown()[: max(1, OUTPUTS // len(runs))]:
+        for value, result in runs[:OUTPUTS]:
+            yield (
+                f"{short(item.name, 30)} at {value:.4g}",
+                visible(item.unit),
+                result[item.name] * item.scale + item.offset,
+            )
+
+
+def _values(outcome: Outcome, swept: str) -> Iterator[tuple[str, str, Any]]:
+    units = outcome.units
+    for name in [n for n in outcome.names if n != swept][:OUTPUTS]:
+        unit, scale, offset = outcome.shown.get(name, (units[name], 1.0, 0.0))
+        yield short(name), visible(unit), outcome(name) * scale + offset

@@ -1,0 +1,101 @@
+"""Diagram of a page: the drawing, and for each of its nodes and lines the bonds behind it and their lines of text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from compiler.api import DOMAINS
+
+from ..diagram.compose import compose
+from ..diagram.frames import place_framed
+from ..diagram.subject import subject_of
+from ..diagram.svg import svg_text
+from ..text.tables import visible
+from .markup import Html
+
+if TYPE_CHECKING:
+    from compiler.api import BondGraph, Compilation, Source, Span
+
+LARGEST = 300  # most nodes: a larger drawing takes half a minute and is not readable
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """Diagram of a page.
+
+    `drawing`: SVG without its own style. `parts`: the meaning of its nodes and lines, in the order of the drawing.
+    """
+
+    drawing: Html
+    parts: dict[str, Any]
+
+
+def picture_of(compilation: Compilation, sources: Sequence[Source]) -> Picture:
+    """Return the diagram of a compilation with links to its text; an empty one for a graph that is too large."""
+    graph = compilation.causal.graph
+    if len(graph.nodes) > LARGEST:
+        return Picture(Html(""), {"nodes": [], "lines": [], "bonds": []})
+    subject = subject_of(compilation)
+    named, layout, frames = place_framed(subject)
+    files = {source.name: number for number, source in enumerate(sources)}
+    linked = _Links(compilation.whole_graph.stands, files)
+    nodes = [
+        {
+            "name": visible(node.name),
+            "at": list(linked.of(*((graph.nodes[m].name, graph.nodes[m].span) for m in node.members))),
+        }
+        for node in named.nodes
+    ]
+    lines = [
+        {"bonds": line.bonds, "at": list(linked.of(*(("", graph.bonds[b].span) for b in line.bonds)))}
+        for line in named.lines
+    ]
+    drawing = svg_text(compose(named, layout, frames), rules=False)
+    return Picture(
+        Html(drawing), {"nodes": nodes, "lines": lines, "bonds": [_bond(graph, b) for b in range(len(graph.bonds))]}
+    )
+
+
+def _bond(graph: BondGraph, bond: int) -> dict[str, Any]:
+    """Return the name of a bond, and the units of its effort and flow."""
+    ends = graph.bonds[bond]
+    domain = DOMAINS.get(ends.domain)
+    names = [graph.nodes[end.node].name for end in (ends.tail, ends.head)]
+    ports = [_port(graph, end) for end in (ends.tail, ends.head)]
+    words = " → ".join(f"{name}{'.' * bool(port)}{port}" for name, port in zip(names, ports, strict=True))
+    told = (
+        [(domain.letter(v), _unit(domain.dimension(v))) for v in ("e", "f")]
+        if domain is not None
+        else [("e", ""), ("f", "")]
+    )
+    return {"name": visible(words), "domain": visible(ends.domain), "effort": told[0], "flow": told[1]}
+
+
+def _unit(dimension: object) -> str:
+    words = str(dimension)
+    return "" if words == "1" else words
+
+
+def _port(graph: BondGraph, end: Any) -> str:
+    ports = getattr(graph.nodes[end.node], "ports", ())
+    return str(ports[end.port].name) if ports else ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Links:
+    """Places of declarations: in their own definition, and those of the instances that contain them."""
+
+    stands: Mapping[str, Span]
+    files: Mapping[str, int]
+
+    def of(self, *named: tuple[str, Span]) -> Iterator[str]:
+        found: dict[str, None] = {}
+        for name, span in named:
+            parts = name.partition("(")[0].split(".")
+            owners = [".".join(parts[:i]) for i in range(1, len(parts))]
+            for place in (span, *(self.stands[o] for o in owners if o in self.stands)):
+                if place.source.name in self.files:
+                    found[f"{self.files[place.source.name]}:{place.line}"] = None
+        yield from found

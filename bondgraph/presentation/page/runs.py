@@ -1,0 +1,127 @@
+"""Runs as data for a page: reported outputs, and effort and flow of every bond and the poses of all bodies.
+
+Plots get every instant in double precision. Data shown along a run get some hundred instants in single precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from compiler.api import CompilationFailed, Scene
+
+from ..text.tables import short, visible
+from .bonds import BondColumns, bond_columns, powers
+from .numbers import packed, thinned
+from .scene import Scenes, scenes_of
+
+if TYPE_CHECKING:
+    from compiler.api import BondGraph
+
+    from ...analysed_model import AnalysedModel
+    from ...results.result import Result
+
+OUTPUTS = 24  # most curves of one run
+POINTS = 2001  # most instants of a plot
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A model with the data that a page needs of every run."""
+
+    model: AnalysedModel
+
+    @cached_property
+    def graph(self) -> BondGraph:
+        """Graph of the whole text, as the diagram shows it."""
+        return self.model.compilation(Scene(self.model.model, None, free=frozenset({"*"}))).causal.graph
+
+    @cached_property
+    def bonds(self) -> BondColumns:
+        return bond_columns(self.graph)
+
+    @cached_property
+    def scenes(self) -> Scenes:
+        return scenes_of(self.graph)
+
+    @cached_property
+    def powers(self) -> tuple[tuple[str, str, tuple[tuple[int, float], ...]], ...]:
+        return tuple(powers(self.graph))
+
+    def outputs(self, experiment: str | None) -> tuple[str, ...]:
+        """Return the plotted names: those that the experiment reports, else the outputs of the model."""
+        compilation = self.model.compilation(self.model.scene(experiment))
+        return tuple(compilation.whole_graph.outputs)[:OUTPUTS]
+
+    def names(self, experiment: str | None) -> tuple[str, ...]:
+        """Return the names that a run must report."""
+        return tuple(dict.fromkeys([*self.outputs(experiment), *self.bonds.names, *self.scenes.names]))
+
+    def simulate(
+        self, experiment: str | None, settings: Mapping[str, str | float] | None = None, energy: bool = False
+    ) -> Result:
+        """Run an experiment. Raises as `Model.simulate`."""
+        from ...simulation.run import Wanted, simulate
+
+        return simulate(self.model, experiment, settings or {}, self.names(experiment), Wanted(energy=energy))
+
+
+def run_data(watched: Watched, experiment: str | None, result: Result) -> dict[str, Any]:
+    """Return a run as data."""
+    outputs = set(watched.outputs(experiment))
+    shown = [(item, values) for item, values in result.shown() if item.name in outputs]
+    plotted = thinned(len(result.time), POINTS)
+    return {
+        "time": packed(result.time[plotted], single=False),
+        "outputs": [{"name": short(i.name), "unit": "" if i.unit == "1" else visible(i.unit)} for i, _ in shown],
+        "values": packed([v[plotted] for _, v in shown], single=False),
+        "along": _along(watched, result),
+        "steps": int(result.steps),
+        "events": [float(e.time) for e in result.events[:200]],
+        "notes": [visible(str(n)) for n in (*result.warnings, *result.notes)][:40],
+    }  # fmt: skip
+
+
+def _along(watched: Watched, result: Result) -> dict[str, Any]:
+    """Return the data of diagram and mechanisms at a selection of instants."""
+    kept = thinned(len(result.time))
+    columns = watched.bonds.values(result.to_numpy(), len(result.time))
+    return {
+        "time": packed(result.time[kept], single=False),
+        "bonds": packed(columns[:, kept]),
+        "poses": packed([result[name][kept] for name in watched.scenes.names], single=False),
+        "energy": packed(energies(watched, result.time, columns)[:, kept]),
+    }
+
+
+def energies(watched: Watched, time: Any, columns: Any) -> Any:
+    """Return supplied, dissipated and stored energy since the start of a run, shape (3, instants), in J: powers by the trapezoidal rule."""
+    import numpy as np
+
+    sums = np.zeros((3, len(time)))
+    for _, kind, around in watched.powers:
+        into = power_into(watched, columns, around)
+        if into is not None:
+            place, sign = {"Se": (0, -1.0), "Sf": (0, -1.0), "R": (1, 1.0)}.get(kind, (2, 1.0))
+            if kind not in ("TF", "GY"):
+                sums[place] += sign * into
+    steps = np.diff(time) * (sums[:, 1:] + sums[:, :-1]) / 2
+    return np.concatenate([np.zeros((3, 1)), np.cumsum(steps, axis=1)], axis=1)
+
+
+def power_into(watched: Watched, columns: Any, around: Sequence[tuple[int, float]]) -> Any:
+    """Return the power that some bonds bring; None where one of them is not known."""
+    total: Any = 0.0
+    for bond, sign in around:
+        effort, flow = watched.bonds.places[bond]
+        if effort is None or flow is None:
+            return None
+        total = total + sign * columns[effort] * columns[flow]
+    return total
+
+
+def problem_of(error: Exception) -> str:
+    """Return the message of an error."""
+    return str(error) if isinstance(error, CompilationFailed) else f"{error}"

@@ -1,0 +1,124 @@
+"""Plots of studies: histograms of quantities, and tornado plots of their causes."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import UsageError
+from ..text.tables import short, visible
+from .runs import COLOURS, PANELS, check_picture, drawn
+
+if TYPE_CHECKING:
+    from ...studies.fitted import Fit
+    from ...studies.tolerances import MonteCarlo
+
+COLUMNS = 2
+MOST_BINS = 60
+STRONGEST = 10
+
+
+def plot_histograms(found: MonteCarlo, path: str | os.PathLike[str]) -> None:
+    """Draw one panel for each quantity, six at most. Raises UsageError, MissingPackage, OSError."""
+    check_picture(path)
+    drawn(lambda: _histograms(found), path)
+
+
+def plot_tornado(found: MonteCarlo, path: str | os.PathLike[str]) -> None:
+    """Draw the swing of each quantity by the parameters, as `plot_histograms`."""
+    check_picture(path)
+    drawn(lambda: _tornado(found), path)
+
+
+def _panels(found: MonteCarlo, what: str, height: float) -> tuple[Any, list[Any]]:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    count = min(len(found.quantities), PANELS)
+    if not count:
+        raise UsageError("there is nothing to draw: the study has no quantity")
+    across = min(count, COLUMNS)
+    down = -(-count // across)
+    figure = Figure(figsize=(4.2 * across + 0.6, 0.8 + height * down), layout="constrained")
+    FigureCanvasAgg(figure)
+    head = found.model if found.experiment is None else f"{found.model}: {found.experiment}"
+    figure.suptitle(visible(f"{head}, {what}"), fontsize=11, parse_math=False)
+    panels = list(figure.subplots(down, across, squeeze=False).flat)
+    for panel in panels[count:]:
+        panel.set_visible(False)
+    if len(found.quantities) > count:
+        left = ", ".join(short(n, 24) for n in found.quantities[count:])
+        figure.supxlabel(f"not drawn: {left}", fontsize=7, color="#555555", parse_math=False)
+    return figure, panels[:count]
+
+
+def _label(found: MonteCarlo, name: str) -> tuple[str, float, float]:
+    unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
+    return f"{short(name, 30)}{'' if unit == '1' else f' [{visible(unit)}]'}", scale, offset
+
+
+def _histograms(found: MonteCarlo) -> Any:
+    figure, panels = _panels(found, f"{len(found) - len(found.failures)} points", 2.4)
+    for i, (panel, name) in enumerate(zip(panels, found.quantities, strict=False)):
+        label, scale, offset = _label(found, name)
+        column = found(name)
+        column = column[np.isfinite(column)] * scale + offset
+        edges = np.histogram_bin_edges(column, "fd" if np.ptp(column) > 0 else 1)
+        edges = edges if len(edges) <= MOST_BINS + 1 else np.linspace(edges[0], edges[-1], MOST_BINS + 1)
+        panel.hist(column, edges, color=COLOURS[i % len(COLOURS)], edgecolor="white", linewidth=0.3)
+        for share in np.quantile(column, (0.025, 0.5, 0.975)):
+            panel.axvline(share, color="#444444", linewidth=0.8, linestyle=(0, (4, 2)))
+        panel.set_xlabel(label, parse_math=False)
+        panel.set_ylabel("points")
+        panel.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _tornado(found: MonteCarlo) -> Any:
+    bars = min(len(found.parameters), STRONGEST)
+    low, high = (f"{100 * t:g} %" for t in found.swing.tails)
+    figure, panels = _panels(found, f"each parameter from its {low} to its {high} quantile", 1.0 + 0.24 * bars)
+    for i, (panel, name) in enumerate(zip(panels, found.quantities, strict=False)):
+        label, scale, offset = _label(found, name)
+        middle = found.swing.middle[i] * scale + offset
+        ends = found.swing.ends[i] * scale + offset
+        size = np.nan_to_num(np.ptp(ends, axis=1))
+        order = np.argsort(size, kind="stable")[-bars:]  # the strongest is last, and so on top
+        for side, colour in ((0, COLOURS[0]), (1, COLOURS[1])):
+            panel.barh(np.arange(bars), ends[order, side] - middle, left=middle, color=colour, height=0.7)
+        panel.axvline(middle, color="#444444", linewidth=0.8)
+        texts = panel.set_yticks(np.arange(bars), [short(found.parameters[j], 24) for j in order])
+        for tick in texts:
+            tick.label1.set_parse_math(False)
+        panel.set_xlabel(label, parse_math=False)
+        panel.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def plot_fit(found: Fit, path: str | os.PathLike[str]) -> None:
+    """Draw measured and computed values, one panel for each quantity of each file. Raises UsageError, MissingPackage, OSError."""
+    check_picture(path)
+    drawn(lambda: _fit(found), path)
+
+
+def _fit(found: Fit) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    count = min(len(found.series), PANELS)
+    figure = Figure(figsize=(8.0, 0.8 + 2.2 * count), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(visible(f"{found.model}, fitted"), fontsize=11, parse_math=False)
+    for i, panel in enumerate(figure.subplots(count, 1, squeeze=False)[:, 0]):
+        one, computed = found.series[i], found.computed[i]
+        rows = np.array(one.rows) + 1
+        sigma = one.sigma if found.weighted else None
+        panel.errorbar(rows, one.measured, sigma, fmt="o", markersize=3, color=COLOURS[0], linewidth=0.8)
+        panel.plot(rows, computed, color=COLOURS[1], marker="x", markersize=5, linewidth=1.0)
+        unit = "" if one.unit == "1" else f" [{visible(one.unit)}]"
+        panel.set_ylabel(f"{short(one.name, 24)}{unit}", parse_math=False)
+        panel.set_xlabel("line of data (dots: measured; crosses: computed)", fontsize=8)
+        panel.spines[["top", "right"]].set_visible(False)
+    return figure

@@ -1,0 +1,52 @@
+"""Contour plot of a sweep over two quantities."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import UsageError
+from ..text.tables import labelled, visible
+from .runs import check_picture, drawn
+
+if TYPE_CHECKING:
+    from ...analysis.outcome import Outcome
+
+LINES = 12
+COLOURS = "cividis"  # even in grey, and for colour-blind readers
+
+
+def plot_surface(found: Outcome, name: str, path: str | os.PathLike[str]) -> None:
+    """Draw the output `name` into `path`; completely or not at all. Raises UsageError, MissingPackage, OSError."""
+    check_picture(path)
+    if len(found.swept) != 2:
+        raise UsageError("a relief is of two quantities that are swept")
+    if name not in found.names or name in found.swept:
+        raise UsageError(
+            f"there is no `{name}` to draw; there is {', '.join(n for n in found.names if n not in found.swept)}"
+        )
+    drawn(lambda: _figure(found, name), path)
+
+
+def _figure(found: Outcome, name: str) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    slow, fast = found.swept
+    ys, xs = (np.unique(found(n)) for n in (slow, fast))
+    unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
+    heights = np.full((len(ys), len(xs)), np.nan)
+    heights[np.searchsorted(ys, found(slow)), np.searchsorted(xs, found(fast))] = found(name) * scale + offset
+    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(visible(found.model if found.experiment is None else f"{found.model}: {found.experiment}"), fontsize=11, parse_math=False)  # fmt: skip
+    panel = figure.subplots()
+    relief = panel.contourf(xs, ys, heights, LINES, cmap=COLOURS)
+    panel.contour(xs, ys, heights, LINES, colors="#ffffff", linewidths=0.5)
+    bar = figure.colorbar(relief)
+    bar.set_label(labelled(name, unit), parse_math=False)
+    panel.set_xlabel(labelled(fast, found.swept[fast]), parse_math=False)
+    panel.set_ylabel(labelled(slow, found.swept[slow]), parse_math=False)
+    return figure

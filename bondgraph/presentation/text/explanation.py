@@ -1,0 +1,172 @@
+"""Contents of `bondgraph explain`: omitted parts of a run with reasons, the remaining ones, their evaluations, and expensive lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+from compiler.api import Compilation, cost
+
+from ...results.truncation import frequency_text
+from .tables import columns, counted, short, visible
+
+if TYPE_CHECKING:
+    from compiler.api import Certificate, Cost, Lowered, Span
+
+SCHEMA = "bondgraph-explanation/1"
+SHOWN = 10  # most lines of the table of expensive lines
+LISTED = 6  # most names in one line of the text
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A node without effect in this run, and the quantities that cause it."""
+
+    name: str
+    place: str
+    because: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Contents of `bondgraph explain` for one scene."""
+
+    model: str
+    experiment: str | None
+    outputs: tuple[str, ...]
+    left_out: tuple[LeftOut, ...]
+    certificate: Certificate
+    cost: Cost
+    arguments: tuple[str, ...]  # parameters that stay arguments of the program
+    conditions: tuple[str, ...] = ()  # lines of conditions on states, which are located in a run
+    bends: int = 0  # number of kinks in laws of states, at which steps may end
+    bandwidth: float | None = None  # in Hz
+
+    def to_json(self) -> dict[str, Any]:
+        """Return JSON values by `bondgraph-explanation/1`."""
+        count = self.cost
+        return {
+            "schema": SCHEMA, "model": self.model, "experiment": self.experiment, "outputs": list(self.outputs),
+            "gives_nothing": [{"name": x.name, "place": x.place, "because": list(x.because)} for x in self.left_out],
+            "unneeded": list(self.certificate.unneeded),
+            "certificate": self.certificate.to_json(),
+            "operations": {
+                "once": count.once, "with_time": count.with_time, "rates": count.rates, "jacobian": count.jacobian,
+                "jacobian_entries": count.entries, "outputs": count.outputs,
+            },
+            "functions": dict(count.functions), "conditions": list(self.conditions), "bends": self.bends,
+            "bandwidth": self.bandwidth,
+            "lines": [{"place": _place(x.span), "owners": list(x.owners), "operations": x.operations} for x in count.lines],
+        }  # fmt: skip
+
+    def text(self) -> str:
+        """Return text for readers."""
+        return "\n".join(visible(line) for line in self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        title = self.model if self.experiment is None else f"{self.model}, {self.experiment}"
+        yield f"{title}: {counted(len(self.outputs), 'output')} asked for: {_some(self.outputs)}"
+        yield self.certificate.line
+        yield from ("", "left out")
+        if self.bandwidth is not None:
+            yield f"  what rings faster than {frequency_text(self.bandwidth)}, if it does: the run tells what that was, and what it would have done"
+        elif not self.left_out and not self.certificate.unneeded:
+            yield "  nothing: all of the model is needed"
+        for item in self.left_out:
+            yield f"  {item.name} ({item.place}) gives nothing" + (
+                f": {_some(item.because)} = 0" if item.because else ""
+            )
+        if self.certificate.unneeded:
+            yield f"  no output needs {counted(len(self.certificate.unneeded), 'state')}: {_some(self.certificate.unneeded)}"
+        if self.certificate.following:
+            yield from ("", "what shares a state", *(f"  {told}" for told in self.certificate.following))
+        if self.certificate.events or self.conditions or self.bends:
+            yield from ("", "what happens at instants")
+            yield from (f"  {event}" for event in self.certificate.events)
+            yield from (f"  a condition on states in {place}" for place in self.conditions)
+            if self.bends:
+                yield f"  {counted(self.bends, 'bend')} of laws (min, max, abs, points of a table), at which steps may end"
+        yield from ("", "what remains")
+        yield from self._remaining()
+        yield from ("", "most operations in an evaluation")
+        yield from self._expensive()
+
+    def _remaining(self) -> Iterator[str]:
+        count, order = (
+            self.cost,
+            len(self.certificate.states) + sum(x.size for x in self.certificate.loops if not x.linear),
+        )
+        rows = [
+            ("once in a run, of parameters", count.once, ""),
+            ("with each new time, of time and inputs", count.with_time, ""),
+            ("in each evaluation, of states", count.rates, ", ".join(f"{n} {f}" for f, n in count.functions)),
+            ("more for the Jacobian", count.jacobian, f"{count.entries} of {order * order} entries are not zero"),
+            ("more for the outputs, at reported instants", count.outputs, ""),
+        ]
+        yield from (
+            f"  {line}" for line in columns([(name, f"{number} operations", note) for name, number, note in rows])
+        )
+
+    def _expensive(self) -> Iterator[str]:
+        whole = max(1, self.cost.rates)
+        rows = [
+            (f"{100 * x.operations / whole:3.0f} %", f"{_place(x.span)}", _some(x.owners))
+            for x in self.cost.lines[:SHOWN]
+        ]
+        yield from (f"  {line}" for line in columns(rows))
+
+
+def explain(compilation: Compilation) -> Explanation:
+    """Return the explanation of a scene. Raises `CompilationFailed`."""
+    certificate = compilation.certificate
+    lowered = compilation.lowered
+    names = [lowered.space.variables[v].name for v in lowered.parameters]
+    return Explanation(
+        certificate.model, compilation.plan.experiment, tuple(lowered.space.outputs), tuple(_left_out(compilation)),
+        certificate, cost(lowered), tuple(names), tuple(_conditions(lowered)), len(lowered.bends),
+        compilation.plan.bandwidth,
+    )  # fmt: skip
+
+
+def _conditions(lowered: Lowered) -> dict[str, None]:
+    """Return the lines of conditions on states, each once; those of `when` are reported as events."""
+    told = {(e.span.source.name, e.span.line) for e in lowered.space.events}
+    notes = (item.note for item in lowered.events.located)
+    return {f"`{n.owner}` ({_place(n.span)})": None for n in notes if (n.span.source.name, n.span.line) not in told}
+
+
+def _left_out(compilation: Compilation) -> Iterator[LeftOut]:
+    kept = {node.name for node in compilation.graph.nodes}
+    for node in compilation.whole_graph.nodes:
+        if node.name not in kept:
+            yield LeftOut(
+                node.name, _place(node.span), tuple(_zeros_behind(compilation, getattr(node, "arguments", ())))
+            )
+
+
+def _zeros_behind(compilation: Compilation, references: Iterable[Any]) -> dict[str, None]:
+    """Return the parameters and inputs that are zero among the dependencies of some references, in the order of reading."""
+    found: dict[str, None] = {}
+    waiting, seen = list(references), set[str]()
+    while waiting:
+        name = getattr(waiting.pop(0), "name", None)
+        if name not in compilation.zeros or name in seen:
+            continue
+        seen.add(name)
+        definition = compilation.whole_graph.quantities[name].definition
+        inner = [a for a in definition.arguments if getattr(a, "name", None) in compilation.zeros] if definition else []
+        if inner:
+            waiting += inner
+        else:
+            found[name] = None
+    return found
+
+
+def _place(span: Span) -> str:
+    return f"{PurePath(span.source.name).name}:{span.line}"
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(map(short, names[:LISTED])) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")

@@ -1,0 +1,129 @@
+"""Studies as plain text for terminals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .analyses import title
+from .tables import aligned, short, visible
+
+if TYPE_CHECKING:
+    from ...analysis.run_sensitivity import RunSensitivity
+    from ...studies.fitted import Fit
+    from ...studies.tolerances import MonteCarlo
+
+STRONGEST = 8  # most parameters of a quantity
+SLIGHT = 0.05  # smaller weights in a direction are not shown
+VAGUE = 0.3  # relative standard deviation from which on a direction is reported
+
+
+def montecarlo_text(found: MonteCarlo) -> str:
+    """Return statistics of each quantity, then its strongest parameters."""
+    count = f"{len(found)} points, seed {found.seed}"
+    parts = [title(found.model, found.experiment, count), _statistics(found)]
+    parts += [_shares(found, i) for i in range(len(found.quantities))]
+    parts += [visible(note) for note in found.notes]
+    return "\n\n".join(parts)
+
+
+def _statistics(found: MonteCarlo) -> str:
+    rows: list[tuple[str, ...]] = [("", "unit", "mean", "standard deviation", "2.5 %", "median", "97.5 %")]
+    for name in found.quantities:
+        told = found.statistics(name)
+        unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
+        numbers = [told.get(w, np.nan) * scale + offset for w in ("mean", "2.5 %", "50 %", "97.5 %")]
+        mean, *quantiles = (f"{x:.7g}" for x in numbers)
+        deviation = told.get("standard deviation", np.nan) * scale
+        spread = f"{deviation:.4g}" if np.isfinite(deviation) else "not determined"
+        rows.append((short(name), "" if unit == "1" else visible(unit), mean, spread, *quantiles))
+    return aligned(rows, "<<>>>>>")
+
+
+def _shares(found: MonteCarlo, i: int) -> str:
+    """Return the parameters in the order of their swing of a quantity."""
+    name = found.quantities[i]
+    low, high = (f"{100 * t:g} %" for t in found.swing.tails)
+    head = [f"what moves {short(name)}", f"at {low}", f"at {high}"]
+    if found.indices is not None:
+        head += ["alone", "in all", "+-"]
+    ends = found.swing.ends[i] - found.swing.middle[i]
+    order = np.argsort(-np.nan_to_num(np.abs(ends).max(axis=1), nan=-1.0), kind="stable")[:STRONGEST]
+    scale = found.shown.get(name, ("", 1.0, 0.0))[1]
+    rows = [tuple(head)]
+    for j in order:
+        row = [short(found.parameters[j]), *(f"{x * scale:+.4g}" for x in ends[j])]
+        if found.indices is not None:
+            around = found.indices.total_interval[i, j]
+            row += [_share(found.indices.first[i, j]), _share(found.indices.total[i, j])]
+            row += [f"{50 * (around[1] - around[0]):.1f} %" if np.isfinite(found.indices.total[i, j]) else ""]
+        rows.append(tuple(row))
+    return aligned(rows, "<" + ">" * (len(head) - 1))
+
+
+def _share(value: float) -> str:
+    return f"{100 * value:.1f} %" if np.isfinite(value) else "not determined"
+
+
+def fit_text(found: Fit) -> str:
+    """Return parameters, quality of the fit, undetermined directions, explanations."""
+    parts = [title(found.model, found.experiment, "fitted"), _parameters(found), _met(found)]
+    if any(d.open or d.deviation > VAGUE for d in found.directions):
+        parts.append(_open(found))
+    if found.explanations:
+        parts.append(_explanations(found))
+    return "\n\n".join([*parts, *map(visible, found.notes)])
+
+
+def _parameters(found: Fit) -> str:
+    rows = [("", "value", "", "standard error", "from (95 %)", "to", "change")]
+    for p in found.parameters:
+        change = f"{100 * (p.value / p.start - 1):+.3g} %" if p.start else ""
+        numbers = (f"{p.error:.3g}", f"{p.low:.6g}", f"{p.high:.6g}")
+        rows.append((short(p.name), f"{p.value:.9g}", "" if p.unit == "1" else visible(p.unit), *numbers, change))
+    return aligned(rows, "<><>>>>")
+
+
+def _met(found: Fit) -> str:
+    rows = [("", "data", "root mean square of differences", "")]
+    for one, computed in zip(found.series, found.computed, strict=True):
+        left = float(np.sqrt(np.mean((computed - one.measured) ** 2)))
+        size = float(np.sqrt(np.mean(one.measured**2)))
+        told = f"{left:.4g}{'' if one.unit == '1' else f' {visible(one.unit)}'}"
+        rows.append((short(one.name), f"{len(one.rows)}", told, f"{100 * left / size:.3g} %" if size else ""))
+    return aligned(rows, "<>>>")
+
+
+def _open(found: Fit) -> str:
+    lines = ["what the data hardly tell (relative changes that go together):"]
+    for direction in found.directions:
+        if direction.open or direction.deviation > VAGUE:
+            named = ", ".join(
+                f"{short(n, 24)} {w:+.2f}" for n, w in list(direction.weights.items())[:STRONGEST] if abs(w) > SLIGHT
+            )
+            how = "nothing" if direction.open else f"known to {100 * direction.deviation:.3g} %"
+            lines.append(f"  {named}: {how}")
+    return "\n".join(lines)
+
+
+def _explanations(found: Fit) -> str:
+    rows = [("explained by", "changes", "left over")]
+    for one in found.explanations:
+        changes = ", ".join(f"{100 * x:+.3g} %" for x in one.changes.values())
+        names = ", ".join(short(n, 24) for n in one.changes) or "(as it is)"
+        rows.append((names, changes, f"{100 * one.left:.3g} %"))
+    return aligned(rows, "<<>")
+
+
+def run_sensitivity_text(found: RunSensitivity) -> str:
+    """Return for each output the effect of one percent of a parameter: at the end, and at most during the run."""
+    rows = [("", "by", "at the end", "", "1 % moves it by", "at most", "at")]
+    for i, name in enumerate(found.outputs):
+        for j, parameter in enumerate(found.parameters):
+            column = found.slopes[:, i, j]
+            unit = f"[{visible(found.units[name])}]/[{visible(found.units[parameter])}]"
+            share, peak = 0.01 * found.at[j], int(np.argmax(np.abs(column)))
+            moved = (f"{share * column[-1]:.4g}", f"{share * column[peak]:.4g}", f"{found.time[peak]:.4g} s")
+            rows.append((short(name), short(parameter), f"{column[-1]:.7g}", unit, *moved))
+    return f"{title(found.model, found.experiment, 'sensitivity of a run')}\n\n{aligned(rows, '<<><>>>')}"
