@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from compiler.api import ELEMENT_KINDS
+
 _TEXT = """\
 # A bond graph as text. Run it:  bondgraph run FILE --plot FILE.png   What is wrong with it:  bondgraph check FILE
 
@@ -33,7 +35,6 @@ model {name} {{
   }}
 }}
 """
-_TAKEN = frozenset(["Se", "Sf", "MSe", "MSf", "C", "I", "IC", "R", "MR", "RS", "TF", "GY", "MTF", "MGY"])
 
 
 def starter_text(name: str) -> str:
@@ -44,6 +45,6 @@ def starter_text(name: str) -> str:
     """
     words = re.findall(r"[A-Za-z0-9]+", name)
     model = "".join(word[0].upper() + word[1:] for word in words) or "First"
-    if model[0].isdigit() or model in _TAKEN:
+    if model[0].isdigit() or model in ELEMENT_KINDS:
         model = "Model" + model
     return _TEXT.format(name=model[:60])

@@ -46,8 +46,9 @@ if TYPE_CHECKING:
     from .equations.system import Assignment, EquationSystem, PowerPort, Storage
     from .errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, render
     from .graph.domains import BUNDLES, DOMAINS
+    from .graph.elements import ELEMENTS, Kind, letters
     from .graph.mechanism import Body, Joint, Mechanism, freedoms_of
-    from .graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Quantity, Reading
+    from .graph.network import BondGraph, Element, Junction, MechanismNode, Quantity, Reading
     from .graph.network import Node as GraphNode
     from .kept import CacheBackend
     from .memory import uncollected

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Element, Kind, MechanismNode, write_text
+from compiler.api import Element, MechanismNode, letters, write_text
 
 from ..compiled_model import CompiledModel, source_of
 from ..errors import UsageError
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 
 POINTS = 501
-SOURCES, STORAGES, LOSSES = ("Se", "Sf"), ("C", "I", "IC"), ("R",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,17 +44,17 @@ class Energies:
     @property
     def supplied(self) -> NDArray[np.float64]:
         """Energy from sources."""
-        return self.sum_of(SOURCES)
+        return self.sum_of(letters("source"))
 
     @property
     def dissipated(self) -> NDArray[np.float64]:
         """Energy lost in resistors; one that passes its loss on as heat counts zero."""
-        return self.sum_of(LOSSES)
+        return self.sum_of(letters("loss"))
 
     @property
     def stored(self) -> NDArray[np.float64]:
         """Increase of the energy in storages since the start, without that of `motion`."""
-        return self.sum_of(STORAGES)
+        return self.sum_of(letters("storage"))
 
     @property
     def motion(self) -> NDArray[np.float64]:
@@ -83,7 +82,9 @@ def energies(
     flat = write_text(made.whole_graph).rstrip()
     graph = CompiledModel(source_of(flat)).compilation().whole_graph
     wanted = {
-        n.name: n for n in graph.nodes if isinstance(n, Element) and n.kind.value in (*SOURCES, *STORAGES, *LOSSES)
+        n.name: n
+        for n in graph.nodes
+        if isinstance(n, Element) and n.kind.value in letters("source", "storage", "loss")
     }
     names = {name: f"work_of_element_{i}" for i, name in enumerate(wanted)}
     lines = [f"  output {names[n]} = integral({_power(e)}, 0 J)" for n, e in wanted.items()]
@@ -108,7 +109,7 @@ def _power(element: Element) -> str:
 
 def _into_source(graph: Any, element: Element) -> bool:
     """Return True if the arrow of a source points into it, so that its power is received."""
-    if element.kind not in (Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE):
+    if element.kind.value not in letters("source"):
         return False
     (bond,) = graph.incident[graph.nodes.index(element)]
     return bool(graph.bonds[bond].head.node == graph.nodes.index(element))

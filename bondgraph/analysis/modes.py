@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Leaf
+from compiler.api import Leaf, letters
 
 from ..rendering import text_of
 from .linear import Linearization, linearization, state_matrix
@@ -216,7 +216,7 @@ def element_energies(point: OperatingPoint, values: Any, shapes: Any) -> tuple[l
     For a motion x exp(value t): averaged over a cycle for complex values, at t = 0 for real ones. Rigid motion has none.
     """
     space = point.compilation.state_space
-    ports = [p for p in space.ports if p.kind in ("C", "I", "IC")]
+    ports = [p for p in space.ports if p.kind in letters("storage")]
     full = _with_unknowns(point, shapes)
     efforts = point.sparse_slopes([p.effort for p in ports])[:, : point.all] @ full
     flows = point.sparse_slopes([p.flow for p in ports])[:, : point.all] @ full

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Compilation, InternalError, Kind, Symbol, derivative, evaluate
+from compiler.api import Compilation, InternalError, Symbol, derivative, evaluate, letters
 
 from ..errors import UsageError
 from ..simulation.watch.energy import stored_change
@@ -181,7 +181,7 @@ def _check_dependent(compilation: Compilation, net: Network, form: _Form) -> Non
     moved = [
         n.name
         for n in compilation.graph.nodes
-        if n.kind in (Kind.TRANSFORMER, Kind.GYRATOR) and getattr(n, "modulated", False)
+        if n.kind.value in letters("transducer") and getattr(n, "modulated", False)
     ]
     if moved:
         raise UsageError(

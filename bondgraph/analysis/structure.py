@@ -23,13 +23,13 @@ from compiler.api import (
     blocks,
     depends_on,
     derivative,
+    letters,
 )
 
 from ..errors import UsageError
 
 Row = dict[int, Any]  # variable -> coefficient
 Coefficient = Callable[[Any], Any]  # an expression over variables -> its value, in numbers or sympy
-STORAGES = ("C", "I", "IC")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +67,14 @@ def network(compilation: Compilation, value: Coefficient, values: Mapping[int, f
     _check_supported(compilation)
     system = compilation.equations
     states, dependent = _storages(compilation)
-    sources = tuple(p for p in system.ports if p.kind in ("Se", "Sf"))
+    sources = tuple(p for p in system.ports if p.kind in letters("source"))
     given = tuple(p.effort if p.kind == "Se" else p.flow for p in sources)
-    resistors = tuple(p for p in system.ports if p.kind == "R")
+    resistors = tuple(p for p in system.ports if p.kind in letters("loss"))
     free = {*(s.slope for s in states), *(d.rate for d in dependent), *given}
     on_bonds = set(range(2 * len(compilation.graph.bonds)))  # efforts and flows of bonds are the first variables
     power = on_bonds | {v for p in system.ports for v in (p.effort, p.flow)}
     joining = {
-        n.name for n in compilation.graph.nodes if isinstance(n, Junction) or n.kind in (Kind.TRANSFORMER, Kind.GYRATOR)
+        n.name for n in compilation.graph.nodes if isinstance(n, Junction) or n.kind.value in letters("transducer")
     }
     structural = [a for a in system.assignments if a.owner in joining and a.target in on_bonds]
     rows: dict[int, Row] = {}
@@ -122,7 +122,7 @@ def _storages(compilation: Compilation) -> tuple[tuple[StoragePort, ...], tuple[
             name = node.ports[number].name or DOMAINS[node.ports[number].domain].letter(node.stored[number])
             item = StoragePort(storage.element, f"{storage.element}.{name}", stored, rate, slope)
             (dependent if (rate, stored) in derivatives else states).append(item)
-    unknown = {p.element for p in system.ports if p.kind in STORAGES} - {s.element for s in system.storages}
+    unknown = {p.element for p in system.ports if p.kind in letters("storage")} - {s.element for s in system.storages}
     if unknown:
         raise UsageError(f"the law of `{min(unknown)}` gives no slope of an energy: no port-Hamiltonian form is made")
     return tuple(sorted(states, key=lambda s: order.get(s.stored, len(order)))), tuple(dependent)

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import letters
+
 from ..errors import RunFailed
 from .linear import state_matrix
 
@@ -101,8 +103,8 @@ def lossless(point: OperatingPoint) -> bool:
     key = "constant sources alone"
     if key not in point.made.kept:
         ports = point.compilation.state_space.ports
-        given = [p.effort if p.kind == "Se" else p.flow for p in ports if p.kind in ("Se", "Sf")]
-        others = any(p.kind not in ("C", "I", "IC", "Se", "Sf", "TF", "GY") for p in ports)
+        given = [p.effort if p.kind == "Se" else p.flow for p in ports if p.kind in letters("source")]
+        others = any(p.kind not in letters("storage", "source", "transducer") for p in ports)
         point.made.kept[key] = not others and not any(c < point.all for c in point.slopes_of(tuple(given)).columns)
     return bool(point.made.kept[key])
 

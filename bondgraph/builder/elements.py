@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, TypedDict, Unpack
 
-from compiler.api import BUNDLES, braces
+from compiler.api import BUNDLES, braces, letters
 
 from ..errors import UsageError
 from .argument_checks import (
@@ -25,7 +25,7 @@ from .names import name_of  # fmt: skip
 from .parts import Part
 
 CAUSALITIES = ("integral", "derivative", "effort", "flow")
-STORAGES = ("C", "I", "IC")
+STORAGES = letters("storage")
 
 
 class Given(TypedDict, total=False):

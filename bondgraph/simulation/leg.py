@@ -452,11 +452,13 @@ class Leg:
 
     def _lossy(self, failed: NotLossless) -> UsageError:
         """Return the error that names the elements that gain or lose energy, where an energy-conserving method was requested."""
+        from compiler.api import letters
+
         ports = self.compilation.state_space.ports
         powers = self._powers(failed.time, failed.state, failed.mode)[: len(ports)]
         by_element: dict[str, float] = {}
         for port, power in zip(ports, powers, strict=True):
-            if port.kind not in ("C", "I", "IC", "TF", "GY"):
+            if port.kind not in letters("storage", "transducer"):
                 by_element[port.element] = by_element.get(port.element, 0.0) + float(power)
         told = sorted(by_element.items(), key=lambda item: -abs(item[1]))[:3]
         names = (

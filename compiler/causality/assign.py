@@ -13,7 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..errors import CompilationFailed
-from ..graph.network import STORAGES, BondGraph, Element, End, Junction, Kind, MechanismNode, Port
+from ..graph.elements import STORAGES, Kind
+from ..graph.network import BondGraph, Element, End, Junction, MechanismNode, Port
 from ..multibody.tree import drivable
 from ..nouns import dataclass
 from .conflict import bond_to_itself, conflict_of, no_strokes

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from ..graph.network import Element, Junction, Kind
+from ..graph.elements import Kind
+from ..graph.network import Element, Junction
 from ..nouns import dataclass
 from ..source import Span
 from .errors import StrokeConflict

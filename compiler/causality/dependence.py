@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..graph.network import STORAGES, Element, End, Junction, Kind
+from ..graph.elements import STORAGES, Kind
+from ..graph.network import Element, End, Junction
 from ..nouns import dataclass
 from .assign import CausalGraph
 from .strokes import DEMANDS, Because

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from ..graph.network import BondGraph, Element, End, Junction, Kind
+from ..graph.elements import Kind
+from ..graph.network import BondGraph, Element, End, Junction
 from .strokes import TAIL, Strokes
 
 Partner = tuple[int, int]  # a vertex, and the bond of the edge that leads to it

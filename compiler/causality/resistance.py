@@ -10,7 +10,8 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from ..graph.network import BondGraph, Element, End, Junction, Kind, Own
+from ..graph.elements import Kind
+from ..graph.network import BondGraph, Element, End, Junction, Own
 from .laws import slopes, value_before
 
 SAME = 1e-9  # logarithms that differ by less are equal

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from enum import Enum
 
-from ..graph.network import BondGraph, Element, End, Junction, Kind
+from ..graph.elements import Kind
+from ..graph.network import BondGraph, Element, End, Junction
 from ..nouns import dataclass
 
 TAIL, HEAD = 0, 1

@@ -17,21 +17,8 @@ from dataclasses import replace
 from ..algebra.derivative import derivative
 from ..algebra.expression import Expression, Number, Symbol, add, depends_on, multiply, substitute
 from ..algebra.formula import Bound, Formula
-from ..graph.network import (
-    Bond,
-    BondGraph,
-    Element,
-    End,
-    Junction,
-    Kind,
-    Law,
-    Named,
-    Node,
-    Own,
-    Port,
-    Quantity,
-    Reading,
-)
+from ..graph.elements import Kind
+from ..graph.network import Bond, BondGraph, Element, End, Junction, Law, Named, Node, Own, Port, Quantity, Reading
 from .laws import GIVEN, solved
 from .naming import port_name
 from .products import integrands

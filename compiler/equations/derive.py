@@ -21,18 +21,9 @@ from ..algebra.formula import Bound, Formula, bind
 from ..algebra.invert import obstacle
 from ..causality import CausalGraph
 from ..errors import CompilationFailed
+from ..graph.elements import STORAGES, TRANSDUCERS, Kind
 from ..graph.mechanism import domain_of
-from ..graph.network import (
-    STORAGES,
-    Element,
-    End,
-    Junction,
-    Kind,
-    Law,
-    MechanismNode,
-    Own,
-    Reading,
-)
+from ..graph.network import Element, End, Junction, Law, MechanismNode, Own, Reading
 from ..multibody import Motion, mechanism_equations
 from .builder import EquationBuilder
 from .errors import NotInvertible
@@ -95,10 +86,10 @@ class _Nodes:
                 self._mechanism(number, node)
         elements = [(n, e) for n, e in enumerate(self.graph.nodes) if isinstance(e, Element)]
         for number, node in elements:  # after the mechanisms, whose poses may modulate them
-            if node.kind in (Kind.TRANSFORMER, Kind.GYRATOR):
+            if node.kind in TRANSDUCERS:
                 self._transducer(number, node)
         for number, node in elements:  # after the nodes that may determine a displacement
-            if node.kind not in (Kind.TRANSFORMER, Kind.GYRATOR):
+            if node.kind not in TRANSDUCERS:
                 self._element(number, node)
         event_equations(self.graph, self.to)
         system = self.to.system()

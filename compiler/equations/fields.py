@@ -15,8 +15,9 @@ from functools import lru_cache
 from ..algebra.expression import Symbol, add, divide, evaluate, multiply
 from ..algebra.formula import Bound
 from ..errors import Diagnostic
+from ..graph.elements import STORAGES, Kind
 from ..graph.inertia import inertia_notes
-from ..graph.network import STORAGES, BondGraph, Element, Kind, Law, Own
+from ..graph.network import BondGraph, Element, Law, Own
 from .errors import NotConservative
 from .laws import GIVEN
 from .naming import port_name

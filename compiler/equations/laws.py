@@ -10,7 +10,8 @@ from ..algebra.derivative import derivative
 from ..algebra.domain import is_total
 from ..algebra.expression import ONE, ZERO, Expression, Symbol, depends_on, divide, negate, substitute, symbols
 from ..algebra.invert import solve_nonlinear
-from ..graph.network import Kind, Law, Own
+from ..graph.elements import Kind
+from ..graph.network import Law, Own
 
 Equations = tuple[tuple[Expression, Expression], ...]
 STORED = {"e": "q", "f": "p"}  # variable that a storage gives -> its stored quantity

@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import cache
 
 from ..graph.domains import DOMAINS
-from ..graph.network import BondGraph, Element, End, Kind, MechanismNode
+from ..graph.elements import TRANSDUCERS
+from ..graph.network import BondGraph, Element, End, MechanismNode
 
 
 def bond_names(graph: BondGraph, number: int) -> tuple[str, str, str, str]:
@@ -28,7 +29,7 @@ def bond_names(graph: BondGraph, number: int) -> tuple[str, str, str, str]:
 def _rank(graph: BondGraph, end: End) -> int:
     node = graph.nodes[end.node]
     if isinstance(node, Element):
-        return 1 if node.kind in (Kind.TRANSFORMER, Kind.GYRATOR) else 0
+        return 1 if node.kind in TRANSDUCERS else 0
     return 2
 
 
@@ -36,7 +37,7 @@ def port_name(node: Element | MechanismNode, port: int, variable: str) -> str:
     """Name of a variable of a port: `mass.p`, `gear.omega1`, `spring.phi`, `spring.x.F`."""
     name, domain = node.ports[port].name, node.ports[port].domain
     letter = letter_of(domain, variable)
-    if isinstance(node, Element) and node.kind in (Kind.TRANSFORMER, Kind.GYRATOR):
+    if isinstance(node, Element) and node.kind in TRANSDUCERS:
         return f"{node.name}.{letter}{name}"
     if not name:
         return f"{node.name}.{letter}"

@@ -11,11 +11,12 @@ from collections.abc import Mapping
 from ..algebra.derivative import NoSlope, derivative
 from ..algebra.expression import Expression, Number, Symbol, substitute, symbols
 from ..algebra.formula import Bound
-from ..graph.network import BondGraph, Element, Kind, Own, Quantity, Reading
+from ..graph.elements import OF_NODE, SOURCES
+from ..graph.network import BondGraph, Element, Own, Quantity, Reading
 from ..nouns import dataclass
 from .naming import port_name
 
-GIVEN = {Kind.EFFORT_SOURCE: "e", Kind.FLOW_SOURCE: "f"}
+GIVEN = {kind: OF_NODE[kind].given for kind in SOURCES}
 
 
 @dataclass(frozen=True, slots=True)

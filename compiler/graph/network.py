@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import field
-from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,26 +15,11 @@ from ..algebra.expression import Expression
 from ..algebra.formula import Bound
 from ..nouns import dataclass
 from ..source import Span
+from .elements import Kind
 from .mechanism import Mechanism
 
 if TYPE_CHECKING:
     import networkx
-
-
-class Kind(Enum):
-    """Kind of a node; the values are the textbook's letters."""
-
-    EFFORT_SOURCE = "Se"
-    FLOW_SOURCE = "Sf"
-    CAPACITOR = "C"
-    INERTIA = "I"
-    STORAGE_FIELD = "IC"
-    RESISTOR = "R"
-    TRANSFORMER = "TF"
-    GYRATOR = "GY"
-    ZERO = "0"
-    ONE = "1"
-    MECHANISM = "multibody"
 
 
 class Quantity(NamedTuple):
@@ -103,7 +87,6 @@ class Element:
 
 
 SHOWN = 60  # bonds in a notebook
-STORAGES = frozenset({Kind.CAPACITOR, Kind.INERTIA, Kind.STORAGE_FIELD})
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,14 +11,13 @@ from dataclasses import replace
 
 from ..algebra.expression import ZERO, Expression, Symbol, substitute, symbols
 from ..algebra.formula import Bound
+from .elements import STORAGES, Kind
 from .network import (
-    STORAGES,
     Bond,
     BondGraph,
     Element,
     End,
     Junction,
-    Kind,
     Law,
     MechanismNode,
     Named,

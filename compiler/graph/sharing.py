@@ -14,7 +14,8 @@ from dataclasses import replace
 from fractions import Fraction
 
 from ..algebra.expression import ZERO, Expression, Number, Symbol, add, multiply
-from .network import BondGraph, Element, Junction, Kind, Law, Own, Port, Reading
+from .elements import Kind
+from .network import BondGraph, Element, Junction, Law, Own, Port, Reading
 
 Row = dict[int, Fraction]  # group of bonds -> coefficient
 

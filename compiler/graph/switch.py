@@ -10,7 +10,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from ..algebra.expression import ZERO, Symbol, evaluate
-from .network import TIME, Bond, BondGraph, Element, End, Junction, Kind, Law, Node, Own, Port, Quantity
+from .elements import Kind
+from .network import TIME, Bond, BondGraph, Element, End, Junction, Law, Node, Own, Port, Quantity
 from .sharing import shared
 
 

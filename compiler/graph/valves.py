@@ -19,7 +19,8 @@ from ..algebra.expression import ONE, ZERO, Number, evaluate, substitute
 from ..algebra.formula import Bound, Formula
 from ..nouns import dataclass
 from ..source import Span
-from .network import Bond, BondGraph, Element, End, Event, Junction, Kind, Own, Quantity, Reading, Switch
+from .elements import Kind
+from .network import Bond, BondGraph, Element, End, Event, Junction, Own, Quantity, Reading, Switch
 from .sharing import groups
 
 SAMPLES = (-1e3, -1.0, -1e-9, 1e-9, 1.0, 1e3)  # of an effort or a flow, at which conditions are read

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..graph.domains import Domain
+from ..graph.elements import ELEMENTS
 from ..graph.network import Bond, End
 from ..source import Span
 from ..syntax import tree
@@ -87,7 +88,7 @@ class Connector:
         source, target = self._place(scope, tail, is_head=False), self._place(scope, head, is_head=True)
         span = head.span
         self._check_heat(source, target, tail.span, head.span)
-        if source.kind in ("C", "I", "IC", "R", "MR"):
+        if source.kind in ELEMENTS and ELEMENTS[source.kind].receives:
             word = source.words
             raise Wrong(
                 WrongConnection(
@@ -130,7 +131,7 @@ class Connector:
     def _check_heat(source: Place, target: Place, tail: Span, head: Span) -> None:
         """Check the directions at an RS: power flows into all ports but the last, which gives off the heat."""
         for place, span, into in ((source, tail, False), (target, head, True)):
-            if place.kind == "RS":
+            if place.kind in ELEMENTS and ELEMENTS[place.kind].gives_heat:
                 last = place.ports[-1]
                 for terminal in place.terminals.values():
                     if (terminal.port == last) is into:
@@ -147,7 +148,9 @@ class Connector:
             if isinstance(member, tree.Nest):
                 self._nest(scope, member)
             entry = None if isinstance(member, tree.Nest) else self._entry(scope, member)
-            from_source = isinstance(entry, ElementEntry) and entry.kind in ("Se", "Sf", "MSe", "MSf")
+            from_source = (
+                isinstance(entry, ElementEntry) and entry.kind in ELEMENTS and bool(ELEMENTS[entry.kind].given)
+            )
             other = self._place(scope, member, is_head=not from_source)
             if other.multi:
                 raise Wrong(
@@ -244,7 +247,7 @@ class Connector:
         self, entry: Entry, component: str | None, place: tree.Path, is_head: bool, own_wall: bool, scope: Scope
     ) -> Place:
         match entry:
-            case ElementEntry(kind=("TF" | "GY" | "MTF" | "MGY")) if "1" in entry.ports:
+            case ElementEntry() if "1" in entry.ports and entry.kind in ELEMENTS and ELEMENTS[entry.kind].sides:
                 side = "1" if is_head else "2"
                 if component is not None:
                     raise Wrong(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from ..graph.domains import BUNDLES, COMPONENT_DOMAINS, DOMAINS, GENERIC
+from ..graph.elements import ELEMENTS
 from ..graph.mechanism import domain_of, freedoms_of
 from ..source import Span
 from ..syntax import tree
@@ -13,10 +14,7 @@ from .port_domains import DomainTable, Key
 from .scope import ModelDefinition
 from .statement_errors import suggestion
 
-ELEMENT_KINDS = frozenset(
-    ["Se", "Sf", "MSe", "MSf", "C", "I", "IC", "R", "MR", "RS", "TF", "GY", "MTF", "MGY", "0", "1", "splitter"]
-)
-TWO_SIDED = frozenset({"TF", "GY", "MTF", "MGY"})
+ELEMENT_KINDS = (*ELEMENTS, "0", "1", "splitter")
 
 
 def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinition], DomainTable]) -> DomainTable:
@@ -149,7 +147,8 @@ def wall_components(item: tree.PortItem) -> dict[str, str | None]:
 
 def is_two_sided(declaration: tree.Declaration) -> bool:
     """Return True for a transducer with sides 1 and 2; one that lists its ports has those instead."""
-    return declaration.kind in TWO_SIDED and not any(d.components for d in declaration.names)
+    row = ELEMENTS.get(declaration.kind)
+    return row is not None and row.sides and not any(d.components for d in declaration.names)
 
 
 def element_ports(declaration: tree.Declaration, name: str) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from ..graph.domains import Domain
+from ..graph.elements import ELEMENTS
 from ..scene import Override
 from ..source import Span
 from ..syntax import tree
@@ -184,7 +185,7 @@ class Elaborator(Declarations):
             hint = suggestion(
                 statement.kind,
                 known,
-                "Kinds: Se Sf MSe MSf C I IC R MR RS TF GY MTF MGY 0 1 splitter, and the models of this file or imported into it.",
+                f"Kinds: {' '.join(ELEMENT_KINDS)}, and the models of this file or imported into it.",
             )
             raise Wrong(UnknownKind(statement.span, statement.kind, hint))
         if definition in chain:
@@ -234,13 +235,9 @@ class Elaborator(Declarations):
 
     def _declare_element(self, scope: Scope, statement: tree.Declaration, declared: tree.Declared) -> None:
         self.counted(declared.span)
-        if statement.kind in ("IC", "RS") and len(declared.components) < 2:
-            hint = (
-                "An RS has a port for what it loses: `RS pad(shaft, heat)`."
-                if statement.kind == "RS"
-                else "With one port it is a C or an I."
-            )
-            raise Wrong(WrongType(declared.span, "Two or more ports in parentheses", "a name alone", hint))
+        row = ELEMENTS.get(statement.kind)
+        if row is not None and len(declared.components) < row.least_ports > 1:
+            raise Wrong(WrongType(declared.span, "Two or more ports in parentheses", "a name alone", row.ports_advice))
         index = self.index_of(declared.index, scope)
         if index is None and scope.outer is not None:
             raise Wrong(

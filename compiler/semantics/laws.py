@@ -7,27 +7,19 @@ from collections.abc import Callable, Iterator, Mapping
 from ..algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, symbols
 from ..algebra.odd_roots import with_odd_roots
 from ..graph.domains import Domain
-from ..graph.network import Kind, Law, Own
+from ..graph.elements import ELEMENTS
+from ..graph.network import Law, Own
 from ..graph.units import JOULE
 from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
-from .domain_table import TWO_SIDED, paths_of
+from .domain_table import paths_of
 from .errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw
 from .scope import STATIC_ROLES, Scalar, Scope
 from .statement_errors import Wrong, describe
 from .template import Check, OwnVariable, Resolve, Slot
 from .transducers import check_many_ports
 from .typed import ExpressionCompiler
-
-# The variables that a law may relate, kind by kind.
-LAW_VARIABLES: Mapping[str, str] = {
-    "Se": "e", "Sf": "f", "C": "eq", "I": "fp", "IC": "efqp", "R": "ef", "RS": "ef", "TF": "ef", "GY": "ef",
-}  # fmt: skip
-STORED: Mapping[str, str] = {"C": "q", "I": "p", "IC": "qp"}
-
-_STORED_WORD = {"C": "displacement", "I": "momentum", "IC": "displacements and momenta"}
-
 
 # Function from a slot's path and a scope to a scalar with its role.
 RoleOf = Callable[[Slot, Scope], Scalar]
@@ -44,16 +36,6 @@ class CompiledLaw:
     lists: tuple[tuple[tree.Path, int], ...]  # lists that it reads, with their lengths
 
 
-def plain_kind(kind: str) -> str:
-    """The kind without its prefix M."""
-    return kind[1:] if kind.startswith("M") and len(kind) > 1 else kind
-
-
-def node_kind(kind: str) -> Kind:
-    """Kind of the element's node in the graph: an RS is a resistor with a port for its heat."""
-    return Kind("R" if kind == "RS" else plain_kind(kind))
-
-
 def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dict[str, OwnVariable]:
     """Map from each way in which a law may write its own variables to the variable."""
     own: dict[str, OwnVariable] = {}
@@ -65,7 +47,7 @@ def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dic
                 own.update({letter + port: found for letter in letters})
             elif port:
                 own.update({f"{port}.{letter}": found for letter in letters})
-                if variable == STORED.get(kind):
+                if variable == ELEMENTS[kind].stored:
                     own[port] = found
             else:
                 own.update(dict.fromkeys(letters, found))
@@ -82,26 +64,18 @@ def compile_law(
 ) -> CompiledLaw:
     """Compile the law of one declared element. Raises `Wrong`."""
     definition = declaration.definition
-    kind = plain_kind(declaration.kind)
+    row = ELEMENTS[declaration.kind]
+    kind = row.letters
     if not isinstance(definition, tree.Law):
-        example = {
-            "C": "F = k*x",
-            "I": "p = m*v",
-            "R": "F = r*v",
-            "Se": "F = 1 N",
-            "Sf": "v = 1 [m/s]",
-            "TF": "F2 = n*F1",
-            "GY": "u1 = K*omega2",
-        }
         raise Wrong(
             WrongLaw(
                 declaration.span,
                 f"`{declaration.kind} {name}` has no law",
-                f"Write it after a colon, as in `{declaration.kind} {name} : {example.get(kind, 'e = …')}`.",
+                f"Write it after a colon, as in `{declaration.kind} {name} : {row.example}`.",
             )
         )
-    own = own_variables(kind, ports, LAW_VARIABLES[kind])
-    forbidden = own_variables(kind, ports, "".join(v for v in "efqp" if v not in LAW_VARIABLES[kind]))
+    own = own_variables(kind, ports, row.variables)
+    forbidden = own_variables(kind, ports, "".join(v for v in "efqp" if v not in row.variables))
     _check_names(declaration, name, own, forbidden, scope, resolve)
     compiler = ExpressionCompiler(scope, resolve, own)
     energy: Expression | None = None
@@ -130,7 +104,7 @@ def compile_law(
         _check_form(declaration, kind, name, equations, list(ports))
     slots = tuple(compiler.slot_list)
     _check_modulation(declaration, kind, name, slots, scope, role_of, energy is not None)
-    if kind == "RS":
+    if row.gives_heat:
         equations.append(_heat(len(ports)))
     law = Law(tuple(equations), energy, len(slots))
     stored = _stored(kind, name, law, list(ports), definition.span)
@@ -145,10 +119,9 @@ def _heat(ports: int) -> tuple[Expression, Expression]:
 
 def _stored(kind: str, name: str, law: Law, ports: list[str], span: Span) -> tuple[str, ...]:
     """Stored quantity of each port of a storage. For an IC, the one of the two that its law uses."""
-    if kind not in STORED:
-        return ()
-    if kind != "IC":
-        return (STORED[kind],) * len(ports)
+    stored = ELEMENTS[kind].stored
+    if len(stored) < 2:
+        return (stored,) * len(ports) if stored else ()
     sides = [side for equation in law.equations for side in equation] + ([law.energy] if law.energy is not None else [])
     used = {own for side in sides for own in _own(side)}
     found = []
@@ -173,7 +146,8 @@ def _energy(
     ports: Mapping[str, Domain],
     scope: Scope,
 ) -> Expression:
-    if kind not in STORED:
+    row = ELEMENTS[kind]
+    if not row.stored:
         raise Wrong(
             WrongLaw(
                 definition.span,
@@ -188,15 +162,13 @@ def _energy(
             )
         )
     typed = compiler.scalar(definition.equations[0].right)
-    stored = STORED[kind]
     for symbol in symbols(typed.expression):
-        if isinstance(symbol.key, Own) and symbol.key.variable not in stored:
-            word = _STORED_WORD[kind]
+        if isinstance(symbol.key, Own) and symbol.key.variable not in row.stored:
             raise Wrong(
                 WrongLaw(
                     definition.span,
                     f"The energy of `{name}` reads `{symbol.key.variable}`",
-                    f"An energy is a function of what is stored, its {word}, alone.",
+                    f"An energy is a function of what is stored, its {row.stored_words}, alone.",
                 )
             )
     true_power = all(d.typed and d.name != "pseudothermal" for d in ports.values())
@@ -210,7 +182,7 @@ def _energy(
         raise Wrong(
             WrongLaw(
                 definition.span,
-                f"The energy of `{name}` does not depend on its own {_STORED_WORD[kind]}",
+                f"The energy of `{name}` does not depend on its own {row.stored_words}",
                 "It would give no effort.",
             )
         )
@@ -225,7 +197,7 @@ def _check_names(
     scope: Scope,
     resolve: Resolve,
 ) -> None:
-    kind = plain_kind(declaration.kind)
+    row = ELEMENTS[declaration.kind]
     assert isinstance(declaration.definition, tree.Law)
     for path in paths_of(declaration.definition):
         words = path.words
@@ -234,28 +206,14 @@ def _check_names(
             if role not in ("parameter", "constant", "input", "signal", "mode", "index"):
                 continue  # not a number, or an output, which a law does not read
             variable = own[words].own
-            generic = words if kind in TWO_SIDED else variable.variable
+            generic = words if row.sides else variable.variable
             raise Wrong(NameClash(path.span, words, name, str(role), generic))
         if words in forbidden and scope.find(path.head) is None:
-            relates = {
-                "C": "effort and displacement",
-                "I": "flow and momentum",
-                "R": "effort and flow",
-                "Se": "its effort alone",
-                "Sf": "its flow alone",
-            }
-            hint = {
-                "C": "Loss belongs in an R beside it, mass in an I.",
-                "I": "Loss belongs in an R beside it, stiffness in a C.",
-                "R": "What depends on displacement belongs in a C, or in an MR that reads it.",
-                "Se": f"It gives its effort whatever its flow is; what depends on `{words}` belongs in an R beside it.",
-                "Sf": f"It gives its flow whatever its effort is; what depends on `{words}` belongs in an R beside it.",
-            }
             raise Wrong(
                 WrongLaw(
                     path.span,
-                    f"The law of `{declaration.kind} {name}` uses `{words}`; {kind} relates {relates.get(kind, 'efforts and flows')}",
-                    hint.get(kind, "Write the equation in these."),
+                    f"The law of `{declaration.kind} {name}` uses `{words}`; {row.letters} relates {row.relates}",
+                    row.advice.format(words),
                 )
             )
 
@@ -273,10 +231,12 @@ def _check_form(
 ) -> None:
     ports = len(names)
     span = declaration.definition.span if declaration.definition else declaration.span
-    if kind in ("TF", "GY") and "1" not in names:
+    row = ELEMENTS[kind]
+    transducer = row.group == "transducer"
+    if transducer and "1" not in names:
         check_many_ports(kind, name, equations, ports, span)
         return
-    expected = 1 if kind in ("TF", "GY") else ports - (kind == "RS")
+    expected = 1 if transducer else ports - row.gives_heat
     if len(equations) != expected:
         raise Wrong(
             WrongLaw(
@@ -288,26 +248,26 @@ def _check_form(
             )
         )
     used = [_own(left) | _own(right) for left, right in equations]
-    if kind in ("Se", "Sf"):
+    if row.given:
         for (left, right), _ in zip(equations, used, strict=True):
             if not (isinstance(left, Symbol) and isinstance(left.key, Own) and not _own(right)):
-                letter = "effort" if kind == "Se" else "flow"
+                letter = "effort" if row.given == "e" else "flow"
                 raise Wrong(
                     WrongLaw(
                         span,
                         f"The law of the source `{name}` must give its {letter}",
-                        f"Write `{'F = …' if kind == 'Se' else 'v = …'}` with what it gives on the right.",
+                        f"Write `{'F = …' if row.given == 'e' else 'v = …'}` with what it gives on the right.",
                     )
                 )
         return
-    if kind in ("TF", "GY"):
+    if transducer:
         _check_transducer(kind, name, equations[0], used[0], span)
         return
     if any(right == ZERO for _, right in equations):
         return  # a coefficient of zero: the element gives nothing, and will be left out
-    for port in range(ports - (kind == "RS")):
-        for variable in LAW_VARIABLES[kind] if kind != "IC" else "":
-            wanted = {Own(port, variable)} if ports == 1 else {Own(port, v) for v in LAW_VARIABLES[kind]}
+    for port in range(ports - row.gives_heat):
+        for variable in row.variables if len(row.stored) < 2 else "":
+            wanted = {Own(port, variable)} if ports == 1 else {Own(port, v) for v in row.variables}
             if not any(wanted & u for u in used):
                 words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}[variable]
                 raise Wrong(
@@ -372,13 +332,13 @@ def _check_modulation(
     foreign: Iterator[tuple[Slot, Scalar]] = (
         (s, r) for s in slots if (r := role_of(s, scope)).role not in STATIC_ROLES
     )
-    changing = [(s, r) for s, r in foreign if not (r.role == "time" and kind in ("Se", "Sf"))]
+    changing = [(s, r) for s, r in foreign if not (r.role == "time" and ELEMENTS[kind].given)]
     if modulated and not changing:
         raise Wrong(NeedlessM(declaration.span, declaration.kind, name, kind))
     if not modulated and changing:
         slot, role = changing[0]
-        if kind in STORED:
-            what = _STORED_WORD[kind]
+        if ELEMENTS[kind].stored:
+            what = ELEMENTS[kind].stored_words
             hint = (
                 f"A storage depends on its own {what} and on parameters. What moves it is one of its ports: "
                 f"`{kind} {name}(…, …)` with a port for `{role.name}`."

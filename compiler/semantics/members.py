@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..graph.domains import DOMAINS, GENERIC, Domain
+from ..graph.elements import ELEMENTS
 from ..graph.mechanism import domain_of
 from ..graph.network import Reading
 from ..syntax import tree
@@ -14,7 +15,8 @@ from .statement_errors import Wrong, suggestion
 
 def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
     """`spring.x`: a variable of an element, or the stored quantity of its port of that name."""
-    kind = entry.kind.removeprefix("M") if len(entry.kind) > 1 else entry.kind
+    row = ELEMENTS.get(entry.kind)  # None: a junction
+    stored = row.stored if row is not None and len(row.stored) == 1 else ""
     if "1" in entry.ports:
         letter, side = name[:-1], name[-1:]
         domain = entry.ports.get(side)
@@ -35,16 +37,16 @@ def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
         if name not in entry.ports:
             hint = suggestion(name, list(entry.ports), f"Its ports: {', '.join(entry.ports)}.")
             raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))
-        variable = {"C": "q", "I": "p"}.get(kind, "e")
+        variable = stored or "e"
         return Scalar(
             Reading(entry.name, name, variable),
             entry.ports[name].dimension(variable),
-            "reading" if kind in ("C", "I") else "port",
+            "reading" if stored else "port",
             f"{entry.name}.{name}",
         )
     domain = entry.ports[""]
     variable = domain.variable(name)
-    allowed = {"C": "efq", "I": "efp", "0": "e", "1": "f"}.get(kind, "ef")
+    allowed = row.readable if row is not None else {"0": "e", "1": "f"}.get(entry.kind, "ef")
     if variable is None or variable not in allowed:
         hint = "It has " + ", ".join(domain.letter(v) for v in allowed) + "."
         if entry.kind in "01" and variable is not None:

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from ..algebra.formula import Bound
 from ..graph.domains import Domain
-from ..graph.network import Bond, Element, End, Junction, Kind, Law, MechanismNode, Node, Port, Switch
+from ..graph.elements import ELEMENTS, Kind
+from ..graph.network import Bond, Element, End, Junction, Law, MechanismNode, Node, Port, Switch
 from ..nouns import dataclass
 from ..syntax import tree
 from .connect import Connector
@@ -18,7 +19,7 @@ from .errors import (
     WrongValue,
 )
 from .known import Known
-from .laws import CompiledLaw, compile_law, node_kind, plain_kind
+from .laws import CompiledLaw, compile_law
 from .mechanisms import build_mechanism
 from .part_attributes import static_bounds
 from .requirements import read_condition
@@ -94,10 +95,10 @@ class Nodes:
         for number, port in enumerate(ports):
             self.ends[entry.name, port.name] = End(index, number)
         attributes = self._attributes(scope, declaration, entry, compiled.stored)
-        kind = plain_kind(declaration.kind)
+        row = ELEMENTS[declaration.kind]
         self.nodes.append(
             Element(
-                entry.name, node_kind(declaration.kind), kind != declaration.kind, ports, compiled.law, arguments, compiled.stored,
+                entry.name, row.node, row.letters != declaration.kind, ports, compiled.law, arguments, compiled.stored,
                 attributes.starts, attributes.nominals, attributes.prefer, attributes.require, definition, entry.span,
             )
         )  # fmt: skip
@@ -284,5 +285,5 @@ def _placeholder(entry: ElementEntry) -> Node:
     if entry.kind in ("0", "1"):
         return Junction(entry.name, Kind(entry.kind), next(iter(entry.ports.values())).name, "", entry.span)
     ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
-    kind = node_kind(entry.kind)
+    kind = ELEMENTS[entry.kind].node
     return Element(entry.name, kind, False, ports, Law((), None, 0), (), (), {}, {}, None, None, "", entry.span)

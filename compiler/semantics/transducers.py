@@ -13,12 +13,12 @@ from dataclasses import replace
 
 from ..algebra.affine import affine_parts
 from ..algebra.expression import ZERO, Expression, Symbol, multiply, negate, symbols
-from ..graph.network import Bond, Element, End, Junction, Kind, Law, Node, Own, Port
+from ..graph.elements import TRANSDUCERS, Kind
+from ..graph.network import Bond, Element, End, Junction, Law, Node, Own, Port
 from ..source import Span
 from .errors import WrongLaw
 from .statement_errors import Wrong
 
-TRANSDUCERS = (Kind.TRANSFORMER, Kind.GYRATOR)
 OTHER = {"e": "f", "f": "e"}
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from ..errors import Diagnostic
+from ..graph.elements import TRANSDUCERS
 from ..graph.network import BondGraph, End, Junction, MechanismNode
 from ..source import Span
 from .errors import WrongConnection
-from .transducers import TRANSDUCERS, has_many_ports
+from .transducers import has_many_ports
 
 
 def unconnected(graph: BondGraph) -> list[Diagnostic]:

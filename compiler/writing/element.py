@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from ..algebra.expression import Expression, Number, Symbol, substitute, symbols
 from ..graph.domains import DOMAINS
-from ..graph.network import Element, Kind, Own, Quantity, Reading
+from ..graph.elements import SOURCES
+from ..graph.network import Element, Own, Quantity, Reading
 from ..graph.units import JOULE
 from .literals import braces, former_name
 from .names import is_field
@@ -60,7 +61,7 @@ def _changes(node: Element, reference: Quantity | Reading, words: Words) -> bool
     if isinstance(reference, Reading):
         return True
     if words.is_time(reference):
-        return node.kind not in (Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE)
+        return node.kind not in SOURCES
     return words.graph.quantities[reference.name].role not in ("parameter", "constant")
 
 

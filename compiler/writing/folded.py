@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ..algebra.expression import Symbol, add, divide, multiply
-from ..graph.network import BondGraph, Element, End, Junction, Kind, MechanismNode, Own
+from ..graph.elements import Kind
+from ..graph.network import BondGraph, Element, End, Junction, MechanismNode, Own
 
 
 def shared_ports(graph: BondGraph) -> dict[str, End]:

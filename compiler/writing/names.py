@@ -10,15 +10,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 
 from ..graph.domains import DOMAINS
+from ..graph.elements import OF_NODE, TRANSDUCERS
 from ..graph.mechanism import Mechanism
-from ..graph.network import Bond, BondGraph, Element, End, Kind, MechanismNode, Quantity, Reading
+from ..graph.network import Bond, BondGraph, Element, End, MechanismNode, Quantity, Reading
 from ..nouns import dataclass
-from ..semantics.laws import LAW_VARIABLES
 from ..semantics.scope import RESERVED
 from .literals import word_of
 from .ports import seen_at_a_node
-
-TWO_SIDED = (Kind.TRANSFORMER, Kind.GYRATOR)
 
 
 @dataclass(slots=True)
@@ -53,12 +51,12 @@ def _own_words(node: Element) -> set[str]:
 
 def _variables(node: Element) -> str:
     """Variables that the law of an element may relate."""
-    return LAW_VARIABLES[node.kind.value]
+    return OF_NODE[node.kind].variables
 
 
 def is_field(node: Element) -> bool:
     """Return True for an element with named ports, whose variables are written `port.letter`."""
-    return node.kind not in TWO_SIDED and bool(node.ports[0].name)
+    return node.kind not in TRANSDUCERS and bool(node.ports[0].name)
 
 
 def choose_names(graph: BondGraph, shared: Mapping[str, End], separate: Sequence[str], plain: bool) -> Names:
@@ -124,7 +122,7 @@ def _blocked_letters(graph: BondGraph, elements: Sequence[Element], plain: bool)
     read = {n for n, q in graph.quantities.items() if q.role != "output" or n not in graph.outputs}
     blocked: set[str] = set()
     for element in elements:
-        if element.kind in TWO_SIDED:
+        if element.kind in TRANSDUCERS:
             blocked |= _own_words(element)
         elif not is_field(element):
             domain = DOMAINS["untyped" if plain else element.ports[0].domain]

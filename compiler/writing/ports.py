@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ..graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Reading
+from ..graph.elements import Kind
+from ..graph.network import BondGraph, Element, Junction, MechanismNode, Reading
 
 
 def seen_at_a_node(graph: BondGraph, reading: Reading) -> Reading | None:

@@ -5,16 +5,15 @@ from __future__ import annotations
 from ..algebra.expression import Expression, Number, Symbol, substitute
 from ..algebra.formula import Bound
 from ..graph.domains import DOMAINS
+from ..graph.elements import OF_NODE, TRANSDUCERS
 from ..graph.mechanism import domain_of
-from ..graph.network import BondGraph, Element, Junction, Kind, MechanismNode, Named, Own, Quantity, Reading
+from ..graph.network import BondGraph, Element, Junction, MechanismNode, Named, Own, Quantity, Reading
 from ..graph.units import ONE, SECOND, Dimension
 from .errors import UnwrittenPort
 from .expressions import Printer, Word
 from .literals import Refused, dimension_of
-from .names import TWO_SIDED, Names
+from .names import Names
 from .ports import seen_at_a_node
-
-STORED = {Kind.CAPACITOR: "q", Kind.INERTIA: "p"}
 
 
 class Words:
@@ -79,7 +78,7 @@ class Words:
             return self._of_a_part(node, reading)
         port = next(p for p in node.ports if p.name == reading.port)
         letter = self.letter(port.domain, variable)
-        if node.kind in TWO_SIDED:
+        if node.kind in TRANSDUCERS:
             path = f"{name}.{letter}{port.name}"
         else:
             path = f"{name}.{port.name}.{letter}" if port.name else f"{name}.{letter}"
@@ -107,11 +106,11 @@ class Words:
         port = node.ports[own.port]
         domain = DOMAINS[port.domain]
         letter = self.letter(port.domain, own.variable) if domain.guessed else own.variable
-        if node.kind in TWO_SIDED:
+        if node.kind in TRANSDUCERS:
             text = letter + port.name
         elif not port.name:
             text = letter if letter not in self._readable else own.variable
-        elif own.variable == STORED.get(node.kind) and port.name not in self._readable:
+        elif own.variable == OF_NODE[node.kind].stored and port.name not in self._readable:
             text = port.name
         else:
             text = f"{port.name}.{letter}"

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..graph.domains import DOMAINS
+from ..graph.elements import TRANSDUCERS
 from ..graph.network import BondGraph, End, Event, Junction, MechanismNode, Named, Node, Requirement
 from ..graph.units import ONE, SECOND
 from .element import element_line
@@ -14,7 +15,7 @@ from .errors import UnwrittenDomain
 from .folded import heating_resistors, shared_ports
 from .literals import Refused, bond_lines, braces, description_text, former_name, number_text, unit_text
 from .mechanism import mechanism_lines
-from .names import TWO_SIDED, choose_names, lone_bonds
+from .names import choose_names, lone_bonds
 from .words import Words
 
 ROLES = {"parameter": "parameter", "constant": "constant", "input": "input", "mode": "mode"}  # all others are signals
@@ -157,7 +158,7 @@ class _Writer:
         if node.name in self.shared:
             return self._place(self.shared[node.name])
         name = self.names.nodes[node.name]
-        if isinstance(node, Junction) or node.kind in TWO_SIDED:
+        if isinstance(node, Junction) or node.kind in TRANSDUCERS:
             return name
         port = node.ports[end.port].name
         if isinstance(node, MechanismNode):

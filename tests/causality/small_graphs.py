@@ -11,7 +11,8 @@ from itertools import combinations, combinations_with_replacement, permutations,
 from typing import NamedTuple
 
 from compiler.algebra.expression import Number, Symbol
-from compiler.graph.network import Bond, BondGraph, Element, End, Junction, Kind, Law, Own, Port
+from compiler.graph.elements import Kind
+from compiler.graph.network import Bond, BondGraph, Element, End, Junction, Law, Own, Port
 from compiler.source import Source, Span
 
 SPAN = Span(Source("small.bg", "small graph"), 0, 5)

@@ -12,7 +12,8 @@ from click.testing import CliRunner
 from bondgraph.commands import commands
 from bondgraph.presentation.text.causality import Explanation, explain
 from compiler.causality import Because, CausalGraph, dependences
-from compiler.graph.network import Element, Junction, Kind
+from compiler.graph.elements import Kind
+from compiler.graph.network import Element, Junction
 from tests.causality.small_graphs import graph_of, small_graphs
 from tests.causality.test_optimality import strokes_of
 from tests.compiling import compiled

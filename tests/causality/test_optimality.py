@@ -14,7 +14,8 @@ import pytest
 
 from compiler.causality import CausalGraph, assign_causality
 from compiler.errors import CompilationFailed
-from compiler.graph.network import Bond, BondGraph, Element, End, Junction, Kind
+from compiler.graph.elements import Kind
+from compiler.graph.network import Bond, BondGraph, Element, End, Junction
 from tests.causality.small_graphs import Best, Small, best_of, graph_of, small_graphs
 
 SIZE = int(os.environ.get("BONDGRAPH_EXHAUSTIVE", "6"))

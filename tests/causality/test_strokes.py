@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 import bondgraph
 from compiler.causality import Because, CausalGraph
 from compiler.causality.strokes import HEAD, TAIL
-from compiler.graph.network import Element, Junction, Kind, MechanismNode
+from compiler.graph.elements import Kind
+from compiler.graph.network import Element, Junction, MechanismNode
 from tests.compiling import Running, compiled, mistake, mistakes
 
 

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 from compiler.algebra.expression import Expression, Number, Symbol, add, multiply, substitute, symbols
 from compiler.algebra.formula import Bound
-from compiler.graph.network import BondGraph, Element, Event, Junction, Kind, MechanismNode, Own, Quantity, Reading
+from compiler.graph.elements import Kind
+from compiler.graph.network import BondGraph, Element, Event, Junction, MechanismNode, Own, Quantity, Reading
 from tests.second_opinion.linkage import Linkage
 from tests.second_opinion.writer import COMPLEX, REAL, NotHeld, Writer, function, slope
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from compiler.api import Compilation, Element, Junction, Kind, MechanismNode
+from compiler.api import Compilation, Element, Junction, Kind, MechanismNode, letters
 
 from ..text.causality import explain
 from .signals import Signal, signals_of
@@ -141,7 +141,7 @@ def _signature(causal: CausalGraph, group: tuple[int, ...], home: Mapping[int, i
         outwards = ends.tail.node == number
         other = (ends.head if outwards else ends.tail).node
         ports = getattr(graph.nodes[other], "ports", ())
-        if len(ports) < 2 or graph.nodes[other].kind in (Kind.TRANSFORMER, Kind.GYRATOR):
+        if len(ports) < 2 or graph.nodes[other].kind.value in letters("transducer"):
             return None
         around.append((home[other], outwards, causal.decides_effort(bond, number)))
     return node.kind, node.name.rpartition(".")[0] if "(" not in node.name else "", tuple(sorted(around))

@@ -14,6 +14,8 @@ from itertools import permutations
 
 import numpy as np
 
+from compiler.api import ELEMENTS
+
 from .box import Boxed, box_around
 from .glyphs import GAP, half_width, letter_and_label, reach, shortest
 from .room import Point, Rectangles, Vector, bounds, corridor, joined, lane, moved, push, touches
@@ -24,10 +26,11 @@ SIDES = (RIGHT, DOWN, LEFT, UP)
 CORNERS = ((0.7, 0.7), (0.7, -0.7), (-0.7, 0.7), (-0.7, -0.7))
 BETWEEN = ((0.4, 0.9), (0.4, -0.9), (-0.4, 0.9), (-0.4, -0.9), (0.9, 0.4), (0.9, -0.4), (-0.9, 0.4), (-0.9, -0.4))
 # Preferred sides of an element at the end of a bond, best first.
+_BY_LETTER = {"R": RIGHT, "D": DOWN, "L": LEFT, "U": UP}
 LIKES: Mapping[str, tuple[Vector, ...]] = {
-    "Se": (LEFT, UP, DOWN, RIGHT), "Sf": (LEFT, UP, DOWN, RIGHT), "I": (UP, DOWN, RIGHT, LEFT), "C": (UP, DOWN, RIGHT, LEFT),
-    "R": (DOWN, UP, RIGHT, LEFT), "": (UP, DOWN, LEFT, RIGHT),
-}  # fmt: skip
+    **{word: tuple(_BY_LETTER[side] for side in row.places) for word, row in ELEMENTS.items() if row.places},
+    "": (UP, DOWN, LEFT, RIGHT),
+}
 # costs in px: of a turn, of power from the right, of a side that is not preferred
 TURN, AGAINST, DISLIKE = 30.0, 24.0, 8.0
 
@@ -205,7 +208,7 @@ def _arrangements(
 def _likes(node: Node, branch: Branch) -> Sequence[Vector]:
     """Return the preferred sides of the end of a bond, best first."""
     if branch.towards is None:
-        return LIKES.get(node.letter.lstrip("M"), SIDES)
+        return LIKES.get(node.letter, SIDES)
     x, y = branch.towards
     return sorted(SIDES, key=lambda s: -(s[0] * x + s[1] * y))
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import CompilationFailed, Scene
+from compiler.api import CompilationFailed, Scene, letters
 
 from ..text.tables import short, visible
 from .bonds import BondColumns, bond_columns, powers
@@ -104,8 +104,9 @@ def energies(watched: Watched, time: Any, columns: Any) -> Any:
     for _, kind, around in watched.powers:
         into = power_into(watched, columns, around)
         if into is not None:
-            place, sign = {"Se": (0, -1.0), "Sf": (0, -1.0), "R": (1, 1.0)}.get(kind, (2, 1.0))
-            if kind not in ("TF", "GY"):
+            supplied, lost = kind in letters("source"), kind in letters("loss")
+            place, sign = (0, -1.0) if supplied else (1 if lost else 2, 1.0)
+            if kind not in letters("transducer"):
                 sums[place] += sign * into
     steps = np.diff(time) * (sums[:, 1:] + sums[:, :-1]) / 2
     return np.concatenate([np.zeros((3, 1)), np.cumsum(steps, axis=1)], axis=1)

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import letters
+
 from ...results.records import ElementEnergy, EnergyBalance
 
 if TYPE_CHECKING:
     from compiler.api import StateSpace, Storage
 
-SOURCES, LOSSES, TRANSDUCERS = ("Se", "Sf"), ("R",), ("TF", "GY")
 LEFT_OUT = "left out"
 UNEXPLAINED = 1e4  # in units of rtol times the energy turnover: larger residuals are reported
 GIVEN = (
@@ -41,11 +42,11 @@ def energy_balance(
         kind, total = by_element.get(port.element, (port.kind, 0.0))
         by_element[port.element] = (kind, total + float(joules))
     for name, (kind, joules) in by_element.items():
-        if kind in SOURCES:
+        if kind in letters("source"):
             elements.append(ElementEnergy(name, kind, 0.0, -joules, 0.0))
-        elif kind in LOSSES:
+        elif kind in letters("loss"):
             elements.append(ElementEnergy(name, kind, 0.0, 0.0, joules))
-        elif kind in TRANSDUCERS:
+        elif kind in letters("transducer"):
             elements.append(ElementEnergy(name, kind, 0.0, 0.0, 0.0, joules))
     jumped = _jumped(space, [*jumps, *left], arguments)
     offset = len(space.ports)
@@ -64,7 +65,7 @@ def energy_balance(
         )
         offset += count
     for name, (kind, joules) in by_element.items():  # storages in derivative form: their work is their stored energy
-        if kind in ("C", "I", "IC") and not any(s.element == name for s in space.storages):
+        if kind in letters("storage") and not any(s.element == name for s in space.storages):
             elements.append(ElementEnergy(name, kind, joules, 0.0, 0.0))
     if jumps:
         lost = -sum(_change(space, *jump, arguments) for jump in jumps)
@@ -103,7 +104,7 @@ def givers(space: StateSpace, instants: Any, powers: Any, turnover: float) -> li
     """
     by_element: dict[str, Any] = {}
     for column, port in enumerate(space.ports):
-        if port.kind in LOSSES:
+        if port.kind in letters("loss"):
             by_element[port.element] = by_element.get(port.element, 0.0) + powers[:, column]
     span = float(instants[-1] - instants[0]) if len(instants) > 1 else 1.0
     told = []
