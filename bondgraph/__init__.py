@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from .builder import Graph
     from .compiled_model import check
-    from .errors import RunFailed, RunInterrupted, UsageError
+    from .errors import BondgraphError, RunFailed, RunInterrupted, UsageError
     from .model import Model, load
     from .results.archive import read_result
     from .results.ensemble import Ensemble
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from .studies.sharing import Sharing
 
 __all__ = [
-    "CompilationFailed", "Ensemble", "Graph", "Journal", "Model", "Result", "RunFailed", "RunInterrupted", "Sharing", "UsageError", "check", "load",
-    "read_result",
+    "BondgraphError", "CompilationFailed", "Ensemble", "Graph", "Journal", "Model", "Result", "RunFailed", "RunInterrupted", "Sharing", "UsageError",
+    "check", "load", "read_result",
 ]  # fmt: skip
 _HOMES = {
     "load": "model",
@@ -44,6 +44,7 @@ _HOMES = {
     "Sharing": "studies.sharing",
     "Result": "results.result",
     "read_result": "results.archive",
+    "BondgraphError": "errors",
     "RunFailed": "errors",
     "RunInterrupted": "errors",
     "UsageError": "errors",

@@ -5,7 +5,22 @@ from __future__ import annotations
 from typing import Any
 
 
-class UsageError(Exception):
+class BondgraphError(Exception):
+    """Base of all errors outside the text of a model: a code, a sentence, and advice where there is some; `errors.md` lists the codes.
+
+    It is raised as `UsageError("BR408", "there are no data:", "name a file")`; its text is the sentence and the advice.
+    """
+
+    def __init__(self, *words: str) -> None:
+        super().__init__(*words)
+        self.code, sentence, self.advice = ("", *words, "") if len(words) == 1 else (*words, "")[:3]
+        self.sentence = sentence.rstrip(":;,")
+
+    def __str__(self) -> str:
+        return " ".join(self.args[1:] or self.args)
+
+
+class UsageError(BondgraphError):
     """Raised for an invalid call: an unknown name, an impossible value; the message lists the possible ones."""
 
 
@@ -13,7 +28,7 @@ class ManyRuns(UsageError):
     """Raised for an experiment that is more than one run, or none: `Model.run` executes it."""
 
 
-class RunFailed(Exception):
+class RunFailed(BondgraphError):
     """Raised if the text is valid, but the numbers failed; the message has the time and the quantity.
 
     `result` is the part computed up to then, a `bondgraph.Result`; None if the run had not begun.
@@ -33,7 +48,7 @@ class RunInterrupted(KeyboardInterrupt):
         return type(self), (str(self), self.result)
 
 
-class RunBroken(Exception):
+class RunBroken(BondgraphError):
     """Raised for a defect of this program, or of the machine, in the middle of a run; `result` is the part computed up to then."""
 
     def __init__(self, what: str, result: object = None) -> None:
@@ -71,7 +86,7 @@ class StepsCollapsed(RunFailed):
         return type(self), (str(self), self.time, self.state, self.ahead, self.mode), self.__dict__
 
 
-class MissingPackage(ImportError):
+class MissingPackage(BondgraphError, ImportError):
     """Raised if an optional package is not installed; the message says how to install it."""
 
 

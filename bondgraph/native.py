@@ -73,8 +73,10 @@ def in_child(text: str, level: int) -> bytes:
     try:
         done = subprocess.run(command, input=text.encode("utf-8"), capture_output=True, timeout=PATIENCE, check=False)
     except (OSError, subprocess.TimeoutExpired) as problem:
-        raise CannotCompile(f"machine code could not be made: {problem}") from None
+        raise CannotCompile("BR601", f"machine code could not be made: {problem}") from None
     if done.returncode or not done.stdout:
         told = done.stderr.decode("utf-8", "replace").strip().split("\n")[-1]
-        raise CannotCompile(f"machine code could not be made: {told or f'the compiler ended with {done.returncode}'}")
+        raise CannotCompile(
+            "BR601", f"machine code could not be made: {told or f'the compiler ended with {done.returncode}'}"
+        )
     return done.stdout

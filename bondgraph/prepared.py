@@ -31,9 +31,9 @@ def chosen_target(target: str | None) -> str:
     if target is None:
         return "native" if possible else "numpy"
     if target not in TARGETS:
-        raise UsageError(f"there is no target `{target}`; targets are {', '.join(TARGETS)}")
+        raise UsageError("BR602", f"there is no target `{target}`; targets are {', '.join(TARGETS)}")
     if target == "native" and not possible:
-        raise UsageError("the target native needs the package `llvmlite`; `pip install llvmlite` brings it")
+        raise UsageError("BR603", "the target native needs the package `llvmlite`; `pip install llvmlite` brings it")
     return target
 
 

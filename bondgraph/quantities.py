@@ -26,7 +26,9 @@ def quantity(text: str, unit: str, what: str) -> float:
         except CompilationFailed:
             pass  # no unit: the same error as for one of another kind
     kind = "a bare number" if unit == "1" else f"in {unit}"
-    raise UsageError(f"{what}: `{text.strip()}` is no quantity {kind}; write a number with its unit, or one in SI")
+    raise UsageError(
+        "BR604", f"{what}: `{text.strip()}` is no quantity {kind};", "write a number with its unit, or one in SI"
+    )
 
 
 def quantities(text: str, unit: str, what: str) -> list[float]:
@@ -37,7 +39,8 @@ def quantities(text: str, unit: str, what: str) -> list[float]:
     high, colon, count = rest.partition(":")
     if not colon or not count.strip().isdigit() or not 2 <= int(count) <= 1_000_000:
         raise UsageError(
-            f"{what}: a range is written `LOW .. HIGH : COUNT`, with 2 values or more; this is `{text.strip()}`"
+            "BR605",
+            f"{what}: a range is written `LOW .. HIGH : COUNT`, with 2 values or more; this is `{text.strip()}`",
         )
     first, last, steps = quantity(low, unit, what), quantity(high, unit, what), int(count) - 1
     return [first + (last - first) * i / steps for i in range(steps + 1)]
@@ -50,9 +53,9 @@ def in_unit(value: float, unit: str, kind: str, what: str) -> float:
     try:
         scale, own = (read_unit(Source(what, u)) for u in (unit, kind))
     except CompilationFailed:
-        raise UsageError(f"{what}: `{unit}` is no unit") from None
+        raise UsageError("BR606", f"{what}: `{unit}` is no unit") from None
     if scale.dimension != own.dimension:
-        raise UsageError(f"{what}: it is in {kind}, not in {unit}")
+        raise UsageError("BR607", f"{what}: it is in {kind}, not in {unit}")
     return float(scale.from_si(value))
 
 

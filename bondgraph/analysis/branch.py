@@ -123,7 +123,7 @@ def follow(
     `branches`: also follow the branches through its branch points, in both directions.
     """
     if not points >= 2 or low == high:
-        raise UsageError("a branch goes from one value to another, in 2 steps or more")
+        raise UsageError("BR201", "a branch goes from one value to another, in 2 steps or more")
     follower = BranchFollower(first, name, low, high)
     towards = np.zeros(first.count + 1)
     towards[-1] = 1.0

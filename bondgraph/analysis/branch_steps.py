@@ -389,7 +389,7 @@ def _root(
         if at not in made:
             place = follower.corrected(here, at)
             if place is None:
-                raise RunFailed("the branch could not be followed to a fold that it has")
+                raise RunFailed("BR202", "the branch could not be followed to a fold that it has")
             made[at] = place
         return sign(made[at])
 

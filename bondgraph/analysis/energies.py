@@ -78,7 +78,7 @@ def energies(
     made = model.compilation(model.scene(experiment, settings))
     plan = made.plan
     if plan.sweeps or (plan.stop is None and to is None):
-        raise UsageError("energy over time is that of one simulation: name an experiment that makes one")
+        raise UsageError("BR203", "energy over time is that of one simulation:", "name an experiment that makes one")
     flat = write_text(made.whole_graph).rstrip()
     graph = CompiledModel(source_of(flat)).compilation().whole_graph
     wanted = {
@@ -92,7 +92,7 @@ def energies(
     start, stop = plan.start, plan.stop if to is None else to
     assert stop is not None
     if start or plan.equilibrium:
-        raise UsageError("energy over time is that of a run from t = 0 and the model's own start")
+        raise UsageError("BR204", "energy over time is that of a run from t = 0 and the model's own start")
     wanted_run = Wanted(stop, points or int(plan.settings.get("points", POINTS)), rtol if rtol is not None else 1e-8)
     run = simulate(powered, None, {}, tuple(names.values()) or None, wanted_run)
     found = {n: run[o] * (-1.0 if _into_source(graph, wanted[n]) else 1.0) for n, o in names.items()}

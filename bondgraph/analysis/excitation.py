@@ -25,11 +25,13 @@ def excite(
 ) -> Measured:  # fmt: skip
     """Measure the response to a harmonic motion of the input `given` about its value at the equilibrium."""
     if given not in model.inputs:
-        raise UsageError(f"`{given}` is no input of the model; inputs are {', '.join(model.inputs) or 'none'}")
+        raise UsageError("BR205", f"`{given}` is no input of the model; inputs are {', '.join(model.inputs) or 'none'}")
     linear = linearization(operating_point(model, Asked(experiment, settings, (seen,), (given,))))
     waited = math.ceil(settling_time(linear, given, seen, frequency) * frequency) + 1
     if waited > MOST_PERIODS:
-        raise UsageError(f"it takes {waited} periods until `{seen}` has settled: `bode` gives its response exactly")
+        raise UsageError(
+            "BR206", f"it takes {waited} periods until `{seen}` has settled:", "`bode` gives its response exactly"
+        )
     unit = linear.units.get(given, "1")
     mean = f"{float(linear.u[0])!r} [{unit}]"
     swing = f"{amplitude!r} [{unit}]*sin(2*pi*{frequency!r}*time/(1 [s]))"

@@ -65,5 +65,5 @@ def led(compilation: Compilation, parameters: Any, given: Mapping[str, float]) -
         leader, value = names[follower.place], (given[name] - follower.offset) / follower.slope
         other = found.setdefault(leader, value)
         if abs(other - value) > SAME * max(abs(other), abs(value), abs(follower.offset / follower.slope)):
-            raise UsageError(f"`{name}` follows `{leader}`: their values contradict each other")
+            raise UsageError("BR207", f"`{name}` follows `{leader}`: their values contradict each other")
     return found

@@ -44,7 +44,8 @@ class ResponseSensitivity:
         self.response.of(given, seen)  # raises for unknown names
         if parameter not in self.parameters:
             raise UsageError(
-                f"there is no `{parameter}` in this sensitivity; there is {', '.join(self.parameters) or 'none'}"
+                "BR209",
+                f"there is no `{parameter}` in this sensitivity; there is {', '.join(self.parameters) or 'none'}",
             )
         i, j = self.response.outputs.index(seen), self.response.inputs.index(given)
         found: NDArray[np.complex128] = self.slopes[:, i, j, self.parameters.index(parameter)]
@@ -117,7 +118,8 @@ class _Moving:
         by = [point.by.index(n) for n in parameters]
         if columns and np.any(point.reduced.following[:, columns]):
             raise UsageError(
-                "an input moves places of closing joints themselves: how its response moves with parameters is not told"
+                "BR210",
+                "an input moves places of closing joints themselves: how its response moves with parameters is not told",
             )
         whole = linearization(point)
         self.linear: Linearization = replace(
@@ -143,7 +145,8 @@ def linear_sensitivity(point: OperatingPoint, inputs: tuple[str, ...], parameter
     """
     if point.reduced.tied:
         raise UsageError(
-            "closing joints tie coordinates here: which of them A stands for is a choice; modes and responses have sensitivities of their own"
+            "BR211",
+            "closing joints tie coordinates here: which of them A stands for is a choice; modes and responses have sensitivities of their own",
         )
     moving = _Moving(point, inputs, parameters)
     n, size, linear = moving.n, moving.size, moving.linear
@@ -206,7 +209,8 @@ def response_sensitivity(
 
 def _without_bound(frequency: float) -> RunFailed:
     return RunFailed(
-        f"at {frequency:.6g} Hz an undamped mode answers without bound: its response does not move smoothly there"
+        "BR212",
+        f"at {frequency:.6g} Hz an undamped mode answers without bound: its response does not move smoothly there",
     )
 
 

@@ -88,7 +88,7 @@ class OperatingPoint:
         for role, names in (("parameter", self.program.parameters.names), ("input", self.program.inputs.names)):
             if name in names:
                 return role, names.index(name)
-        raise UsageError(f"nothing in the model reads `{name}`, or it follows from others: it cannot be moved")
+        raise UsageError("BR213", f"nothing in the model reads `{name}`, or it follows from others: it cannot be moved")
 
     def elsewhere(self, given: Mapping[str, float], state: Any) -> OperatingPoint:
         """Return the point at other values of parameters or inputs, with the nearest state on constraints and loops. Raises `RunFailed`."""
@@ -179,7 +179,7 @@ class OperatingPoint:
         """Return the same point if all requirements of the model hold. Raises `RunFailed`."""
         left = self.left
         if left:
-            raise RunFailed(f"no analysis is made where the model does not hold: {left[0].words_at_rest}")
+            raise RunFailed("BR214", f"no analysis is made where the model does not hold: {left[0].words_at_rest}")
         return self
 
     # ------------------------------------------------------------ slopes
@@ -206,7 +206,7 @@ class OperatingPoint:
         return found
 
     def _without_slope(self, name: str) -> RunFailed:
-        return RunFailed(f"`{name}` has no finite slope at this state (t = {self.time:.9g} s)")
+        return RunFailed("BR215", f"`{name}` has no finite slope at this state (t = {self.time:.9g} s)")
 
     def slopes(self, variables: Sequence[int]) -> Any:
         """Return dense derivatives of variables by states, unknowns and `by`, (len(variables), n + m + k). Raises `RunFailed`."""
@@ -260,8 +260,10 @@ class OperatingPoint:
         sampled = [e for e in getattr(self.program.hybrid, "events", ()) if e.sampled]
         if sampled:
             raise UsageError(
-                f"`{sampled[0]}` is sampled, and this analysis is one of continuous equations: `equilibrium` and `bode` (`response`) are made of the "
-                "sampled loop; for others write what it does as a continuous law, or simulate"
+                "BR216",
+                f"`{sampled[0]}` is sampled, and this analysis is one of continuous equations: "
+                "`equilibrium` and `bode` (`response`) are made of the sampled loop;",
+                "for others write what it does as a continuous law, or simulate",
             )
         return reduction(self)
 
@@ -323,7 +325,7 @@ def reduction(point: OperatingPoint) -> Reduced:
         except np.linalg.LinAlgError as problem:
             names = ", ".join(f"`{u}`" for u in point.program.unknowns.names[:6])
             raise RunFailed(
-                f"the algebraic loop of {names} has no slope at this state: two of its solutions meet"
+                "BR217", f"the algebraic loop of {names} has no slope at this state: two of its solutions meet"
             ) from problem
     if not point.program.invariants.names:
         return Reduced(np.arange(n), np.eye(n), np.zeros((n, k)), follow)
@@ -398,7 +400,8 @@ def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = No
         program, plan = made.program, made.plan
     except NoSlope as problem:
         raise UsageError(
-            "one of the quantities is a point of a table or a seed of noise: nothing is differentiated by these"
+            "BR218",
+            "one of the quantities is a point of a table or a seed of noise: nothing is differentiated by these",
         ) from problem
     begins = plan.start if asked.time is None else asked.time
     plan = replace(plan, equilibrium=asked.state == "equilibrium", start=begins, tolerances={})
@@ -407,12 +410,14 @@ def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = No
     with np.errstate(all="ignore"):
         leg = Leg(made, plan, np.array([begins, begins + AHEAD]), 1e-6, None, False, None, values)
         if leg.begins_without != leg.off:
-            raise UsageError("junctions go on or off at the very start (`active`): no linear analysis is made there")
+            raise UsageError(
+                "BR219", "junctions go on or off at the very start (`active`): no linear analysis is made there"
+            )
         state, mode = leg.state, leg.stretches[0].mode
         if isinstance(asked.state, Mapping):
             state = _given(leg, asked.state, begins, mode)
         elif asked.state not in ("equilibrium", "start"):
-            raise UsageError(f"a state is `equilibrium`, `start` or values by name; not `{asked.state}`")
+            raise UsageError("BR220", f"a state is `equilibrium`, `start` or values by name; not `{asked.state}`")
     return OperatingPoint(made, leg.constraints, state, mode, begins, asked.by, values).check_limits()
 
 
@@ -426,7 +431,7 @@ def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:
         given = led(leg.compilation.compilation, leg.parameters, given)
     unknown = sorted(set(given) - set(names))
     if unknown:
-        raise UsageError(f"`{unknown[0]}` is no state; states are {', '.join(names) or 'none'}")
+        raise UsageError("BR221", f"`{unknown[0]}` is no state; states are {', '.join(names) or 'none'}")
     state = np.array(leg.state, dtype=float)
     for i, name in enumerate(names):
         state[i] = given.get(name, state[i])

@@ -49,7 +49,9 @@ class Point:
         for word, found in self.analyses:
             if word == role:
                 return found
-        raise UsageError(f"there is no `{role}` here; there is {', '.join(w for w, _ in self.analyses) or 'none'}")
+        raise UsageError(
+            "BR222", f"there is no `{role}` here; there is {', '.join(w for w, _ in self.analyses) or 'none'}"
+        )
 
     def _of_analyses(self) -> dict[str, tuple[float, str]]:
         """Return numbers with units; a second step with the same name gets it with its number."""
@@ -147,7 +149,7 @@ class Outcome(Sequence[Point]):
     def __call__(self, name: str) -> NDArray[np.float64]:
         """Return a column of the table over the points. Raises `UsageError`."""
         if name not in self.names:
-            raise UsageError(f"there is no `{name}` in this outcome; it has {', '.join(self.names)}")
+            raise UsageError("BR223", f"there is no `{name}` in this outcome; it has {', '.join(self.names)}")
         column: NDArray[np.float64] = self.table()[:, self.names.index(name)]
         return column
 

@@ -20,7 +20,7 @@ def values_at(compilation: Compilation, state: Mapping[str, float], time: float)
     state = led(compilation, program.defaults, state)
     unknown = sorted(set(state) - set(program.states.names))
     if unknown:
-        raise UsageError(f"`{unknown[0]}` is no state; states are {', '.join(program.states.names) or 'none'}")
+        raise UsageError("BR221", f"`{unknown[0]}` is no state; states are {', '.join(program.states.names) or 'none'}")
     constants, inputs = program.constants(np.array(program.defaults)), np.array(program.input_defaults)
     x = np.array(program.start(constants), dtype=float)
     for i, name in enumerate(program.states.names):
@@ -55,11 +55,11 @@ def _steps(space: StateSpace, values: dict[int, float]) -> None:
             try:
                 found = np.linalg.solve(matrix / size[:, None], right / size)
             except np.linalg.LinAlgError as problem:
-                raise RunFailed(f"the loop of {', '.join(step.members)} has no unique solution") from problem
+                raise RunFailed("BR224", f"the loop of {', '.join(step.members)} has no unique solution") from problem
             values.update(zip(step.targets, map(float, found), strict=True))
             continue
         try:
             values[step.target] = evaluate(step.expression, values.__getitem__)
         except (ArithmeticError, ValueError) as problem:
             name = space.variables[step.target].name
-            raise RunFailed(f"`{name}` has no value at this state: {problem}") from problem
+            raise RunFailed("BR225", f"`{name}` has no value at this state: {problem}") from problem

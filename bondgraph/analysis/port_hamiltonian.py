@@ -135,7 +135,8 @@ class _Form:
             outside = [v for v, c in row.items() if v not in self.columns and c != 0]
             if outside:
                 raise UsageError(
-                    "something that is neither storage, resistor nor source decides a flow: no port-Hamiltonian form is made"
+                    "BR226",
+                    "something that is neither storage, resistor nor source decides a flow: no port-Hamiltonian form is made",
                 )
             rows.append([row.get(c, 0) for c in self.columns])
         return np.array(rows, dtype=self.entries).reshape(len(rows), len(self.columns))
@@ -170,14 +171,16 @@ def _check_positive(R: Array, form: _Form) -> None:
         pass
     if least(R) < -ROUND_OFF:
         guilty = [f"`{name}`" for name, loss in form.parts().items() if least(loss) < -ROUND_OFF]
-        raise UsageError(f"{', '.join(guilty)} creates energy at this state: R would not be positive semidefinite")
+        raise UsageError(
+            "BR227", f"{', '.join(guilty)} creates energy at this state: R would not be positive semidefinite"
+        )
 
 
 def _check_dependent(compilation: Compilation, net: Network, form: _Form) -> None:
     names = ", ".join(f"`{d.element}`" for d in net.dependent)
     if (form.others != 0).any() or form.reached:
         why = "forced by a source, tied to each other or seen by a resistor"
-        raise UsageError(f"storages in derivative form ({names}) are {why}: no port-Hamiltonian form is made")
+        raise UsageError("BR228", f"storages in derivative form ({names}) are {why}: no port-Hamiltonian form is made")
     moved = [
         n.name
         for n in compilation.graph.nodes
@@ -185,7 +188,8 @@ def _check_dependent(compilation: Compilation, net: Network, form: _Form) -> Non
     ]
     if moved:
         raise UsageError(
-            f"storages in derivative form ({names}) beside `{moved[0]}`, whose ratio moves: no port-Hamiltonian form is made"
+            "BR229",
+            f"storages in derivative form ({names}) beside `{moved[0]}`, whose ratio moves: no port-Hamiltonian form is made",
         )
     if (np.abs(form.B + form.C.T) > ROUND_OFF * (np.abs(form.B) + np.abs(form.C.T))).any():
         raise InternalError("the ties of dependent storages do not conserve power")
@@ -195,7 +199,9 @@ def _follow(compilation: Compilation, net: Network, form: _Form, values: Mapping
     """Return dx_d/dx: from the dependent storages' derivatives, the ties, and the states' derivatives."""
     both = {d.element for d in net.dependent} & {s.element for s in net.states}
     if both:
-        raise UsageError(f"`{min(both)}` is in derivative form in some of its ports: no port-Hamiltonian form is made")
+        raise UsageError(
+            "BR230", f"`{min(both)}` is in derivative form in some of its ports: no port-Hamiltonian form is made"
+        )
 
     def slopes(ports: tuple[StoragePort, ...], of: str, over: str) -> Array:
         result = np.zeros((len(ports), len(ports)))
@@ -256,7 +262,8 @@ def symbolic_port_hamiltonian(compilation: Compilation) -> SymbolicPortHamiltoni
 
     if compilation.state_space.dependent:
         raise UsageError(
-            f"`{compilation.state_space.dependent[0]}` depends on other storages: there is no form in symbols, but one at each state"
+            "BR231",
+            f"`{compilation.state_space.dependent[0]}` depends on other storages: there is no form in symbols, but one at each state",
         )
     entry = symbolic_values(compilation.state_space)
     # Rational numbers, because sums must vanish exactly here.

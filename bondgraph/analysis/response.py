@@ -52,7 +52,9 @@ class Response:
         """Return the response from an input to an output, (f,). Raises `UsageError`."""
         for name, known, what in ((given, self.inputs, "input"), (seen, self.outputs, "output")):
             if name not in known:
-                raise UsageError(f"there is no {what} `{name}` in this response; there is {', '.join(known) or 'none'}")
+                raise UsageError(
+                    "BR232", f"there is no {what} `{name}` in this response; there is {', '.join(known) or 'none'}"
+                )
         found: NDArray[np.complex128] = self.values[:, self.outputs.index(seen), self.inputs.index(given)]
         return found
 
@@ -122,7 +124,9 @@ def response(linear: Linearization, low: float | None, high: float | None, point
     """Return the response at `points` frequencies from `low` to `high` (Hz, logarithmic; None: a decade around the modes) and at resonances."""
     if not linear.inputs or not linear.outputs:
         raise UsageError(
-            "a frequency response leads from an input to an output: name one that the model has (or a parameter as input)"
+            "BR233",
+            "a frequency response leads from an input to an output:",
+            "name one that the model has (or a parameter as input)",
         )
     frequencies = frequencies_between(np.linalg.eigvals(linear.A), low, high, points)
     found = bounded_eigenvalues(linear.A)
@@ -178,15 +182,18 @@ def frequencies_between(poles: Any, low: float | None, high: float | None, point
     moving = np.abs(poles)[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)] / (2 * np.pi)
     if (low is None or high is None) and not len(moving):
         raise UsageError(
-            'nothing in the model says over which frequencies to look: give a range (`--over "1 Hz .. 1 kHz"`)'
+            "BR234",
+            "nothing in the model says over which frequencies to look:",
+            'give a range (`--over "1 Hz .. 1 kHz"`)',
         )
     low = float(moving.min()) / 10 if low is None else low
     high = float(moving.max()) * 10 if high is None else high
     if not 2 <= points <= MOST_POINTS:
-        raise UsageError(f"a response has from 2 to {MOST_POINTS} points; these are {points}")
+        raise UsageError("BR235", f"a response has from 2 to {MOST_POINTS} points; these are {points}")
     if not LOWEST <= low < high <= HIGHEST:
         raise UsageError(
-            f"frequencies run upwards from above zero, within {LOWEST:g} to {HIGHEST:g} Hz; not from {low:g} to {high:g} Hz"
+            "BR236",
+            f"frequencies run upwards from above zero, within {LOWEST:g} to {HIGHEST:g} Hz; not from {low:g} to {high:g} Hz",
         )
     near = [
         (abs(p.imag) + w * abs(p.real)) / (2 * math.pi) for p in poles if 0 < abs(p.real) < abs(p.imag) for w in BESIDE
@@ -221,7 +228,7 @@ def settling_time(linear: Linearization, given: str, seen: str, frequency: float
         times = np.where(parts > left * steady, np.log(parts / (left * steady)) / -values.real, 0.0)
     if not np.isfinite(times).all() or (times < 0).any():
         raise UsageError(
-            f"`{seen}` never settles under a harmonic `{given}`: a mode that takes part in it is not damped"
+            "BR237", f"`{seen}` never settles under a harmonic `{given}`: a mode that takes part in it is not damped"
         )
     return float(times.max(initial=0.0))
 

@@ -55,7 +55,7 @@ class RunSensitivity:
         """Return one derivative over time (t,). Raises `UsageError`."""
         for name, known in ((output, self.outputs), (parameter, self.parameters)):
             if name not in known:
-                raise UsageError(f"there is no `{name}` in this sensitivity; there is {', '.join(known)}")
+                raise UsageError("BR209", f"there is no `{name}` in this sensitivity; there is {', '.join(known)}")
         return self.slopes[:, self.outputs.index(output), self.parameters.index(parameter)]
 
     def to_json(self) -> dict[str, Any]:
@@ -100,7 +100,7 @@ def run_sensitivity(
     if instants is None:
         instants = np.linspace(plan.start, _stop(plan, to), points)
     if instants[0] < plan.start:
-        raise UsageError(f"a run begins at {plan.start:g} s: nothing is known of t = {instants[0]:g} s")
+        raise UsageError("BR238", f"a run begins at {plan.start:g} s: nothing is known of t = {instants[0]:g} s")
     asked = Asked(experiment, fixed, outputs, by)
     flow = Flow(made, asked, instants, {**settled.values, **(moved or {})}, rtol)
     with np.errstate(all="ignore"):
@@ -123,15 +123,18 @@ class Flow:
         program = made.program
         if program.hybrid is not None or program.delays is not None:
             raise UsageError(
-                "events, conditions on states and delays have no derivatives here: no sensitivities of runs are made of them"
+                "BR239",
+                "events, conditions on states and delays have no derivatives here: no sensitivities of runs are made of them",
             )
         if made.facts.claims:
-            raise UsageError("starts that are given to what is computed: no sensitivities of runs are made of them")
+            raise UsageError(
+                "BR240", "starts that are given to what is computed: no sensitivities of runs are made of them"
+            )
         self.made, self.asked, self.instants, self.rtol, self.values = made, asked, instants, rtol, values
         self.begins = made.plan.start
         span = np.concatenate([[self.begins], instants[instants > self.begins]])
         if len(span) < 2:
-            raise UsageError("a run has an end after its start")
+            raise UsageError("BR241", "a run has an end after its start")
         self.leg = Leg(made, replace(made.plan, tolerances={}), span, 1e-6, None, False, None, values)
         self.n, self.k, self.size = len(program.states.names), len(asked.by), len(self.leg.state)
         self.loops = LoopSolver(
@@ -184,8 +187,9 @@ class Flow:
         ways = reduced.directions[given]  # derivatives of the given start values by the free coordinates
         if np.linalg.matrix_rank(ways) < ways.shape[1]:
             raise UsageError(
-                "parameters move where a loop is closed at the start, and the model does not say which of its coordinates stay: "
-                "give starts to as many as are free"
+                "BR242",
+                "parameters move where a loop is closed at the start, and the model does not say which of its coordinates stay:",
+                "give starts to as many as are free",
             )
         free, *_ = np.linalg.lstsq(ways, moved[given] - reduced.following[given], rcond=None)
         return np.asarray(reduced.directions @ free + reduced.following)
@@ -211,7 +215,8 @@ class Flow:
         read = {symbol for root in lowered.crossings for symbol in symbols(root)} | lowered.curves_in_modes()
         if any(symbol.key in ways for symbol in read):
             raise UsageError(
-                "an instant at which a signal jumps or bends moves with a parameter in a way that is not linear in time"
+                "BR243",
+                "an instant at which a signal jumps or bends moves with a parameter in a way that is not linear in time",
             )
         jumps = self.made.program.instants(self.leg.constants)
         moving = self._slopes_of("instants", lowered.instants)
@@ -253,7 +258,8 @@ class Flow:
         )  # fmt: skip
         if not done.success:
             raise RunFailed(
-                f"the derivatives could not be followed beyond t = {done.t[-1] if len(done.t) else stretch.start:.9g} s: {done.message}"
+                "BR244",
+                f"the derivatives could not be followed beyond t = {done.t[-1] if len(done.t) else stretch.start:.9g} s: {done.message}",
             )
         return list(zip(at, done.y.T, strict=True))
 
@@ -266,7 +272,8 @@ class Flow:
             return y
         if any((moving[i] != way).any() for i in near[1:]):
             raise UsageError(
-                f"at t = {time:.9g} s two instants meet that move with parameters each in its own way: there is no derivative"
+                "BR245",
+                f"at t = {time:.9g} s two instants meet that move with parameters each in its own way: there is no derivative",
             )
         before = self.point(y[: self.n], time).rates
         self.mode = mode

@@ -76,8 +76,9 @@ def sampled_loop(point: OperatingPoint) -> SampledLoop:
     periods = sorted({period for _, _, period in settings})
     if len(periods) != 1:
         raise UsageError(
-            f"the model is sampled every {', '.join(f'{p:g} s' for p in periods)}: its discrete loop is that of one period; give all `every` "
-            "the same, or simulate"
+            "BR246",
+            f"the model is sampled every {', '.join(f'{p:g} s' for p in periods)}: its discrete loop is that of one period;",
+            "give all `every` the same, or simulate",
         )
     reduced = reduction(point)
     values = point.lowered.values
@@ -89,7 +90,7 @@ def sampled_loop(point: OperatingPoint) -> SampledLoop:
     _, found = tape.slopes(point.lookup, directions, width)
     table = np.array([np.zeros(width) if row is None else row for row in found]).reshape(len(found), width)
     if not np.isfinite(table).all():
-        raise RunFailed("something in the sampled loop has no finite slope at its rest")
+        raise RunFailed("BR247", "something in the sampled loop has no finite slope at its rest")
     r, k = len(reduced.chosen), len(settings)
     above, middle, held = np.split(table, [r, r + len(outputs)])
     modes = program.hybrid.modes.names if program.hybrid is not None else ()
@@ -132,7 +133,7 @@ def _directions(point: OperatingPoint, reduced: Any, modes: list[int]) -> tuple[
         try:
             follow = -np.linalg.solve(own, right)
         except np.linalg.LinAlgError as problem:
-            raise RunFailed("an algebraic loop of the model has no slope at this rest") from problem
+            raise RunFailed("BR248", "an algebraic loop of the model has no slope at this rest") from problem
         directions |= {Leaf("state", n + i): row for i, row in enumerate(follow)}
     return directions, width
 
@@ -169,11 +170,14 @@ def sampled_response(
     linear, nyquist = loop.continuous, 0.5 / loop.period
     if not point.by or not linear.outputs:
         raise UsageError(
-            "a frequency response leads from an input to an output: name one that the model has (or a parameter as input)"
+            "BR233",
+            "a frequency response leads from an input to an output:",
+            "name one that the model has (or a parameter as input)",
         )
     if high is not None and high > nyquist * (1 + 1e-12):
         raise UsageError(
-            f"the model is sampled every {loop.period:g} s: its response goes up to half that rate, {nyquist:g} Hz, not to {high:g} Hz"
+            "BR249",
+            f"the model is sampled every {loop.period:g} s: its response goes up to half that rate, {nyquist:g} Hz, not to {high:g} Hz",
         )
     values = np.linalg.eigvals(loop.matrix).astype(complex)
     poles = np.log(values[values != 0]) / loop.period

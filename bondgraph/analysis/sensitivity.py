@@ -56,7 +56,7 @@ class Sensitivity:
         """Return one derivative. Raises `UsageError`."""
         for name, known in ((quantity, self.quantities), (parameter, self.parameters)):
             if name not in known:
-                raise UsageError(f"there is no `{name}` in this sensitivity; there is {', '.join(known)}")
+                raise UsageError("BR209", f"there is no `{name}` in this sensitivity; there is {', '.join(known)}")
         return float(self.slopes[self.quantities.index(quantity), self.parameters.index(parameter)])
 
     @property
@@ -111,11 +111,12 @@ def independent(
         if named is None or named.role not in ("parameter", "input"):
             some = ", ".join(n for n, q in graph.quantities.items() if q.role == "parameter" and "." not in n)
             raise UsageError(
-                f"`{name}` is no parameter or input of the model; it has {some or 'none'}, and those of its parts"
+                "BR250",
+                f"`{name}` is no parameter or input of the model; it has {some or 'none'}, and those of its parts",
             )
         if name not in free:
             if named.value is None:
-                raise UsageError(f"`{name}` moves with time: give it a value to differentiate by it")
+                raise UsageError("BR251", f"`{name}` moves with time:", "give it a value to differentiate by it")
             fixed[name] = named.value
     return parameters, fixed
 
@@ -170,7 +171,8 @@ def _moved(linear: Linearization) -> Any:
     if len(lost):
         name = linear.inputs[lost[0]]
         raise RunFailed(
-            f"the state of rest does not follow `{name}`: it ends or branches there (`continue` goes through such points)"
+            "BR252",
+            f"the state of rest does not follow `{name}`: it ends or branches there (`continue` goes through such points)",
         )
     return found
 
@@ -221,7 +223,8 @@ def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: An
         w, v = left[:, i], right[:, i]
         if abs(values[i] - value) > NEAR * abs(value) or not np.isfinite(w).all():
             raise RunFailed(
-                f"the mode at {abs(value) / (2 * math.pi):.6g} Hz coincides with another: it has no derivative of its own"
+                "BR253",
+                f"the mode at {abs(value) / (2 * math.pi):.6g} Hz coincides with another: it has no derivative of its own",
             )
         if size > n:
             w = np.concatenate([w, -np.linalg.solve(whole[n:, n:].T, whole[:n, n:].T @ w)])

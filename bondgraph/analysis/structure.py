@@ -96,11 +96,12 @@ def _check_supported(compilation: Compilation) -> None:
     for node in compilation.graph.nodes:
         if node.kind is Kind.MECHANISM:
             raise UsageError(
-                f"`{node.name}` is a mechanism: its states are coordinates and speeds, not momenta, so that its port-Hamiltonian form "
-                "is not made; write it with C, I and transformers"
+                "BR254",
+                f"`{node.name}` is a mechanism: its states are coordinates and speeds, not momenta, so that its port-Hamiltonian form is not made;",
+                "write it with C, I and transformers",
             )
     for name in compilation.equations.stored:
-        raise UsageError(f"`{name}` stores energy in a form of its own: its port-Hamiltonian form is not made")
+        raise UsageError("BR255", f"`{name}` stores energy in a form of its own: its port-Hamiltonian form is not made")
 
 
 def _storages(compilation: Compilation) -> tuple[tuple[StoragePort, ...], tuple[StoragePort, ...]]:
@@ -124,7 +125,9 @@ def _storages(compilation: Compilation) -> tuple[tuple[StoragePort, ...], tuple[
             (dependent if (rate, stored) in derivatives else states).append(item)
     unknown = {p.element for p in system.ports if p.kind in letters("storage")} - {s.element for s in system.storages}
     if unknown:
-        raise UsageError(f"the law of `{min(unknown)}` gives no slope of an energy: no port-Hamiltonian form is made")
+        raise UsageError(
+            "BR256", f"the law of `{min(unknown)}` gives no slope of an energy: no port-Hamiltonian form is made"
+        )
     return tuple(sorted(states, key=lambda s: order.get(s.stored, len(order)))), tuple(dependent)
 
 
@@ -139,7 +142,8 @@ def _linear(assignment: Assignment, tries: tuple[set[int], ...], value: Coeffici
     parts = next((p for p in found if p is not None), None)
     if parts is None:  # a product with a factor that is a variable of another bond
         raise UsageError(
-            f"`{assignment.owner}` is modulated by the effort or flow of another bond: no port-Hamiltonian form is made"
+            "BR257",
+            f"`{assignment.owner}` is modulated by the effort or flow of another bond: no port-Hamiltonian form is made",
         )
     return {v: value(x) for v, x in parts.items()}
 
@@ -171,14 +175,19 @@ def _resistive(
     if linear is not None:
         return {v: value(x) for v, x in linear.items()}
     if values is None:
-        raise UsageError(f"the law of `{name}` is not linear: there is no form in symbols, but one at each state")
+        raise UsageError(
+            "BR258", f"the law of `{name}` is not linear: there is no form in symbols, but one at each state"
+        )
     if len(ports) > 1:
-        raise UsageError(f"`{name}` has several ports and its law is not linear: no port-Hamiltonian form is made")
+        raise UsageError(
+            "BR259", f"`{name}` has several ports and its law is not linear: no port-Hamiltonian form is made"
+        )
     (other,) = own
     if values[other] == 0.0:
         if values[target] != 0.0:
             raise UsageError(
-                f"`{name}` gives something without being given anything: it is a source as well, no port-Hamiltonian form is made"
+                "BR260",
+                f"`{name}` gives something without being given anything: it is a source as well, no port-Hamiltonian form is made",
             )
         return {other: _slope_at_rest(assignment, target, other, value)}
     return {other: values[target] / values[other]}

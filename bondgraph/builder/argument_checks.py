@@ -33,7 +33,7 @@ Ports = Mapping[str, str] | Sequence[str]  # the names of ports, with or without
 def description_of(text: Any) -> str:
     """Return a text that fits into one literal, which has no way to write a quotation mark or a line break."""
     if not isinstance(text, str) or '"' in text or not text.isprintable():
-        raise UsageError(f"a description has no quotation marks, line breaks or control characters: {text!r}")
+        raise UsageError("BR501", f"a description has no quotation marks, line breaks or control characters: {text!r}")
     return text
 
 
@@ -46,17 +46,19 @@ def domain_of(domain: Any, also: Iterable[str] = ()) -> str:
     """Return a domain of the language."""
     known = [*DOMAINS, *also]
     if domain not in known:
-        raise UsageError(f"there is no domain {domain!r}; domains are {', '.join(known)}")
+        raise UsageError("BR502", f"there is no domain {domain!r}; domains are {', '.join(known)}")
     return str(domain)
 
 
 def ports_of(ports: Ports) -> tuple[str, tuple[str, ...]]:
     """Return ports in parentheses, and their names."""
     if not isinstance(ports, Mapping | list | tuple):
-        raise UsageError(f"ports are a list of names or a mapping from names to domains, not {ports!r}")
+        raise UsageError("BR503", f"ports are a list of names or a mapping from names to domains, not {ports!r}")
     given = dict(ports) if isinstance(ports, Mapping) else dict.fromkeys(ports, "")
     if len(given) < len(ports) or any("[" in name_of(p) for p in given):
-        raise UsageError(f"the ports of an element have different names, without indices: {', '.join(map(str, ports))}")
+        raise UsageError(
+            "BR504", f"the ports of an element have different names, without indices: {', '.join(map(str, ports))}"
+        )
     listed = ", ".join(f"{p}: {domain_of(d)}" if d else p for p, d in given.items())
     return (f"({listed})" if listed else ""), tuple(given)
 
@@ -64,10 +66,10 @@ def ports_of(ports: Ports) -> tuple[str, tuple[str, ...]]:
 def _one_line(text: Any, what: str) -> str:
     """Return the text on one line, without hidden characters."""
     if not isinstance(text, str):
-        raise UsageError(f"{what} is a text of the language, not {text!r}")
+        raise UsageError("BR505", f"{what} is a text of the language, not {text!r}")
     line = " ".join(text.split())
     if "#" in line or '"' in line or not line.isprintable():
-        raise UsageError(f"{what} has no comments, quotation marks or control characters: {text!r}")
+        raise UsageError("BR506", f"{what} has no comments, quotation marks or control characters: {text!r}")
     return line
 
 
@@ -90,7 +92,7 @@ def path_of(text: Any) -> str:
     line = _one_line(str(text) if isinstance(text, Part | Quantity) else text, "a path")
     found = parse_expression(Source("path", line))
     if not isinstance(found, Path):
-        raise UsageError(f"{text!r} is no dotted name")
+        raise UsageError("BR507", f"{text!r} is no dotted name")
     return found.words
 
 
@@ -104,7 +106,7 @@ def unit_of(unit: Any, what: str) -> str:
 def mapping_of(given: Any, what: str) -> Mapping[Any, Any]:
     """Return a mapping from names to values."""
     if not isinstance(given, Mapping):
-        raise UsageError(f"{what} is a mapping, {{name: value}}, not {given!r}")
+        raise UsageError("BR508", f"{what} is a mapping, {{name: value}}, not {given!r}")
     return given
 
 
@@ -118,9 +120,9 @@ def value_of(value: Value, what: str, unit: str = "", declared: bool = False) ->
         return _number(value, what, unit, declared)
     if isinstance(value, list | tuple):
         if len(value) < 2:
-            raise UsageError(f"{what}: a list has two items or more")
+            raise UsageError("BR509", f"{what}: a list has two items or more")
         return f"({', '.join(value_of(v, what, unit, declared) for v in value)})"
-    raise UsageError(f"{what} is a number, a text of the language, or a list of these, not {value!r}")
+    raise UsageError("BR510", f"{what} is a number, a text of the language, or a list of these, not {value!r}")
 
 
 def is_one_number(text: str) -> bool:
@@ -140,7 +142,7 @@ def _number(value: Any, what: str, unit: str, declared: bool) -> str:
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise UsageError(f"{what} is no finite number: {value!r:.40}")
+        raise UsageError("BR511", f"{what} is no finite number: {value!r:.40}")
     text = number_text(number)
     lone = "^" not in text  # otherwise the number is too large or small for a literal
     if not unit or number == 0 or (lone and declared):

@@ -132,13 +132,17 @@ class Elements:
         own = name_of(name)
         for word in given:
             if word not in Given.__annotations__:
-                raise UsageError(f"`{own}`: an element has no `{word}`; it has {', '.join(Given.__annotations__)}")
+                raise UsageError(
+                    "BR512", f"`{own}`: an element has no `{word}`; it has {', '.join(Given.__annotations__)}"
+                )
         if "energy" in given:
             if kind not in STORAGES or law:
-                raise UsageError(f"`{own}`: an energy stands in a storage ({', '.join(STORAGES)}), in place of its law")
+                raise UsageError(
+                    "BR513", f"`{own}`: an energy stands in a storage ({', '.join(STORAGES)}), in place of its law"
+                )
             text = f"energy = {expression_of(given['energy'], f'the energy of `{own}`')}"
         elif law == "":
-            raise UsageError(f"`{own}` needs its law{', or its energy' if kind in STORAGES else ''}")
+            raise UsageError("BR514", f"`{own}` needs its law{', or its energy' if kind in STORAGES else ''}")
         else:
             text = law_of(law, f"the law of `{own}`")
         listed, names = ports_of(given.get("ports", ()))
@@ -153,10 +157,10 @@ class Elements:
         for word, side in (("prefer", given.get("prefer")), ("require", given.get("require"))):
             if side is not None:
                 if side not in CAUSALITIES:
-                    raise UsageError(f"`{word}` of `{name}` is one of {', '.join(CAUSALITIES)}, not {side!r}")
+                    raise UsageError("BR515", f"`{word}` of `{name}` is one of {', '.join(CAUSALITIES)}, not {side!r}")
                 yield f"{word} = {side}"
 
     def _with_unit(self, value: Any, what: str) -> str:
         if is_number(value) and value != 0 and not self.plain:
-            raise UsageError(f"{what}: a number needs its unit here, as text: '1 mm', not {value!r}")
+            raise UsageError("BR516", f"{what}: a number needs its unit here, as text: '1 mm', not {value!r}")
         return value_of(value, what)

@@ -94,7 +94,7 @@ class Graph(Elements):
     def _quantity(self, role: str, name: str, value: Value, unit: str, description: str) -> Quantity:
         own = name_of(name)
         if unit and self.plain:
-            raise UsageError(f"`{own}`: a plain graph has no units")
+            raise UsageError("BR517", f"`{own}`: a plain graph has no units")
         text = f"{role} {own}"
         if unit:
             text += f": {unit_of(unit, f'the unit of `{own}`')}"
@@ -161,22 +161,22 @@ class Graph(Elements):
         if isinstance(model, str):
             place, dot, kind = model.rpartition(".")
             if not dot:
-                raise UsageError(f"{model!r} is no model of the library: write its path, `electric.Diode`")
+                raise UsageError("BR518", f"{model!r} is no model of the library:", "write its path, `electric.Diode`")
             self._imports[name_of(kind), name_of(place)] = None
             return kind
         if isinstance(model, Graph):
             if model is self or self in model._within():
-                raise UsageError(f"`{self.name}` cannot contain itself")
+                raise UsageError("BR519", f"`{self.name}` cannot contain itself")
             return self._copy(model.name, model)
         if not isinstance(model, CompiledModel):
-            raise UsageError(f"an instance is one of a model, not of {model!r}")
+            raise UsageError("BR520", f"an instance is one of a model, not of {model!r}")
         kind = _model_of(model)
         return self._copy(kind, model.source) if model.source.path is None else self._import(kind, model.source.path)
 
     def _copy(self, kind: str, model: Graph | Source) -> str:
         """Add a model to the same text."""
         if kind == self.name or self._inner.get(kind, model) != model:
-            raise UsageError(f"`{self.name}` already uses another model `{kind}`")
+            raise UsageError("BR521", f"`{self.name}` already uses another model `{kind}`")
         self._inner[kind] = model
         return kind
 
@@ -205,11 +205,13 @@ class Graph(Elements):
 
     def _arrows(self, arrow: str, places: tuple[Any, ...]) -> None:
         if len(places) < 2:
-            raise UsageError("a bond has two ends")
+            raise UsageError("BR522", "a bond has two ends")
         groups = [self._group(p) for p in places]
         for tails, heads in pairwise(groups):
             if len(tails) > 1 and len(heads) > 1:
-                raise UsageError("a bond from several places to several places: which goes to which is not guessed")
+                raise UsageError(
+                    "BR523", "a bond from several places to several places: which goes to which is not guessed"
+                )
         for tails, heads in pairwise(groups):
             self._bonds += [(tail, arrow, head) for tail in tails for head in heads]
 
@@ -221,9 +223,9 @@ class Graph(Elements):
         if isinstance(place, str):
             return path_of(place)
         if not isinstance(place, Part | Mechanism):
-            raise UsageError(f"a bond reaches parts, not {place!r}")
+            raise UsageError("BR524", f"a bond reaches parts, not {place!r}")
         if place.graph is not self:
-            raise UsageError(f"`{place}` belongs to the graph `{place.graph.name}`, not to `{self.name}`")
+            raise UsageError("BR525", f"`{place}` belongs to the graph `{place.graph.name}`, not to `{self.name}`")
         return str(place)
 
     # ------------------------------------------------------------ experiments
@@ -238,7 +240,7 @@ class Graph(Elements):
         """
         own = name_of(name)
         if own in self._experiments:
-            raise UsageError(f"`{self.name}` already has an experiment `{own}`")
+            raise UsageError("BR526", f"`{self.name}` already has an experiment `{own}`")
         lines = [
             f"set {path_of(n)} = {value_of(v, f'`{n}` in `{own}`')}"
             for n, v in mapping_of(settings or {}, "`settings`").items()
@@ -292,7 +294,7 @@ class Graph(Elements):
         folders = {g.folder.resolve() for g in graphs if g.folder is not None}
         if len(folders) > 1:
             listed = ", ".join(sorted(map(str, folders)))
-            raise UsageError(f"graphs in each other need one folder for what they import, not {listed}")
+            raise UsageError("BR527", f"graphs in each other need one folder for what they import, not {listed}")
         name = f"{self.name}.bg"
         if not folders:
             return Source(name, self.text())
@@ -316,7 +318,7 @@ class Graph(Elements):
         word, _, index = full.partition("[")
         taken = self._names.get(word, set())
         if index in taken or (taken and ("" in taken or not index)):
-            raise UsageError(f"`{self.name}` already has `{full if index in taken else word}`")
+            raise UsageError("BR528", f"`{self.name}` already has `{full if index in taken else word}`")
         return full
 
     def _enter(self, name: str) -> str:
@@ -331,9 +333,13 @@ def _model_of(model: CompiledModel) -> str:
     """Return the name of a loaded model; a file with several models needs the choice of one."""
     names = list(model.compilation().tree.models)
     if model.model is not None and model.model not in names:
-        raise UsageError(f"{model.source.name} defines no model `{model.model}`; it defines: {', '.join(names)}")
+        raise UsageError(
+            "BR529", f"{model.source.name} defines no model `{model.model}`; it defines: {', '.join(names)}"
+        )
     if model.model is None and len(names) != 1:
         raise UsageError(
-            f"{model.source.name} defines {', '.join(names)}: name one, `load(path, {names[0] if names else ''!r})`"
+            "BR530",
+            f"{model.source.name} defines {', '.join(names)}:",
+            f"name one, `load(path, {(names[0] if names else '')!r})`",
         )
     return model.model or names[0]

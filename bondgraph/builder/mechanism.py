@@ -174,7 +174,7 @@ class Mechanism:
     ) -> Part:  # fmt: skip
         own = name_of(name)
         if own in self._taken:
-            raise UsageError(f"`{self.path}` already has `{own}`")
+            raise UsageError("BR528", f"`{self.path}` already has `{own}`")
         inner = [
             f"{word} = {value_of(value, f'`{word}` of `{own}`', unit)}"
             for word, (value, unit) in given.items()
@@ -192,7 +192,7 @@ class Mechanism:
             return GROUND
         name = str(body).removeprefix(f"{self.path}.")
         if name not in self._taken or (isinstance(body, Part) and body.graph is not self.graph):
-            raise UsageError(f"`{self.path}` has no body `{body}`")
+            raise UsageError("BR531", f"`{self.path}` has no body `{body}`")
         return name
 
     def text(self) -> list[str]:
@@ -203,7 +203,7 @@ class Mechanism:
 
 def _axes(axes: str, allowed: tuple[str, ...]) -> list[str]:
     if axes not in allowed:
-        raise UsageError(f"axes are {', '.join(allowed[:-1])} or {allowed[-1]}, not {axes!r}")
+        raise UsageError("BR532", f"axes are {', '.join(allowed[:-1])} or {allowed[-1]}, not {axes!r}")
     return [] if axes == allowed[0] else [f"axes = {axes}"]
 
 
@@ -213,7 +213,7 @@ def _coordinates(owner: str, ports: tuple[str, ...], told: _Coordinates) -> Iter
         if given is not None:
             by_name = given if isinstance(given, Mapping) else dict.fromkeys(ports[:1], given)
             if by_name is not given and len(ports) != 1:
-                raise UsageError(f"`{owner}` has several coordinates: {word}={{{ports[0]!r}: …}}")
+                raise UsageError("BR533", f"`{owner}` has several coordinates: {word}={{{ports[0]!r}: …}}")
             for key, value in by_name.items():
                 yield _assigned(owner, word, key, value)
     if told.locked:
@@ -227,5 +227,5 @@ def _assigned(owner: str, word: str, key: str, value: Value) -> str:
     path = path_of(key)
     unit = UNITS.get(path.rpartition(".")[2], "")
     if is_number(value) and not unit:
-        raise UsageError(f"the {word} of `{owner}`: numbers are of {', '.join(UNITS)}, not `{path}`")
+        raise UsageError("BR534", f"the {word} of `{owner}`: numbers are of {', '.join(UNITS)}, not `{path}`")
     return f"{word} {path} = {value_of(value, f'the {word} of `{owner}`', unit)}"

@@ -16,11 +16,12 @@ def name_of(name: object) -> str:
     match = _NAME.fullmatch(name) if isinstance(name, str) else None
     if match is None:
         raise UsageError(
-            f"{name!r} is no name: letters a-z, digits and _, not a digit first, and perhaps an index, `mass[2]`"
+            "BR535",
+            f"{name!r} is no name: letters a-z, digits and _, not a digit first, and perhaps an index, `mass[2]`",
         )
     word, index = match.groups()
     if word in RESERVED:
-        raise UsageError(f"`{word}` is a word of the language and cannot be a name")
+        raise UsageError("BR536", f"`{word}` is a word of the language and cannot be a name")
     return word if index is None else f"{word}[{', '.join(str(int(i)) for i in index.split(','))}]"
 
 
@@ -28,5 +29,5 @@ def model_name_of(name: object) -> str:
     """Return a name for a model."""
     own = name_of(name)
     if own in ELEMENT_KINDS or "[" in own:
-        raise UsageError(f"`{name}` cannot be the name of a model")
+        raise UsageError("BR537", f"`{name}` cannot be the name of a model")
     return own

@@ -33,7 +33,7 @@ class Quantity:
     def __getitem__(self, item: int) -> Quantity:
         """Return an item of a list, from 1."""
         if not isinstance(item, int) or item < 1:
-            raise UsageError(f"the items of `{self.name}` are counted from 1")
+            raise UsageError("BR538", f"the items of `{self.name}` are counted from 1")
         return Quantity(self.graph, f"{self.name}[{item}]")
 
 
@@ -55,7 +55,7 @@ class Part:
     def __getitem__(self, port: str) -> Part:
         if self.ports is not None and port not in self.ports:
             known = ", ".join(self.ports) or "one, without a name"
-            raise UsageError(f"`{self.path}` has no port `{port}`; its ports: {known}")
+            raise UsageError("BR539", f"`{self.path}` has no port `{port}`; its ports: {known}")
         return Part(self.graph, f"{self.path}.{name_of(port)}")
 
     def __rshift__(self, head: Head) -> Head:

@@ -59,7 +59,8 @@ class Computing:
             return [self._value(outcome, entry, entry["what"], float(published), entry.get("point", 0))]
         if len(published) != len(outcome):
             raise UsageError(
-                f"{entry['what']}: {len(published)} values are published, and the experiment has {len(outcome)} points"
+                "BR801",
+                f"{entry['what']}: {len(published)} values are published, and the experiment has {len(outcome)} points",
             )
         return [
             self._value(outcome, entry, f"{entry['what']}, {_setting(outcome, i, entry)}", float(number), i)
@@ -71,7 +72,8 @@ class Computing:
         if name not in outcome.names or not isinstance(place, int) or not 0 <= place < len(outcome):
             known: Sequence[str] = outcome.names
             raise UsageError(
-                f"{entry['what']}: there is no `{name}` at point {place} of `{entry['experiment']}`; there is {', '.join(known)}"
+                "BR802",
+                f"{entry['what']}: there is no `{name}` at point {place} of `{entry['experiment']}`; there is {', '.join(known)}",
             )
         number = taken(outcome.points[place], name, entry, float(outcome(name)[place]))
         computed = in_unit(number, entry["unit"], outcome.units[name], what)
@@ -103,7 +105,7 @@ class Computing:
         rows, heads = [], list[str]()
         for setpoint in entry["setpoints"]:
             if not isinstance(setpoint, Mapping) or not set(setpoint) <= set(outputs):
-                raise UsageError(f"{entry['what']}: a setpoint gives values to {', '.join(outputs)}")
+                raise UsageError("BR803", f"{entry['what']}: a setpoint gives values to {', '.join(outputs)}")
             wanted = {n: quantity(str(setpoint.get(n, 0.0)), known[n].unit, n) for n in outputs}
             inputs = model.invert(wanted, by).inputs
             rest = model.equilibrium(settings=inputs)
@@ -130,7 +132,7 @@ def taken(point: Point, name: str, entry: Mapping[str, Any], final: float) -> fl
     run = point.run
     values = run[name][run.time >= seconds(str(entry.get("after", "0 s")))]
     if not len(values):
-        raise UsageError(f"{entry['what']}: the run ends before {entry['after']}")
+        raise UsageError("BR804", f"{entry['what']}: the run ends before {entry['after']}")
     least, most = float(np.min(values)), float(np.max(values))
     return {"minimum": least, "maximum": most, "peak to peak": most - least}[take]
 
@@ -158,5 +160,5 @@ def _unit_of(text: str, known: Mapping[str, Any]) -> tuple[str, str]:
     """Return name and unit of a text such as `missed1 in nm`."""
     name, _, unit = text.partition(" in ")
     if name not in known:
-        raise UsageError(f"there is no output `{name}`; outputs are {', '.join(known)}")
+        raise UsageError("BR805", f"there is no output `{name}`; outputs are {', '.join(known)}")
     return name, unit

@@ -32,11 +32,11 @@ def listed(folder: Path) -> Mapping[str, Any]:
     try:
         found = tomllib.loads(path.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as problem:
-        raise UsageError(f"{path}: {problem}") from None
+        raise UsageError("BR806", f"{path}: {problem}") from None
     for section, words in SECTIONS.items():
         entries = found.get(section, [])
         if not isinstance(entries, list) or len(entries) > MOST:
-            raise UsageError(f"{path}: `[[{section}]]` begins each {section}, at most {MOST} of them")
+            raise UsageError("BR807", f"{path}: `[[{section}]]` begins each {section}, at most {MOST} of them")
         for number, entry in enumerate(entries, 1):
             _check(path, section, number, entry, words)
     return found
@@ -46,15 +46,15 @@ def _check(path: Path, section: str, number: int, entry: Mapping[str, Any], word
     told = f"{path}: {section} {number} ({entry.get('what', '')})"
     for word, kind in words.items():
         if not isinstance(entry.get(word), kind) or isinstance(entry.get(word), bool):
-            raise UsageError(f"{told} has no `{word}`, or one of another kind")
+            raise UsageError("BR808", f"{told} has no `{word}`, or one of another kind")
     for word, known in (("take", TAKES), ("kind", KINDS)):
         if entry.get(word, known[0]) not in known:
-            raise UsageError(f"{told}: `{word}` is {', '.join(known)}; not `{entry[word]}`")
+            raise UsageError("BR809", f"{told}: `{word}` is {', '.join(known)}; not `{entry[word]}`")
 
 
 def inside(folder: Path, file: str) -> Path:
     """Return the path of a file in the folder. Raises `UsageError`."""
     path = (folder / file).resolve()
     if not path.is_relative_to(folder.resolve()):
-        raise UsageError(f"`{file}` lies outside of {folder}")
+        raise UsageError("BR810", f"`{file}` lies outside of {folder}")
     return path

@@ -41,7 +41,7 @@ def _draw(computing: Computing, entry: Mapping[str, Any], path: Path) -> None:
     elif kind in ("time", "phase"):
         (point,) = outcome.points if len(outcome) == 1 else (None,)
         if point is None or point.run is None:
-            raise UsageError(f"{entry['what']}: `{experiment}` is not one simulation")
+            raise UsageError("BR811", f"{entry['what']}: `{experiment}` is not one simulation")
         point.run.plot(path, entry.get("over") if kind == "phase" else None)
     else:
         outcome.plot(path)

@@ -70,13 +70,15 @@ def distribution(text: str, unit: str, name: str) -> Distribution:
     """Return the distribution of a text; `unit` is one of the parameter's kind, `name` the parameter's. Raises `UsageError`."""
     call = _CALL.fullmatch(text)
     if call is None or call[1] not in (*DISTRIBUTIONS, "truncated"):
-        raise UsageError(f"{name}: `{text.strip()}` is no distribution; there are {kinds_told()}")
+        raise UsageError("BR401", f"{name}: `{text.strip()}` is no distribution; there are {kinds_told()}")
     parts = _parts(call[2])
     if call[1] == "truncated":
         return _truncated(parts, unit, name, text)
     words = DISTRIBUTIONS[call[1]]
     if len(parts) != len(words):
-        raise UsageError(f"{name}: {call[1]} takes {len(words)} numbers: {', '.join(words)}; this is `{text.strip()}`")
+        raise UsageError(
+            "BR402", f"{name}: {call[1]} takes {len(words)} numbers: {', '.join(words)}; this is `{text.strip()}`"
+        )
     numbers = tuple(
         _spread(p, unit, name) if word == SPREAD else quantity(p, unit, name)
         for p, word in zip(parts, words, strict=True)
@@ -88,13 +90,13 @@ def _spread(text: str, unit: str, name: str) -> float:
     """Return a difference in SI: for temperatures without the offset."""
     kelvin = "K" if unit == "K" else unit
     if unit == "K" and "deg" in text:
-        raise UsageError(f"{name}: a standard deviation is a difference; write it in K")
+        raise UsageError("BR403", f"{name}: a standard deviation is a difference;", "write it in K")
     return quantity(text, kelvin, name)
 
 
 def _truncated(parts: Sequence[str], unit: str, name: str, text: str) -> Distribution:
     if len(parts) != 3:
-        raise UsageError(f"{name}: truncated takes a distribution, low and high; this is `{text.strip()}`")
+        raise UsageError("BR404", f"{name}: truncated takes a distribution, low and high; this is `{text.strip()}`")
     inner = distribution(parts[0], unit, name)
     low, high = (quantity(p, unit, name) for p in parts[1:])
     return checked(Distribution(inner.kind, inner.numbers, max(low, inner.low), min(high, inner.high)), name)
@@ -104,10 +106,10 @@ def checked(found: Distribution, name: str) -> Distribution:
     """Return the same distribution, if it is valid. Raises `UsageError`."""
     wrong = fault(found.kind, found.numbers, found.low, found.high)
     if wrong:
-        raise UsageError(f"{name}: {wrong}")
+        raise UsageError("BR405", f"{name}: {wrong}")
     ends = found._frozen().cdf([found.low, found.high])
     if not ends[1] - ends[0] > 1e-12:
-        raise UsageError(f"{name}: nothing of the distribution lies between {found.low:g} and {found.high:g}")
+        raise UsageError("BR406", f"{name}: nothing of the distribution lies between {found.low:g} and {found.high:g}")
     return found
 
 

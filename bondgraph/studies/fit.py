@@ -47,7 +47,7 @@ def fit(
     `RunFailed`, OSError.
     """
     if not given or len(given) > MOST_PARAMETERS:
-        raise UsageError(f"name the parameters to fit, from one to {MOST_PARAMETERS}")
+        raise UsageError("BR407", f"name the parameters to fit, from one to {MOST_PARAMETERS}")
     units = units_of(model, tuple(given), experiment, settings)
     starts = {n: v for n, v in _numbers(settings, units).items() if n in given}
     wanted = [sought(s, units[n], n) if isinstance(s, str) else s for n, s in given.items()]
@@ -104,7 +104,7 @@ def solve(problem: Problem, free: Sequence[int] | None = None, most: int = MOST_
 
     first = problem.residuals(start)
     if not np.isfinite(first).all():
-        raise RunFailed(f"where the search begins the model has no answer: {problem.failure}")
+        raise RunFailed("BR408", f"where the search begins the model has no answer: {problem.failure}")
     inside = np.clip(start[places], low[places], high[places])
     sizes = np.linalg.svd(problem.slopes(start)[:, places], compute_uv=False)
     is_open = len(sizes) < len(places) or not sizes[-1] > OPEN * sizes[0]
@@ -135,7 +135,7 @@ def _data(
     taken: frozenset[str],
 ) -> list[Measurements]:
     if not files:
-        raise UsageError("there are no data: name a file")
+        raise UsageError("BR409", "there are no data:", "name a file")
     graph = model.compilation(model.scene(experiment, settings)).whole_graph
     settable = frozenset(n for n, q in graph.quantities.items() if q.role in ("parameter", "input"))
     space = model.compilation(model.scene(experiment, settings), everything=True).state_space
@@ -145,7 +145,7 @@ def _data(
     for one in data:
         both = sorted(taken & set(one.settings))
         if both:
-            raise UsageError(f"{one.file}: `{both[0]}` is fitted, and set line by line: one of the two")
+            raise UsageError("BR410", f"{one.file}: `{both[0]}` is fitted, and set line by line:", "one of the two")
     return data
 
 

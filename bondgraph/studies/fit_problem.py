@@ -51,13 +51,14 @@ def sought(text: str, unit: str, name: str) -> Sought:
     low, dots, high = bounds.partition("..")
     if not dots:
         raise UsageError(
-            f"{name}: bounds are written `LOW .. HIGH`, with `log` before them for a logarithmic scale; this is `{text}`"
+            "BR411",
+            f"{name}: bounds are written `LOW .. HIGH`, with `log` before them for a logarithmic scale; this is `{text}`",
         )
     ends = quantity(low, unit, name), quantity(high, unit, name)
     if not ends[0] < ends[1]:
-        raise UsageError(f"{name}: bounds go from low to high; {ends[0]:g} is not below {ends[1]:g}")
+        raise UsageError("BR412", f"{name}: bounds go from low to high; {ends[0]:g} is not below {ends[1]:g}")
     if logarithmic and ends[0] < 0:
-        raise UsageError(f"{name}: a logarithmic scale has no bounds below zero")
+        raise UsageError("BR413", f"{name}: a logarithmic scale has no bounds below zero")
     return Sought(name, *ends, logarithmic)
 
 
@@ -90,13 +91,16 @@ class Problem:
             quantity = graph.quantities[s.name]
             value = s.start if s.start is not None else quantity.value
             if quantity.role not in ("parameter", "input") or value is None:
-                raise UsageError(f"`{s.name}` is no parameter or input with a value: it cannot be fitted")
+                raise UsageError("BR414", f"`{s.name}` is no parameter or input with a value: it cannot be fitted")
             if not (s.low is None or s.low <= value) or not (s.high is None or value <= s.high):
                 raise UsageError(
-                    f"{s.name}: the search begins where the model (or --set) has it, at {value:g}, which is outside of its bounds"
+                    "BR415",
+                    f"{s.name}: the search begins where the model (or --set) has it, at {value:g}, which is outside of its bounds",
                 )
             if s.logarithmic and not value > 0:
-                raise UsageError(f"{s.name}: on a logarithmic scale the search begins above zero, not at {value:g}")
+                raise UsageError(
+                    "BR416", f"{s.name}: on a logarithmic scale the search begins above zero, not at {value:g}"
+                )
             found.append(value)
         return np.array(found, dtype=float)
 
@@ -237,7 +241,7 @@ class Problem:
         told = sensitivity(point, of)
         missing = next((n for n in wanted if n not in told.quantities), None)
         if missing is not None:
-            raise RunFailed(f"there is no `{missing}`: fewer modes move")
+            raise RunFailed("BR417", f"there is no `{missing}`: fewer modes move")
         places = {n: told.quantities.index(n) for n in wanted}
         return {n: (float(told.values[i]), told.slopes[i]) for n, i in places.items()}
 

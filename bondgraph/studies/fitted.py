@@ -66,7 +66,7 @@ class Fit:
         for one in self.parameters:
             if one.name == name:
                 return one
-        raise UsageError(f"`{name}` was not fitted; {', '.join(p.name for p in self.parameters)} were")
+        raise UsageError("BR418", f"`{name}` was not fitted; {', '.join(p.name for p in self.parameters)} were")
 
     @property
     def settings(self) -> dict[str, float]:

@@ -123,7 +123,7 @@ def _alone(stream: BinaryIO, path: str) -> None:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         stream.close()
-        raise UsageError(f"the journal `{path}` is in use by another process") from None
+        raise UsageError("BR419", f"the journal `{path}` is in use by another process") from None
 
 
 def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:

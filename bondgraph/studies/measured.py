@@ -74,19 +74,19 @@ def read_columns(file: str, units: Mapping[str, str]) -> dict[str, Array]:
             if any(x.strip() for x in row) and not row[0].startswith("#")
         ]
     if len(rows) < 2:
-        raise UsageError(f"{file}: a line of headings and at least one of numbers are needed")
+        raise UsageError("BR420", f"{file}: a line of headings and at least one of numbers are needed")
     heads = rows[0][1]
     if len(heads) * len(rows) > LARGEST:
-        raise UsageError(f"{file}: at most {LARGEST} fields are read")
+        raise UsageError("BR421", f"{file}: at most {LARGEST} fields are read")
     columns = {}
     for place, head in enumerate(heads):
         name, values = _column(file, place, head, rows[1:], units)
         if name in columns:
-            raise UsageError(f"{file}: two columns are called `{name}`")
+            raise UsageError("BR422", f"{file}: two columns are called `{name}`")
         columns[name] = values
     ragged = next((i for i, row in rows if len(row) != len(heads)), None)
     if ragged is not None:
-        raise UsageError(f"{file}, line {ragged}: as many fields as headings are needed, {len(heads)}")
+        raise UsageError("BR423", f"{file}, line {ragged}: as many fields as headings are needed, {len(heads)}")
     return columns
 
 
@@ -108,16 +108,18 @@ def _column(
         else units.get(bare)
     )
     if kind is None or not bare:
-        raise UsageError(f"{file}: the model has no `{bare}`; a heading is a name with its unit, as in `x [um]`")
+        raise UsageError(
+            "BR424", f"{file}: the model has no `{bare}`; a heading is a name with its unit, as in `x [um]`"
+        )
     try:
         scale, wanted = (read_unit(Source(f"heading `{name}`", u)) for u in (own or "1", kind))
     except CompilationFailed:
-        raise UsageError(f"{file}: `{own}` in the heading of `{name}` is no unit") from None
+        raise UsageError("BR425", f"{file}: `{own}` in the heading of `{name}` is no unit") from None
     if scale.dimension != wanted.dimension:
         told = f"in {own}" if own else "without a unit"
-        raise UsageError(f"{file}: `{name}` is in {kind}; it stands there {told}")
+        raise UsageError("BR426", f"{file}: `{name}` is in {kind}; it stands there {told}")
     if name != bare and scale.offset:
-        raise UsageError(f"{file}: `{name}` is a difference; write it in K")
+        raise UsageError("BR427", f"{file}: `{name}` is a difference;", "write it in K")
     return name, np.array([_number(file, line, name, row, place, scale.to_si) for line, row in rows])
 
 
@@ -130,7 +132,7 @@ def _number(file: str, line: int, name: str, row: Sequence[str], place: int, to_
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise UsageError(f"{file}, line {line}: `{text}` in the column `{name}` is no number")
+        raise UsageError("BR428", f"{file}, line {line}: `{text}` in the column `{name}` is no number")
     return float(to_si(value))  # type: ignore[operator]
 
 
@@ -140,26 +142,30 @@ def _sorted_out(file: str, columns: Mapping[str, Array], settable: frozenset[str
     found = {n: c for n, c in columns.items() if n not in settings and not n.startswith(SIGMA) and n != "time"}
     time = columns.get("time")
     if not found:
-        raise UsageError(f"{file}: nothing is measured: a column of an output or of `frequency 1 [Hz]` is needed")
+        raise UsageError(
+            "BR429", f"{file}: nothing is measured: a column of an output or of `frequency 1 [Hz]` is needed"
+        )
     for name, column in [*settings.items(), *([("time", time)] if time is not None else [])]:
         if np.isnan(column).any():
-            raise UsageError(f"{file}: `{name}` is not given in every line")
+            raise UsageError("BR430", f"{file}: `{name}` is not given in every line")
     for name, column in sigmas.items():
         if name not in found:
-            raise UsageError(f"{file}: `sigma {name}` stands beside no `{name}`")
+            raise UsageError("BR431", f"{file}: `sigma {name}` stands beside no `{name}`")
         there = ~np.isnan(found[name])
         if not (column[there] > 0).all():
-            raise UsageError(f"{file}: `sigma {name}` is not above zero wherever `{name}` is measured")
+            raise UsageError("BR432", f"{file}: `sigma {name}` is not above zero wherever `{name}` is measured")
     if time is not None:
         if settings:
             raise UsageError(
-                f"{file}: over time nothing else is set line by line; leave out `{next(iter(settings))}`, or set it for all"
+                "BR433",
+                f"{file}: over time nothing else is set line by line;",
+                f"leave out `{next(iter(settings))}`, or set it for all",
             )
         if any(OF_MODES.fullmatch(n) for n in found):
-            raise UsageError(f"{file}: frequencies of modes stand in no column over time")
+            raise UsageError("BR434", f"{file}: frequencies of modes stand in no column over time")
         if (np.diff(time) <= 0).any():
-            raise UsageError(f"{file}: the column `time` does not grow from line to line")
+            raise UsageError("BR435", f"{file}: the column `time` does not grow from line to line")
     empty = next((n for n, c in found.items() if np.isnan(c).all()), None)
     if empty is not None:
-        raise UsageError(f"{file}: the column `{empty}` is empty")
+        raise UsageError("BR436", f"{file}: the column `{empty}` is empty")
     return Measurements(file, settings, found, sigmas, time)

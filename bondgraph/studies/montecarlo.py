@@ -75,7 +75,7 @@ def montecarlo(
     bounds = np.cumsum([len(p) for p in parts])[:-1]
     failures = {i: x.why for i, x in enumerate(found[: len(sample)]) if isinstance(x, Failed)}
     if len(failures) == len(sample):
-        raise RunFailed(f"not one of {len(sample)} points has an answer; the first: {failures[0]}")
+        raise RunFailed("BR437", f"not one of {len(sample)} points has an answer; the first: {failures[0]}")
     tables = np.split(_table(found, quantities), bounds)
     told: Indices | None = None
     notes = [*_notes(tables[0], quantities, failures), *compilation_notes(model, experiment, settings, points)]
@@ -97,18 +97,20 @@ def montecarlo(
 
 def _check(chance: Chance, settings: Settings) -> None:
     if not chance.vary:
-        raise UsageError("nothing varies: name a parameter and its distribution")
+        raise UsageError("BR438", "nothing varies:", "name a parameter and its distribution")
     if len(chance.vary) > MOST_NAMES:
-        raise UsageError(f"at most {MOST_NAMES} parameters vary at once; these are {len(chance.vary)}")
+        raise UsageError("BR439", f"at most {MOST_NAMES} parameters vary at once; these are {len(chance.vary)}")
     if not 2 <= chance.samples <= MOST_SAMPLES:
-        raise UsageError(f"samples = {chance.samples}: from 2 to {MOST_SAMPLES}")
+        raise UsageError("BR440", f"samples = {chance.samples}: from 2 to {MOST_SAMPLES}")
     if chance.rows is not None and (chance.rows < 0 or chance.rows & (chance.rows - 1)):
-        raise UsageError(f"Sobol indices stand on a power of two of rows, or on none; not on {chance.rows}")
+        raise UsageError("BR441", f"Sobol indices stand on a power of two of rows, or on none; not on {chance.rows}")
     if chance.rows is not None and chance.rows > chance.samples:
-        raise UsageError(f"Sobol indices stand on {chance.rows} rows, but there are only {chance.samples} samples")
+        raise UsageError(
+            "BR442", f"Sobol indices stand on {chance.rows} rows, but there are only {chance.samples} samples"
+        )
     both = sorted(set(chance.vary) & set(settings))
     if both:
-        raise UsageError(f"`{both[0]}` is set and varies: one of the two")
+        raise UsageError("BR443", f"`{both[0]}` is set and varies:", "one of the two")
 
 
 def _distribution(given: str | Distribution, unit: str, name: str) -> Distribution:

@@ -43,11 +43,11 @@ def correlation_matrix(names: Sequence[str], pairs: Mapping[tuple[str, str], flo
     for (one, other), value in pairs.items():
         for name in (one, other):
             if name not in names:
-                raise UsageError(f"correlation of `{one}` and `{other}`: `{name}` has no distribution")
+                raise UsageError("BR444", f"correlation of `{one}` and `{other}`: `{name}` has no distribution")
         if one == other or frozenset((one, other)) in seen:
-            raise UsageError(f"correlation of `{one}` and `{other}`: one number for each pair of two")
+            raise UsageError("BR445", f"correlation of `{one}` and `{other}`: one number for each pair of two")
         if not -1 <= value <= 1:
-            raise UsageError(f"correlation of `{one}` and `{other}`: {value:g} is not between -1 and 1")
+            raise UsageError("BR446", f"correlation of `{one}` and `{other}`: {value:g} is not between -1 and 1")
         seen.add(frozenset((one, other)))
         i, j = names.index(one), names.index(other)
         matrix[i, j] = matrix[j, i] = value
@@ -56,7 +56,8 @@ def correlation_matrix(names: Sequence[str], pairs: Mapping[tuple[str, str], flo
         weights = vectors[:, 0]
         told = ", ".join(f"`{names[i]}`" for i in np.argsort(-np.abs(weights)) if abs(weights[i]) > 0.1)
         raise UsageError(
-            f"no quantities are correlated like this: {told} contradict each other (the matrix has the eigenvalue {values[0]:.3g})"
+            "BR447",
+            f"no quantities are correlated like this: {told} contradict each other (the matrix has the eigenvalue {values[0]:.3g})",
         )
     return matrix
 

@@ -63,11 +63,11 @@ class ScalarStudy:
         if "simulate" in self.of:
             run = simulate(model, self.experiment, settings, self.outputs, self.wanted)
             if run.warnings:
-                raise RunFailed(f"the model does not hold there: {run.warnings[0]}")
+                raise RunFailed("BR448", f"the model does not hold there: {run.warnings[0]}")
             found |= {name: run.final(name) for name in run.names}
         bad = [name for name, value in found.items() if not np.isfinite(value)]
         if bad:
-            raise RunFailed(f"`{bad[0]}` is no number there")
+            raise RunFailed("BR449", f"`{bad[0]}` is no number there")
         return found
 
 
@@ -75,7 +75,7 @@ def check_steps(of: tuple[str, ...], what: str) -> None:
     """Raise `UsageError` for steps that are not possible."""
     unknown = [step for step in of if step not in STEPS]
     if unknown or not of:
-        raise UsageError(f"{what} is of {', '.join(STEPS)}; not of `{(*unknown, 'nothing')[0]}`")
+        raise UsageError("BR450", f"{what} is of {', '.join(STEPS)}; not of `{(*unknown, 'nothing')[0]}`")
 
 
 def units_of(model: CompiledModel, names: Sequence[str], experiment: str | None, settings: Settings) -> dict[str, str]:

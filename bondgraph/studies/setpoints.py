@@ -60,7 +60,9 @@ def invert_file(
         return _along(model, name, columns, wanted, inputs, experiment, settings, along)
     asked_for = [w for w in ("to", "start", "moving", "limits") if along.get(w)]
     if asked_for:
-        raise UsageError(f"{name}: without a column `time [s]` each line is held at rest: there is no path to go along")
+        raise UsageError(
+            "BR451", f"{name}: without a column `time [s]` each line is held at rest: there is no path to go along"
+        )
     points = [dict(zip(columns, map(float, row), strict=True)) for row in np.array(list(columns.values())).T]
     held = Held(tuple(inputs), wanted, experiment, tuple(settings.items()))
     found = made(model, held, points, sharing or Sharing(workers=1))
@@ -79,25 +81,30 @@ def _checked(
     for name, values in columns.items():
         if name.startswith(SIGMA) or OF_MODES.fullmatch(name):
             raise UsageError(
-                f"{file}: `{name}` is nothing that inputs could hold; columns are outputs, `time [s]`, and what is set"
+                "BR452",
+                f"{file}: `{name}` is nothing that inputs could hold; columns are outputs, `time [s]`, and what is set",
             )
         if np.isnan(values).any():
-            raise UsageError(f"{file}: `{name}` is not given in every line")
+            raise UsageError("BR430", f"{file}: `{name}` is not given in every line")
         if name in sought:
-            raise UsageError(f"{file}: `{name}` is to be found, and set line by line: one of the two")
+            raise UsageError("BR453", f"{file}: `{name}` is to be found, and set line by line:", "one of the two")
         if name in settings:
-            raise UsageError(f"{file}: `{name}` is set for all, and line by line: one of the two")
+            raise UsageError("BR454", f"{file}: `{name}` is set for all, and line by line:", "one of the two")
     wanted = tuple(n for n in columns if n in outputs)
     if not wanted:
-        raise UsageError(f"{file}: there is no column of an output; outputs are {', '.join(outputs) or 'none'}")
+        raise UsageError(
+            "BR455", f"{file}: there is no column of an output; outputs are {', '.join(outputs) or 'none'}"
+        )
     if "time" in columns:
         other = next((n for n in columns if n in units and n not in outputs), None)
         if other is not None:
             raise UsageError(
-                f"{file}: over time nothing else is set line by line; leave out `{other}`, or set it for all"
+                "BR433",
+                f"{file}: over time nothing else is set line by line;",
+                f"leave out `{other}`, or set it for all",
             )
         if (np.diff(columns["time"]) <= 0).any():
-            raise UsageError(f"{file}: the column `time` does not grow from line to line")
+            raise UsageError("BR435", f"{file}: the column `time` does not grow from line to line")
     return wanted
 
 
@@ -107,7 +114,7 @@ def _along(
 ) -> FeedForward:  # fmt: skip
     time = columns["time"]
     if len(time) < 2:
-        raise UsageError(f"{file}: a path has two instants or more")
+        raise UsageError("BR456", f"{file}: a path has two instants or more")
     paths = {n: (time, columns[n]) for n in wanted}
     start, stop = along.get("start"), along.get("to")
     return model.invert(

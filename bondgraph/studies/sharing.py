@@ -67,9 +67,9 @@ class Sharing:
             try:
                 workers = index(workers)
             except TypeError:
-                raise UsageError(f"workers = {workers!r}: a whole number is needed") from None
+                raise UsageError("BR457", f"workers = {workers!r}: a whole number is needed") from None
             if workers < 1:
-                raise UsageError(f"workers = {workers}: at least one is needed")
+                raise UsageError("BR458", f"workers = {workers}: at least one is needed")
         return Sharing(workers, standard(self.executor), self.progress, self.journal)
 
 
@@ -81,7 +81,8 @@ def standard(executor: Any) -> Executor | None:
         made: Executor = executor.get_executor()
         return made
     raise UsageError(
-        f"an executor has the interface of `concurrent.futures`, or is a Dask client; this is {type(executor).__name__}"
+        "BR459",
+        f"an executor has the interface of `concurrent.futures`, or is a Dask client; this is {type(executor).__name__}",
     )
 
 
@@ -198,7 +199,7 @@ def _through(executor: Executor, whole: Task, pieces: list[tuple[int, int]]) -> 
             yield dict(enumerate(done.result(), waiting.pop(done)))
     except BrokenExecutor as broken:
         raise RunFailed(
-            f"a worker died ({broken}); with a journal, the same call goes on with what is missing"
+            "BR460", f"a worker died ({broken});", "with a journal, the same call goes on with what is missing"
         ) from broken
     finally:
         for future in waiting:

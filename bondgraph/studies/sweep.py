@@ -33,7 +33,7 @@ def sweep(
     numbers = {name: _numbers(some, units[name], name) for name, some in values.items()}
     lengths = {len(some) for some in numbers.values()}
     if together and len(lengths) > 1:
-        raise UsageError("values that go together are as many for each name")
+        raise UsageError("BR461", "values that go together are as many for each name")
     rows = list(
         zip(*numbers.values(), strict=True)
         if together

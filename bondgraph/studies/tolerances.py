@@ -72,7 +72,7 @@ class MonteCarlo:
     def __call__(self, name: str) -> Array:
         """Return a parameter or quantity at all points (n,). Raises `UsageError`."""
         if name not in self.names:
-            raise UsageError(f"there is no `{name}` in this study; it has {', '.join(self.names)}")
+            raise UsageError("BR462", f"there is no `{name}` in this study; it has {', '.join(self.names)}")
         if name in self.quantities:
             return self.values[:, self.quantities.index(name)]
         return self.samples[:, self.parameters.index(name)]

@@ -151,7 +151,7 @@ def made(
             shared.stop()
             yield from others.last()
             raise RunFailed(
-                f"a worker died ({broken}); with a journal, the same call goes on with what is missing"
+                "BR460", f"a worker died ({broken});", "with a journal, the same call goes on with what is missing"
             ) from broken
         except KeyboardInterrupt:  # finished results are kept
             shared.stop()

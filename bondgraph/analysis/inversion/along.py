@@ -48,11 +48,13 @@ def invert_along(
 ) -> FeedForward:  # fmt: skip
     """Return the inputs over time. Raises `UsageError` for impossible requests or paths that are not smooth enough, `RunFailed`, `CompilationFailed`."""
     if not along.stop > along.start or not 2 <= along.points <= MOST_POINTS:
-        raise UsageError(f"a path goes from one instant to a later one, at 2 to {MOST_POINTS} points")
+        raise UsageError("BR301", f"a path goes from one instant to a later one, at 2 to {MOST_POINTS} points")
     path = path_of(model, wanted, along.start, along.stop)
     drives = drives_of(inputs)
     if len(drives) != len(path.names):
-        raise UsageError(f"{len(path.names)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}")
+        raise UsageError(
+            "BR302", f"{len(path.names)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}"
+        )
     names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
     state = "start" if along.moving else "equilibrium"
     asked = replace(asked, outputs=path.names, by=names, time=along.start, state=state)
@@ -78,7 +80,9 @@ def _refuse_jumps(point: OperatingPoint, along: Along) -> None:
     for before, after in pairwise(stretches):
         if (np.asarray(before.mode) != np.asarray(after.mode)).any():
             raise UsageError(
-                f"something in the model itself jumps at t = {after.start:.6g} s: invert it before and after that"
+                "BR303",
+                f"something in the model itself jumps at t = {after.start:.6g} s:",
+                "invert it before and after that",
             )
 
 
@@ -90,8 +94,9 @@ def _smooth_enough(path: Path, equations: Equations, along: Along) -> list[str]:
         if jump.order < degree:
             way = ", or say that the model begins in motion" if jump.time == path.start else ""
             raise UsageError(
-                f"{jump}: an exact inverse takes {degree} derivatives of `{jump.output}`, all but the last continuous, as its inputs show in no lower one. "
-                f"Let it go by `{SCHEME}`{way}"
+                "BR304",
+                f"{jump}: an exact inverse takes {degree} derivatives of `{jump.output}`, all but the last continuous, as its inputs show in no lower one.",
+                f"Let it go by `{SCHEME}`{way}",
             )
         notes.append(f"{jump}, and the inputs with it: a table of them is not exact there")
     return notes
@@ -146,7 +151,7 @@ def _number(model: CompiledModel, asked: Asked, name: str, value: str | float) -
         return float(value)
     known = model.compilation(model.scene(asked.experiment, asked.settings)).whole_graph.quantities[name]
     if known.value is None:
-        raise UsageError(f"`{name}` moves with time; a path is found with values that hold")
+        raise UsageError("BR305", f"`{name}` moves with time; a path is found with values that hold")
     return known.value
 
 
@@ -176,7 +181,8 @@ def _left(point: OperatingPoint, states: Any, times: Any, inputs: Mapping[str, A
         mode = np.asarray(program.mode_at(time, state, here, point.constants))
         if program.hybrid is not None and len(mode) and (mode != np.asarray(point.mode)).any():
             raise RunFailed(
-                f"a condition on states changes before t = {time:.6g} s: the equations are others from there on"
+                "BR306",
+                f"a condition on states changes before t = {time:.6g} s: the equations are others from there on",
             )
         if not program.limits:
             continue
@@ -185,7 +191,7 @@ def _left(point: OperatingPoint, states: Any, times: Any, inputs: Mapping[str, A
             limit = program.limits[k]
             if limit.kind == "table":
                 raise RunFailed(
-                    f"at t = {time:.6g} s the path leads out of the table `{limit.words}` of `{limit.owner}`"
+                    "BR307", f"at t = {time:.6g} s the path leads out of the table `{limit.words}` of `{limit.owner}`"
                 )
             if k not in told:
                 told.add(int(k))

@@ -131,7 +131,9 @@ def model_text(found: FeedForward, target: Path) -> str:
     """Return the text of a model beside `target`'s table. Raises `UsageError`."""
     if len(found.time) > MOST_ROWS:
         raise UsageError(
-            f"a table of a model has at most {MOST_ROWS} rows, this path has {len(found.time)} points: ask for fewer"
+            "BR309",
+            f"a table of a model has at most {MOST_ROWS} rows, this path has {len(found.time)} points:",
+            "ask for fewer",
         )
     imported, name = _place(found, target), found.model
     own = "Driven" if name != "Driven" else "Controlled"
@@ -197,13 +199,17 @@ def _place(found: FeedForward, target: Path) -> str:
     from compiler.api import project_folder
 
     if found.file is None:
-        raise UsageError("a feed-forward model imports the model that it drives: save that as a file first")
+        raise UsageError("BR310", "a feed-forward model imports the model that it drives:", "save that as a file first")
     if found.experiment is not None:
-        raise UsageError("a feed-forward model is made of a model as it is: leave the experiment out, set what it sets")
+        raise UsageError(
+            "BR311", "a feed-forward model is made of a model as it is:", "leave the experiment out, set what it sets"
+        )
     whole, folder = found.file.resolve(), target.resolve().parent
     if not whole.is_relative_to(project_folder(target)):
         raise UsageError(
-            f"{target} would have to import {found.file}, which is not in its project folder {project_folder(target)}: write it beside the model"
+            "BR312",
+            f"{target} would have to import {found.file}, which is not in its project folder {project_folder(target)}:",
+            "write it beside the model",
         )
     return Path(os.path.relpath(whole, folder)).as_posix()
 
@@ -226,11 +232,12 @@ def within_limits(
     """Raise `RunFailed` where an input exceeds its limit."""
     for name, limit in limits.items():
         if name not in found:
-            raise UsageError(f"`{name}` is none of the inputs that are looked for: {', '.join(found)}")
+            raise UsageError("BR313", f"`{name}` is none of the inputs that are looked for: {', '.join(found)}")
         size = np.abs(found[name])
         worst = int(size.argmax())
         if size[worst] > limit:
             unit = behind(units.get(name, "1"))
             raise RunFailed(
-                f"the path needs {size[worst]:.6g}{unit} of `{name}` at t = {times[worst]:.6g} s; it may have {limit:.6g}{unit}"
+                "BR314",
+                f"the path needs {size[worst]:.6g}{unit} of `{name}` at t = {times[worst]:.6g} s; it may have {limit:.6g}{unit}",
             )

@@ -92,18 +92,21 @@ class _Solver:
             if growth * self.steps.max() > LARGEST_STEP:
                 least = math.ceil((self.times[-1] - self.times[0]) * growth / LARGEST_STEP) + 1
                 raise RunFailed(
-                    f"with these outputs prescribed something inside grows with {growth:.6g} 1/s: the steps are too long for that, "
-                    f"ask for {least} points or more, or for other outputs"
+                    "BR315",
+                    f"with these outputs prescribed something inside grows with {growth:.6g} 1/s: the steps are too long for that,",
+                    f"ask for {least} points or more, or for other outputs",
                 )
             if self.ends.last is None:
                 raise RunFailed(
-                    f"with these outputs prescribed something inside grows with {growth:.6g} 1/s, so the path has to end at rest: let it stay there for a while"
+                    "BR316",
+                    f"with these outputs prescribed something inside grows with {growth:.6g} 1/s, so the path has to end at rest:",
+                    "let it stay there for a while",
                 )
             growing = self._internal(-1, self.ends.last)[2]
         self.held = decaying, growing
         if len(decaying) + len(growing) != self.equations.free:
             raise RunFailed(
-                "what the outputs leave to move by itself grows at one end of the path and decays at the other"
+                "BR317", "what the outputs leave to move by itself grows at one end of the path and decays at the other"
             )
 
     def _internal(self, at: int, unknowns: Any) -> tuple[Any, Any, Any]:

@@ -91,7 +91,9 @@ class Path:
         if len(bad):
             output, k, at = bad[0]
             what = "value" if k == 0 else f"derivative of order {k}"
-            raise UsageError(f"what is wanted of `{self.names[output]}` has no {what} at t = {times[at]:.6g} s")
+            raise UsageError(
+                "BR318", f"what is wanted of `{self.names[output]}` has no {what} at t = {times[at]:.6g} s"
+            )
         return found
 
     def _derivatives(self, times: Any, order: int, mode: Any) -> Any:
@@ -145,12 +147,13 @@ def curve_through(points: Any, name: str, start: float, stop: float) -> Any:
 
     times, values = (np.asarray(x, dtype=float) for x in points)
     if times.ndim != 1 or times.shape != values.shape or len(times) < 2 or not (np.diff(times) > 0).all():
-        raise UsageError(f"what is wanted of `{name}` by points are rising times and as many values")
+        raise UsageError("BR319", f"what is wanted of `{name}` by points are rising times and as many values")
     if not np.isfinite(values).all():
-        raise UsageError(f"what is wanted of `{name}` by points are finite numbers")
+        raise UsageError("BR320", f"what is wanted of `{name}` by points are finite numbers")
     if start < times[0] or stop > times[-1]:
         raise UsageError(
-            f"the path goes from {start:.6g} s to {stop:.6g} s, and what is wanted of `{name}` by points from {times[0]:.6g} s to {times[-1]:.6g} s"
+            "BR321",
+            f"the path goes from {start:.6g} s to {stop:.6g} s, and what is wanted of `{name}` by points from {times[0]:.6g} s to {times[-1]:.6g} s",
         )
     still = [(k, 0.0) for k in range(1, (DEGREE + 1) // 2)]
     span = float(
@@ -179,7 +182,9 @@ def path_of(model: CompiledModel, wanted: Mapping[str, Any], start: float, stop:
     outputs = model.compilation(model.scene(None)).whole_graph.outputs
     unknown = [n for n in wanted if n not in outputs]
     if unknown or not wanted:
-        raise UsageError(f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}")
+        raise UsageError(
+            "BR322", f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}"
+        )
     lines, samples = [f"{'plain ' if is_plain(model) else ''}model Wanted {{"], {}
     for number, (name, value) in enumerate(wanted.items(), 1):
         unit = outputs[name].unit

@@ -1,0 +1,98 @@
+"""Codes of the errors outside a text: each stands for one sentence, lies in the range of its room, and is on the page `errors.md`."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import bondgraph
+from tests.compiling import ROOT
+from tests.conftest import Golden
+
+ERRORS = {"UsageError", "RunFailed", "ManyRuns", "MissingPackage", "CannotCompile"}
+RANGES = {  # folder (the deepest that holds a file counts) -> first digit of its codes, and the subject
+    "analysis": (2, "equilibria, linear models, modes, responses, sensitivities, branches"),
+    "analysis/inversion": (3, "inversion"),
+    "studies": (4, "sweeps, Monte Carlo studies, fits, setpoints, workers"),
+    "builder": (5, "models by calls"),
+    "": (6, "values with units, files, targets"),
+    "reproduction": (8, "published values beside computed ones"),
+}
+WITHOUT_A_CODE = 117  # errors that still have none; it may only fall
+PAGE = ROOT / "bondgraph" / "errors.md"
+
+
+def raised() -> Iterator[tuple[Path, ast.Call]]:
+    """Calls that make one of these errors, file by file."""
+    for path in sorted((ROOT / "bondgraph").rglob("*.py")):
+        calls = (c for c in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(c, ast.Call))
+        for call in sorted(calls, key=lambda c: (c.lineno, c.col_offset)):
+            if isinstance(call.func, ast.Name) and call.func.id in ERRORS:
+                yield path.relative_to(ROOT / "bondgraph"), call
+
+
+def words(node: ast.expr) -> str:
+    """A sentence with `…` for what is filled in."""
+    if isinstance(node, ast.Constant):
+        return str(node.value)
+    assert isinstance(node, ast.JoinedStr), ast.dump(node)
+    return "".join(str(v.value) if isinstance(v, ast.Constant) else "…" for v in node.values)
+
+
+def rows() -> dict[str, set[tuple[str, ...]]]:
+    """Sentence and advice by code."""
+    found = defaultdict(set)
+    for _, call in raised():
+        if len(call.args) > 1:
+            code, *rest = call.args
+            assert isinstance(code, ast.Constant), ast.dump(code)
+            found[str(code.value)].add(tuple(words(w) for w in rest))
+    return found
+
+
+def page() -> str:
+    lines = ["# Errors outside the text of a model", ""]
+    lines += [
+        "`error.code`, `error.sentence` and `error.advice` of what the calls raise; `language.md` has the codes of texts.",
+        "",
+    ]
+    for digit, subject in sorted(RANGES.values()):
+        lines += [f"## BR{digit}xx: {subject}", "", "| code | sentence | advice |", "|---|---|---|"]
+        for code, told in sorted(rows().items()):
+            if code.startswith(f"BR{digit}"):
+                ((sentence, *advice),) = told
+                cells = (code, sentence.rstrip(":;,"), *(advice or [""]))
+                lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def test_a_code_is_of_its_room_and_stands_for_one_sentence() -> None:
+    for path, call in raised():
+        if len(call.args) > 1 and isinstance(call.args[0], ast.Constant):
+            folder = next(f for f in sorted(RANGES, key=len, reverse=True) if path.as_posix().startswith(f))
+            assert re.fullmatch(rf"BR{RANGES[folder][0]}\d\d", str(call.args[0].value)), (path, call.lineno)
+    assert all(len(told) == 1 for told in rows().values()), {c: t for c, t in rows().items() if len(t) > 1}
+
+
+def test_few_errors_have_no_code() -> None:
+    found = [f"{path}:{call.lineno}" for path, call in raised() if len(call.args) == 1]
+    assert len(found) <= WITHOUT_A_CODE, found
+
+
+def test_the_page_has_all_codes(golden: Golden) -> None:
+    """`--update-golden` renews it."""
+    golden(PAGE, page())
+
+
+def test_an_error_has_code_sentence_and_advice() -> None:
+    with pytest.raises(bondgraph.UsageError) as caught:
+        bondgraph.load("plain model A { Se s { e = 1 }\nR r { e = f }\ns -> r }").montecarlo({})
+    error = caught.value
+    assert (error.sentence, error.advice) == ("nothing varies", "name a parameter and its distribution")
+    assert str(error) == f"{error.sentence}: {error.advice}" and error.code in rows()
