@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from .native.machine import MachineCode, address_of, object_code, processor
     from .native.machine import available as native_available
     from .native.translate import translate
+    from .native.vectorise import Vectorised
     from .reduction.order import blocks
     from .reduction.state_space import LinearLoop, StateSpace, Unknown
     from .scene import (

@@ -112,7 +112,12 @@ def test_rooms_import_in_the_order_of_the_pipeline(room: str) -> None:
     assert found == []
 
 
-RUN_ONCE = {ROOT / "compiler" / "nouns.py": ["exec"]}  # of the names of our own classes' fields, as `dataclasses` does
+RUN_ONCE = {
+    ROOT / "compiler" / "nouns.py": ["exec"],  # of the names of our own classes' fields, as `dataclasses` does
+    ROOT / "compiler" / "native" / "vectorise.py": [
+        "exec"
+    ],  # of our own source of the steps, loops written as array operations
+}
 
 
 @pytest.mark.parametrize("path", [*COMPILER, *PRODUCT], ids=name)

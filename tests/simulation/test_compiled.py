@@ -1,4 +1,4 @@
-"""Stepping in machine code against the reference: the same steps, the same errors, the same words; and the source of it run as Python."""
+"""Stepping in machine code against the same source over numpy: the same steps, the same errors, the same words; and bit by bit as it is."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from bondgraph.simulation.steps import exponential
 from bondgraph.simulation.steps.compiled import coarse_run, fields
 from bondgraph.simulation.steps.compiled import run as compiled
 from bondgraph.simulation.steps.compiled.advance import advance, begin
+from bondgraph.simulation.steps.compiled.interpreted import Interpreted
 from bondgraph.simulation.steps.compiled.sparse import FINE, Pattern, real_back, real_factors
 from bondgraph.simulation.steps.compiled.stepper import Stepper
-from bondgraph.simulation.steps.radau import Radau
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.compiling import MODELS
 
@@ -85,19 +85,19 @@ def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:
 def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ends of steps and error estimates, one by one."""
     seen: dict[str, list[tuple[float, Any]]] = {"native": [], "numpy": []}
-    original, reference = compiled.CompiledRadau.advance, Radau.step
+    original, reference = compiled.CompiledRadau.advance, Interpreted.step
 
     def one(solver: compiled.CompiledRadau, most: int) -> int:
         answer = original(solver, 1)
         seen["native"].append((solver.last_step[1], np.array(solver.error)))
         return answer
 
-    def step(solver: Radau) -> None:
+    def step(solver: Interpreted) -> None:
         reference(solver)
         seen["numpy"].append((solver.last_step[1], np.array(solver.error)))
 
     monkeypatch.setattr(compiled.CompiledRadau, "advance", one)
-    monkeypatch.setattr(Radau, "step", step)
+    monkeypatch.setattr(Interpreted, "step", step)
     both(MODELS / "manipulator.bg", rtol=rtol, solver="radau")
     assert len(seen["native"]) == len(seen["numpy"]) > 30
     for (here, error), (there, expected) in zip(seen["native"], seen["numpy"], strict=True):

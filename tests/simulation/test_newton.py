@@ -6,31 +6,45 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.simulation.steps.factorise import dense
-from bondgraph.simulation.steps.radau import Problem, Radau, StepFailed
-from bondgraph.simulation.steps.tolerances import LOOSE, allowed_estimate
+from bondgraph.simulation.steps.compiled.advance import begin, one_step
+from bondgraph.simulation.steps.compiled.factors import ComplexFactors, Factors, room_for
+from bondgraph.simulation.steps.compiled.holding import Held
+from bondgraph.simulation.steps.compiled.stepper import Stepper
+from bondgraph.simulation.steps.tolerances import LOOSE, allowed_estimate, creeping_tolerance, newton_tolerance
 from tests.compiling import MODELS
 
 
 def test_a_number_that_creeps_beside_large_changes_is_no_solution() -> None:
     """The Jacobian slows one state as if its law were 1e5 times as steep; it hardly moves beside another that moves by 100."""
-    places = np.array([0, 1])
 
-    def rates(time: float, state: np.ndarray) -> np.ndarray:
-        return np.array([100.0, 1.0])
+    def rates(time: float, *given: np.ndarray) -> None:
+        given[-1][:2] = 100.0, 1.0
 
-    def steep(time: float, state: np.ndarray) -> np.ndarray:
-        return np.array([-3.0, -1e5])
+    def steep(time: float, *given: np.ndarray) -> None:
+        given[-1][:2] = -3.0, -1e5
 
-    shifted = dense(places, places, np.array([True, True]))
-    absolute = np.array([1e-3, 1e-3])
-    problem = Problem(rates, steep, shifted, np.array([True, True]), 1e-3, absolute, lambda start, end: True)
-    solver = Radau(problem, 0.0, np.zeros(2), 1.0, 0.1)
-    try:
-        for _ in range(5):
-            solver.step()
-    except StepFailed:
-        pass
+    nothing = {
+        "int": lambda: 0,
+        "float": lambda: 0.0,
+        "Floats": lambda: np.zeros(6),
+        "Ints": lambda: np.zeros(6, dtype=int),
+    }
+    values = {name: nothing.get(kind, lambda: None)() for name, kind in Stepper.__annotations__.items()}
+    held = object.__new__(Held)
+    held.gaps = held.multipliers = 0
+    places, ones = np.array([0, 1]), np.ones(2)
+    solver = Stepper(**values | {
+        "derivative": rates, "entries": steep, "closed": held, "n": 2, "differential": 2, "entry_count": 2, "rows": places, "columns": places,
+        "magnitude": ones, "per_unit": ones, "ratio": ones, "relative": 1e-3, "absolute": 1e-3 * ones, "state": np.zeros(2), "jacobian": np.zeros(2),
+        "newton_tolerance": newton_tolerance(1e-3), "first_newton_tolerance": newton_tolerance(1e-3), "allowed_estimate": allowed_estimate(1e-3),
+        "creeping_tolerance": creeping_tolerance(1e-3), "longest": np.inf, "usual": np.inf, "stop": 1.0, "until": 1.0,
+        "real": room_for(Factors, 2), "complex": room_for(ComplexFactors, 2), "norms": np.zeros(8), "sizes": np.zeros(8),
+    })  # fmt: skip
+    begin(solver)
+    solver.size = 0.1
+    for _ in range(5):
+        if one_step(solver):
+            break
     assert solver.state[1] == pytest.approx(solver.time, abs=2e-3)
 
 

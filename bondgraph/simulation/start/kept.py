@@ -12,7 +12,7 @@ from ..steps.factorise import is_large
 if TYPE_CHECKING:
     from compiler.api import Program
 
-    from ..steps.radau import Factorised
+    from ..steps.factorise import Factorised
 
 KEPT_ITERATIONS = 8  # iterations with factors of an earlier step
 FAR = 2.1  # largest ratio of step sizes; it includes the half steps that check a whole one for overshoot

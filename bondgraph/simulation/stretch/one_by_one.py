@@ -6,7 +6,7 @@ It is the reference for `machine.py`, and is used for models that machine code c
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,18 +14,15 @@ from ...errors import StepsCollapsed
 from ..closed.singular import NEAR
 from ..segments.timeline import Segment
 from ..steps.methods import AUTOMATIC, RADAU
-from ..steps.radau import Radau, StepFailed
+from ..steps.radau import StepFailed
 from ..watch.stuck import MOST_STEPS
-from .between import settled
 from .cut import is_sure
 from .poses import beyond, chosen_anew
-from .reference import interpreted, reference
+from .reference import interpreted
 
 if TYPE_CHECKING:
     from ..steps.compiled.interpreted import Interpreted
     from .stepper import Stepper
-
-InPython = Union["Radau", "Interpreted"]
 
 
 def one_by_one(stepper: Stepper, stretch: Segment, x: Any, method: int, size: float, target: str) -> Any:
@@ -42,12 +39,8 @@ class OneByOne:
     def __init__(self, stepper: Stepper, stretch: Segment, x: Any, method: int, size: float, target: str) -> None:
         self.stepper, self.stretch, self.target = stepper, stretch, target
         self.steps = 0
-        self.solver: InPython
         self.method = method
-        if method == RADAU:
-            self.solver = reference(stepper, stretch, stretch.start, x)
-        else:
-            self.solver = interpreted(stepper, stretch, x, method, size)
+        self.solver: Interpreted = interpreted(stepper, stretch, x, method, size)
         self.before = self.solver.state  # state at the start of the last step
         self.magnitude = stepper.tolerances.magnitude
         self.peak = np.maximum(np.abs(x) / self.magnitude, 1.0)
@@ -90,8 +83,7 @@ class OneByOne:
                 return False
             raise told from None
         stepper.steps += 1
-        if isinstance(self.solver, Radau):
-            stepper.result.rounded = max(stepper.result.rounded, self.solver.rounded)
+        stepper.result.rounded = max(stepper.result.rounded, self.solver.record.rounded)
         if self.steps >= MOST_STEPS or stepper.steps > stepper.most_steps:
             raise stepper.failed(self.solver, "steps", self.stretch.mode)
         return True
@@ -128,12 +120,9 @@ class OneByOne:
         """Restart at the start of the last step, with a segment that begins there and a step no longer than `size`."""
         stepper, x, old = self.stepper, self.before * self.magnitude, self.solver
         stepper.count(old.evaluations)
-        if isinstance(old, Radau):
-            self.solver = reference(stepper, stretch, stretch.start, x)
-            if stepper.constraints:
-                stepper.singular.begin(stretch.start, x, stretch.mode)
-        else:
-            self.solver = interpreted(stepper, stretch, x, self.method)
+        self.solver = interpreted(stepper, stretch, x, old.method)
+        if stepper.constraints:
+            stepper.singular.begin(stretch.start, x, stretch.mode)
         self.solver.begin_with(size)
         self._hold_to_peak()
 
@@ -146,7 +135,7 @@ class OneByOne:
             last += 1
         if last > first:
             times = stepper.instants[first:last]
-            scaled = settled(stepper, solver, times) if isinstance(solver, Radau) else solver.settled(times)
+            scaled = solver.settled(times)
             stepper.result.states[first:last] = stepper.held_all(times, scaled * self.magnitude, self.stretch.mode)
             stepper.position = last
 
@@ -172,12 +161,13 @@ class OneByOne:
             stepper.result.handover = stepper.choice.look(solver.time, self.state, stretch.mode)
             if stepper.result.handover is not None:
                 return True
-        if not isinstance(solver, Radau):
+        if solver.method != RADAU:
             if stepper.solver == AUTOMATIC and solver.is_stiff and not solver.finished:
                 stepper.result.settled = RADAU
                 stepper.name(RADAU, self.target)
                 stepper.count(solver.evaluations)
-                self.solver = reference(stepper, stretch, solver.time, self.state, absolute=absolute)
+                self.solver = interpreted(stepper, stretch.up_to(solver.time, stretch.stop), self.state, RADAU)
+                self.solver.hold_to(absolute)
         elif stepper.constraints and not solver.finished:
             self._past_singular_pose(solver)
             if stepper.result.handover is not None:
@@ -195,12 +185,12 @@ class OneByOne:
         self.solver.hold_to(absolute)
         return absolute
 
-    def _past_singular_pose(self, solver: Radau) -> None:
+    def _past_singular_pose(self, solver: Interpreted) -> None:
         """Go on with a new solver beyond a singular pose that is near; ordinary steps near it are short."""
         stepper, mode, state = self.stepper, self.stretch.mode, self.state
         watcher = stepper.singular
         watcher.look(solver.time, state, mode)
-        solver.problem.longest = min(stepper.longest, watcher.longest)
+        solver.record.longest = min(stepper.longest, watcher.longest)
         if chosen_anew(stepper, solver.time, state, mode, solver.wish):
             return
         crossed = watcher.crossing(
@@ -211,4 +201,10 @@ class OneByOne:
         after = beyond(stepper, crossed, state, self.stretch)
         stepper.count(solver.evaluations)
         watcher.begin(end := crossed.start + crossed.size, after, mode)
-        self.solver = reference(stepper, self.stretch, end, after, min(solver.wish, NEAR * 0.5 * crossed.size))
+        self.solver = interpreted(
+            stepper,
+            self.stretch.up_to(end, self.stretch.stop),
+            after,
+            RADAU,
+            min(solver.wish, NEAR * 0.5 * crossed.size),
+        )

@@ -21,7 +21,7 @@ from ..loops.loops import LoopSolver
 from ..segments.timeline import Segment, Signals, signals_on, with_time_of
 from ..segments.trajectory import Kept, Tolerances, Trajectory, empty
 from ..steps.methods import AUTOMATIC, ENERGY, NAMES
-from ..steps.radau import INNER, Radau
+from ..steps.radau import INNER
 from ..watch.beyond import notes_of_beyond
 from ..watch.choice import Choice
 from ..watch.crawling import notes_of
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from ..steps.compiled.run import CompiledRadau
     from .machine import InMachineCode
 
-Solver = Union["Radau", "Interpreted", "CompiledRadau"]
+Solver = Union["Interpreted", "CompiledRadau"]
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 MOST_KNOWN = 64  # most modes whose signals are cached
 

@@ -13,9 +13,6 @@ from ..segments.trajectory import Tolerances
 from .crawling import advice, limiting_mode
 
 if TYPE_CHECKING:
-    from ..steps.compiled.interpreted import Interpreted
-    from ..steps.compiled.run import CompiledRadau
-    from ..steps.radau import Radau
     from ..stretch.stepper import Solver, Stepper
 
 MOST_STEPS = 1_000_000  # most steps of one segment; a run that needs more is limited by an unusual cause
@@ -76,7 +73,7 @@ def failure(stepper: Stepper, solver: Solver, what: str, mode: Any) -> RunFailed
 
 def stuck(
     program: Program,
-    solver: Radau | Interpreted | CompiledRadau,
+    solver: Solver,
     what: str,
     state: Any,
     slope: Any,

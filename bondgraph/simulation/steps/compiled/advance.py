@@ -1,7 +1,6 @@
 """Loop over steps in the subset of Python that becomes machine code: as in `one_by_one.py`, with the same decisions, around a step of one method.
 
-For Radau the reference is `radau.py`, which explains the method and uses the same names; a test requires equal steps of both. The other methods
-are written here only, and run as Python where there is no machine code.
+The methods are written here only; where there is no machine code, the same source runs over numpy (`in_numpy.py`).
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
-"""Kinks of laws within a tried step: see `radau.Radau._bend`. They are searched at a few places, chosen by the method."""
+"""Kinks of laws within a tried step. They are searched at a few places, chosen by the method."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from .. import radau
-from ..false_position import ROUNDS
 from .shares import tried_at
 from .stepper import Stepper
 
@@ -14,6 +13,7 @@ if TYPE_CHECKING:
 
 PLACES = (0.0, *radau.C.tolist())
 NEAREST, ON_IT, CLOSE = radau.NEAREST, radau.ON_IT, radau.CLOSE
+ROUNDS = 12  # most iterations of false position (Illinois: Dowell and Jarratt, BIT 11, 1971)
 
 
 def first_bend(s: Stepper, size: float) -> float:

@@ -1,4 +1,8 @@
-"""Stiff interpolation at the reported instants within a step: see `stretch/between.py`, which uses the same names."""
+"""Stiff interpolation: stiff states between the ends of a step, computed from their own equations where the polynomials are not accurate.
+
+At the ends of steps a stiff state lies where its rate nearly vanishes, however long the step; between them a polynomial is not bound to that. The
+rates at an instant, minus the derivative of the polynomial, give the residual, and Newton's method corrects the stiff states; all others stay unchanged.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dense matrices mu/h M - J for a real and a complex mu: assembly, factorisation, solution; see `factorise.dense`."""
+"""Dense matrices mu/h M - J for a real and a complex mu: assembly, factorisation, solution."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ It makes the steps only; `one_by_one.py` handles limits, events, work and sample
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -13,50 +13,52 @@ import numpy as np
 
 from compiler.api import Program
 
-from ...segments.timeline import Segment, Signals
-from .. import pair
-from ..methods import ENERGY, RODAS
+from .. import ends, pair, radau
+from ..factorise import sparse
+from ..methods import ENERGY, RADAU
 from ..radau import StepFailed
 from .advance import begin, one_step
 from .along import densify
 from .between import bring_back, has_steep_states, is_unsure
 from .conserving import sample_step
-from .factors import Factors, room_for
-from .fields import fields_at
-from .holding import Held
+from .held import fields_of
+from .holding import Held, Square
+from .in_numpy import interpreted
 from .run import FAILURES
+from .sparse import Pattern
 from .stepper import Stepper
 
 if TYPE_CHECKING:
-    from ...segments.trajectory import Tolerances
+    from ...closed.constraints import Constraints
 
-OF_STATES = ("derivative", "entries", "holds", "dependent", "sensitivities", "powers")
+OF_STATES = ("derivative", "entries", "holds", "dependent", "sensitivities", "powers", "bends", "stored_energy")
 
 
 class Interpreted:
-    """Steps of all methods except Radau over one segment, with the interface of `radau.Radau`."""
+    """Steps of a method over one segment, with the interface of `run.CompiledRadau`."""
 
     def __init__(
-        self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
-        signals: Signals, method: int, size: float = np.inf,
-    ) -> None:  # fmt: skip
-        values = fields_at(program, inputs, constants, tolerances, stretch, state, longest, signals, method)
-        values |= {name: _into(values[name]) for name in OF_STATES} | {"signals": _of_time(values["signals"])}
-        if program.bends is not None:
-            values["bends"] = _into(program.bends)
-        if program.stored_energy is not None:
-            values["stored_energy"] = _into(program.stored_energy)
-        values |= {"closed": _open(), "redundant": 0, "pattern": None, "stop": float(stretch.stop)}
-        if method == RODAS and values["sparse"]:  # no order of pivots is computed here
-            values |= {"sparse": 0, "real": room_for(Factors, values["n"])}
+        self, program: Program, values: dict[str, Any], constraints: Constraints, size: float = np.inf
+    ) -> None:
+        """`values`: fields of a `Stepper` at the start; `size`: of the first step."""
+        values |= {name: _into(values[name]) for name in OF_STATES if values[name] is not None}
+        values |= {"signals": _of_time(values["signals"]), "stop": float(values["stop"])}
+        values |= {
+            "closed": _constraints(program, constraints, values),
+            "redundant": 0,
+            "pattern": _pattern(program, bool(values["sparse"])),
+        }
         self.record = Stepper(**values)
-        begin(self.record)
+        self._run(begin)
         if size < np.inf:
-            self.record.size = size
+            self.record.size = min(size, self.record.stop - self.record.time)
+
+    def _run(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        return interpreted(function, self.record.n, self.record.sparse)(self.record, *arguments)
 
     def step(self) -> None:
         """Make one accepted step. Raises `StepFailed`."""
-        failed = one_step(self.record)
+        failed = self._run(one_step)
         if failed:
             raise StepFailed(FAILURES[failed])
 
@@ -103,12 +105,25 @@ class Interpreted:
         times, count = self.record.end_time, self.record.ends
         return float(times[count - 2]), float(times[count - 1])
 
-    parts = pair.PARTS
+    @property
+    def method(self) -> int:
+        """Index of the method."""
+        return self.record.method
+
+    @property
+    def wish(self) -> float:
+        """Size of the next step if nothing else limits it."""
+        return self.record.size
+
+    @property
+    def parts(self) -> int:
+        """Parts of a step that are searched for events separately."""
+        return 1 if self.method == RADAU else pair.PARTS
 
     @property
     def inner(self) -> tuple[float, ...]:
         """Fractions of a step at which the limits of a model are checked."""
-        return pair.INNER
+        return radau.INNER if self.method == RADAU else pair.INNER
 
     @property
     def evaluations(self) -> dict[str, int]:
@@ -119,28 +134,32 @@ class Interpreted:
     def sample(self, times: Any) -> Any:
         """Return states at instants within the last step; shape (times, n)."""
         record = self.record
+        if record.method == RADAU:
+            return ends.sampled(record, times)
         if record.method == ENERGY:
             found = np.empty((len(times), record.n))
             for time, row in zip(np.asarray(times).tolist(), found, strict=True):
                 sample_step(record, time, row)
             return found
         if not record.dense_known:
-            densify(record)
+            self._run(densify)
         rows, states = (np.asarray(a).reshape(-1, record.n) for a in (record.dense, record.end_state))
         return pair.polynomial(rows, states[record.ends - 2], *self.last_step, times)
 
     def settled(self, times: Any) -> Any:
         """Return states at reported instants, with stiff states corrected by their equations: see `within.sample`."""
         record, found = self.record, self.sample(times)
-        if has_steep_states(record):
+        if self._run(has_steep_states):
             for time, row in zip(np.asarray(times).tolist(), found, strict=True):
-                if time < record.time and is_unsure(record, time):
+                if time < record.time and self._run(is_unsure, time):
                     row *= record.magnitude
-                    bring_back(record, time, row)
+                    self._run(bring_back, time, row)
                     row /= record.magnitude
         return found
 
-    collocation = sample  # integrals along the step agree with its states to the order of its polynomial
+    def collocation(self, times: Any) -> Any:
+        """Return the polynomial of the method: integrals along it agree with its states to its order."""
+        return ends.collocation(self.record, times) if self.method == RADAU else self.sample(times)
 
 
 def sampled(solver: Any, times: Any) -> Any:
@@ -186,8 +205,29 @@ def _of_time(function: Callable[..., Any]) -> Callable[..., None]:
     return call
 
 
-def _open() -> Held:
-    """Return an empty `Held`: no constraints."""
-    held = object.__new__(Held)
-    held.gaps = held.multipliers = 0
-    return held
+def _constraints(program: Program, constraints: Constraints, values: dict[str, Any]) -> Held:
+    """Return the constraints as a record; for none, an empty one."""
+    if not constraints:
+        held = object.__new__(Held)
+        held.gaps = held.multipliers = 0
+        return held
+    fields = fields_of(program, values["inputs"], values["constants"], values["magnitude"], constraints.taking)
+    fields |= {name: _square(fields[name]) for name in ("positions", "speeds")}
+    functions = {"invariant": program.invariant, "invariant_slopes": program.invariant_slopes, "solved": program.solved}
+    fields |= {name: None if function is None else _into(function) for name, function in functions.items()}
+    return Held(**fields | {"mode": values["mode"], "place": np.array(fields["place"], dtype=int)})
+
+
+def _square(fields: Mapping[str, Any]) -> Square:
+    return Square(**{name: np.array(value) if isinstance(value, list) else value for name, value in fields.items()})
+
+
+def _pattern(program: Program, large: bool) -> Pattern | None:
+    """Return a pattern without an order of pivots, which SuperLU chooses; None for a system that is not large."""
+    if not large:
+        return None
+    pattern = object.__new__(Pattern)
+    pattern.n = len(program.states.names) + len(program.unknowns.names)
+    rows, columns = program.pattern
+    vars(pattern)["shifted_by"] = sparse(rows, columns, np.arange(pattern.n) < len(program.states.names))
+    return pattern

@@ -1,4 +1,4 @@
-"""Norms of changes and the step-size factor, for methods with a Jacobian; same names as in `radau.py`."""
+"""Norms of changes and the step-size factor, for methods with a Jacobian."""
 
 from __future__ import annotations
 
@@ -27,7 +27,10 @@ def squares(s: Stepper) -> float:
 
 
 def most_left(s: Stepper) -> float:
-    """Return the same as `radau._left`."""
+    """Return the largest further change of a single component by more iterations, from the last changes and those before, in units of the tolerance.
+
+    With a Jacobian that is far too steep for it, one component changes slowly, which large changes of the others hide.
+    """
     most = 0.0
     for i in range(3):
         for k in range(s.n):

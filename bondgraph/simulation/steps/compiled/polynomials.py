@@ -1,4 +1,4 @@
-"""Polynomials within the last step: of each method, and for Radau also the one through the last step ends; see `radau.Radau.sample`."""
+"""Polynomials within the last step: of each method, and for Radau also the one through the last step ends."""
 
 from __future__ import annotations
 

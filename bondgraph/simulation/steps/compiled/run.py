@@ -17,9 +17,9 @@ from compiler.api import Program, address_of, record_of
 
 from ...segments.timeline import Segment, Signals, inside
 from ...watch.choice import Choice
-from .. import pair, radau, rodas
+from .. import ends, pair, radau, rodas
 from ..methods import ENERGY, RADAU, RODAS
-from ..radau import Radau, StepFailed
+from ..radau import StepFailed
 from .advance import LOOK, MORE
 from .code import POINTER, WHOLE, called
 from .fields import given_at, room_of, signal_fields
@@ -97,7 +97,7 @@ class Ordered:
 
 
 class CompiledRadau:
-    """Steps of a native method over one segment, with the interface of `radau.Radau`."""
+    """Steps of a native method over one segment, with the interface of `interpreted.Interpreted`."""
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
@@ -287,13 +287,13 @@ class CompiledRadau:
         return radau.INNER if self.method == RADAU else pair.INNER
 
     def sample(self, times: Any) -> Any:
-        """Return states at instants within the last step; shape (times, n). As `Radau.sample`."""
+        """Return states at instants within the last step; shape (times, n)."""
         if self.method == ENERGY:
             return self._interpreted(times)
         if self.method != RADAU:
             before = self.end_state.reshape(3, self.n)[self.ends - 2]
             return pair.polynomial(self.dense.reshape(7, self.n), before, *self.last_step, times)
-        return self._reference().sample(times)
+        return ends.sampled(self, times)
 
     def roots(self, times: Any, mode: Any) -> Any:
         """Return the roots of the conditions at instants within the last step, under a mode; shape (times, conditions)."""
@@ -317,22 +317,6 @@ class CompiledRadau:
         from .interpreted import sampled
 
         return sampled(self, times)
-
-    def _reference(self) -> Radau:
-        """Return the last step as a `Radau`: with the step ends, the stages and the tolerances."""
-        from ..ends import End
-        from ..radau import Problem
-
-        n, count = self.n, self.ends
-        known = [count < 3 or bool(self.first_sloped) or k > 0 for k in range(count)]
-        known[0] = known[0] and count == 3
-        states, slopes = self.end_state.reshape(3, n), self.end_slope.reshape(3, n)
-        radau = object.__new__(Radau)
-        radau._ends = [End(float(self.end_time[k]), states[k], slopes[k] if known[k] else None) for k in range(count)]
-        radau._stages = self.stages.reshape(3, n)
-        nothing: Any = None
-        radau.problem = Problem(nothing, nothing, nothing, nothing, self.relative, self.absolute, nothing)
-        return radau
 
 
 def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause: float = np.inf) -> int:

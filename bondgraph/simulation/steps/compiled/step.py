@@ -1,4 +1,4 @@
-"""One step of Radau IIA of order 5: see `radau.Radau.step`."""
+"""One step of Radau IIA of order 5 (see `radau.py`)."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def step(s: Stepper) -> int:
 
 
 def is_rounding(s: Stepper, norm: float) -> bool:
-    """See `radau.Radau._is_rounding`."""
+    """Return whether an estimate is rounding, which a shorter step has more of: followed, it leads to modes far below the tolerance."""
     if s.relative >= FINEST or not isfinite(norm):
         return False
     norm *= s.allowed_estimate
@@ -112,7 +112,7 @@ def is_rounding(s: Stepper, norm: float) -> bool:
 
 
 def look_at_side(s: Stepper, ahead: float) -> None:
-    """Do the same as `radau.Radau._look_at_side` after a step."""
+    """Renew the Jacobian after a step if it belongs to the other side of a kink, also where the step ends at one: it would hide errors filtered by it."""
     for i in range(s.n):
         s.rest[i] = s.state[i] + ahead * s.rate[i]
     bends_of(s, s.time + ahead, s.rest, s.bend_seen)
@@ -371,7 +371,7 @@ def newton(s: Stepper, size: float) -> int:
 
 
 def stagnant(s: Stepper, iterations: int, norm: float) -> int:
-    """Return the same as `radau.Radau._stagnant`: the number of iterations, or 0."""
+    """Return the number of iterations that no longer improve, if the remainder is rounding; else 0."""
     if norm > s.stagnation_tolerance or not norm <= STAGNANT * rounding(s):
         return 0
     s.contraction = 0.0
@@ -380,7 +380,10 @@ def stagnant(s: Stepper, iterations: int, norm: float) -> int:
 
 
 def rounding(s: Stepper) -> float:
-    """Return the same as `radau.Radau.rounding`."""
+    """Return the norm of the rounding error of a stage, in units of the tolerance, from a second difference of the rates over a very short distance.
+
+    Laws with large numbers that nearly cancel, as lengths of a mechanism next to its displacements, have larger rounding errors than the states.
+    """
     n = s.n
     for i in range(n):
         s.rest[i] = s.state[i] * (1.0 + (ASIDE if i % 2 == 0 else -ASIDE))
@@ -489,7 +492,12 @@ def drop_noise(s: Stepper, x: Floats) -> None:
 
 
 def misses(s: Stepper, end: float, size: float) -> bool:
-    """Return the same as `radau.Radau._misses`. The last iteration's rates are still in `f`; those at the end replace the second stage there."""
+    """Return True if the unknowns of loops do not solve their equations at the end of a step.
+
+    A Jacobian of another place, as of a diode that no longer conducts, may be so much too steep that iterations change nothing. Where the residual is as
+    large as before the last iteration, the Jacobian at the end gives the error. The last iteration's rates are still in `f`; those at the end replace the
+    second stage there.
+    """
     n = s.n
     if not has_loops(s):
         return False

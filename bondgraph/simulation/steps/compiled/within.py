@@ -1,4 +1,4 @@
-"""States at reported instants within the last step, and the limits of the model; see `radau.Radau.sample` and `validity.py`."""
+"""States at reported instants within the last step, and the limits of the model; see `validity.py`."""
 
 from __future__ import annotations
 

@@ -1,0 +1,72 @@
+"""Source of the steps where there is no machine code: its loops as array operations of numpy, its linear algebra by LAPACK and SuperLU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, TypeVar, cast
+
+from compiler.api import Vectorised
+
+from ..factorise import dense
+from . import factors, sparse
+from .sparse import FINE, SINGULAR
+
+FEW = 6  # unknowns of a system up to which the loops of the source itself are faster
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def interpreted(function: Function, unknowns: int, sparse: int) -> Function:
+    """Return a function of the source as it is, or with array operations, which is faster for more unknowns, and has sparse factors without a pattern."""
+    return function if unknowns <= FEW and not sparse else cast(Function, _vectorised()[function])
+
+
+@lru_cache
+def _vectorised() -> Vectorised:
+    return Vectorised({
+        factors.eliminate: _eliminate, factors.eliminate_complex: _eliminate_complex, factors.back: _back,
+        factors.back_complex: _back_complex, factors.is_negative: _is_negative,
+        sparse.real_factors: _real_factors, sparse.complex_factors: _complex_factors, sparse.real_back: _back,
+        sparse.complex_back: _back_complex,
+    })  # fmt: skip
+
+
+# ------------------------------------------------------------ `factors.py` by LAPACK
+def _eliminate(f: Any) -> bool:
+    f.solved = dense(f.matrix.reshape(f.n, f.n))
+    return f.solved is not None
+
+
+def _eliminate_complex(f: Any) -> bool:
+    f.solved_complex = dense((f.re + 1j * f.im).reshape(f.n, f.n))
+    return f.solved_complex is not None
+
+
+def _is_negative(f: Any) -> int:
+    return int(f.solved.negative)
+
+
+def _back(f: Any, x: Any) -> None:
+    x[: f.n] = f.solved.solve(x[: f.n])
+
+
+def _back_complex(f: Any, xr: Any, xi: Any) -> None:
+    found = f.solved_complex.solve(xr[: f.n] + 1j * xi[: f.n])
+    xr[: f.n], xi[: f.n] = found.real, found.imag
+
+
+# ------------------------------------------------------------ `sparse.py` by SuperLU
+def _real_factors(p: Any, shift: float, entries: Any) -> int:
+    try:
+        p.solved = p.shifted_by(shift, entries)
+    except (RuntimeError, ValueError):
+        return SINGULAR
+    return FINE
+
+
+def _complex_factors(p: Any, re: float, im: float, entries: Any) -> int:
+    try:
+        p.solved_complex = p.shifted_by(complex(re, im), entries)
+    except (RuntimeError, ValueError):
+        return SINGULAR
+    return FINE
