@@ -24,3 +24,11 @@ def test_an_entry_names_a_class_and_a_function(entry: tuple[str, str]) -> None:
 def test_the_table_is_installed_once() -> None:
     with pytest.raises(RuntimeError, match="installed already"):
         rendering.install(RENDERERS)
+
+
+def test_only_the_facade_and_the_commands_import_the_presentation() -> None:
+    above = {"bondgraph", "bondgraph.model", "bondgraph.commands", "bondgraph.reproduction"}
+    arrows = structure.room_imports().edges
+    assert {
+        a for a, b in arrows if b.startswith("bondgraph.presentation") and not a.startswith("bondgraph.presentation")
+    } <= above

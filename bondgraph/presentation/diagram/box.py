@@ -3,49 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .blocks import DOWN, LEFT, RIGHT, UP, Block, Boxed, Branch, Draft
 from .glyphs import GAP, NAME, PORT, shortest
 from .lettering import text_width
 from .room import NOTHING, Rectangles, Vector, corridor, joined, lane, moved, push, rectangles
 from .subject import HEAD, TAIL, Line, Node
 
-if TYPE_CHECKING:
-    from .tree import Block, Branch
-
-RIGHT, DOWN, LEFT, UP = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
 TITLE = 40.0  # height of kind and name
 SPACE = 8.0  # between the branches of neighbouring ports
 ROW = 26.0  # between two ports of a side
 PADDING = 12.0
 SPARE = np.array((0.0, -1.0, 0.0, 1.0))  # above and below
 FRAMES = 30.0  # between parts that may get frames
-
-
-@dataclass(frozen=True, slots=True)
-class Boxed:
-    """A box, and the position of its name."""
-
-    left: float
-    top: float
-    right: float
-    bottom: float
-    title: tuple[float, float]
-
-    def at(self, x: float, y: float) -> Boxed:
-        """Return the same box at another position."""
-        title = (self.title[0] + x, self.title[1] + y)
-        return Boxed(self.left + x, self.top + y, self.right + x, self.bottom + y, title)
-
-    def port_text(self, text: str, x: float, y: float) -> tuple[str, float, float, str]:
-        """Return the name of a port inside the border, next to its position: text, x, y of the baseline, anchor."""
-        if x <= self.left or x >= self.right:
-            right = x >= self.right
-            return text, self.right - 6 if right else self.left + 6, y + 4, "end" if right else "start"
-        return text, x, self.bottom - 6 if y >= self.bottom else self.top + 14, "middle"
 
 
 def port_of(line: Line, node: int) -> str:
@@ -58,8 +30,6 @@ def box_around(
     finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None,
 ) -> Block:  # fmt: skip
     """Return a box with its branches, with the origin at the end of the bond that carries it (`along`), or at its middle."""
-    from .tree import Block, Draft
-
     sides = _sides(branches, finished, along)
     widths = _widths(lines, node, sides, along)
     rows = {side: _stacked(nodes, sides[side], finished, side, widths[side]) for side in sides}

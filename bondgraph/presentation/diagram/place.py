@@ -8,12 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from .box import Boxed
+from .blocks import Block, Boxed, Branch
 from .glyphs import letter_rectangle, text_rectangle
 from .room import NOTHING, Point, Rectangles, bounds, joined, lane, moved, rectangles
 from .route import HARD, Ground, between, routed
 from .subject import Node, Subject
-from .tree import Block, Branch, grow_tree
+from .tree import grow_tree
 
 APART = 46.0  # between two parts
 WIDEST = 1500.0  # largest width of a row of parts

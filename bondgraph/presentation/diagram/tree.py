@@ -9,19 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import permutations
 
 import numpy as np
 
 from compiler.api import ELEMENTS
 
-from .box import Boxed, box_around
+from .blocks import DOWN, LEFT, RIGHT, UP, Block, Branch, Draft
+from .box import box_around
 from .glyphs import GAP, half_width, letter_and_label, reach, shortest
-from .room import Point, Rectangles, Vector, bounds, corridor, joined, lane, moved, push, touches
+from .room import Rectangles, Vector, bounds, corridor, joined, lane, moved, push, touches
 from .subject import Line, Node
 
-RIGHT, DOWN, LEFT, UP = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
 SIDES = (RIGHT, DOWN, LEFT, UP)
 CORNERS = ((0.7, 0.7), (0.7, -0.7), (-0.7, 0.7), (-0.7, -0.7))
 BETWEEN = ((0.4, 0.9), (0.4, -0.9), (-0.4, 0.9), (-0.4, -0.9), (0.9, 0.4), (0.9, -0.4), (-0.9, 0.4), (-0.9, -0.4))
@@ -35,63 +34,7 @@ LIKES: Mapping[str, tuple[Vector, ...]] = {
 TURN, AGAINST, DISLIKE = 30.0, 24.0, 8.0
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
-    """A completed part, with the origin at the end of the bond that carries it."""
-
-    places: Mapping[int, Point]  # node -> its middle
-    labels: Mapping[int, tuple[str, float, float, str]]
-    boxes: Mapping[int, Boxed]
-    ends: Mapping[tuple[int, int], Point]  # line, node -> its point on the node's border
-    taken: Rectangles  # the rectangle of the root comes first
-    cost: float
-    reach: float = 0.0  # from the origin to the border of the root, against the direction of growth
-
-    def at(self, x: float, y: float) -> Block:
-        """Return the same part at another position."""
-        return Block(
-            {n: (a + x, b + y) for n, (a, b) in self.places.items()},
-            {n: (t, a + x, b + y, s) for n, (t, a, b, s) in self.labels.items()},
-            {n: b.at(x, y) for n, b in self.boxes.items()},
-            {k: (a + x, b + y) for k, (a, b) in self.ends.items()},
-            moved(self.taken, x, y), self.cost, self.reach,
-        )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Branch:
-    """A bond from a node to a child."""
-
-    line: int
-    child: int
-    outwards: bool  # True if the arrow points to the child
-    heavy: bool  # True if the child has branches
-    towards: Vector | None = None  # for a bond that is routed later: last known direction of its other end
-
-
 Arrangement = Sequence[tuple[Branch, Vector]]
-
-
-@dataclass(slots=True)
-class Draft:
-    """A part under construction."""
-
-    places: dict[int, Point] = field(default_factory=dict)
-    labels: dict[int, tuple[str, float, float, str]] = field(default_factory=dict)
-    boxes: dict[int, Boxed] = field(default_factory=dict)
-    ends: dict[tuple[int, int], Point] = field(default_factory=dict)
-    taken: Rectangles | None = None
-    cost: float = 0.0
-
-    def add(self, block: Block, *more: Rectangles) -> None:
-        """Add a completed part."""
-        self.places |= block.places
-        self.labels |= block.labels
-        self.boxes |= block.boxes
-        self.ends |= block.ends
-        parts = [block.taken, *more] if self.taken is None else [self.taken, block.taken, *more]
-        self.taken = joined(*parts)
-        self.cost += block.cost
 
 
 def grow_tree(
