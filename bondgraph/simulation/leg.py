@@ -296,7 +296,7 @@ class Leg:
         known = self.known
         if not all(n in known for n in names):
             first = found_with(UntilEvent(events, self._choice()))
-            from .events.instants import pilot
+            from .stretch.event_integrator import pilot
 
             events.measure(first.values)
             saved = None if self.history is None else self.history.saved()

@@ -10,7 +10,7 @@ import pytest
 import bondgraph
 from bondgraph.errors import RunFailed
 from bondgraph.simulation.stretch import machine
-from bondgraph.simulation.watch import crawling, stuck
+from bondgraph.simulation.watch import crawling
 
 # A slow mass on a soft spring, and on it a light one on a stiff spring that rings: 503 Hz, which nothing damps.
 RINGING = """model Ringing {{
@@ -62,7 +62,6 @@ def test_few_steps_tell_nothing() -> None:
 
 def test_at_the_limit_of_steps_the_error_names_the_mode(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "MOST_COMPILED", 500)
-    monkeypatch.setattr(stuck, "MOST_STEPS", 500)
     monkeypatch.setattr("bondgraph.simulation.stretch.one_by_one.MOST_STEPS", 500)
     with pytest.raises(RunFailed, match=r"Hz, whose energy is mostly in .*`(bell|clamp)`") as failed:
         bondgraph.load(RINGING.format(start="1 mm")).simulate(to=50, points=11, solver="radau")

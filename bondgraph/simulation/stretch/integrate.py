@@ -15,10 +15,10 @@ from ..segments.trajectory import Tolerances, Trajectory
 from ..steps.methods import AUTOMATIC
 from ..watch.choice import Choice
 from ..watch.validity import Watch
-from .stepper import Powers, Stepper
+from .segment_integrator import SegmentIntegrator
+from .stepper import ModeTruncation, Powers
 
 if TYPE_CHECKING:
-    from ..bandwidth.leave import Leaving
     from ..events.events import Events
     from ..events.history import History
 
@@ -41,7 +41,7 @@ def integrate(
     history: History | None = None,
     into: Trajectory | None = None,
     solver: str = AUTOMATIC,
-    leaving: Leaving | None = None,
+    leaving: ModeTruncation | None = None,
 ) -> Trajectory:
     """Integrate over the segments, into a trajectory that keeps the part before an exception. Raises `RunFailed` with time and variable.
 
@@ -52,10 +52,10 @@ def integrate(
     exact = solver in (AUTOMATIC, "exponential")
     fixed = (program, constants, inputs, instants, tolerances, powers, watch, constraints, into)
     if events is not None:
-        from ..events.instants import EventStepper
+        from .event_integrator import EventIntegrator
 
-        return EventStepper.through(events, off, fixed, state, stretches, choice, linear and exact, history, solver)
-    stepper = Stepper(*fixed)
+        return EventIntegrator.through(events, off, fixed, state, stretches, choice, linear and exact, history, solver)
+    stepper = SegmentIntegrator(*fixed)
     stepper.choice, stepper.solver, stepper.leaving = choice, solver, leaving
     stepper.linear = linear and exact and not constraints and history is None
     stepper.remember(history)

@@ -46,14 +46,14 @@ def explicit_scout(stepper: Stepper, stretch: Segment, x: Any) -> CompiledRadau:
     return solver
 
 
-def in_machine_code(stepper: Stepper, stretch: Segment, x: Any, method: int, size: float) -> Any:
-    """Integrate as `Stepper.run` from its first step. `size`: of all steps, for a method with equal steps."""
-    machine = stepper.machine
+def native_integrator(
+    stepper: Stepper, machine: InMachineCode | None, stretch: Segment, x: Any, method: int, size: float
+) -> InMachineCode:
+    """Return the integrator of the segments so far, where it fits the next one, or a new one. `size`: of all steps, for a method with equal steps."""
     if machine is None or method == ENERGY or machine.tolerances is not stepper.tolerances:
-        machine = stepper.machine = InMachineCode(stepper, stretch, x, method, size)
-    else:
-        machine.begin_at(stretch, x, method)
-    return machine.to_end()
+        return InMachineCode(stepper, stretch, x, method, size)
+    machine.begin_at(stretch, x, method)
+    return machine
 
 
 def _solver(stepper: Stepper, stretch: Segment, x: Any, method: int) -> CompiledRadau:

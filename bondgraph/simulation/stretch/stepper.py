@@ -1,4 +1,4 @@
-"""Data and services common to the integrators over smooth segments: see `one_by_one.py` and `machine.py`.
+"""State and services common to the methods for smooth segments: see `segment_integrator.py`, `one_by_one.py` and `machine.py`.
 
 States are divided by their magnitudes before the solver gets them, which keeps its linear algebra well scaled.
 """
@@ -8,43 +8,55 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any, Protocol, Union
 
 import numpy as np
 
 from compiler.api import Program
 
-from ...errors import RunFailed, StepsCollapsed, UsageError
+from ...errors import RunFailed, StepsCollapsed
 from ...numerics.quadrature import work_of
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
+from ..segments.context import SegmentContext
 from ..segments.timeline import Segment, Signals, signals_on, with_time_of
 from ..segments.trajectory import Kept, Tolerances, Trajectory, empty
-from ..steps.methods import AUTOMATIC, ENERGY, NAMES
 from ..steps.radau import INNER
+from ..steps.methods import AUTOMATIC, NAMES
 from ..watch.beyond import notes_of_beyond
 from ..watch.choice import Choice
 from ..watch.crawling import notes_of
-from ..watch.stuck import MOST_STEPS, failure, not_finite
+from ..watch.stuck import MOST_COMPILED, MOST_STEPS, failure, not_finite
 from ..watch.validity import Watch
-from .stateless import without_states
 
 if TYPE_CHECKING:
-    from ..bandwidth.leave import Leaving
     from ..closed.singular import Watcher
     from ..events.history import History
     from ..events.locate import Flip, RootsAt, StateAt
     from ..steps.compiled.interpreted import Interpreted
     from ..steps.compiled.run import CompiledRadau
-    from .machine import InMachineCode
 
 Solver = Union["Interpreted", "CompiledRadau"]
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 MOST_KNOWN = 64  # most modes whose signals are cached
 
 
+class ModeTruncation(Protocol):
+    """Truncation of fast modes, seen from an integration."""
+
+    @property
+    def pause(self) -> int:
+        """Number of steps of a segment after which it is examined."""
+
+    def begin(self, stepper: Stepper, stretch: Segment, x: Any) -> Any:
+        """Return the state without its fast oscillations."""
+
+    def cuts(self, stepper: Stepper, solver: Solver, steps: int, stretch: Segment) -> bool:
+        """Return True if a segment is to be cut after so many steps."""
+
+
 class Stepper:
-    """Integrator over successive smooth segments, with the requested results."""
+    """State of an integration over successive smooth segments: the requested results so far, and services common to all methods."""
 
     def __init__(
         self,
@@ -60,7 +72,7 @@ class Stepper:
     ) -> None:
         self.watch, self.constraints = watch, constraints
         self.choice: Choice | None = None
-        self.leaving: Leaving | None = None
+        self.leaving: ModeTruncation | None = None
         self.linear = False
         self.solver = AUTOMATIC  # the requested solver
         self.steps, self.most_steps = 0, MOST_STEPS  # steps in all segments
@@ -76,7 +88,6 @@ class Stepper:
         self.whole = float(instants[-1] - instants[0])  # length of the run, s
         self.traffic = 0.0  # energy turnover: absolute work at all ports so far
         self.position = 0  # index of the next instant to be reported
-        self.machine: InMachineCode | None = None  # the native integrator, from its first segment on
         self._signals: dict[tuple[float, bytes], Signals] = {}
         self.exponentials: dict[bytes, tuple[Any, Any]] = {}  # exponentials of linear segments, by their matrices
         self.methods: dict[bytes, int] = {}  # methods chosen, by mode: each spectrum is examined once
@@ -87,6 +98,11 @@ class Stepper:
         found = self._tolerances()
         self.constraints.scale(found.magnitude)
         return found
+
+    @property
+    def context(self) -> SegmentContext:
+        """Unchanging data of this integration, with its present tolerances."""
+        return SegmentContext(self.program, self.constants, self.inputs, self.instants, self.tolerances)
 
     def look_anew(self) -> None:
         """Discard the magnitudes, and all data that depend on them."""
@@ -129,8 +145,7 @@ class Stepper:
         return self.result
 
     def let_go(self) -> None:
-        """Release the native integrator, which refers to this object, so that memory is freed at once, without the garbage collector."""
-        self.machine = None
+        """Release all data that refer to this object."""
 
     def keep(self, time: float, x: Any, mode: Any, begun: float, work: Any = None, position: int | None = None) -> None:
         """Store a checkpoint after a step that was accepted and that all monitors have checked."""
@@ -157,89 +172,6 @@ class Stepper:
         if history is not None:
             self.longest = min(self.longest, float(history.lags.min()))
 
-    def run_to_end(self, stretch: Segment, x: Any) -> Any:
-        """Integrate one segment; it is cut where a delayed signal jumps, and where fast modes are removed."""
-        start = stretch.start
-        while True:
-            stop = stretch.stop if self.history is None else self.history.next_cut(start, stretch.stop)
-            x = self.run(stretch.up_to(start, stop), x)
-            start = self.reached
-            if start >= stretch.stop or self.result.handover is not None:
-                return x
-
-    def run(self, stretch: Segment, x: Any) -> Any:
-        """Integrate one segment from state x, or up to the first event in it; return the state at its end."""
-        self.reached = stretch.stop
-        if self.history is not None:
-            self.history.window = stretch.start, stretch.stop
-        x = self.held(stretch.start, x, stretch.mode)
-        first = self.position
-        if not self.linear:
-            x = self._without_ringing(stretch, x)
-        self._put_start(stretch, x, first)
-        if not len(self.program.states.names):
-            return without_states(self, stretch, x)
-        self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
-        if self.linear:
-            from .exact import exactly
-
-            end = exactly(self, stretch, x)
-            if end is not None:
-                return end
-        if self.solver == "exponential":
-            from .exact import check_driven
-
-            check_driven(self, stretch, x)
-            raise UsageError(
-                "the matrix exponential takes linear models of up to a few hundred states, without events on states, noise and delays, whose "
-                "inputs a few thousand polynomials can follow; leave the solver to choose"
-            )
-        if self.linear:  # the exact solution was not possible
-            x = self._without_ringing(stretch, x)
-            self._put_start(stretch, x, first)
-        return self._by_steps(stretch, x)
-
-    def _put_start(self, stretch: Segment, x: Any, first: int) -> None:
-        """Store the initial state of a segment at all reported instants, from the index `first` on, that are no later."""
-        self.position = first
-        while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
-            self.result.states[self.position] = x
-            self.position += 1
-        self.keep(stretch.start, x, stretch.mode, stretch.start)
-
-    def _without_ringing(self, stretch: Segment, x: Any) -> Any:
-        """Return the state without the modes faster than the bandwidth, if there is one."""
-        if self.leaving is None or not len(self.program.states.names):
-            return x
-        return self.leaving.begin(self, stretch, x)
-
-    def _by_steps(self, stretch: Segment, x: Any) -> Any:
-        """Integrate one segment by a method that chooses its steps."""
-        obstacle: str | None = "" if self.history is None else " (delays)"
-        if self.program.native is not None:
-            from .machine import obstacle_of
-
-            obstacle = obstacle_of(self.program)
-        from .method import method_of
-
-        compiled = obstacle is None
-        method = method_of(self, stretch, x, compiled)
-        target = "native" if compiled else f"numpy{obstacle}"
-        self.name(method, target)
-        self.check_rates(stretch.start, x, stretch.mode)
-        size = np.inf
-        if method == ENERGY:
-            from .conserving import equal_steps
-
-            size = equal_steps(self, stretch, x, compiled)
-        if compiled:
-            from .machine import in_machine_code
-
-            return in_machine_code(self, stretch, x, method, size)
-        from .one_by_one import one_by_one
-
-        return one_by_one(self, stretch, x, method, size, target)
-
     def held(self, time: float, x: Any, mode: Any) -> Any:
         """Return a state projected on its invariants, with the unknowns that belong to it."""
         return self.loops.solve(time, self.constraints.project(time, x, mode), mode)
@@ -250,7 +182,10 @@ class Stepper:
 
     def tell_crawling(self, solver: Solver, steps: int, mode: Any) -> None:
         """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
-        self.result.notes += [*notes_of(self, solver, steps, mode), *notes_of_beyond(self, solver)]
+        self.result.notes += [
+            *notes_of(self.context, solver, steps, mode, self.solver == "explicit"),
+            *notes_of_beyond(self.context, solver, self.result.notes),
+        ]
 
     def name(self, method: int, target: str) -> None:
         """Note in the result the method and target of the steps."""
@@ -285,7 +220,10 @@ class Stepper:
 
     def failed(self, solver: Solver, what: str, mode: Any) -> RunFailed:
         """Return the error that explains why the run ends here."""
-        return failure(self, solver, what, mode)
+        from ..steps.compiled.run import CompiledRadau
+
+        most = MOST_COMPILED if isinstance(solver, CompiledRadau) else MOST_STEPS
+        return failure(self.context, solver, what, mode, self.solver == "explicit", most)
 
     def grow(self, x: Any) -> None:
         """Update the largest magnitudes; only for integrators with events."""

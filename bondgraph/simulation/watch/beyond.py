@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from ..stretch.stepper import Solver, Stepper
+from ..segments.context import LastStep, SegmentContext
 
 BEYOND = 1e4  # factor on the largest value in the pilot run
 
 
-def notes_of_beyond(stepper: Stepper, solver: Solver) -> list[str]:
-    """Return a note on the state farthest beyond its magnitude at the end of a segment; none if its magnitude was given, or after a first note."""
-    names, units = stepper.program.states.names, stepper.program.states.units
-    tolerances = stepper.tolerances
+def notes_of_beyond(context: SegmentContext, solver: LastStep, notes: Sequence[str]) -> list[str]:
+    """Return a note on the state farthest beyond its magnitude at the end of a segment; none if its magnitude was given, or after a first note in `notes`."""
+    names, units = context.program.states.names, context.program.states.units
+    tolerances = context.tolerances
     count = len(names)
     far = np.where(tolerances.held[:count], 0.0, np.abs(np.asarray(solver.state)[:count]))
     if not (far > BEYOND).any():
         return []
     worst = int(np.argmax(far))
     begin = f"`{names[worst]}` has got "
-    if any(note.startswith(begin) for note in stepper.result.notes):
+    if any(note.startswith(begin) for note in notes):
         return []
     value = solver.state[worst] * tolerances.magnitude[worst]
     return [

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from ..stretch.stepper import Solver, Stepper
+from ..segments.context import LastStep, SegmentContext
 
 LARGEST = 200  # most states for which modes are computed
 MANY = 20_000  # steps of a segment from which on a run reports their cause
@@ -39,17 +38,19 @@ class Mode:
         return f"a motion that dies out or grows within {1 / abs(self.rate):.4g} s, mostly in {where}"
 
 
-def limiting_mode(stepper: Stepper, time: float, x: Any, mode: Any, step: float, driven: Any = None) -> Mode | None:
+def limiting_mode(
+    context: SegmentContext, time: float, x: Any, mode: Any, step: float, driven: Any = None
+) -> Mode | None:
     """Return the mode that limits steps of this length; None if no mode is distinct from the others.
 
     `driven`: the error of the last step, in units of its tolerance, which is largest where that mode moves.
     """
-    program = stepper.program
+    program = context.program
     count = len(program.states.names)
     if program.unknowns.names or not 0 < count <= LARGEST:
         return None
-    magnitude = stepper.tolerances.magnitude
-    jacobian = program.jacobian(time, x, stepper.inputs, stepper.constants, mode) * magnitude / magnitude[:, None]
+    magnitude = context.tolerances.magnitude
+    jacobian = program.jacobian(time, x, context.inputs, context.constants, mode) * magnitude / magnitude[:, None]
     if not np.isfinite(jacobian).all():
         return None
     try:
@@ -68,16 +69,16 @@ def limiting_mode(stepper: Stepper, time: float, x: Any, mode: Any, step: float,
     return Mode(complex(rates[chosen]), elements, not slower.any())
 
 
-def notes_of(stepper: Stepper, solver: Solver, steps: int, mode: Any) -> list[str]:
+def notes_of(context: SegmentContext, solver: LastStep, steps: int, mode: Any, explicit: bool) -> list[str]:
     """Return a note on the mode that limits the steps of a segment; none if the steps were few, or if the model has no slower mode."""
     if steps < MANY:
         return []
     start, stop = solver.last_step
-    x = solver.state * stepper.tolerances.magnitude
-    found = limiting_mode(stepper, float(stop), x, mode, float(stop - start), np.array(solver.error))
+    x = solver.state * context.tolerances.magnitude
+    found = limiting_mode(context, float(stop), x, mode, float(stop - start), np.array(solver.error))
     if found is None or found.alone:
         return []
-    return [f"most of the {steps} steps follow {found}; {advice(found, stepper.solver == 'explicit')}"]
+    return [f"most of the {steps} steps follow {found}; {advice(found, explicit)}"]
 
 
 def elements_of(names: Sequence[str], shares: Any) -> tuple[str, ...]:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Program
 
 from ...errors import RateNotFinite, RunFailed, StepsCollapsed
+from ..segments.context import LastStep, SegmentContext
 from ..segments.trajectory import Tolerances
 from .crawling import advice, limiting_mode
-
-if TYPE_CHECKING:
-    from ..stretch.stepper import Solver, Stepper
 
 MOST_STEPS = 1_000_000  # most steps of one segment; a run that needs more is limited by an unusual cause
 LOOSE = 1e-8  # relative tolerance above which a tighter one is advised
@@ -50,37 +48,29 @@ def not_finite(program: Program, time: float, slope: Any, state: Any, mode: Any)
     return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state, mode)
 
 
-def failure(stepper: Stepper, solver: Solver, what: str, mode: Any) -> RunFailed:
-    """Return the error of a run that cannot go on from the solver's current state; `what`: the part that failed last."""
-    program = stepper.program
-    state = solver.state * stepper.tolerances.magnitude
+def failure(context: SegmentContext, solver: LastStep, what: str, mode: Any, explicit: bool, most: int) -> RunFailed:
+    """Return the error of a run that cannot go on from the solver's current state; `what`: the part that failed last; `most`: the allowed steps."""
+    program, tolerances = context.program, context.tolerances
+    state = solver.state * tolerances.magnitude
     slope = np.zeros(len(state))
     if what != "steps":
-        slope = program.derivative(solver.time, state, stepper.inputs, stepper.constants, mode)
+        slope = program.derivative(solver.time, state, context.inputs, context.constants, mode)
     if not np.isfinite(slope).all():
         return not_finite(program, solver.time, slope, state, mode)
-    told = stuck(program, solver, what, state, slope, stepper.tolerances)
+    told = stuck(context, solver, what, state, slope, most)
     if what == "steps":
         start, stop = solver.last_step
-        found = limiting_mode(stepper, float(stop), state, mode, float(stop - start), np.array(solver.error))
+        found = limiting_mode(context, float(stop), state, mode, float(stop - start), np.array(solver.error))
         if found is not None:
-            told += f". The steps follow {found}: {advice(found, stepper.solver == 'explicit')}"
+            told += f". The steps follow {found}: {advice(found, explicit)}"
     if what in ("newton", "error"):
-        places = ahead(program, stepper.tolerances, stepper.whole, solver.time, state, slope)
+        places = ahead(program, tolerances, context.whole, solver.time, state, slope)
         return StepsCollapsed(told, solver.time, state, places, mode)
     return RunFailed(told)
 
 
-def stuck(
-    program: Program,
-    solver: Solver,
-    what: str,
-    state: Any,
-    slope: Any,
-    tolerances: Tolerances,
-) -> str:
-    from ..steps.compiled.run import CompiledRadau
-
+def stuck(context: SegmentContext, solver: LastStep, what: str, state: Any, slope: Any, most: int) -> str:
+    program, tolerances = context.program, context.tolerances
     names, units = _names(program), (*program.states.units, *program.unknowns.units)
     share = np.abs(solver.error)
     worst = (
@@ -98,7 +88,6 @@ def stuck(
     bend = ". A loop with a law that bends within the tolerance, as a diode's at hundreds of volts, needs a tighter one"
     steep = bend if loops else ""
     if what == "steps":
-        most = MOST_COMPILED if isinstance(solver, CompiledRadau) else MOST_STEPS
         return (
             f"the run gets no further than t = {solver.time:.9g} s within {most} steps; {value} holds the steps down. "
             "Likely causes: a fast oscillation that nothing damps, or a tolerance below what doubles can hold"

@@ -12,15 +12,15 @@ from compiler.api import Program
 
 from ...errors import RunFailed, StepsCollapsed
 from ..closed.constraints import Constraints
+from ..events.events import Events, Moment
+from ..events.history import History
+from ..events.locate import Flip, RootsAt, StateAt, first_flip
 from ..segments.timeline import Segment, mode_after, with_time_of
 from ..segments.trajectory import Tolerances, Trajectory
 from ..segments.transition import PhaseTransition
-from ..stretch.stepper import Stepper
 from ..watch.choice import Choice
 from ..watch.validity import Watch
-from .events import Events, Moment
-from .history import History
-from .locate import Flip, RootsAt, StateAt, first_flip
+from .segment_integrator import SegmentIntegrator
 
 PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a pilot run
 CLOSE = 1e-8  # fraction of the run: a zero crossing this soon after collapsed steps is their cause
@@ -28,7 +28,7 @@ MOST_EVENTS = 10_000_000  # most events of one run
 HARMLESS = 0.01  # in units of the tolerance: largest difference of two laws that one step may use both of
 
 
-class EventStepper(Stepper):
+class EventIntegrator(SegmentIntegrator):
     """Integrator over segments that events end."""
 
     events: Events
@@ -257,7 +257,7 @@ def pilot(
     """Return the largest magnitudes of states and unknowns in a pilot run through the events, as far as this program goes."""
     tolerances = Tolerances(PILOT, PILOT * magnitude, magnitude, np.zeros(len(state), dtype=bool))
     watch = Watch(program, constants, inputs, PILOT)
-    stepper = EventStepper(
+    stepper = EventIntegrator(
         program, constants, inputs, np.array([stretches[-1].stop]), lambda: tolerances, None, watch, constraints
     )
     stepper.events, stepper.off, stepper.solver = events, off, "radau"
