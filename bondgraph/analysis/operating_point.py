@@ -133,7 +133,7 @@ class OperatingPoint:
     @cached_property
     def steady(self) -> dict[str, float]:
         """Rates, by name, of angles that rotate steadily while all else is at rest; meaningful at an equilibrium only."""
-        from ..simulation.start.steady import steady_rates
+        from ..simulation.equilibrium.steady import steady_rates
 
         return steady_rates(self.program, self.constraints, self.time, self.state, self.inputs, self.mode)
 

@@ -69,7 +69,7 @@ def is_sampled(point: OperatingPoint) -> bool:
 
 def sampled_loop(point: OperatingPoint) -> SampledLoop:
     """Return the loop of a point at equilibrium; inputs are the point's `by`. Raises `UsageError` for several periods."""
-    from ..simulation.start.rest_with_events import sampled_settings
+    from ..simulation.events.equilibrium import sampled_settings
 
     program, space = point.program, point.compilation.state_space
     settings = sampled_settings(program, point.constraints)

@@ -13,13 +13,13 @@ from ..errors import NotLossless, RateNotFinite, RunFailed, StepsCollapsed, Usag
 from ..results.checkpoint import Checkpoint
 from ..results.records import EnergyBalance, EventRecord, ToleranceDoubt
 from .closed.constraints import Constraints
+from .initialization.consistent_start import consistent_start
 from .loops.loops import LoopSolver
 from .segments.timeline import Segment, Timeline, mode_after, rest_of, timeline_in_parts
 from .segments.trajectory import Tolerances, Trajectory, empty
 from .segments.transition import PhaseTransition
 from .start.coarse import Looks
 from .start.nominal import Magnitudes, least_tolerances, nominal_magnitudes
-from .start.start import consistent_start
 from .steps.methods import AUTOMATIC
 from .stretch.integrate import integrate
 from .watch.choice import Choice
@@ -150,7 +150,7 @@ class Leg:
 
             full = np.array([*(self.begin.stored[n] for n in names), *unknowns_in(program, self.begin, state)])
             if constraints:
-                from .start.assembly import choose_rows
+                from .initialization.assembly import choose_rows
 
                 constraints.assembled = choose_rows(constraints, first.start, full, first.mode)
                 full = constraints.project(first.start, full, first.mode)
@@ -180,15 +180,15 @@ class Leg:
         self, compilation: Prepared, constraints: Constraints, full: Any, first: Segment, horizon: float
     ) -> tuple[Any, Segment]:  # fmt: skip
         """Return the equilibrium reached from a consistent state, and the first segment with the mode that holds there. Raises `RunFailed`."""
-        from .start.rest import equilibrium
-        from .start.steady import check_steady, steady_rates
+        from .equilibrium.search import equilibrium
+        from .equilibrium.steady import check_steady, steady_rates
 
         program = constraints.program
         if program.hybrid is None or self.companion is not None:
             full = equilibrium(program, constraints, self.inputs, full, first)
         else:
+            from .events.equilibrium import rest_with_events
             from .events.events import Events
-            from .start.rest_with_events import rest_with_events
 
             self.events = Events(constraints, np.where(full != 0, np.abs(full), 1.0), horizon)
             moment = rest_with_events(constraints, full, first, self.events)

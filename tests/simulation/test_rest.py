@@ -11,8 +11,7 @@ import pytest
 import bondgraph
 from bondgraph.analysis.operating_point import OperatingPoint
 from bondgraph.errors import RunFailed
-from bondgraph.simulation.start import rest
-from bondgraph.simulation.start.rest_sparse import SparseSearch
+from bondgraph.simulation.equilibrium.sparse import SparseSearch
 from tests.compiling import ROOT
 
 EULER = SparseSearch.euler

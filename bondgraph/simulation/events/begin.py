@@ -12,10 +12,10 @@ from compiler.api import Program
 
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
+from ..initialization.assembly import choose_rows
+from ..initialization.consistent_start import consistent_start
 from ..segments.timeline import Segment
 from ..segments.transition import PhaseTransition
-from ..start.assembly import choose_rows
-from ..start.start import consistent_start
 from ..watch.choice import Choice
 from .complementarity import Companion, Instant
 from .events import Events, Moment

@@ -19,8 +19,8 @@ from compiler.api import EventNote, Hybrid
 
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
+from ..initialization.initial_equations import fulfil
 from ..loops.loops import LoopSolver
-from ..start.claims import fulfil
 from .bounds import bounds_of
 from .complementarity import Companion, Instant
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
+from ..initialization.initial_equations import slopes_of
 from ..loops.loops import LoopSolver
-from ..start.claims import slopes_of
 
 ITERATIONS = 100
 HALVES = 20  # of a step that leaves the domain of a law

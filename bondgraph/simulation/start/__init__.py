@@ -1,1 +1,1 @@
-"""Initialization: consistent initial states, equilibria, assembly of closed loops, and magnitudes of the states."""
+"""Magnitudes of the states, from a pilot run."""

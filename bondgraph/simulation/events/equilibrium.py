@@ -17,10 +17,10 @@ from compiler.api import Program
 
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
-from ..events.events import Events, Moment
+from ..equilibrium.dense import Search
+from ..equilibrium.search import equilibrium, found_by
 from ..segments.timeline import Segment
-from .rest import equilibrium, found_by
-from .rest_dense import Search
+from .events import Events, Moment
 
 MOST_MODES = 30  # most modes in which an equilibrium is searched
 SAME = 1e-9  # relative to the magnitudes: change of a state by an event that counts as none
@@ -118,7 +118,7 @@ class SampledSearch(Search):
         full = self._kept(full)
         state, mode = self.split(full)
         if self.unread is None:
-            from .steady import unread_states
+            from ..equilibrium.steady import unread_states
 
             own = unread_states(self.program, self.time, state, *self.fixed[:2], mode)
             self.unread = np.concatenate([own, np.zeros(len(self.places), dtype=bool)])

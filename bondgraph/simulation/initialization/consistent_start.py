@@ -16,7 +16,7 @@ from ...quantities import behind
 from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
 from ..segments.timeline import Segment
-from .claims import fulfil, slopes_of
+from .initial_equations import fulfil, slopes_of
 
 if TYPE_CHECKING:
     from compiler.api import Program, StateSpace

@@ -19,7 +19,7 @@ from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..segments.timeline import Segment
 from ..steps.factorise import is_large
-from .rest_dense import CLOSE, Search
+from .dense import CLOSE, Search
 
 STEPS = 400
 GROWTH = 2.0
@@ -74,7 +74,7 @@ def _search(program: Program, constraints: Constraints, inputs: Any, first: Segm
     """Return a dense search, or a sparse one for a large model. Directions left by loop joints are dense in any case."""
     rows, _ = program.pattern
     if not constraints and is_large(len(program.states.names), len(rows)):
-        from .rest_sparse import SparseSearch
+        from .sparse import SparseSearch
 
         return SparseSearch(program, constraints, inputs, first)
     return Search(program, constraints, inputs, first)

@@ -1,4 +1,4 @@
-"""Equilibrium search for a large model: the same steps as in `rest_dense.py`, with sparse factors.
+"""Equilibrium search for a large model: the same steps as in `dense.py`, with sparse factors.
 
 Conserved quantities (dependent rates) and directions without restoring force (in which no rate changes) are the two null spaces of the
 Jacobian. They are found by inverse iteration with a matrix perturbed at random, a few columns at once; they border the Jacobian, which is then
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunFailed
-from .rest_dense import CLOSE, SINGULAR, Search
+from .dense import CLOSE, SINGULAR, Search
 from .steady import unread_states
 
 OFF = 1e-10  # relative to the largest entries: size of the perturbation

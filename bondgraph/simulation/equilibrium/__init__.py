@@ -1,0 +1,1 @@
+"""Equilibria: states at which all rates vanish."""

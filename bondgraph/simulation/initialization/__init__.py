@@ -1,0 +1,1 @@
+"""Initialization: consistent initial states and the assembly of closed loops."""
