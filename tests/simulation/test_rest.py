@@ -11,6 +11,7 @@ import pytest
 import bondgraph
 from bondgraph.analysis.operating_point import OperatingPoint
 from bondgraph.errors import RunFailed
+from bondgraph.simulation.equilibrium import search
 from bondgraph.simulation.equilibrium.sparse import SparseSearch
 from tests.compiling import ROOT
 
@@ -88,7 +89,7 @@ class TestLargeModels:
         monkeypatch.setattr(SparseSearch, "euler", lambda self, *x: ways.append("sparse") or EULER(self, *x))
         sparse = bondgraph.load(text).operating_point()
         assert ways
-        monkeypatch.setattr(rest, "is_large", lambda states, entries: False)
+        monkeypatch.setattr(search, "is_large", lambda states, entries: False)
         ways.clear()
         dense = bondgraph.load(text).operating_point()
         assert not ways
@@ -142,7 +143,7 @@ class TestLargeModels:
 
     def test_what_is_driven_for_ever_has_no_rest(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """At any distance: the force of its springs is not rounding of that."""
-        monkeypatch.setattr(rest, "STEPS", 80)
+        monkeypatch.setattr(search, "STEPS", 80)
         text = """
         model Pushed {
           parameter n = 51

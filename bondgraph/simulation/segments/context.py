@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from .trajectory import Tolerances
 
 if TYPE_CHECKING:
-    from ...door import Program
+    from compiler.api import Program
 
 
 @dataclass(frozen=True, slots=True)
