@@ -21,8 +21,8 @@ from ..loops.loops import LoopSolver
 from ..segments.context import SegmentContext
 from ..segments.timeline import Segment, Signals, signals_on, with_time_of
 from ..segments.trajectory import Kept, Tolerances, Trajectory, empty
-from ..steps.radau import INNER
 from ..steps.methods import AUTOMATIC, NAMES
+from ..steps.radau import INNER
 from ..watch.beyond import notes_of_beyond
 from ..watch.choice import Choice
 from ..watch.crawling import notes_of
