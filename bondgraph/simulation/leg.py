@@ -406,6 +406,8 @@ class Leg:
         if self.trajectory.rounded > ROUNDED:
             self.doubts += (self._doubt(self.trajectory.rounded),)
         self.notes += self.timed
+        resolutions = {id(s.resolution): s.resolution for s in self.stretches if s.resolution is not None}
+        self.notes += tuple(note for resolution in resolutions.values() for note in resolution.notes)
         if self.events is not None:
             from .events.bounds import notes_on_bounds
 

@@ -84,6 +84,7 @@ class TimeFunctions:
     crossings: tuple[Function, ...]  # as `Program.crossings`
     narrow: tuple[int, ...]  # operations behind `Program.signals` that may move a lot within a short time
     conditions: tuple[NarrowCondition, ...] = ()
+    narrow_names: tuple[str, ...] = ()  # of the quantities that the operations `narrow` are part of
 
     def needed(self, roots: Sequence[int]) -> list[int]:
         """Return the operations that some roots need, operands first: they stand in that order already."""

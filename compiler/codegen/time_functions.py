@@ -106,9 +106,23 @@ def time_functions_of(lowered: Lowered, constants: Sequence[Expression]) -> Time
         NarrowCondition(number, places[root] if narrow else -1, tuple(places[x] for x in narrow))
         for number, root, narrow in conditions
     )
-    return TimeFunctions(
-        tuple(nodes), tuple(functions), tuple(places[n] for n in lowered.time_roots[count:]), narrow_ones
-    )
+    narrow = lowered.time_roots[count:]
+    names = _names_of(narrow, lowered) if narrow else ()
+    return TimeFunctions(tuple(nodes), tuple(functions), tuple(places[n] for n in narrow), narrow_ones, names)
+
+
+def _names_of(narrow: Sequence[Expression], lowered: Lowered) -> tuple[str, ...]:
+    """Name, for each operation, of the innermost named quantity among the signals that it is part of."""
+    names: dict[Expression, str] = {}
+    stack = [(signal, "a signal of time") for signal in lowered.signals]
+    while stack:
+        node, name = stack.pop()
+        if node in names or not isinstance(node, Apply):
+            continue
+        label = lowered.labels.get(node)
+        names[node] = name = name if label is None else f"`{label.name}`"
+        stack += ((operand, name) for operand in node.operands)
+    return tuple(names.get(node, "a signal of time") for node in narrow)
 
 
 def _put(node: Expression, leaves: Mapping[Expression, int], places: dict[Expression, int], put: Any) -> int:

@@ -14,6 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import bondgraph
+from bondgraph.simulation.segments import resolution
 from bondgraph.simulation.segments.timeline import segments, timeline
 from compiler.codegen.ranges import Ranges
 from tests.compiling import MODELS, compiled
@@ -362,6 +363,32 @@ def test_a_narrow_signal_is_never_passed_over(way: Way, law: str) -> None:
         for width in (1e-3, 1e-7) if way.target == "native" else (1e-5,):
             found = model.simulate(settings={"w": width}, to=1.0, points=3, **way.arguments)
             assert found.final("p") == pytest.approx(momentum(width), rel=3e-4), (name, width)
+
+
+CROWDS = {
+    "exp(-(sin(pi*{n}*(time - 0.0001 s)/1 s)/1e-6)^2)": "drive.F",
+    "1/(1 + (sin(pi*{n}*(time - 0.0001 s)/1 s)/1e-6)^2)": "drive.F",
+    "(1 - sin(pi*{n}*(time - 0.0001 s)/1 s)^2)^1000000": "drive.F",
+    "1/cosh(sin(pi*{n}*(time - 0.0001 s)/1 s)/1e-6)": "drive.F",
+    "(1 - tanh(sin(pi*{n}*(time - 0.0001 s)/1 s)/1e-6)^2)": "drive.F",
+}
+
+
+@pytest.mark.parametrize("law", CROWDS)
+@pytest.mark.parametrize("peaks", [40, 90])
+def test_more_narrow_peaks_than_are_resolved_are_told(law: str, peaks: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The signal is named, also in a repeated run; with enough places nothing is told."""
+    text = (
+        f"model A {{\n  Se drive : F = 1 N*{law.format(n=peaks)}\n  I m : p = 1 kg*v\n  R r : F = 1e-9 [N*s^2/m^2]*v*abs(v)\n"
+        "  drive -> 1(m, r)\n  output p = m.p\n}\n"
+    )
+    for most in (400_000, 500):
+        monkeypatch.setattr(resolution, "MOST", most)
+        model = bondgraph.load(text)
+        for _ in range(2):
+            notes = [n for n in model.simulate(to=1.0, points=2, target="numpy").notes if "narrow peaks" in n]
+            assert len(notes) == (most == 500)
+            assert all(f"`{CROWDS[law]}` has more narrow peaks between t = 0 s and 1 s" in note for note in notes)
 
 
 @pytest.mark.parametrize("model", ["feed_forward", "inverse_kinematics", "manipulator", "car"])

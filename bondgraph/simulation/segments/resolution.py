@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Program, Ranges
+from compiler.api import Program, Ranges, TimeFunctions
 
 BEGIN = 32  # number of boxes of a segment at the beginning
 TOGETHER = 256  # number of segments that are examined at once
@@ -36,6 +36,18 @@ class Resolution:
         self.ranges: Ranges | None = None
         self.used: list[int] | None = None  # positions of the constants that decide
         self.found: dict[int, Any] = {}
+        self.crowded: dict[
+            tuple[str, float, float], None
+        ] = {}  # signals with more peaks than are resolved, and their segments
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes for the user on signals with more narrow peaks than are resolved."""
+        return tuple(
+            f"{name} has more narrow peaks between t = {start:.9g} s and {stop:.9g} s than {MOST} places resolve: peaks between them may have been "
+            "missed; simulate a shorter time, or in several runs, or make the peaks wider"
+            for name, start, stop in self.crowded
+        )
 
     def places(self, program: Program, inputs: Any, constants: Any, mode: Any, start: float, stop: float) -> Any:
         """Return rising times within a part of one segment that resolve its narrow signals; an empty array where no signal is narrow."""
@@ -47,21 +59,36 @@ class Resolution:
         key = np.asarray(inputs).tobytes(), np.asarray(constants)[self.used].tobytes()
         if key != self.key or self.ranges is None:
             self.key, self.found, self.ranges = key, {}, Ranges(functions, functions.narrow, constants, inputs)
+            self.crowded = {}
         ranges = self.ranges
         number = max(0, bisect_right(self.ends, 0.5 * (start + stop)) - 1)
         if ranges.moded and not np.array_equal(mode, self.modes[number] if self.modes.ndim == 2 else self.modes):
-            return _resolved(ranges, np.array([start, stop]), np.asarray(mode)[None, :])[0]
+            times, crowded = _resolved(ranges, np.array([start, stop]), np.asarray(mode)[None, :])
+            self._tell(functions, np.array([start, stop]), crowded)
+            return times[0]
         if number not in self.found:
             first = number - number % TOGETHER
             part = slice(first, first + TOGETHER)
             modes = self.modes[part] if self.modes.ndim == 2 else self.modes
-            self.found |= dict(enumerate(_resolved(ranges, self.edges[first : first + TOGETHER + 1], modes), first))
+            edges = self.edges[first : first + TOGETHER + 1]
+            resolved, crowded = _resolved(ranges, edges, modes)
+            self.found |= dict(enumerate(resolved, first))
+            self._tell(functions, edges, crowded)
         times = self.found[number]
         return times[slice(*np.searchsorted(times, (start, stop)))]
 
+    def _tell(self, functions: TimeFunctions, edges: Any, crowded: set[tuple[int, int]]) -> None:
+        """Record signals with more peaks than are resolved. `crowded`: operations and segments."""
+        for operation, segment in sorted(crowded, key=lambda pair: (pair[1], pair[0])):
+            key = functions.narrow_names[operation], float(edges[segment]), float(edges[segment + 1])
+            self.crowded.setdefault(key)
 
-def _resolved(ranges: Ranges, edges: Any, modes: Any) -> list[Any]:
-    """Return for each segment the rising times that resolve its signals; empty where no box was halved, because regular sampling is enough."""
+
+def _resolved(ranges: Ranges, edges: Any, modes: Any) -> tuple[list[Any], set[tuple[int, int]]]:
+    """Return for each segment the rising times that resolve its signals; empty where no box was halved, because regular sampling is enough.
+
+    Also return the operations and segments with more peaks than are resolved.
+    """
     count = len(edges) - 1
     shares = np.linspace(0.0, 1.0, BEGIN + 1)
     grid = edges[:-1, None] + np.diff(edges)[:, None] * shares
@@ -72,6 +99,7 @@ def _resolved(ranges: Ranges, edges: Any, modes: Any) -> list[Any]:
     small: Any = None
     before: Any = None
     boxes = np.zeros(count, dtype=int)
+    crowded: set[tuple[int, int]] = set()
     with np.errstate(all="ignore"):
         while len(low):
             times = low[:, None] + (high - low)[:, None] * INSIDE
@@ -81,7 +109,11 @@ def _resolved(ranges: Ranges, edges: Any, modes: Any) -> list[Any]:
                 small, before = _ignored(lower, upper, count), np.full_like(widths, np.nan)
             peaks = (widths > small[:, segment]) & (shown < SEEN * widths) & ~(widths <= HALVED * before)
             boxes += np.bincount(segment, minlength=count)
-            open_ = peaks.any(axis=0) & (high - low > least) & (boxes <= MOST)[segment]
+            open_ = peaks.any(axis=0) & (high - low > least)
+            full = open_ & (boxes > MOST)[segment]
+            if full.any():
+                crowded |= {(i, int(s)) for i in range(len(peaks)) for s in set(segment[full & peaks[i]])}
+            open_ &= ~full
             found.append((times[~open_], segment[~open_]))
             if not open_.any():
                 break
@@ -93,7 +125,7 @@ def _resolved(ranges: Ranges, edges: Any, modes: Any) -> list[Any]:
     order = np.lexsort((times, owners))
     times, sizes = times[order], np.bincount(owners, minlength=count)
     parts = np.split(times, np.cumsum(sizes)[:-1])
-    return [part if len(part) > BEGIN * len(INSIDE) else np.empty(0) for part in parts]
+    return [part if len(part) > BEGIN * len(INSIDE) else np.empty(0) for part in parts], crowded
 
 
 def _ignored(lower: Any, upper: Any, count: int) -> Any:
