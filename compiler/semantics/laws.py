@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
-from ..algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, symbols
+from ..algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, substitute, symbols
 from ..algebra.odd_roots import with_odd_roots
 from ..graph.domains import Domain
 from ..graph.elements import ELEMENTS
@@ -32,6 +32,9 @@ class CompiledLaw:
     law: Law
     slots: tuple[Slot, ...]
     stored: tuple[str, ...]
+    remembered: tuple[
+        str, ...
+    ]  # integrals of its own flow (`q`) or effort (`p`) that the law reads, in the slots after all others
     checks: tuple[Check, ...]  # points of tables, known per instance
     lists: tuple[tuple[tree.Path, int], ...]  # lists that it reads, with their lengths
 
@@ -74,8 +77,8 @@ def compile_law(
                 f"Write it after a colon, as in `{declaration.kind} {name} : {row.example}`.",
             )
         )
-    own = own_variables(kind, ports, row.variables)
-    forbidden = own_variables(kind, ports, "".join(v for v in "efqp" if v not in row.variables))
+    own = own_variables(kind, ports, row.variables + row.remembered)
+    forbidden = own_variables(kind, ports, "".join(v for v in "efqp" if v not in row.variables + row.remembered))
     _check_names(declaration, name, own, forbidden, scope, resolve)
     compiler = ExpressionCompiler(scope, resolve, own)
     energy: Expression | None = None
@@ -106,9 +109,28 @@ def compile_law(
     _check_modulation(declaration, kind, name, slots, scope, role_of, energy is not None)
     if row.gives_heat:
         equations.append(_heat(len(ports)))
-    law = Law(tuple(equations), energy, len(slots))
+    law, remembered = _remembered(declaration, name, Law(tuple(equations), energy, len(slots)), len(ports))
     stored = _stored(kind, name, law, list(ports), definition.span)
-    return CompiledLaw(law, slots, stored, tuple(compiler.checks), tuple(compiler.lists.values()))
+    return CompiledLaw(law, slots, stored, remembered, tuple(compiler.checks), tuple(compiler.lists.values()))
+
+
+def _remembered(declaration: tree.Declaration, name: str, law: Law, ports: int) -> tuple[Law, tuple[str, ...]]:
+    """The law with its own integrals as further slots, and these integrals; for a kind whose law may read none, the law as it is."""
+    row = ELEMENTS[declaration.kind]
+    if not row.remembered:
+        return law, ()
+    used = {own.variable for pair in law.equations for side in pair for own in _own(side)}
+    found = tuple(v for v in row.remembered if v in used)
+    if ports > 1 or not found:
+        what = "has more than one port" if ports > 1 else "reads neither its displacement nor its momentum"
+        raise Wrong(WrongLaw(declaration.span, f"`{name}` {what}", row.ports_advice))
+    slots = {Own(0, v): Symbol(law.arity + i) for i, v in enumerate(found)}
+
+    def put(symbol: Symbol) -> Expression:
+        return slots.get(symbol.key, symbol)
+
+    equations = tuple((substitute(left, put), substitute(right, put)) for left, right in law.equations)
+    return Law(equations, None, law.arity + len(found)), found
 
 
 def _heat(ports: int) -> tuple[Expression, Expression]:
@@ -345,4 +367,6 @@ def _check_modulation(
             )
         else:
             hint = f"Say so with an M before the letter: `M{kind} {name}`."
+            if ELEMENTS[kind].remembered:
+                hint = "Its law reads its own variables and parameters. An MR reads others, also a signal `integral(rate, start)`."
         raise Wrong(ForeignVariable(slot.path.span, name, slot.words, hint))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from ..graph.domains import DOMAINS, GENERIC, Domain
 from ..graph.elements import ELEMENTS
 from ..graph.mechanism import domain_of
-from ..graph.network import Reading
+from ..graph.network import Quantity, Reading
 from ..syntax import tree
+from .domain_table import paths_of
 from .errors import UnknownName, WrongType
 from .part_kinds import noun_of
 from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, PartEntry, Scalar, WallEntry
@@ -46,6 +47,9 @@ def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
         )
     domain = entry.ports[""]
     variable = domain.variable(name)
+    if row is not None and variable is not None and variable in row.remembered and _in_law(entry, variable):
+        full = f"{entry.name}.{domain.letter(variable)}"
+        return Scalar(Quantity(full), domain.dimension(variable), "signal", f"{entry.name}.{name}")
     allowed = row.readable if row is not None else {"0": "e", "1": "f"}.get(entry.kind, "ef")
     if variable is None or variable not in allowed:
         hint = "It has " + ", ".join(domain.letter(v) for v in allowed) + "."
@@ -53,6 +57,12 @@ def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
             hint += " The bonds of a junction share only that; integrate with a C, or read an element on it."
         raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))
     return Scalar(Reading(entry.name, "", variable), domain.dimension(variable), "reading", f"{entry.name}.{name}")
+
+
+def _in_law(entry: ElementEntry, variable: str) -> bool:
+    """Return True if the law of a one-port reads one of its own variables."""
+    law, words = entry.declaration.definition, {variable, entry.ports[""].letter(variable)}
+    return law is not None and any(path.words in words for path in paths_of(law))
 
 
 def part_member(part: PartEntry, name: str, path: tree.Path) -> Scalar | GroupEntry:

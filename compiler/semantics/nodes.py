@@ -4,10 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..algebra.formula import Bound
+from ..algebra.expression import ZERO, Symbol
+from ..algebra.formula import Bound, bind
 from ..graph.domains import Domain
 from ..graph.elements import ELEMENTS, Kind
-from ..graph.network import Bond, Element, End, Junction, Law, MechanismNode, Node, Port, Switch
+from ..graph.network import (
+    Bond,
+    Element,
+    End,
+    Integral,
+    Junction,
+    Law,
+    MechanismNode,
+    Node,
+    Port,
+    Quantity,
+    Reading,
+    Switch,
+)
 from ..nouns import dataclass
 from ..syntax import tree
 from .connect import Connector
@@ -94,14 +108,30 @@ class Nodes:
         ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
         for number, port in enumerate(ports):
             self.ends[entry.name, port.name] = End(index, number)
-        attributes = self._attributes(scope, declaration, entry, compiled.stored)
+        attributes = self._attributes(scope, declaration, entry, compiled.stored or compiled.remembered)
         row = ELEMENTS[declaration.kind]
+        if compiled.remembered:
+            arguments += self._remember(entry, compiled.remembered, attributes.starts.pop(0, None))
         self.nodes.append(
             Element(
-                entry.name, row.node, row.letters != declaration.kind, ports, compiled.law, arguments, compiled.stored,
+                entry.name, row.node, row.letters != declaration.kind or bool(compiled.remembered), ports, compiled.law, arguments, compiled.stored,
                 attributes.starts, attributes.nominals, attributes.prefer, attributes.require, definition, entry.span,
             )
         )  # fmt: skip
+
+    def _remember(
+        self, entry: ElementEntry, variables: tuple[str, ...], start: tuple[str, Bound] | None
+    ) -> tuple[Quantity, ...]:
+        """Add the integrals that a law reads: the displacement is that of its flow, the momentum that of its effort."""
+        found = []
+        (domain,) = entry.ports.values()
+        for variable in variables:
+            name = f"{entry.name}.{domain.letter(variable)}"
+            rate = bind(Symbol(Reading(entry.name, "", {"q": "f", "p": "e"}[variable])))
+            first = start[1] if start is not None and start[0] == variable else bind(ZERO)
+            self.elaborator.remember(Integral(name, rate, first, entry.span), str(domain.dimension(variable)))
+            found.append(Quantity(name))
+        return tuple(found)
 
     def _active(self, scope: Scope, attribute: tree.Attribute, entry: ElementEntry) -> None:
         """Read the condition under which a junction is active."""
@@ -160,15 +190,17 @@ class Nodes:
         result: _Attributes,
     ) -> None:
         """One attribute of an element."""
-        if attribute.name in ("start", "nominal") and stored:
+        row = ELEMENTS[entry.kind]
+        numbers = ["start", "nominal"] if row.stored else ["start"] if row.remembered else []
+        if attribute.name in numbers:
             self._stored_value(scope, attribute, entry, ports, stored, result)
             return
         if attribute.name not in ("prefer", "require"):
-            known = (["start", "nominal"] if stored else []) + ["prefer", "require"]
+            known = [*numbers, "prefer", "require"]
             hint = suggestion(attribute.name, known, f"`{entry.kind}` has: {', '.join(known)}.")
             raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
         word = attribute.value.words if isinstance(attribute.value, tree.Path) else attribute.value.span.words
-        allowed = ["integral", "derivative", "effort", "flow"] if stored else ["effort", "flow"]
+        allowed = ["integral", "derivative", "effort", "flow"] if row.stored else ["effort", "flow"]
         if word not in allowed:
             hint = suggestion(word, allowed, f"It can be: {', '.join(allowed)}.")
             raise Wrong(WrongValue(attribute.value.span, attribute.name, entry.name, word, hint))
@@ -191,7 +223,7 @@ class Nodes:
         domain: Domain | None = entry.ports.get(port)
         stored = all_stored[ports.index(port) if port in ports else 0]
         variable = None if domain is None else (domain.variable(letter) if letter else stored)
-        allowed = stored + {"q": "e", "p": "f"}[stored]
+        allowed = stored + {"q": "e", "p": "f"}[stored] if ELEMENTS[entry.kind].stored else "".join(all_stored)
         if (
             domain is None
             or variable is None

@@ -33,6 +33,7 @@ class QuantityResolver(Resolver):
     def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
         super().__init__(overrides, part, known)
         self._memories: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
+        self._remembered: dict[str, Integral] = {}
         self._delays: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
         self._nested: dict[tuple[int, int], Scalar] = {}
         self._keep_scopes: list[Scope] = []  # their identity is a key above
@@ -272,13 +273,18 @@ class QuantityResolver(Resolver):
         finally:
             self._inferring = before
 
+    def remember(self, integral: Integral, unit: str) -> None:
+        """Enter an integral of an element's own effort or flow."""
+        self._remembered[integral.name] = integral
+        self.quantities[integral.name] = Named(integral.name, "signal", unit, None, None, integral.span)
+
     def is_integral(self, name: str) -> bool:
         """Return True for an integral."""
-        return any(name == known for known, *_ in self._memories)
+        return name in self._remembered or any(name == known for known, *_ in self._memories)
 
     def integrals(self) -> dict[str, Integral]:
         """Signals with memory, with their rates read now."""
-        result: dict[str, Integral] = {}
+        result = dict(self._remembered)
         position = 0
         while position < len(self._memories):  # a rate may contain another integral
             name, call, scope, dimension = self._memories[position]
