@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, TypedDict, Unpack
 
-from compiler.api import BUNDLES, braces, letters
+from compiler.api import BUNDLES, ELEMENTS, braces, letters
 
 from ..errors import UsageError
 from .argument_checks import (
@@ -59,59 +59,59 @@ class Elements:
 
     def Se(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """Add a source of effort: `Se("push", "F = 1 N")`."""
-        return self._element("Se", name, law, given)
+        return self.element("Se", name, law, **given)
 
     def Sf(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """Add a source of flow: `Sf("road", "v = 0.2 [m/s]")`."""
-        return self._element("Sf", name, law, given)
+        return self.element("Sf", name, law, **given)
 
     def MSe(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """Add a modulated source of effort, which reads other variables: `MSe("drive", "F = force")`."""
-        return self._element("MSe", name, law, given)
+        return self.element("MSe", name, law, **given)
 
     def MSf(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """Add a modulated source of flow, which reads other variables."""
-        return self._element("MSf", name, law, given)
+        return self.element("MSf", name, law, **given)
 
     def C(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:
         """Add a storage of displacement, by its law or its energy: `C("spring", "F = k*x", start={"x": "1 mm"})`."""
-        return self._element("C", name, law, given)
+        return self.element("C", name, law, **given)
 
     def I(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:  # noqa: E743
         """Add a storage of momentum, by its law or its energy: `I("mass", "p = m*v")`."""
-        return self._element("I", name, law, given)
+        return self.element("I", name, law, **given)
 
     def IC(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:
         """Add a field whose ports store displacement (`a.q`) or momentum (`b.p`)."""
-        return self._element("IC", name, law, given)
+        return self.element("IC", name, law, **given)
 
     def R(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """Add a resistor: `R("damper", "F = r*v")`."""
-        return self._element("R", name, law, given)
+        return self.element("R", name, law, **given)
 
     def MR(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """Add a modulated resistor, whose law reads other variables."""
-        return self._element("MR", name, law, given)
+        return self.element("MR", name, law, **given)
 
     def RS(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """Add a resistor that turns power into heat; its last port delivers the loss of the others."""
-        return self._element("RS", name, law, given)
+        return self.element("RS", name, law, **given)
 
     def TF(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """Add a transformer: `TF("gear", "omega1 = 20*omega2")`. The bond into it reaches side 1, the bond out of it leaves side 2."""
-        return self._element("TF", name, law, given)
+        return self.element("TF", name, law, **given)
 
     def MTF(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """Add a modulated transformer, whose ratio reads other variables."""
-        return self._element("MTF", name, law, given)
+        return self.element("MTF", name, law, **given)
 
     def GY(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """Add a gyrator: `GY("motor", "u1 = K*omega2")`."""
-        return self._element("GY", name, law, given)
+        return self.element("GY", name, law, **given)
 
     def MGY(self, name: str, law: str, **given: Unpack[Given]) -> Part:
         """Add a modulated gyrator, whose ratio reads other variables."""
-        return self._element("MGY", name, law, given)
+        return self.element("MGY", name, law, **given)
 
     def splitter(self, name: str, ports: Ports) -> Part:
         """Add a splitter: a multibond on one side, its bonds one by one on the other: `hand`, `hand["x"]`."""
@@ -128,8 +128,11 @@ class Elements:
         text = f"{kind} {name_of(name)}{f' : {domain_of(domain)}' if domain else ''}{braces(switch)}"
         return self._add(name, text + literal_of(description), ())
 
-    def _element(self, kind: str, name: str, law: str, given: Given) -> Part:
+    def element(self, kind: str, name: str, law: str = "", **given: Unpack[Given]) -> Part:
+        """Add an element of any kind of the language: `element("R", "damper", "F = r*v")`. Raises `UsageError`."""
         own = name_of(name)
+        if kind not in ELEMENTS:
+            raise UsageError(f"`{own}`: `{kind}` is no kind of element; they are {', '.join(ELEMENTS)}")
         for word in given:
             if word not in Given.__annotations__:
                 raise UsageError(
