@@ -88,6 +88,11 @@ _ROWS = (
         "RS", Kind.RESISTOR, "loss", "ef", "e = …", least_ports=2, ports_advice="An RS has a port for what it loses: `RS pad(shaft, heat)`.",
         gives_heat=True, receives=False,
     ),
+    ElementKind(
+        "Mem", Kind.RESISTOR, "loss", "ef", "u = (R_0 + a*q)*i", "effort and flow, and its own displacement or momentum",
+        remembered="qp", ports_advice="A memristor has one port, and its law reads what has passed: `u = (R_0 + a*q)*i`. Without that it is an R.",
+        places="DURL",
+    ),
     ElementKind("TF", Kind.TRANSFORMER, "transducer", "ef", "F2 = n*F1", modulated=True, sides=True, receives=False),
     ElementKind("GY", Kind.GYRATOR, "transducer", "ef", "u1 = K*omega2", modulated=True, sides=True, receives=False),
 )  # fmt: skip
