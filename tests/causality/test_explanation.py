@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from bondgraph.commands import commands
-from bondgraph.presentation.text.causality import Explanation, explain
+from bondgraph.presentation.text.causality import CausalityExplanation, explain
 from compiler.causality import Because, CausalGraph, dependences
 from compiler.graph.elements import Kind
 from compiler.graph.network import Element, Junction
@@ -22,7 +22,7 @@ from tests.conftest import Golden
 HERE = Path(__file__).parent
 
 
-def explained(text: str) -> Explanation:
+def explained(text: str) -> CausalityExplanation:
     return explain(compiled(text))
 
 

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .blocks import DOWN, LEFT, RIGHT, UP, Block, Boxed, Branch, Draft
+from .blocks import DOWN, LEFT, RIGHT, UP, Block, Boxed, Draft, TreeBranch
 from .glyphs import GAP, NAME, PORT, shortest
 from .lettering import text_width
 from .room import NOTHING, Rectangles, Vector, corridor, joined, lane, moved, push, rectangles
-from .subject import HEAD, TAIL, Line, Node
+from .subject import HEAD, TAIL, DiagramLine, DiagramNode
 
 TITLE = 40.0  # height of kind and name
 SPACE = 8.0  # between the branches of neighbouring ports
@@ -20,13 +20,13 @@ SPARE = np.array((0.0, -1.0, 0.0, 1.0))  # above and below
 FRAMES = 30.0  # between parts that may get frames
 
 
-def port_of(line: Line, node: int) -> str:
+def port_of(line: DiagramLine, node: int) -> str:
     """Return the name of the port at which a line meets a node."""
     return line.ports[TAIL if line.tail == node else HEAD]
 
 
 def box_around(
-    nodes: Sequence[Node], lines: Sequence[Line], branches: Sequence[Branch],
+    nodes: Sequence[DiagramNode], lines: Sequence[DiagramLine], branches: Sequence[TreeBranch],
     finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None,
 ) -> Block:  # fmt: skip
     """Return a box with its branches, with the origin at the end of the bond that carries it (`along`), or at its middle."""
@@ -77,7 +77,7 @@ def box_around(
 
 
 def _level(
-    nodes: Sequence[Node], taken: Rectangles | None, branches: Sequence[Branch], offsets: Sequence[float],
+    nodes: Sequence[DiagramNode], taken: Rectangles | None, branches: Sequence[TreeBranch], offsets: Sequence[float],
     finished: Mapping[tuple[int, Vector], Block], side: Vector, border: float,
 ) -> float:  # fmt: skip
     """Return the distance of the branches of a side from the middle, so that they are aligned."""
@@ -93,14 +93,14 @@ def _level(
 
 
 def _sides(
-    branches: Sequence[Branch], finished: Mapping[tuple[int, Vector], Block], along: Vector | None
-) -> dict[Vector, list[Branch]]:
+    branches: Sequence[TreeBranch], finished: Mapping[tuple[int, Vector], Block], along: Vector | None
+) -> dict[Vector, list[TreeBranch]]:
     """Assign branches to sides: arriving ones left, leaving ones right; the heavier side moves branches to the lighter one, then to top and bottom."""
     taken = None if along is None else (-along[0], -along[1])
     free = [s for s in (LEFT, RIGHT, DOWN, UP) if s != taken]
-    sides: dict[Vector, list[Branch]] = {s: [] for s in (LEFT, RIGHT, UP, DOWN)}
+    sides: dict[Vector, list[TreeBranch]] = {s: [] for s in (LEFT, RIGHT, UP, DOWN)}
 
-    def height(branch: Branch, side: Vector) -> float:
+    def height(branch: TreeBranch, side: Vector) -> float:
         rectangle = finished[branch.child, side].taken
         return float(rectangle[:, 3].max() - rectangle[:, 1].min()) if side[0] else 0.0
 
@@ -128,8 +128,8 @@ def _sides(
 
 
 def _stacked(
-    nodes: Sequence[Node],
-    branches: Sequence[Branch],
+    nodes: Sequence[DiagramNode],
+    branches: Sequence[TreeBranch],
     finished: Mapping[tuple[int, Vector], Block],
     side: Vector,
     width: float,
@@ -153,7 +153,11 @@ def _stacked(
 
 
 def _size(
-    node: Node, title: str, widths: Mapping[Vector, float], rows: Mapping[Vector, Sequence[float]], along: Vector | None
+    node: DiagramNode,
+    title: str,
+    widths: Mapping[Vector, float],
+    rows: Mapping[Vector, Sequence[float]],
+    along: Vector | None,
 ) -> tuple[float, tuple[float, float]]:
     """Return half the width, and the heights above and below the middle of the rows."""
     named = max(text_width(node.label, NAME + 1), text_width(title, PORT)) + 2 * PADDING
@@ -165,7 +169,7 @@ def _size(
 
 
 def _widths(
-    lines: Sequence[Line], node: int, sides: Mapping[Vector, Sequence[Branch]], along: Vector | None
+    lines: Sequence[DiagramLine], node: int, sides: Mapping[Vector, Sequence[TreeBranch]], along: Vector | None
 ) -> dict[Vector, float]:
     """Return the widths of the port names at each side, including that of the bond that carries the box."""
     found = {s: max((text_width(port_of(lines[b.line], node), PORT) for b in sides[s]), default=0.0) for s in sides}

@@ -11,14 +11,14 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from .box import port_of
-from .figure import Circle, Figure, Frame, Group, Shape, Stroke, Text
+from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
 from .frames import Framed
 from .glyphs import PORT, STROKE, text_rectangle
 from .lettering import text_width
 from .looks import LOOKS
-from .place import Layout
+from .place import DiagramLayout
 from .room import NOTHING, Point, Rectangles, bounds, joined, rectangles, touches
-from .subject import TAIL, Line, Node, Subject
+from .subject import TAIL, DiagramLine, DiagramModel, DiagramNode
 
 BARB, SPREAD = 11.0, 7.0  # the half arrow along and across the bond
 DOUBLE = 2.0  # half the distance between the lines of a multibond
@@ -26,7 +26,9 @@ BORDER = 16.0
 MEANINGS = {"derivative": "storage in derivative form", "loop": "in an algebraic loop"}
 
 
-def compose(subject: Subject, layout: Layout, frames: Sequence[Framed] = (), numbers: bool = False) -> Figure:
+def compose(
+    subject: DiagramModel, layout: DiagramLayout, frames: Sequence[Framed] = (), numbers: bool = False
+) -> Figure:
     """Return the figure. `numbers`: show the numbers of the bonds."""
     groups = [
         *map(_frame, frames),
@@ -52,16 +54,16 @@ def compose(subject: Subject, layout: Layout, frames: Sequence[Framed] = (), num
 
 
 def _frame(frame: Framed) -> Group:
-    shape = Frame(frame.left, frame.top, frame.right - frame.left, frame.bottom - frame.top, "frame", 6.0)
+    shape = RoundedBox(frame.left, frame.top, frame.right - frame.left, frame.bottom - frame.top, "frame", 6.0)
     return Group(
-        "instance", (shape, Text(frame.instance, *frame.title, "port")), {"name": frame.instance}, frame.instance
+        "instance", (shape, Lettering(frame.instance, *frame.title, "port")), {"name": frame.instance}, frame.instance
     )
 
 
 # ---------------------------------------------------------------- bonds
 
 
-def _lines(subject: Subject, layout: Layout) -> Iterator[Group]:
+def _lines(subject: DiagramModel, layout: DiagramLayout) -> Iterator[Group]:
     for number, line in enumerate(subject.lines):
         way = layout.bonds[number]
         shapes: list[Shape] = [
@@ -76,19 +78,19 @@ def _lines(subject: Subject, layout: Layout) -> Iterator[Group]:
         yield Group("bond", tuple(shapes), facts, _words_of_line(subject, line), _mark(line))
 
 
-def _words_of_line(subject: Subject, line: Line) -> str:
+def _words_of_line(subject: DiagramModel, line: DiagramLine) -> str:
     ends = [f"{subject.nodes[n].name}{'.' * bool(p)}{p}" for n, p in zip(line.ends, line.ports, strict=True)]
     effort, flow = ends if line.stroke != TAIL else ends[::-1]
     many = f"{len(line.bonds)} bonds, " if len(line.bonds) > 1 else ""
     return f"{ends[0]} -> {ends[1]} ({many}{line.domain}; {line.place}): effort from {effort}, flow from {flow}"
 
 
-def _shaft(way: Sequence[Point], double: bool) -> Iterator[Stroke]:
+def _shaft(way: Sequence[Point], double: bool) -> Iterator[Polyline]:
     if not double:
-        yield Stroke(tuple(way), "line")
+        yield Polyline(tuple(way), "line")
         return
     for side in (-DOUBLE, DOUBLE):
-        yield Stroke(tuple(_beside(way, side)), "line")
+        yield Polyline(tuple(_beside(way, side)), "line")
 
 
 def _beside(way: Sequence[Point], side: float) -> Iterator[Point]:
@@ -110,21 +112,21 @@ def _flow_side(along: Point) -> Point:
     return across if lower else (-across[0], -across[1])
 
 
-def _barb(way: Sequence[Point], double: bool) -> Stroke:
+def _barb(way: Sequence[Point], double: bool) -> Polyline:
     tip, along = way[-1], _unit(way[-2], way[-1])
     across = _flow_side(along)
     if double:
         tip = (tip[0] + DOUBLE * across[0], tip[1] + DOUBLE * across[1])
     end = (tip[0] - BARB * along[0] + SPREAD * across[0], tip[1] - BARB * along[1] + SPREAD * across[1])
-    return Stroke((tip, end), "barb")
+    return Polyline((tip, end), "barb")
 
 
-def _stroke(way: Sequence[Point], where: int) -> Stroke:
+def _stroke(way: Sequence[Point], where: int) -> Polyline:
     (x, y), (u, v) = (way[0], _unit(way[0], way[1])) if where == TAIL else (way[-1], _unit(way[-2], way[-1]))
-    return Stroke(((x - STROKE * -v, y - STROKE * u), (x + STROKE * -v, y + STROKE * u)), "stroke")
+    return Polyline(((x - STROKE * -v, y - STROKE * u), (x + STROKE * -v, y + STROKE * u)), "stroke")
 
 
-def _numbers(subject: Subject, layout: Layout, groups: Sequence[Group]) -> Iterator[Group]:
+def _numbers(subject: DiagramModel, layout: DiagramLayout, groups: Sequence[Group]) -> Iterator[Group]:
     """Yield the number of each bond beside its longest part, on the side of the flow if there is room, else elsewhere."""
     taken = joined(NOTHING, *(_taken(shape) for group in groups for shape in group.shapes))
     for number, line in enumerate(subject.lines):
@@ -138,7 +140,7 @@ def _numbers(subject: Subject, layout: Layout, groups: Sequence[Group]) -> Itera
         yield Group("number", (spots[chosen],), {"bonds": " ".join(map(str, line.bonds))})
 
 
-def _spots(text: str, way: Sequence[Point]) -> Iterator[Text]:
+def _spots(text: str, way: Sequence[Point]) -> Iterator[Lettering]:
     """Yield positions for a number, best first: in the middle of the free part of a bond, nearer to one end, on the other side."""
     parts = sorted(pairwise(way), key=lambda part: -math.dist(*part))
     for side in (1, -1):
@@ -148,82 +150,84 @@ def _spots(text: str, way: Sequence[Point]) -> Iterator[Text]:
             for share in (0.42, 0.5, 0.3, 0.6, 0.2, 0.75):
                 x, y = (a + share * (b - a) for a, b in zip(start, end, strict=True))
                 if abs(across[1]) > abs(across[0]):
-                    yield Text(text, x, y + (12.5 if side > 0 else -7.5), "number", "middle")
+                    yield Lettering(text, x, y + (12.5 if side > 0 else -7.5), "number", "middle")
                 else:
-                    yield Text(text, x + 6 * side, y + 3.5, "number", "start" if side > 0 else "end")
+                    yield Lettering(text, x + 6 * side, y + 3.5, "number", "start" if side > 0 else "end")
 
 
 def _taken(shape: Shape) -> Rectangles:
     """Return the rectangles that a shape occupies."""
     match shape:
-        case Stroke(points):
+        case Polyline(points):
             parts = [sorted(axis) for a, b in pairwise(points) for axis in zip(a, b, strict=True)]
             return rectangles(
                 (x[0] - 1, y[0] - 1, x[1] + 1, y[1] + 1) for x, y in zip(parts[::2], parts[1::2], strict=True)
             )
-        case Frame(left, top, width, height):
+        case RoundedBox(left, top, width, height):
             return rectangles([(left, top, left + width, top + height)])
-        case Text(text, x, y, look, anchor):
+        case Lettering(text, x, y, look, anchor):
             return rectangles([text_rectangle(text, x, y, anchor, LOOKS[look].size)])
     return NOTHING
 
 
-def _mark(item: Line | Node) -> str:
+def _mark(item: DiagramLine | DiagramNode) -> str:
     return "derivative" if item.derivative else "loop" if item.loop else ""
 
 
 # ---------------------------------------------------------------- nodes
 
 
-def _node(node: Node, number: int, layout: Layout) -> Group:
+def _node(node: DiagramNode, number: int, layout: DiagramLayout) -> Group:
     x, y = layout.places[number]
     facts = {"name": node.name, "letter": node.letter}
     words = f"{node.letter} {node.name} ({node.place})"
     if node.shape == "box":
         box = layout.boxes[number]
         shapes: list[Shape] = [
-            Frame(box.left, box.top, box.right - box.left, box.bottom - box.top, "box", 6.0),
-            Text(node.letter, box.title[0], box.title[1], "kind", "middle"),
-            Text(node.label, box.title[0], box.title[1] + 15, "title", "middle"),
+            RoundedBox(box.left, box.top, box.right - box.left, box.bottom - box.top, "box", 6.0),
+            Lettering(node.letter, box.title[0], box.title[1], "kind", "middle"),
+            Lettering(node.label, box.title[0], box.title[1] + 15, "title", "middle"),
         ]
         return Group("node", tuple(shapes), facts, words, _mark(node))
-    shapes = [Text(node.letter, x, y + 6.3, "letter", "middle")]
+    shapes = [Lettering(node.letter, x, y + 6.3, "letter", "middle")]
     if node.label:
-        shapes.append(Text(layout.labels[number][0], *layout.labels[number][1:3], "name", layout.labels[number][3]))
+        shapes.append(
+            Lettering(layout.labels[number][0], *layout.labels[number][1:3], "name", layout.labels[number][3])
+        )
     return Group("node", tuple(shapes), facts, words, _mark(node))
 
 
-def _ports(subject: Subject, layout: Layout) -> Iterator[Group]:
+def _ports(subject: DiagramModel, layout: DiagramLayout) -> Iterator[Group]:
     """Yield the names of ports, inside their boxes."""
     for number, line in enumerate(subject.lines):
         for end, point in zip(line.ends, (layout.bonds[number][0], layout.bonds[number][-1]), strict=True):
             name = port_of(line, end)
             if end in layout.boxes and name:
                 text, x, y, anchor = layout.boxes[end].port_text(name, *point)
-                yield Group("port", (Text(text, x, y, "port", anchor),), {"node": subject.nodes[end].name})
+                yield Group("port", (Lettering(text, x, y, "port", anchor),), {"node": subject.nodes[end].name})
 
 
 # ---------------------------------------------------------------- signals
 
 
-def _signals(subject: Subject, layout: Layout) -> Iterator[Group]:
+def _signals(subject: DiagramModel, layout: DiagramLayout) -> Iterator[Group]:
     for number, signal in enumerate(subject.signals):
         if number not in layout.signals:
             continue
         way = layout.signals[number]
         target = subject.nodes[signal.target].name
         source = "" if signal.source is None else subject.nodes[signal.source].name
-        shapes: list[Shape] = [Stroke(way, "signal"), _full_arrow(way)]
+        shapes: list[Shape] = [Polyline(way, "signal"), _full_arrow(way)]
         if number in layout.texts:
             x, y = layout.texts[number]
-            shapes.append(Text(signal.label, x, y + 4, "kind", "middle"))
+            shapes.append(Lettering(signal.label, x, y + 4, "kind", "middle"))
         words = f"{signal.label or source} is read by {target}"
         yield Group("signal", tuple(shapes), {"source": source, "target": target, "names": signal.label}, words)
 
 
-def _full_arrow(way: Sequence[Point]) -> Stroke:
+def _full_arrow(way: Sequence[Point]) -> Polyline:
     (x, y), (u, v) = way[-1], _unit(way[-2], way[-1])
-    return Stroke(
+    return Polyline(
         ((x, y), (x - 8 * u - 3 * v, y - 8 * v + 3 * u), (x - 8 * u + 3 * v, y - 8 * v - 3 * u)), "point", True
     )
 
@@ -231,19 +235,19 @@ def _full_arrow(way: Sequence[Point]) -> Stroke:
 # ---------------------------------------------------------------- legend
 
 
-def _legend(subject: Subject, left: float, top: float) -> tuple[list[Group], float, float]:
+def _legend(subject: DiagramModel, left: float, top: float) -> tuple[list[Group], float, float]:
     """Return one line for each colour in use, and omitted parts; with height and width."""
     marks = {*map(_mark, subject.nodes), *map(_mark, subject.lines)} - {""}
     groups, y, width = [], top, 0.0
     for mark in (m for m in MEANINGS if m in marks):
-        sample = Stroke(((left, y - 4), (left + 22, y - 4)), "line")
-        end = Stroke(((left + 22, y - 4 - STROKE), (left + 22, y - 4 + STROKE)), "stroke")
-        groups.append(Group("legend", (sample, end, Text(MEANINGS[mark], left + 30, y, "note")), {}, "", mark))
+        sample = Polyline(((left, y - 4), (left + 22, y - 4)), "line")
+        end = Polyline(((left + 22, y - 4 - STROKE), (left + 22, y - 4 + STROKE)), "stroke")
+        groups.append(Group("legend", (sample, end, Lettering(MEANINGS[mark], left + 30, y, "note")), {}, "", mark))
         width = max(width, 30 + text_width(MEANINGS[mark], PORT))
         y += 20
     if subject.left_out:
         told = _told(subject.left_out)
-        groups.append(Group("legend", (Text(told, left, y, "note"),)))
+        groups.append(Group("legend", (Lettering(told, left, y, "note"),)))
         width = max(width, text_width(told, PORT))
         y += 20
     return groups, (y - top + 6) if groups else 0.0, width
@@ -261,11 +265,11 @@ def group_at(group: Group, dx: float, dy: float) -> Group:
 
 def _at(shape: Shape, dx: float, dy: float) -> Shape:
     match shape:
-        case Stroke(points, look, closed):
-            return Stroke(tuple((x + dx, y + dy) for x, y in points), look, closed)
+        case Polyline(points, look, closed):
+            return Polyline(tuple((x + dx, y + dy) for x, y in points), look, closed)
         case Circle((x, y), radius, look):
             return Circle((x + dx, y + dy), radius, look)
-        case Frame(left, top, width, height, look, rounding):
-            return Frame(left + dx, top + dy, width, height, look, rounding)
-        case Text(text, x, y, look, anchor):
-            return Text(text, x + dx, y + dy, look, anchor)
+        case RoundedBox(left, top, width, height, look, rounding):
+            return RoundedBox(left + dx, top + dy, width, height, look, rounding)
+        case Lettering(text, x, y, look, anchor):
+            return Lettering(text, x + dx, y + dy, look, anchor)

@@ -14,7 +14,7 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Stroke:
+class Polyline:
     """An open line through some points, or a filled shape if it is closed."""
 
     points: tuple[Point, ...]
@@ -32,7 +32,7 @@ class Circle:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class RoundedBox:
     """A rectangle with round corners."""
 
     left: float
@@ -44,7 +44,7 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class Lettering:
     """A line of text; `anchor`: start, middle or end."""
 
     text: str
@@ -54,7 +54,7 @@ class Text:
     anchor: str = "start"
 
 
-Shape = Stroke | Circle | Frame | Text
+Shape = Polyline | Circle | RoundedBox | Lettering
 
 
 @dataclass(frozen=True, slots=True)

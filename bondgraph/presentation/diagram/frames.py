@@ -8,9 +8,9 @@ from itertools import pairwise
 
 from .glyphs import PORT, letter_rectangle, text_rectangle
 from .lettering import text_width
-from .place import Layout, place
+from .place import DiagramLayout, place
 from .room import NOTHING, Rectangles, bounds, joined, lane, moved, rectangles, touches
-from .subject import Node, Subject
+from .subject import DiagramModel, DiagramNode
 
 PADDING, TITLE = 6.0, 15.0
 
@@ -27,7 +27,7 @@ class Framed:
     title: tuple[float, float]
 
 
-def place_framed(subject: Subject) -> tuple[Subject, Layout, tuple[Framed, ...]]:
+def place_framed(subject: DiagramModel) -> tuple[DiagramModel, DiagramLayout, tuple[Framed, ...]]:
     """Return the layout with short names in frames if all instances that can have frames keep them; else with full names."""
     layout = place(subject)
     sizes = {name: sum(node.inside == name for node in subject.nodes) for name in subject.instances}
@@ -51,7 +51,7 @@ def _whole_rows(frames: Iterator[Framed], instances: Collection[str]) -> tuple[F
     return tuple(f for f in found if f.instance.partition("[")[0] not in lacking)
 
 
-def _named(subject: Subject, short: Collection[str]) -> Subject:
+def _named(subject: DiagramModel, short: Collection[str]) -> DiagramModel:
     """Return the subject with names that do not repeat the name of the frame around them."""
     nodes = (
         replace(n, label=n.label.removeprefix(f"{n.inside}.")) if n.inside in short and n.shape != "box" else n
@@ -65,7 +65,7 @@ def _named(subject: Subject, short: Collection[str]) -> Subject:
     return replace(subject, nodes=tuple(nodes), signals=tuple(signals))
 
 
-def _frames(subject: Subject, layout: Layout, instances: Collection[str]) -> Iterator[Framed]:
+def _frames(subject: DiagramModel, layout: DiagramLayout, instances: Collection[str]) -> Iterator[Framed]:
     things = _things(subject, layout)
     taken: Rectangles = NOTHING
     for instance in subject.instances:
@@ -108,7 +108,7 @@ def _title(
     return None
 
 
-def _things(subject: Subject, layout: Layout) -> list[tuple[str, Rectangles]]:
+def _things(subject: DiagramModel, layout: DiagramLayout) -> list[tuple[str, Rectangles]]:
     """Return all placed parts with their instance: nodes with their names, bonds and signals between them."""
     found = []
     for number, node in enumerate(subject.nodes):
@@ -127,7 +127,7 @@ def _things(subject: Subject, layout: Layout) -> list[tuple[str, Rectangles]]:
     return found
 
 
-def _crossing(subject: Subject, layout: Layout, instance: str) -> Iterator[Rectangles]:
+def _crossing(subject: DiagramModel, layout: DiagramLayout, instance: str) -> Iterator[Rectangles]:
     """Yield the bonds and signals across the border of a frame: its name must not cover them."""
     for number, line in enumerate(subject.lines):
         if sum(subject.nodes[n].inside == instance for n in line.ends) == 1:
@@ -139,7 +139,7 @@ def _crossing(subject: Subject, layout: Layout, instance: str) -> Iterator[Recta
             yield _way(way)
 
 
-def _node(node: Node, number: int, layout: Layout) -> Rectangles:
+def _node(node: DiagramNode, number: int, layout: DiagramLayout) -> Rectangles:
     if number in layout.boxes:
         box = layout.boxes[number]
         return rectangles([(box.left, box.top, box.right, box.bottom)])

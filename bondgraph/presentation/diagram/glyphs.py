@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .lettering import text_width
 from .room import Rectangles, Vector, rectangles
-from .subject import Node
+from .subject import DiagramNode
 
 LETTER, NAME, PORT = 19.0, 12.5, 11.0  # sizes of letters, names, ports in px
 HALF = 9.0  # half the height of a letter
@@ -15,7 +15,7 @@ ARROW = 26.0  # the shortest signal
 STROKE = 7.5  # half the length of a causal stroke
 
 
-def half_width(node: Node) -> float:
+def half_width(node: DiagramNode) -> float:
     """Return half the width of a letter; for the source of a signal from outside half its name."""
     if node.shape == "stub":
         return 2.0
@@ -24,24 +24,24 @@ def half_width(node: Node) -> float:
     return round(text_width(node.letter, LETTER, "serif") / 2 + 1.5, 1)
 
 
-def letter_rectangle(node: Node) -> tuple[float, float, float, float]:
+def letter_rectangle(node: DiagramNode) -> tuple[float, float, float, float]:
     """Return the rectangle of a letter around its middle."""
     half = half_width(node)
     return (-half, -HALF, half, HALF)
 
 
-def shortest(node: Node) -> float:
+def shortest(node: DiagramNode) -> float:
     """Return the least length of a line to a node."""
     return {"stub": STUB, "signal": ARROW}.get(node.shape, SHORTEST)
 
 
-def reach(node: Node, along: Vector) -> float:
+def reach(node: DiagramNode, along: Vector) -> float:
     """Return the distance from the middle of a letter to its border, in a direction."""
     half, (x, y) = half_width(node), along
     return min(half / abs(x) if x else 1e9, HALF / abs(y) if y else 1e9)
 
 
-def beside(node: Node, along: Vector) -> tuple[str, float, float, str]:
+def beside(node: DiagramNode, along: Vector) -> tuple[str, float, float, str]:
     """Return the label of an element at the end of a bond in direction `along`: text, x, y of the baseline, anchor."""
     half = half_width(node)
     if along[0] < -0.3:
@@ -49,7 +49,7 @@ def beside(node: Node, along: Vector) -> tuple[str, float, float, str]:
     return f": {node.label}", half + 4, 4.5, "start"
 
 
-def above(node: Node) -> tuple[str, float, float, str]:
+def above(node: DiagramNode) -> tuple[str, float, float, str]:
     """Return the label of a node with several bonds: left above, where there are neither strokes nor half arrows."""
     return node.label, -9.5, -12.5, "end"
 
@@ -61,7 +61,9 @@ def text_rectangle(text: str, x: float, y: float, anchor: str, size: float = NAM
     return (left, y - 0.78 * size, left + width, y + 0.24 * size)
 
 
-def letter_and_label(node: Node, along: Vector | None, alone: bool) -> tuple[Rectangles, tuple[str, float, float, str]]:
+def letter_and_label(
+    node: DiagramNode, along: Vector | None, alone: bool
+) -> tuple[Rectangles, tuple[str, float, float, str]]:
     """Return the rectangles of a letter node, the letter's first, and the position of its label. `alone`: at the end of a bond."""
     label = beside(node, along or (1, 0)) if alone and node.shape == "element" else above(node)
     taken = [letter_rectangle(node)]

@@ -22,7 +22,7 @@ DARK: Mapping[str, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class Style:
     """Style of a shape; None or 0 for properties that it does not have."""
 
     colour: str
@@ -37,27 +37,27 @@ class Look:
     marked: bool = True  # True if it takes the colour of its group
 
 
-LOOKS: Mapping[str, Look] = {
-    "line": Look(INK, 1.4),
-    "barb": Look(INK, 1.4),
-    "stroke": Look(INK, 2.0),
-    "signal": Look(PALE, 1.0, marked=False),
-    "point": Look(PALE, 1.0, filled=True, marked=False),
-    "box": Look(INK, 1.3),
-    "frame": Look("#9a9a9a", 1.0, dashes=(4, 3), marked=False),
-    "body": Look("#5b6b7a", 1.3, filled=True, inside="#dfe6ec"),
-    "pin": Look(INK, 1.3, filled=True, inside=GROUND),
-    "solid": Look(INK, 1.0, filled=True),
-    "stand": Look(INK, 1.3, filled=True, inside="#f1f1f1"),
-    "hatch": Look(INK, 0.8),
-    "spring": Look("#8a4b00", 1.5),
-    "measure": Look(PALE, 1.0, dashes=(5, 3)),
-    "letter": Look(INK, size=LETTER, face="serif"),
-    "name": Look(INK, size=NAME, face="sans"),
-    "title": Look(INK, size=NAME + 1, face="sans", bold=True),
-    "kind": Look(PALE, size=PORT, face="sans", italic=True, marked=False),
-    "port": Look(PALE, size=PORT, face="sans", marked=False),
-    "number": Look(PALE, size=10.0, face="sans", marked=False),
-    "note": Look(PALE, size=PORT, face="sans", marked=False),
-    "ground": Look(GROUND, filled=True, marked=False),
+LOOKS: Mapping[str, Style] = {
+    "line": Style(INK, 1.4),
+    "barb": Style(INK, 1.4),
+    "stroke": Style(INK, 2.0),
+    "signal": Style(PALE, 1.0, marked=False),
+    "point": Style(PALE, 1.0, filled=True, marked=False),
+    "box": Style(INK, 1.3),
+    "frame": Style("#9a9a9a", 1.0, dashes=(4, 3), marked=False),
+    "body": Style("#5b6b7a", 1.3, filled=True, inside="#dfe6ec"),
+    "pin": Style(INK, 1.3, filled=True, inside=GROUND),
+    "solid": Style(INK, 1.0, filled=True),
+    "stand": Style(INK, 1.3, filled=True, inside="#f1f1f1"),
+    "hatch": Style(INK, 0.8),
+    "spring": Style("#8a4b00", 1.5),
+    "measure": Style(PALE, 1.0, dashes=(5, 3)),
+    "letter": Style(INK, size=LETTER, face="serif"),
+    "name": Style(INK, size=NAME, face="sans"),
+    "title": Style(INK, size=NAME + 1, face="sans", bold=True),
+    "kind": Style(PALE, size=PORT, face="sans", italic=True, marked=False),
+    "port": Style(PALE, size=PORT, face="sans", marked=False),
+    "number": Style(PALE, size=10.0, face="sans", marked=False),
+    "note": Style(PALE, size=PORT, face="sans", marked=False),
+    "ground": Style(GROUND, filled=True, marked=False),
 }

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from .compose import group_at
-from .figure import Circle, Figure, Group, Shape, Stroke, Text
+from .figure import Circle, Figure, Group, Lettering, Polyline, Shape
 from .glyphs import PORT, text_rectangle
 from .room import NOTHING, Point, Rectangles, joined, lane, rectangles, touches
-from .scenery import Limb, Link, Scenery
+from .scenery import BodyGeometry, JointGeometry, MechanismGeometry
 
 SIZE = 520.0  # longer side of the drawing, px
 BORDER = 34.0
@@ -19,7 +19,7 @@ BAR = 7.0  # half the width of a bar
 NEAR = 1.5  # px: the same point
 
 
-def draw_mechanism(scenery: Scenery, heading: str = "", behind: Scenery | None = None) -> Figure:
+def draw_mechanism(scenery: MechanismGeometry, heading: str = "", behind: MechanismGeometry | None = None) -> Figure:
     """Return the figure of a mechanism in one pose; `behind`: the same in another pose, drawn as outlines."""
     page = _Page(scenery, behind)
     groups = [] if behind is None else [page.shadow(limb) for limb in behind.limbs]
@@ -27,7 +27,7 @@ def draw_mechanism(scenery: Scenery, heading: str = "", behind: Scenery | None =
     groups += [*_names(scenery, page, groups)]
     boxes = [_extent(s) for g in groups for s in g.shapes]
     if heading:
-        note = Text(heading, min(b[0] for b in boxes), max(b[3] for b in boxes) + 22, "note")
+        note = Lettering(heading, min(b[0] for b in boxes), max(b[3] for b in boxes) + 22, "note")
         groups.append(Group("legend", (note,)))
         boxes.append(_extent(note))
     left, top = min(b[0] for b in boxes) - 12, min(b[1] for b in boxes) - 12
@@ -39,7 +39,7 @@ def draw_mechanism(scenery: Scenery, heading: str = "", behind: Scenery | None =
 class _Page:
     """Scale of a picture, and the signs at that scale."""
 
-    def __init__(self, scenery: Scenery, behind: Scenery | None = None) -> None:
+    def __init__(self, scenery: MechanismGeometry, behind: MechanismGeometry | None = None) -> None:
         both = [s for s in (scenery, behind) if s is not None]
         points = [p for s in both for limb in s.limbs for p in (limb.centre, *limb.points)]
         points += [p for s in both for link in s.links for p in (link.first, link.second)] or [(0.0, 0.0)]
@@ -52,30 +52,30 @@ class _Page:
         """Return the position of a point of the mechanism on the page."""
         return (point[0] - self.origin[0]) * self.scale, (self.origin[1] - point[1]) * self.scale
 
-    def limb(self, limb: Limb) -> Group:
+    def limb(self, limb: BodyGeometry) -> Group:
         """Return a body: a plate through its joint points, a bar for two points, and the sign of its centre of mass."""
         shapes = (self.plate(limb, "body"), *_mass(self.at(limb.centre)))
         return Group("limb", shapes, {"name": limb.name}, f"body {limb.name}")
 
-    def shadow(self, limb: Limb) -> Group:
+    def shadow(self, limb: BodyGeometry) -> Group:
         """Return a body in another pose, as an outline."""
         return Group("shadow", (self.plate(limb, "frame"),), {"name": limb.name}, f"body {limb.name} at rest")
 
-    def plate(self, limb: Limb, look: str) -> Shape:
+    def plate(self, limb: BodyGeometry, look: str) -> Shape:
         """Return the shape of a body."""
         centre = self.at(limb.centre)
         points = _distinct([*_distinct([self.at(p) for p in limb.points]), centre])
         if len(points) > 1:
-            return Stroke(tuple(_round(_hull(points))), look, True)
+            return Polyline(tuple(_round(_hull(points))), look, True)
         return Circle(centre, 2 * BAR, look)
 
     def mark(self, mark: tuple[str, Point]) -> Group:
         """Return the sign of a frame: a small cross."""
         name, (x, y) = mark[0], self.at(mark[1])
-        cross = (Stroke(((x - 4, y), (x + 4, y)), "line"), Stroke(((x, y - 4), (x, y + 4)), "line"))
+        cross = (Polyline(((x - 4, y), (x + 4, y)), "line"), Polyline(((x, y - 4), (x, y + 4)), "line"))
         return Group("frame", cross, {"name": name}, f"frame {name}")
 
-    def link(self, link: Link) -> Group:
+    def link(self, link: JointGeometry) -> Group:
         """Return the sign of a joint, with its springs beside it."""
         first, second = self.at(link.first), self.at(link.second)
         along = (link.along[0], -link.along[1])
@@ -84,12 +84,12 @@ class _Page:
         return Group("link", tuple(shapes), {"name": link.name, "kind": link.kind}, words)
 
 
-def _sign(link: Link, first: Point, second: Point, along: Point) -> Iterator[Shape]:
+def _sign(link: JointGeometry, first: Point, second: Point, along: Point) -> Iterator[Shape]:
     if link.kind in ("distance", "rod"):
         if link.sprung:
             yield _coil(first, second)
         else:
-            yield Stroke((first, second), "line" if link.kind == "rod" else "measure")
+            yield Polyline((first, second), "line" if link.kind == "rod" else "measure")
         yield from (Circle(p, 3.0, "pin") for p in (first, second))
         return
     if link.kind in ("slide", "cylinder", "screw"):
@@ -97,7 +97,7 @@ def _sign(link: Link, first: Point, second: Point, along: Point) -> Iterator[Sha
         return
     if link.kind in ("free", "planar"):
         if math.dist(first, second) > NEAR:
-            yield _coil(first, second) if link.sprung else Stroke((first, second), "measure")
+            yield _coil(first, second) if link.sprung else Polyline((first, second), "measure")
         yield from (Circle(p, 3.0, "pin") for p in _distinct([first, second]))
         if link.sprung and math.dist(first, second) <= NEAR:
             yield _coil((first[0] - 15, first[1]), (first[0] + 15, first[1]))
@@ -106,10 +106,10 @@ def _sign(link: Link, first: Point, second: Point, along: Point) -> Iterator[Sha
         yield from _ground(first)
     if link.kind == "weld":
         x, y = second
-        yield Stroke(((x - 4, y - 4), (x + 4, y - 4), (x + 4, y + 4), (x - 4, y + 4)), "solid", True)
+        yield Polyline(((x - 4, y - 4), (x + 4, y - 4), (x + 4, y + 4), (x - 4, y + 4)), "solid", True)
         return
     if link.sprung:
-        yield Stroke(tuple(_spiral(second)), "line")
+        yield Polyline(tuple(_spiral(second)), "line")
     if link.kind == "universal":
         yield Circle(second, HINGE + 3, "pin")
     yield Circle(second, HINGE, "solid" if link.kind == "ball" else "pin")
@@ -118,21 +118,21 @@ def _sign(link: Link, first: Point, second: Point, along: Point) -> Iterator[Sha
 def _ground(point: Point) -> Iterator[Shape]:
     """Yield a stand with hatching below a joint."""
     x, y = point
-    yield Stroke(((x, y), (x - 9, y + 16), (x + 9, y + 16)), "stand", True)
+    yield Polyline(((x, y), (x - 9, y + 16), (x + 9, y + 16)), "stand", True)
     yield from _hatch((x - 14, y + 16), (x + 14, y + 16))
 
 
 def _hatch(start: Point, end: Point) -> Iterator[Shape]:
     """Yield a line with strokes for the ground, on its right going from start to end."""
-    yield Stroke((start, end), "line")
+    yield Polyline((start, end), "line")
     length = math.dist(start, end)
     u, v = (end[0] - start[0]) / length, (end[1] - start[1]) / length
     for i in range(int(length // 6) + 1):
         x, y = start[0] + 6 * i * u, start[1] + 6 * i * v
-        yield Stroke(((x, y), (x - 5 * u - 5 * v, y - 5 * v + 5 * u)), "hatch")
+        yield Polyline(((x, y), (x - 5 * u - 5 * v, y - 5 * v + 5 * u)), "hatch")
 
 
-def _slide(first: Point, second: Point, along: Point, link: Link) -> Iterator[Shape]:
+def _slide(first: Point, second: Point, along: Point, link: JointGeometry) -> Iterator[Shape]:
     """Yield a block on a rail along its axis; the rail is hatched if it is the ground."""
     u, v = along if along != (0.0, 0.0) else (1.0, 0.0)
     x, y = second
@@ -143,21 +143,21 @@ def _slide(first: Point, second: Point, along: Point, link: Link) -> Iterator[Sh
     if link.grounded:
         yield from _hatch(*(ends if across == (-v, u) else ends[::-1]))
     else:
-        yield Stroke(ends, "line")
+        yield Polyline(ends, "line")
     corners = [
         (x + a * 11 * u + b * 7 * across[0], y + a * 11 * v + b * 7 * across[1])
         for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     ]
-    yield Stroke(tuple(corners), "pin", True)
+    yield Polyline(tuple(corners), "pin", True)
     if link.kind != "slide":
         yield Circle(second, 3.5, "pin")
     if link.sprung:
         wall = (x - (half + 16) * u, y - (half + 16) * v)
         yield _coil((x - 11 * u, y - 11 * v), wall)
-        yield Stroke(((wall[0] - 7 * v, wall[1] + 7 * u), (wall[0] + 7 * v, wall[1] - 7 * u)), "line")
+        yield Polyline(((wall[0] - 7 * v, wall[1] + 7 * u), (wall[0] + 7 * v, wall[1] - 7 * u)), "line")
 
 
-def _coil(start: Point, end: Point) -> Stroke:
+def _coil(start: Point, end: Point) -> Polyline:
     """Return a spring as a zigzag."""
     length = math.dist(start, end)
     u, v = (end[0] - start[0]) / length, (end[1] - start[1]) / length
@@ -166,7 +166,7 @@ def _coil(start: Point, end: Point) -> Stroke:
     for i in range(2 * turns):
         way, side = lead + (i + 0.5) * (length - 2 * lead) / (2 * turns), 5.0 * (1 if i % 2 else -1)
         points.append((start[0] + way * u - side * v, start[1] + way * v + side * u))
-    return Stroke((*points, (end[0] - lead * u, end[1] - lead * v), end), "spring")
+    return Polyline((*points, (end[0] - lead * u, end[1] - lead * v), end), "spring")
 
 
 def _spiral(middle: Point) -> Iterator[Point]:
@@ -185,7 +185,7 @@ def _mass(centre: Point) -> Iterator[Shape]:
             (x + MASS * math.cos(turn + i * math.pi / 16), y + MASS * math.sin(turn + i * math.pi / 16))
             for i in range(9)
         ]
-        yield Stroke((centre, *arc), "solid", True)
+        yield Polyline((centre, *arc), "solid", True)
 
 
 # ---------------------------------------------------------------- shapes
@@ -233,12 +233,12 @@ def _round(hull: Sequence[Point]) -> Iterator[Point]:
 
 def _extent(shape: Shape) -> tuple[float, float, float, float]:
     match shape:
-        case Stroke(points):
+        case Polyline(points):
             xs, ys = [p[0] for p in points], [p[1] for p in points]
             return min(xs), min(ys), max(xs), max(ys)
         case Circle((x, y), radius):
             return x - radius, y - radius, x + radius, y + radius
-        case Text(text, x, y, _, anchor):
+        case Lettering(text, x, y, _, anchor):
             return text_rectangle(text, x, y, anchor, PORT)
     raise AssertionError(shape)
 
@@ -246,7 +246,7 @@ def _extent(shape: Shape) -> tuple[float, float, float, float]:
 # ---------------------------------------------------------------- names
 
 
-def _names(scenery: Scenery, page: _Page, groups: Sequence[Group]) -> Iterator[Group]:
+def _names(scenery: MechanismGeometry, page: _Page, groups: Sequence[Group]) -> Iterator[Group]:
     """Yield the name of each body, joint and frame near it, at the position that covers least."""
     taken = joined(NOTHING, *(_outline(s) for g in groups for s in g.shapes))
     wanted = [(b.name, page.at(b.centre), "name") for b in scenery.limbs]
@@ -264,7 +264,7 @@ def _names(scenery: Scenery, page: _Page, groups: Sequence[Group]) -> Iterator[G
 
 def _outline(shape: Shape) -> Rectangles:
     """Return the rectangles that no name may cover: lines, and the inside of small shapes."""
-    if isinstance(shape, Stroke) and shape.look != "solid":
+    if isinstance(shape, Polyline) and shape.look != "solid":
         corners = (*shape.points, shape.points[0]) if shape.closed else shape.points
         return joined(NOTHING, *(lane(a, b, 1.5) for a, b in pairwise(corners) if a != b))
     return rectangles([_extent(shape)])
@@ -274,12 +274,12 @@ def _halfway(a: Point, b: Point) -> Point:
     return (a[0] + b[0]) / 2, (a[1] + b[1]) / 2
 
 
-def _spots(name: str, point: Point, look: str) -> Iterator[Text]:
+def _spots(name: str, point: Point, look: str) -> Iterator[Lettering]:
     x, y = point
     for far in (11.0, 16.0, 24.0, 34.0, 46.0):
-        yield Text(name, x + far, y - far * 0.5, look)
-        yield Text(name, x - far, y - far * 0.5, look, "end")
-        yield Text(name, x + far, y + far * 0.5 + 8, look)
-        yield Text(name, x - far, y + far * 0.5 + 8, look, "end")
-        yield Text(name, x, y - far, look, "middle")
-        yield Text(name, x, y + far + 8, look, "middle")
+        yield Lettering(name, x + far, y - far * 0.5, look)
+        yield Lettering(name, x - far, y - far * 0.5, look, "end")
+        yield Lettering(name, x + far, y + far * 0.5 + 8, look)
+        yield Lettering(name, x - far, y + far * 0.5 + 8, look, "end")
+        yield Lettering(name, x, y - far, look, "middle")
+        yield Lettering(name, x, y + far + 8, look, "middle")

@@ -10,8 +10,8 @@ from typing import Any
 from ...errors import MissingPackage, UsageError
 from ...files import replacing, write_text
 from ..text.tables import visible
-from .figure import Circle, Figure, Frame, Group, Shape, Stroke, Text
-from .looks import GROUND, LOOKS, MARKS, Look
+from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
+from .looks import GROUND, LOOKS, MARKS, Style
 from .svg import svg_text
 
 ENDINGS = (".svg", ".png", ".pdf")
@@ -65,16 +65,16 @@ def _draw(axes: Any, shape: Shape, group: Group) -> None:
     look = LOOKS[shape.look]
     colour = MARKS[group.mark] if group.mark and look.marked else look.colour
     match shape:
-        case Stroke(points, _, closed):
+        case Polyline(points, _, closed):
             axes.add_patch(patches.Polygon(points, closed=closed, **_lines(look, colour, closed)))
         case Circle(middle, radius):
             axes.add_patch(patches.Circle(middle, radius, **_lines(look, colour, True)))
-        case Frame(left, top, width, height, _, rounding):
+        case RoundedBox(left, top, width, height, _, rounding):
             style = f"round,pad=0,rounding_size={rounding}"
             axes.add_patch(
                 patches.FancyBboxPatch((left, top), width, height, boxstyle=style, **_lines(look, colour, True))
             )
-        case Text(text, x, y, _, anchor):
+        case Lettering(text, x, y, _, anchor):
             side = {"start": "left", "middle": "center", "end": "right"}[anchor]
             axes.text(
                 x, y, visible(text), color=colour, fontsize=look.size * 72 / INCH, ha=side, va="baseline", family=FACES[look.face],
@@ -82,7 +82,7 @@ def _draw(axes: Any, shape: Shape, group: Group) -> None:
             )  # fmt: skip
 
 
-def _lines(look: Look, colour: str, closed: bool) -> dict[str, Any]:
+def _lines(look: Style, colour: str, closed: bool) -> dict[str, Any]:
     dashes = (0, tuple(d / look.width for d in look.dashes)) if look.dashes else "solid"
     return {
         "fill": look.filled and closed, "facecolor": look.inside or colour, "edgecolor": colour, "linewidth": look.width * 72 / INCH, "linestyle": dashes,

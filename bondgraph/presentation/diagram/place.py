@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from .blocks import Block, Boxed, Branch
+from .blocks import Block, Boxed, TreeBranch
 from .glyphs import letter_rectangle, text_rectangle
 from .room import NOTHING, Point, Rectangles, bounds, joined, lane, moved, rectangles
 from .route import HARD, Ground, between, routed
-from .subject import Node, Subject
+from .subject import DiagramModel, DiagramNode
 from .tree import grow_tree
 
 APART = 46.0  # between two parts
@@ -24,7 +24,7 @@ NARROW = 4.0  # free space of a signal at each side
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class DiagramLayout:
     """Positions of all parts; y grows downwards."""
 
     places: Mapping[int, Point]
@@ -40,7 +40,7 @@ class Layout:
 class _Web:
     """Nodes, with those that a layout adds: the ends of bent bonds, the names of signals from outside."""
 
-    nodes: list[Node]
+    nodes: list[DiagramNode]
     stubs: dict[tuple[int, int], int]  # closing line, its end -> stub
     names: dict[int, int]  # signal -> node of its name
 
@@ -52,18 +52,18 @@ class _Tree:
     root: int
     closing: list[int]
     web: _Web
-    branches: Mapping[int, Sequence[Branch]]
+    branches: Mapping[int, Sequence[TreeBranch]]
     block: Block
     worth: float
 
 
-def place(subject: Subject) -> Layout:
+def place(subject: DiagramModel) -> DiagramLayout:
     """Return the layout of a subject: no two parts overlap, bonds are straight unless they close a ring."""
     blocks = [_part(subject, part) for part in _parts(subject)]
     return _in_rows(blocks)
 
 
-def _parts(subject: Subject) -> Iterator[list[int]]:
+def _parts(subject: DiagramModel) -> Iterator[list[int]]:
     """Yield the connected parts, in the order of their first nodes; signals between parts keep them together."""
     around: dict[int, list[int]] = {n: [] for n in range(len(subject.nodes))}
     for line in subject.lines:
@@ -90,10 +90,10 @@ def _reached(around: Mapping[int, Sequence[int]], start: int) -> list[int]:
 # ---------------------------------------------------------------- one part
 
 
-def _part(subject: Subject, part: Sequence[int]) -> Layout:
+def _part(subject: DiagramModel, part: Sequence[int]) -> DiagramLayout:
     around = _around(subject, part)
     trees = sorted((_rooted(subject, part, around, r) for r in _roots(subject, part, around)), key=lambda t: t.worth)
-    best: tuple[float, Layout] | None = None
+    best: tuple[float, DiagramLayout] | None = None
     open_ = len(trees[0].closing)
     turns = min(TURNED, max(1, ROUTES // open_)) if open_ else 1
     for tree in trees[: max(1, ROUTES // (turns * open_)) if open_ else 1]:
@@ -106,7 +106,7 @@ def _part(subject: Subject, part: Sequence[int]) -> Layout:
     return best[1]
 
 
-def _around(subject: Subject, part: Sequence[int]) -> dict[int, list[tuple[int, int]]]:
+def _around(subject: DiagramModel, part: Sequence[int]) -> dict[int, list[tuple[int, int]]]:
     """Return the lines of each node, with the node at the other end."""
     around: dict[int, list[tuple[int, int]]] = {n: [] for n in part}
     for number, line in enumerate(subject.lines):
@@ -116,7 +116,7 @@ def _around(subject: Subject, part: Sequence[int]) -> dict[int, list[tuple[int, 
     return around
 
 
-def _roots(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]]) -> list[int]:
+def _roots(subject: DiagramModel, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]]) -> list[int]:
     """Return the box with most bonds; if there is none, both ends and the middle of a longest path through inner nodes."""
     boxes = [n for n in part if subject.nodes[n].shape == "box"]
     if boxes:
@@ -145,7 +145,9 @@ def _ringed(around: Mapping[int, Sequence[tuple[int, int]]]) -> bool:
     return sum(map(len, around.values())) // 2 >= len(around)
 
 
-def _rooted(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]], root: int) -> _Tree:
+def _rooted(
+    subject: DiagramModel, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]], root: int
+) -> _Tree:
     """Return the part as a tree from that root."""
     carried, closing = _spanning(around, root)
     web = _web(subject, closing)
@@ -154,7 +156,7 @@ def _rooted(subject: Subject, part: Sequence[int], around: Mapping[int, Sequence
     return _Tree(root, closing, web, branches, block, _worth(subject, web, closing, block))
 
 
-def _turned(subject: Subject, tree: _Tree) -> _Tree:
+def _turned(subject: DiagramModel, tree: _Tree) -> _Tree:
     """Return the tree grown again, with the ends of routed bonds turned towards their other ends."""
     other = {tree.web.stubs[n, e]: tree.web.stubs[n, sum(subject.lines[n].ends) - e] for n, e in tree.web.stubs}
     places = tree.block.places
@@ -173,13 +175,13 @@ def _between(start: Point, end: Point) -> Point:
     return end[0] - start[0], end[1] - start[1]
 
 
-def _worth(subject: Subject, web: _Web, closing: Sequence[int], block: Block) -> float:
+def _worth(subject: DiagramModel, web: _Web, closing: Sequence[int], block: Block) -> float:
     left, top, right, bottom = bounds(block.taken)
     far = sum(math.dist(*(block.places[web.stubs[n, e]] for e in subject.lines[n].ends)) for n in closing)
     return block.cost + far + 0.15 * (right - left) + 0.25 * (bottom - top)
 
 
-def _finished(subject: Subject, part: Sequence[int], tree: _Tree) -> tuple[float, Layout]:
+def _finished(subject: DiagramModel, part: Sequence[int], tree: _Tree) -> tuple[float, DiagramLayout]:
     """Return the cost and the layout of a tree with its rings closed, with more space if no way is found otherwise."""
     layout = _with_ways(subject, tree.web, part, tree.block, tree.closing)
     for roomy in ROOMIER:
@@ -221,39 +223,39 @@ def _spanning(
     return carried, sorted({n for lines in around.values() for n, _ in lines} - used)
 
 
-def _web(subject: Subject, closing: Sequence[int]) -> _Web:
+def _web(subject: DiagramModel, closing: Sequence[int]) -> _Web:
     nodes = list(subject.nodes)
     stubs, names = {}, {}
     for number in closing:
         for end in subject.lines[number].ends:
             stubs[number, end] = len(nodes)
-            nodes.append(Node("", "", "", "stub", (), "", ""))
+            nodes.append(DiagramNode("", "", "", "stub", (), "", ""))
     for number, signal in enumerate(subject.signals):
         if signal.source is None:
             names[number] = len(nodes)
-            nodes.append(Node("", "", signal.label, "signal", (), "", ""))
+            nodes.append(DiagramNode("", "", signal.label, "signal", (), "", ""))
     return _Web(nodes, stubs, names)
 
 
 def _branches(
-    subject: Subject, web: _Web, part: Sequence[int], carried: Mapping[int, tuple[int, int]]
-) -> dict[int, list[Branch]]:
+    subject: DiagramModel, web: _Web, part: Sequence[int], carried: Mapping[int, tuple[int, int]]
+) -> dict[int, list[TreeBranch]]:
     carrying = {parent for _, parent in carried.values()} | {end for _, end in web.stubs}
-    branches: dict[int, list[Branch]] = {n: [] for n in range(len(web.nodes))}
+    branches: dict[int, list[TreeBranch]] = {n: [] for n in range(len(web.nodes))}
     for child, (number, parent) in sorted(carried.items(), key=lambda item: item[1][0]):
-        branches[parent].append(Branch(number, child, subject.lines[number].tail == parent, child in carrying))
+        branches[parent].append(TreeBranch(number, child, subject.lines[number].tail == parent, child in carrying))
     for (number, end), stub in web.stubs.items():
-        branches[end].append(Branch(number, stub, subject.lines[number].tail == end, False))
+        branches[end].append(TreeBranch(number, stub, subject.lines[number].tail == end, False))
     kept = set(part)
     for number, name in web.names.items():
         if (target := subject.signals[number].target) in kept:
-            branches[target].append(Branch(len(subject.lines) + number, name, False, False))
+            branches[target].append(TreeBranch(len(subject.lines) + number, name, False, False))
     return branches
 
 
 def _with_ways(
-    subject: Subject, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int], last: bool = False
-) -> Layout | None:
+    subject: DiagramModel, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int], last: bool = False
+) -> DiagramLayout | None:
     """Return the layout with the ways of ring-closing bonds and of signals; None if such a bond finds no way.
 
     In the `last` attempt such a bond goes straight across.
@@ -293,10 +295,10 @@ def _with_ways(
     places = {n: p for n, p in block.places.items() if n < len(subject.nodes)}
     labels = {n: t for n, t in block.labels.items() if n < len(subject.nodes) and n not in block.boxes}
     taken = joined(block.taken, *(lane(a, b) for n in closing for a, b in pairwise(bonds[n])))
-    return Layout(places, labels, block.boxes, bonds, signals, texts, taken)
+    return DiagramLayout(places, labels, block.boxes, bonds, signals, texts, taken)
 
 
-def _outline(node: Node, block: Block, number: int) -> tuple[float, float, float, float]:
+def _outline(node: DiagramNode, block: Block, number: int) -> tuple[float, float, float, float]:
     """Return the border of a letter or a box."""
     if number in block.boxes:
         box = block.boxes[number]
@@ -306,7 +308,7 @@ def _outline(node: Node, block: Block, number: int) -> tuple[float, float, float
     return x + left - 3, y + top - 3, x + right + 3, y + bottom + 3
 
 
-def _things(nodes: Sequence[Node], block: Block) -> Rectangles:
+def _things(nodes: Sequence[DiagramNode], block: Block) -> Rectangles:
     """Return letters, labels and boxes, which no line may touch."""
     items = []
     for number, (x, y) in block.places.items():
@@ -325,7 +327,7 @@ def _things(nodes: Sequence[Node], block: Block) -> Rectangles:
 # ---------------------------------------------------------------- all parts
 
 
-def _in_rows(parts: Sequence[Layout]) -> Layout:
+def _in_rows(parts: Sequence[DiagramLayout]) -> DiagramLayout:
     """Arrange the parts side by side, as many as a row holds, then in the next row."""
     places, texts = dict[int, Point](), dict[int, Point]()
     labels, boxes = dict[int, tuple[str, float, float, str]](), dict[int, Boxed]()
@@ -345,4 +347,4 @@ def _in_rows(parts: Sequence[Layout]) -> Layout:
         texts |= {n: (a + dx, b + dy) for n, (a, b) in part.texts.items()}
         taken.append(moved(part.taken, dx, dy))
         x, depth = x + right - left + APART, max(depth, bottom - top)
-    return Layout(places, labels, boxes, bonds, signals, texts, joined(NOTHING, *taken))
+    return DiagramLayout(places, labels, boxes, bonds, signals, texts, joined(NOTHING, *taken))

@@ -32,7 +32,7 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True)
-class Limb:
+class BodyGeometry:
     """A body: its centre and its points at joints and frames."""
 
     name: str
@@ -41,7 +41,7 @@ class Limb:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class JointGeometry:
     """A joint: one point on each of the two bodies, and the direction of a slide."""
 
     name: str
@@ -54,17 +54,17 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Scenery:
+class MechanismGeometry:
     """Geometry of a mechanism for a picture."""
 
     name: str
     planar: bool
-    limbs: tuple[Limb, ...]
-    links: tuple[Link, ...]
+    limbs: tuple[BodyGeometry, ...]
+    links: tuple[JointGeometry, ...]
     marks: tuple[tuple[str, Point], ...]  # frames
 
 
-def scenery_of(graph: BondGraph, node: MechanismNode, poses: Mapping[str, Pose] | None = None) -> Scenery:
+def scenery_of(graph: BondGraph, node: MechanismNode, poses: Mapping[str, Pose] | None = None) -> MechanismGeometry:
     """Return the bodies and joints in the reference, or in given poses (those of bodies by their names)."""
     mechanism = node.mechanism
     stage = _Stage(graph, mechanism, poses or {})
@@ -91,22 +91,22 @@ def scenery_of(graph: BondGraph, node: MechanismNode, poses: Mapping[str, Pose] 
         bodies = {mechanism.body_of(p) for p in (joint.first, joint.second)}
         along = stage.across(mechanism.body_of(joint.first), stage.vector(joint.axis))
         links.append(
-            Link(joint.name, joint.kind, first, second, along, "ground" in bodies, springs.get(joint.name, ()))
+            JointGeometry(joint.name, joint.kind, first, second, along, "ground" in bodies, springs.get(joint.name, ()))
         )
     marks = tuple((f.name, stage.on(f.body, stage.vector(f.position))) for f in mechanism.frames)
-    return Scenery(node.name, mechanism.planar, limbs, tuple(links), marks)
+    return MechanismGeometry(node.name, mechanism.planar, limbs, tuple(links), marks)
 
 
-def _limb(stage: _Stage, body: Body, held: Sequence[Point]) -> Limb:
+def _limb(stage: _Stage, body: Body, held: Sequence[Point]) -> BodyGeometry:
     """Return a body; if the position of its centre is not given (the origin then), it is drawn at its joints."""
     place = stage.vector(body.position)
     centre = stage.on(body.name, place)
     if place == (0.0, 0.0, 0.0) and len(held) == 1:
         centre = held[0]
-    return Limb(body.name, centre, tuple(held))
+    return BodyGeometry(body.name, centre, tuple(held))
 
 
-def _carried(limb: Limb | None, otherwise: Point) -> Point:
+def _carried(limb: BodyGeometry | None, otherwise: Point) -> Point:
     """Return the position of a slide without given position: the mean of its body's other joint points, else its centre."""
     if limb is None:
         return otherwise

@@ -19,7 +19,7 @@ from .compose import group_at
 from .figure import Figure, Group
 from .mechanism import draw_mechanism
 from .poses import mechanisms, parts, pose_of
-from .scenery import Pose, Scenery, scenery_of
+from .scenery import MechanismGeometry, Pose, scenery_of
 
 if TYPE_CHECKING:
     from compiler.api import BondGraph
@@ -35,7 +35,7 @@ COLUMNS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Shapes:
+class PosedModes:
     """A model with its poses as outputs: at equilibrium and displaced by its modes. `names`: (mechanism, body, part) -> output."""
 
     graph: BondGraph
@@ -67,7 +67,7 @@ def shapes_of(model: CompiledModel, experiment: str | None, name: str | None, co
     return _sheet(pictures, f"modes of {node.name}")
 
 
-def _found(model: CompiledModel, experiment: str | None) -> Shapes:
+def _found(model: CompiledModel, experiment: str | None) -> PosedModes:
     from compiler.api import Scene, write_text
 
     from ...analysis.equilibrium import equilibrium
@@ -82,10 +82,10 @@ def _found(model: CompiledModel, experiment: str | None) -> Shapes:
     posed = CompiledModel(source_of("\n".join([flat.removesuffix("}"), *lines, "}"])))
     rest = equilibrium(operating_point(posed, Asked(outputs=tuple(names.values()))))
     modes = [m for m in modes_at(operating_point(posed, Asked())) if m.frequency > 0]
-    return Shapes(graph, names, rest.outputs, modes)
+    return PosedModes(graph, names, rest.outputs, modes)
 
 
-def _poses(found: Shapes, node: MechanismNode, values: Mapping[str, float]) -> dict[str, Pose]:
+def _poses(found: PosedModes, node: MechanismNode, values: Mapping[str, float]) -> dict[str, Pose]:
     mechanism = node.mechanism
     told = {}
     for body in mechanism.bodies:
@@ -102,7 +102,7 @@ def _unit(numbers: Sequence[float]) -> list[float]:
     return [*numbers[:3], *(x / length for x in numbers[3:])]
 
 
-def _displaced(found: Shapes, node: MechanismNode, rest: Scenery, mode: Mode) -> Scenery | None:
+def _displaced(found: PosedModes, node: MechanismNode, rest: MechanismGeometry, mode: Mode) -> MechanismGeometry | None:
     """Return the mechanism at the instant of its largest displacement; None if the mode does not move it."""
     amplitudes, size = mode.outputs, _size(rest)
     ours = {key: amplitudes[o] for key, o in found.names.items() if key[0] == node.name}
@@ -112,7 +112,7 @@ def _displaced(found: Shapes, node: MechanismNode, rest: Scenery, mode: Mode) ->
         return None
     turn, first = largest.conjugate() / abs(largest), SMALL * size / abs(largest)
 
-    def at(scale: float) -> Scenery:
+    def at(scale: float) -> MechanismGeometry:
         values = dict(found.rest) | {
             found.names[key]: found.rest[found.names[key]] + scale * (a * turn).real for key, a in ours.items()
         }
@@ -124,13 +124,13 @@ def _displaced(found: Shapes, node: MechanismNode, rest: Scenery, mode: Mode) ->
     return at(scale)
 
 
-def _size(scenery: Scenery) -> float:
+def _size(scenery: MechanismGeometry) -> float:
     points = [p for limb in scenery.limbs for p in (limb.centre, *limb.points)]
     xs, ys = [p[0] for p in points], [p[1] for p in points]
     return max(max(xs) - min(xs), max(ys) - min(ys), 1e-300)
 
 
-def _distance(rest: Scenery, moved: Scenery) -> float:
+def _distance(rest: MechanismGeometry, moved: MechanismGeometry) -> float:
     """Return the largest displacement of a point."""
     return max(
         math.dist(a, b)

@@ -24,7 +24,7 @@ TAIL, HEAD = 0, 1
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class DiagramNode:
     """An element, a junction, or a box: a mechanism or a submodel that is not expanded."""
 
     name: str
@@ -39,7 +39,7 @@ class Node:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class DiagramLine:
     """A bond or a multibond from `tail` to `head`; the stroke is at the end that receives the effort."""
 
     bonds: tuple[int, ...]  # indices in the graph
@@ -58,18 +58,18 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Subject:
+class DiagramModel:
     """Contents of a diagram."""
 
     name: str
-    nodes: tuple[Node, ...]
-    lines: tuple[Line, ...]
+    nodes: tuple[DiagramNode, ...]
+    lines: tuple[DiagramLine, ...]
     signals: tuple[Signal, ...]
     left_out: tuple[str, ...]
     instances: Mapping[str, str]  # instance -> its model
 
 
-def subject_of(compilation: Compilation, closed: bool = False) -> Subject:
+def subject_of(compilation: Compilation, closed: bool = False) -> DiagramModel:
     """Return the contents of the diagram of a scene. `closed`: instances of the model are boxes. Raises `CompilationFailed`."""
     causal = compilation.causal
     graph = causal.graph
@@ -85,7 +85,7 @@ def subject_of(compilation: Compilation, closed: bool = False) -> Subject:
     signals = tuple(s for s in signals_of(graph, of) if s.source is not None or nodes[s.target].shape != "box")
     kept = {node.name for node in graph.nodes}
     left_out = tuple(n.name for n in compilation.whole_graph.nodes if n.name not in kept)
-    return Subject(graph.name, nodes, lines, signals, left_out, instances)
+    return DiagramModel(graph.name, nodes, lines, signals, left_out, instances)
 
 
 # ---------------------------------------------------------------- nodes
@@ -150,7 +150,7 @@ def _signature(causal: CausalGraph, group: tuple[int, ...], home: Mapping[int, i
 def _node(
     graph: BondGraph, group: tuple[int, ...], instances: Mapping[str, str], derivative: frozenset[int],
     looping: frozenset[str], closed: bool,
-) -> Node:  # fmt: skip
+) -> DiagramNode:  # fmt: skip
     first = graph.nodes[group[0]]
     name = first.name
     instance = _plain(name).partition(".")[0]
@@ -162,7 +162,7 @@ def _node(
         label = _label(graph, group)
     place = f"{PurePath(first.span.source.name).name}:{first.span.line}"
     marks = (any(m in derivative for m in group), any(graph.nodes[m].name in looping for m in group))
-    return Node(name, letter, label, shape, group, place, inside, *marks)
+    return DiagramNode(name, letter, label, shape, group, place, inside, *marks)
 
 
 def _letter(node: GraphNode) -> str:
@@ -192,8 +192,8 @@ def _label(graph: BondGraph, group: tuple[int, ...]) -> str:
 
 
 def _lines(
-    causal: CausalGraph, of: Mapping[int, int], nodes: Sequence[Node], walls: Mapping[tuple[str, str], int]
-) -> Iterator[Line]:
+    causal: CausalGraph, of: Mapping[int, int], nodes: Sequence[DiagramNode], walls: Mapping[tuple[str, str], int]
+) -> Iterator[DiagramLine]:
     """Yield the lines between different nodes: parallel bonds with equal strokes as one."""
     graph = causal.graph
     alike: dict[tuple[int, int, int, str], list[int]] = defaultdict(list)
@@ -216,12 +216,12 @@ def _lines(
         derivative = any(end in causal.derivative for b in bonds for end in (graph.bonds[b].tail, graph.bonds[b].head))
         loop = nodes[tail].loop and nodes[head].loop
         domains = dict.fromkeys(graph.bonds[b].domain for b in bonds)
-        yield Line(
+        yield DiagramLine(
             tuple(bonds), tail, head, (ports[0], ports[1]), 1 - effort_from, ", ".join(domains), place, derivative, loop
         )
 
 
-def _bundled(tail: Node, head: Node, graph: BondGraph, number: int) -> bool:
+def _bundled(tail: DiagramNode, head: DiagramNode, graph: BondGraph, number: int) -> bool:
     """Return True if a bond may share a line with parallel ones; False between two single junctions, where each bond is separate."""
     kinds = {graph.nodes[m].kind for n in (tail, head) for m in n.members}
     if kinds <= {Kind.ZERO, Kind.ONE} and len(tail.members) == len(head.members) == 1:
@@ -229,7 +229,7 @@ def _bundled(tail: Node, head: Node, graph: BondGraph, number: int) -> bool:
     return number >= 0
 
 
-def _port(graph: BondGraph, bond: int, side: int, node: Node, doors: Mapping[int, str]) -> str:
+def _port(graph: BondGraph, bond: int, side: int, node: DiagramNode, doors: Mapping[int, str]) -> str:
     end = graph.bonds[bond].tail if side == TAIL else graph.bonds[bond].head
     if node.shape == "box" and not isinstance(graph.nodes[end.node], MechanismNode):
         return doors.get(bond, "")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
-from .figure import Circle, Figure, Frame, Group, Shape, Stroke, Text
-from .looks import DARK, LOOKS, MARKS, Look
+from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
+from .looks import DARK, LOOKS, MARKS, Style
 
 FACES = {
     "serif": "'STIX Two Text','Times New Roman',Times,'Liberation Serif','DejaVu Serif',serif",
@@ -60,7 +60,7 @@ def _marked(marks: Mapping[str, str]) -> Iterator[str]:
         yield f"{texts}{{fill:{colour}}}{strokes}{{stroke:{colour}}}"
 
 
-def _rule(look: Look) -> str:
+def _rule(look: Style) -> str:
     if look.size:
         style = "font-style:italic;" * look.italic + "font-weight:600;" * look.bold
         return f"fill:{look.colour};stroke:none;font-family:{FACES[look.face]};font-size:{_n(look.size)}px;{style}"
@@ -83,15 +83,15 @@ def _group(group: Group) -> Iterator[str]:
 
 def _shape(shape: Shape) -> str:
     match shape:
-        case Stroke(points, look, closed):
+        case Polyline(points, look, closed):
             way = "L".join(f"{_n(x)} {_n(y)}" for x, y in points)
             return f'<path class="{look}" d="M{way}{"Z" * closed}"/>'
         case Circle((x, y), radius, look):
             return f'<circle class="{look}" cx="{_n(x)}" cy="{_n(y)}" r="{_n(radius)}"/>'
-        case Frame(left, top, width, height, look, rounding):
+        case RoundedBox(left, top, width, height, look, rounding):
             place = f'x="{_n(left)}" y="{_n(top)}" width="{_n(width)}" height="{_n(height)}"'
             return f'<rect class="{look}" {place} rx="{_n(rounding)}"/>'
-        case Text(text, x, y, look, anchor):
+        case Lettering(text, x, y, look, anchor):
             side = f' text-anchor="{anchor}"' if anchor != "start" else ""
             return f'<text class="{look}" x="{_n(x)}" y="{_n(y)}"{side}>{_words(text)}</text>'
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from compiler.api import ELEMENTS
 
-from .blocks import DOWN, LEFT, RIGHT, UP, Block, Branch, Draft
+from .blocks import DOWN, LEFT, RIGHT, UP, Block, Draft, TreeBranch
 from .box import box_around
 from .glyphs import GAP, half_width, letter_and_label, reach, shortest
 from .room import Rectangles, Vector, bounds, corridor, joined, lane, moved, push, touches
-from .subject import Line, Node
+from .subject import DiagramLine, DiagramNode
 
 SIDES = (RIGHT, DOWN, LEFT, UP)
 CORNERS = ((0.7, 0.7), (0.7, -0.7), (-0.7, 0.7), (-0.7, -0.7))
@@ -34,13 +34,13 @@ LIKES: Mapping[str, tuple[Vector, ...]] = {
 TURN, AGAINST, DISLIKE = 30.0, 24.0, 8.0
 
 
-Arrangement = Sequence[tuple[Branch, Vector]]
+Arrangement = Sequence[tuple[TreeBranch, Vector]]
 
 
 def grow_tree(
-    nodes: Sequence[Node],
-    lines: Sequence[Line],
-    branches: Mapping[int, Sequence[Branch]],
+    nodes: Sequence[DiagramNode],
+    lines: Sequence[DiagramLine],
+    branches: Mapping[int, Sequence[TreeBranch]],
     root: int,
     roomy: float = 0.0,
 ) -> Block:
@@ -61,7 +61,7 @@ def grow_tree(
 
 
 def _grow(
-    nodes: Sequence[Node], lines: Sequence[Line], branches: Sequence[Branch],
+    nodes: Sequence[DiagramNode], lines: Sequence[DiagramLine], branches: Sequence[TreeBranch],
     finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None, roomy: float,
 ) -> Block:  # fmt: skip
     if nodes[node].shape == "box":
@@ -78,7 +78,7 @@ def _grow(
 
 
 def _by_price(
-    nodes: Sequence[Node], finished: Mapping[tuple[int, Vector], Block], arrangements: Iterator[Arrangement]
+    nodes: Sequence[DiagramNode], finished: Mapping[tuple[int, Vector], Block], arrangements: Iterator[Arrangement]
 ) -> list[tuple[float, Arrangement]]:
     """Return arrangements with the least cost of each, cheapest first."""
     priced = []
@@ -101,7 +101,7 @@ def _worth(block: Block) -> float:
 
 
 def _slanted(
-    nodes: Sequence[Node], branches: Mapping[int, Sequence[Branch]], finished: Mapping[tuple[int, Vector], Block],
+    nodes: Sequence[DiagramNode], branches: Mapping[int, Sequence[TreeBranch]], finished: Mapping[tuple[int, Vector], Block],
     node: int, along: Vector,
 ) -> Block:  # fmt: skip
     """Return a part at the end of a slanted bond, grown to the right or to the left."""
@@ -119,7 +119,7 @@ def _slanted(
 
 
 def _arrangements(
-    nodes: Sequence[Node], node: int, branches: Sequence[Branch], along: Vector | None
+    nodes: Sequence[DiagramNode], node: int, branches: Sequence[TreeBranch], along: Vector | None
 ) -> Iterator[Arrangement]:
     """Yield assignments of branches to sides: heavy ones in every order, the ends of bonds at their preferred sides."""
     free = [s for s in SIDES if along is None or s != (-along[0], -along[1])]
@@ -134,7 +134,7 @@ def _arrangements(
     named = bool(nodes[node].label)  # a label is left above
     open_to = [s for s in (*CORNERS, *BETWEEN) if not (named and s[0] < 0 and s[1] < 0)]
     for sides in permutations(free, len(wanted)):
-        taken: list[tuple[Branch, Vector]] = list(zip(wanted, sides, strict=True))
+        taken: list[tuple[TreeBranch, Vector]] = list(zip(wanted, sides, strict=True))
         left, slanted = [s for s in free if s not in sides], list(open_to)
         for branch in (*light, *heavy[len(free) :]):
             likes = [s for s in _likes(nodes[branch.child], branch) if s in left]
@@ -148,7 +148,7 @@ def _arrangements(
         yield sorted(taken, key=lambda item: (item[0].heavy, item[1] not in SIDES))
 
 
-def _likes(node: Node, branch: Branch) -> Sequence[Vector]:
+def _likes(node: DiagramNode, branch: TreeBranch) -> Sequence[Vector]:
     """Return the preferred sides of the end of a bond, best first."""
     if branch.towards is None:
         return LIKES.get(node.letter, SIDES)
@@ -156,7 +156,7 @@ def _likes(node: Node, branch: Branch) -> Sequence[Vector]:
     return sorted(SIDES, key=lambda s: -(s[0] * x + s[1] * y))
 
 
-def _price(node: Node, branch: Branch, side: Vector) -> float:
+def _price(node: DiagramNode, branch: TreeBranch, side: Vector) -> float:
     """Return the cost of a branch at a side."""
     power = side[0] if branch.outwards else -side[0]
     if branch.heavy:
@@ -166,7 +166,7 @@ def _price(node: Node, branch: Branch, side: Vector) -> float:
 
 
 def _arranged(
-    nodes: Sequence[Node], sides: Arrangement, finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None, roomy: float,
+    nodes: Sequence[DiagramNode], sides: Arrangement, finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None, roomy: float,
 ) -> Block:  # fmt: skip
     """Return a letter with its branches at given sides, each as near as possible without contact."""
     own, label = letter_and_label(nodes[node], along, alone=all(nodes[b.child].shape == "signal" for b, _ in sides))
@@ -193,7 +193,7 @@ def _arranged(
     return Block(draft.places, draft.labels, draft.boxes, draft.ends, taken, draft.cost, back)
 
 
-def _foot(node: Node, side: Vector) -> float:
+def _foot(node: DiagramNode, side: Vector) -> float:
     """Return the distance from the middle of a letter at which a bond begins."""
     x, y = side
     return reach(node, side) + GAP if not (x and y) else min(22.0, 14.5 / min(abs(x), abs(y)))

@@ -20,7 +20,7 @@ EFFORT, FLOW = "e", "f"
 
 
 @dataclass(frozen=True, slots=True)
-class Balance:
+class SignedSum:
     """A column that is a signed sum of columns before it."""
 
     terms: tuple[tuple[float, int], ...]
@@ -33,7 +33,7 @@ class BondColumns:
     `columns`: names that a run reports, and balances. `places`: the columns of each bond's effort and flow, None if not known.
     """
 
-    columns: tuple[str | Balance, ...]
+    columns: tuple[str | SignedSum, ...]
     places: tuple[tuple[int | None, int | None], ...]
 
     @property
@@ -56,15 +56,15 @@ def bond_columns(graph: BondGraph) -> BondColumns:
     """Return the columns for effort and flow of each bond; none for a graph with too many bonds."""
     if len(graph.bonds) > MOST:
         return BondColumns((), ((None, None),) * len(graph.bonds))
-    return _Search(graph).found()
+    return _KnownColumns(graph).found()
 
 
-class _Search:
+class _KnownColumns:
     """Search state: the known columns of each bond's effort and flow."""
 
     def __init__(self, graph: BondGraph) -> None:
         self.graph = graph
-        self.columns: list[str | Balance] = []
+        self.columns: list[str | SignedSum] = []
         self.known: dict[tuple[int, str], int] = {}
 
     def found(self) -> BondColumns:
@@ -90,12 +90,12 @@ class _Search:
                 continue
             if isinstance(node, MechanismNode) and variable == EFFORT and end == ends.tail:
                 self.columns.append(name)  # a mechanism reports the effort on it, this bond has the opposite one
-                self._learn(bond, variable, Balance(((-1.0, len(self.columns) - 1),)))
+                self._learn(bond, variable, SignedSum(((-1.0, len(self.columns) - 1),)))
             else:
                 self._learn(bond, variable, name)
             return
 
-    def _learn(self, bond: int, variable: str, column: str | Balance) -> None:
+    def _learn(self, bond: int, variable: str, column: str | SignedSum) -> None:
         """Add a column, also for all bonds that share the variable across junctions."""
         self.columns.append(column)
         waiting = [bond]
@@ -118,7 +118,7 @@ class _Search:
         (bond,) = missing
         own = self._sign(bond, number)
         terms = ((-own * self._sign(b, number), self.known[b, variable]) for b in around if b != bond)
-        self._learn(bond, variable, Balance(tuple(terms)))
+        self._learn(bond, variable, SignedSum(tuple(terms)))
         return True
 
     def _sign(self, bond: int, node: int) -> float:

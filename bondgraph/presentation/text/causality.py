@@ -55,7 +55,7 @@ class LoopRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Explanation:
+class CausalityExplanation:
     """Contents of `bondgraph causality`. `diagnostics`: obstacles to equations with these strokes."""
 
     model: str
@@ -113,7 +113,7 @@ class Explanation:
             yield f"  what you can do: {loop.advice}"
 
 
-def explain(compilation: Compilation) -> Explanation:
+def explain(compilation: Compilation) -> CausalityExplanation:
     """Return the explanation of a scene. Raises `CompilationFailed` if there are no strokes."""
     causal = compilation.causal
     system, found = None, tuple["Diagnostic", ...]()
@@ -123,7 +123,7 @@ def explain(compilation: Compilation) -> Explanation:
     except CompilationFailed as failed:
         found = failed.diagnostics
     graph = causal.graph
-    return Explanation(
+    return CausalityExplanation(
         graph.name, len(compilation.whole_graph.nodes) - len(graph.nodes),
         tuple(_stroke(causal, bond) for bond in range(len(graph.bonds))),
         tuple(_derivative(causal, item) for item in dependences(causal)),

@@ -21,7 +21,7 @@ LISTED = 6  # most names in one line of the text
 
 
 @dataclass(frozen=True, slots=True)
-class LeftOut:
+class OmittedNode:
     """A node without effect in this run, and the quantities that cause it."""
 
     name: str
@@ -30,13 +30,13 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True)
-class Explanation:
+class RunExplanation:
     """Contents of `bondgraph explain` for one scene."""
 
     model: str
     experiment: str | None
     outputs: tuple[str, ...]
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[OmittedNode, ...]
     certificate: Certificate
     cost: Cost
     arguments: tuple[str, ...]  # parameters that stay arguments of the program
@@ -118,12 +118,12 @@ class Explanation:
         yield from (f"  {line}" for line in columns(rows))
 
 
-def explain(compilation: Compilation) -> Explanation:
+def explain(compilation: Compilation) -> RunExplanation:
     """Return the explanation of a scene. Raises `CompilationFailed`."""
     certificate = compilation.certificate
     lowered = compilation.lowered
     names = [lowered.space.variables[v].name for v in lowered.parameters]
-    return Explanation(
+    return RunExplanation(
         certificate.model, compilation.plan.experiment, tuple(lowered.space.outputs), tuple(_left_out(compilation)),
         certificate, cost(lowered), tuple(names), tuple(_conditions(lowered)), len(lowered.bends),
         compilation.plan.bandwidth,
@@ -137,11 +137,11 @@ def _conditions(lowered: Lowered) -> dict[str, None]:
     return {f"`{n.owner}` ({_place(n.span)})": None for n in notes if (n.span.source.name, n.span.line) not in told}
 
 
-def _left_out(compilation: Compilation) -> Iterator[LeftOut]:
+def _left_out(compilation: Compilation) -> Iterator[OmittedNode]:
     kept = {node.name for node in compilation.graph.nodes}
     for node in compilation.whole_graph.nodes:
         if node.name not in kept:
-            yield LeftOut(
+            yield OmittedNode(
                 node.name, _place(node.span), tuple(_zeros_behind(compilation, getattr(node, "arguments", ())))
             )
 
