@@ -15,7 +15,7 @@ import pytest
 import bondgraph
 from bondgraph.model import Model
 from bondgraph.presentation.diagram import svg_text
-from bondgraph.presentation.diagram.subject import subject_of
+from bondgraph.presentation.diagram.diagram_model import diagram_model_of
 from compiler.api import Scene
 from compiler.causality.assign import CausalGraph
 from tests.compiling import MODELS
@@ -177,7 +177,7 @@ def test_signals() -> None:
 def test_every_signal_has_a_way(path: Path) -> None:
     """It begins and ends at its own nodes, and passes through no text and no box."""
     picture = drawn(path)
-    wanted = subject_of(loaded(path).compilation(Scene(None, None, free=EVERYTHING))).signals
+    wanted = diagram_model_of(loaded(path).compilation(Scene(None, None, free=EVERYTHING))).signals
     assert len(picture.signals) == len(wanted)
     borders = picture.letters | picture.boxes
     for source, target, way in picture.signals:

@@ -15,7 +15,7 @@ from bondgraph.commands import commands
 from bondgraph.errors import UsageError
 from bondgraph.model import Model
 from bondgraph.presentation.diagram import svg_text
-from bondgraph.presentation.diagram.scenery import RIGHT, UP
+from bondgraph.presentation.diagram.mechanism_geometry import RIGHT, UP
 from tests.compiling import MODELS
 from tests.diagram.reading import SVG, measured, overlap
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.presentation.diagram.scenery import scenery_of
+from bondgraph.presentation.diagram.mechanism_geometry import mechanism_geometry_of
 from bondgraph.presentation.page.runs import Watched
 from bondgraph.presentation.page.scene import scenes_of
 from bondgraph.presentation.page.shapes import modes_data
@@ -26,7 +26,7 @@ def test_points_are_those_of_the_drawing(name: str) -> None:
     told = scenes_of(graph).told
     assert len(told) == len(nodes)
     for node, scene in zip(nodes, told, strict=True):
-        drawn = scenery_of(graph, node)
+        drawn = mechanism_geometry_of(graph, node)
 
         def flat(point: Any, scene: dict[str, Any] = scene) -> tuple[float, float]:
             return float(np.dot(scene["right"], point)), float(np.dot(scene["up"], point))

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from bondgraph.presentation.page.serve import Server, Session
+from bondgraph.presentation.page.serve.cancellation import Stopped, TimedExecutor
 from bondgraph.presentation.page.serve.guard import Guard
-from bondgraph.presentation.page.serve.patience import Patience, Stopped
 from bondgraph.presentation.page.serve.settings import base_settings
 from tests.compiling import MODELS
 
@@ -215,7 +215,7 @@ def test_sliders_of_what_is_zero_go_as_far_as_the_text() -> None:
 
 
 def test_a_run_without_end_is_stopped() -> None:
-    patience = Patience()
+    patience = TimedExecutor()
 
     def long() -> None:
         while True:

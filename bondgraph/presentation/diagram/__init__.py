@@ -8,13 +8,13 @@ from compiler.api import MechanismNode
 
 from ...errors import UsageError
 from .compose import compose
+from .diagram_model import diagram_model_of
 from .frames import place_framed
 from .mechanism import draw_mechanism
+from .mechanism_geometry import mechanism_geometry_of
 from .picture import write_figure
 from .poses import poses_at
-from .scenery import scenery_of
 from .shapes import shapes_of
-from .subject import subject_of
 from .svg import svg_text
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ __all__ = ["draw", "mechanism_of", "shapes_of", "svg_text", "write_figure"]
 
 def draw(compilation: Compilation, closed: bool = False, numbers: bool = False) -> Figure:
     """Return the diagram of a scene. `closed`: draw instances as boxes; `numbers`: show the numbers of the bonds. Raises `CompilationFailed`."""
-    subject = subject_of(compilation, closed)
-    named, layout, frames = place_framed(subject)
+    diagram_model = diagram_model_of(compilation, closed)
+    named, layout, frames = place_framed(diagram_model)
     return compose(named, layout, frames, numbers)
 
 
@@ -42,12 +42,12 @@ def mechanism_of(model: CompiledModel, name: str | None, experiment: str | None,
         raise UsageError(f"which mechanism of `{graph.name}` is to be drawn? {told}")
     place = names.index(name or names[0])
     if at is None:
-        return draw_mechanism(scenery_of(graph, _mechanisms(graph)[place]))
+        return draw_mechanism(mechanism_geometry_of(graph, _mechanisms(graph)[place]))
     poses, time = poses_at(model, experiment, at)
     graph = model.compilation(model.scene(experiment)).whole_graph  # the experiment may set parameters of positions
     node = _mechanisms(graph)[place]
     named = dict(zip((body.name for body in node.mechanism.bodies), poses[place], strict=True))
-    return draw_mechanism(scenery_of(graph, node, named), f"at {time:.6g} s")
+    return draw_mechanism(mechanism_geometry_of(graph, node, named), f"at {time:.6g} s")
 
 
 def _mechanisms(graph: BondGraph) -> list[MechanismNode]:

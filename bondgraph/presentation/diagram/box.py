@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .blocks import DOWN, LEFT, RIGHT, UP, Block, Boxed, Draft, TreeBranch
+from .diagram_model import HEAD, TAIL, DiagramLine, DiagramNode
 from .glyphs import GAP, NAME, PORT, shortest
 from .lettering import text_width
-from .room import NOTHING, Rectangles, Vector, corridor, joined, lane, moved, push, rectangles
-from .subject import HEAD, TAIL, DiagramLine, DiagramNode
+from .overlap import NOTHING, Rectangles, Vector, corridor, joined, lane, moved, push, rectangles
 
 TITLE = 40.0  # height of kind and name
 SPACE = 8.0  # between the branches of neighbouring ports

@@ -1,4 +1,4 @@
-"""Figure from a subject and its layout: half arrows, strokes, letters, boxes, signals, the legend.
+"""Figure from a model and its layout: half arrows, strokes, letters, boxes, signals, the legend.
 
 A half arrow's barb is on the side where textbooks write the flow: below a bond, or right of one that goes up or down. The causal stroke is
 drawn across the end of the bond that receives the effort.
@@ -11,14 +11,14 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from .box import port_of
+from .diagram_model import TAIL, DiagramLine, DiagramModel, DiagramNode
 from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
 from .frames import Framed
 from .glyphs import PORT, STROKE, text_rectangle
 from .lettering import text_width
-from .looks import LOOKS
+from .overlap import NOTHING, Point, Rectangles, bounds, joined, rectangles, touches
 from .place import DiagramLayout
-from .room import NOTHING, Point, Rectangles, bounds, joined, rectangles, touches
-from .subject import TAIL, DiagramLine, DiagramModel, DiagramNode
+from .styles import STYLES
 
 BARB, SPREAD = 11.0, 7.0  # the half arrow along and across the bond
 DOUBLE = 2.0  # half the distance between the lines of a multibond
@@ -26,19 +26,17 @@ BORDER = 16.0
 MEANINGS = {"derivative": "storage in derivative form", "loop": "in an algebraic loop"}
 
 
-def compose(
-    subject: DiagramModel, layout: DiagramLayout, frames: Sequence[Framed] = (), numbers: bool = False
-) -> Figure:
+def compose(model: DiagramModel, layout: DiagramLayout, frames: Sequence[Framed] = (), numbers: bool = False) -> Figure:
     """Return the figure. `numbers`: show the numbers of the bonds."""
     groups = [
         *map(_frame, frames),
-        *_lines(subject, layout),
-        *_signals(subject, layout),
-        *(_node(node, number, layout) for number, node in enumerate(subject.nodes)),
-        *_ports(subject, layout),
+        *_lines(model, layout),
+        *_signals(model, layout),
+        *(_node(node, number, layout) for number, node in enumerate(model.nodes)),
+        *_ports(model, layout),
     ]
     if numbers:
-        groups += _numbers(subject, layout, groups)
+        groups += _numbers(model, layout, groups)
     left, top, right, bottom = bounds(layout.taken) if len(layout.taken) else (0.0, 0.0, 200.0, 20.0)
     for way in layout.signals.values():
         left, right = min(left, *(x for x, _ in way)), max(right, *(x for x, _ in way))
@@ -46,11 +44,11 @@ def compose(
     for frame in frames:
         left, right = min(left, frame.left), max(right, frame.right)
         top, bottom = min(top, frame.top), max(bottom, frame.bottom)
-    legend, height, width = _legend(subject, left, bottom + 20)
+    legend, height, width = _legend(model, left, bottom + 20)
     dx, dy = round(BORDER - left, 1), round(BORDER - top, 1)
     whole = (max(right - left, width) + 2 * BORDER, bottom - top + height + 2 * BORDER)
     shifted = tuple(group_at(g, dx, dy) for g in (*groups, *legend))
-    return Figure(math.ceil(whole[0]), math.ceil(whole[1]), f"bond graph of {subject.name}", shifted)
+    return Figure(math.ceil(whole[0]), math.ceil(whole[1]), f"bond graph of {model.name}", shifted)
 
 
 def _frame(frame: Framed) -> Group:
@@ -63,23 +61,23 @@ def _frame(frame: Framed) -> Group:
 # ---------------------------------------------------------------- bonds
 
 
-def _lines(subject: DiagramModel, layout: DiagramLayout) -> Iterator[Group]:
-    for number, line in enumerate(subject.lines):
+def _lines(model: DiagramModel, layout: DiagramLayout) -> Iterator[Group]:
+    for number, line in enumerate(model.lines):
         way = layout.bonds[number]
         shapes: list[Shape] = [
             *_shaft(way, len(line.bonds) > 1),
             _barb(way, len(line.bonds) > 1),
             _stroke(way, line.stroke),
         ]
-        tail, head = (subject.nodes[n].name for n in line.ends)
+        tail, head = (model.nodes[n].name for n in line.ends)
         facts = {
             "bonds": " ".join(map(str, line.bonds)), "tail": tail, "head": head, "stroke": "tail" if line.stroke == TAIL else "head",
         }  # fmt: skip
-        yield Group("bond", tuple(shapes), facts, _words_of_line(subject, line), _mark(line))
+        yield Group("bond", tuple(shapes), facts, _words_of_line(model, line), _mark(line))
 
 
-def _words_of_line(subject: DiagramModel, line: DiagramLine) -> str:
-    ends = [f"{subject.nodes[n].name}{'.' * bool(p)}{p}" for n, p in zip(line.ends, line.ports, strict=True)]
+def _words_of_line(model: DiagramModel, line: DiagramLine) -> str:
+    ends = [f"{model.nodes[n].name}{'.' * bool(p)}{p}" for n, p in zip(line.ends, line.ports, strict=True)]
     effort, flow = ends if line.stroke != TAIL else ends[::-1]
     many = f"{len(line.bonds)} bonds, " if len(line.bonds) > 1 else ""
     return f"{ends[0]} -> {ends[1]} ({many}{line.domain}; {line.place}): effort from {effort}, flow from {flow}"
@@ -126,14 +124,14 @@ def _stroke(way: Sequence[Point], where: int) -> Polyline:
     return Polyline(((x - STROKE * -v, y - STROKE * u), (x + STROKE * -v, y + STROKE * u)), "stroke")
 
 
-def _numbers(subject: DiagramModel, layout: DiagramLayout, groups: Sequence[Group]) -> Iterator[Group]:
+def _numbers(model: DiagramModel, layout: DiagramLayout, groups: Sequence[Group]) -> Iterator[Group]:
     """Yield the number of each bond beside its longest part, on the side of the flow if there is room, else elsewhere."""
     taken = joined(NOTHING, *(_taken(shape) for group in groups for shape in group.shapes))
-    for number, line in enumerate(subject.lines):
+    for number, line in enumerate(model.lines):
         first, last = line.bonds[0] + 1, line.bonds[-1] + 1
         text = str(first) if first == last else f"{first}-{last}"
         spots = list(_spots(text, layout.bonds[number]))
-        areas = [rectangles([text_rectangle(t.text, t.x, t.y, t.anchor, LOOKS["number"].size)]) for t in spots]
+        areas = [rectangles([text_rectangle(t.text, t.x, t.y, t.anchor, STYLES["number"].size)]) for t in spots]
         free = [n for n, area in enumerate(areas) if not touches(taken, area, 0.5)]
         chosen = free[0] if free else 0
         taken = joined(taken, areas[chosen])
@@ -166,7 +164,7 @@ def _taken(shape: Shape) -> Rectangles:
         case RoundedBox(left, top, width, height):
             return rectangles([(left, top, left + width, top + height)])
         case Lettering(text, x, y, look, anchor):
-            return rectangles([text_rectangle(text, x, y, anchor, LOOKS[look].size)])
+            return rectangles([text_rectangle(text, x, y, anchor, STYLES[look].size)])
     return NOTHING
 
 
@@ -197,26 +195,26 @@ def _node(node: DiagramNode, number: int, layout: DiagramLayout) -> Group:
     return Group("node", tuple(shapes), facts, words, _mark(node))
 
 
-def _ports(subject: DiagramModel, layout: DiagramLayout) -> Iterator[Group]:
+def _ports(model: DiagramModel, layout: DiagramLayout) -> Iterator[Group]:
     """Yield the names of ports, inside their boxes."""
-    for number, line in enumerate(subject.lines):
+    for number, line in enumerate(model.lines):
         for end, point in zip(line.ends, (layout.bonds[number][0], layout.bonds[number][-1]), strict=True):
             name = port_of(line, end)
             if end in layout.boxes and name:
                 text, x, y, anchor = layout.boxes[end].port_text(name, *point)
-                yield Group("port", (Lettering(text, x, y, "port", anchor),), {"node": subject.nodes[end].name})
+                yield Group("port", (Lettering(text, x, y, "port", anchor),), {"node": model.nodes[end].name})
 
 
 # ---------------------------------------------------------------- signals
 
 
-def _signals(subject: DiagramModel, layout: DiagramLayout) -> Iterator[Group]:
-    for number, signal in enumerate(subject.signals):
+def _signals(model: DiagramModel, layout: DiagramLayout) -> Iterator[Group]:
+    for number, signal in enumerate(model.signals):
         if number not in layout.signals:
             continue
         way = layout.signals[number]
-        target = subject.nodes[signal.target].name
-        source = "" if signal.source is None else subject.nodes[signal.source].name
+        target = model.nodes[signal.target].name
+        source = "" if signal.source is None else model.nodes[signal.source].name
         shapes: list[Shape] = [Polyline(way, "signal"), _full_arrow(way)]
         if number in layout.texts:
             x, y = layout.texts[number]
@@ -235,9 +233,9 @@ def _full_arrow(way: Sequence[Point]) -> Polyline:
 # ---------------------------------------------------------------- legend
 
 
-def _legend(subject: DiagramModel, left: float, top: float) -> tuple[list[Group], float, float]:
+def _legend(model: DiagramModel, left: float, top: float) -> tuple[list[Group], float, float]:
     """Return one line for each colour in use, and omitted parts; with height and width."""
-    marks = {*map(_mark, subject.nodes), *map(_mark, subject.lines)} - {""}
+    marks = {*map(_mark, model.nodes), *map(_mark, model.lines)} - {""}
     groups, y, width = [], top, 0.0
     for mark in (m for m in MEANINGS if m in marks):
         sample = Polyline(((left, y - 4), (left + 22, y - 4)), "line")
@@ -245,8 +243,8 @@ def _legend(subject: DiagramModel, left: float, top: float) -> tuple[list[Group]
         groups.append(Group("legend", (sample, end, Lettering(MEANINGS[mark], left + 30, y, "note")), {}, "", mark))
         width = max(width, 30 + text_width(MEANINGS[mark], PORT))
         y += 20
-    if subject.left_out:
-        told = _told(subject.left_out)
+    if model.left_out:
+        told = _told(model.left_out)
         groups.append(Group("legend", (Lettering(told, left, y, "note"),)))
         width = max(width, text_width(told, PORT))
         y += 20

@@ -6,11 +6,11 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+from .diagram_model import DiagramModel, DiagramNode
 from .glyphs import PORT, letter_rectangle, text_rectangle
 from .lettering import text_width
+from .overlap import NOTHING, Rectangles, bounds, joined, lane, moved, rectangles, touches
 from .place import DiagramLayout, place
-from .room import NOTHING, Rectangles, bounds, joined, lane, moved, rectangles, touches
-from .subject import DiagramModel, DiagramNode
 
 PADDING, TITLE = 6.0, 15.0
 
@@ -27,20 +27,20 @@ class Framed:
     title: tuple[float, float]
 
 
-def place_framed(subject: DiagramModel) -> tuple[DiagramModel, DiagramLayout, tuple[Framed, ...]]:
+def place_framed(model: DiagramModel) -> tuple[DiagramModel, DiagramLayout, tuple[Framed, ...]]:
     """Return the layout with short names in frames if all instances that can have frames keep them; else with full names."""
-    layout = place(subject)
-    sizes = {name: sum(node.inside == name for node in subject.nodes) for name in subject.instances}
+    layout = place(model)
+    sizes = {name: sum(node.inside == name for node in model.nodes) for name in model.instances}
     several = frozenset(name for name, size in sizes.items() if size > 1)
-    short = frozenset(f.instance for f in _whole_rows(_frames(subject, layout, several), several))
+    short = frozenset(f.instance for f in _whole_rows(_frames(model, layout, several), several))
     if not short:
-        return subject, layout, ()
-    named = _named(subject, short)
+        return model, layout, ()
+    named = _named(model, short)
     shorter = place(named)
     frames = _whole_rows(_frames(named, shorter, short), short)
     if {f.instance for f in frames} == short:
         return named, shorter, frames
-    return subject, layout, tuple(f for f in _frames(subject, layout, short) if f.instance in short)
+    return model, layout, tuple(f for f in _frames(model, layout, short) if f.instance in short)
 
 
 def _whole_rows(frames: Iterator[Framed], instances: Collection[str]) -> tuple[Framed, ...]:
@@ -51,24 +51,24 @@ def _whole_rows(frames: Iterator[Framed], instances: Collection[str]) -> tuple[F
     return tuple(f for f in found if f.instance.partition("[")[0] not in lacking)
 
 
-def _named(subject: DiagramModel, short: Collection[str]) -> DiagramModel:
-    """Return the subject with names that do not repeat the name of the frame around them."""
+def _named(model: DiagramModel, short: Collection[str]) -> DiagramModel:
+    """Return the model with names that do not repeat the name of the frame around them."""
     nodes = (
         replace(n, label=n.label.removeprefix(f"{n.inside}.")) if n.inside in short and n.shape != "box" else n
-        for n in subject.nodes
+        for n in model.nodes
     )
     signals = []
-    for signal in subject.signals:
-        inside = subject.nodes[signal.target].inside
+    for signal in model.signals:
+        inside = model.nodes[signal.target].inside
         strip = signal.source is None and inside in short
         signals.append(replace(signal, label=signal.label.replace(f"{inside}.", "")) if strip else signal)
-    return replace(subject, nodes=tuple(nodes), signals=tuple(signals))
+    return replace(model, nodes=tuple(nodes), signals=tuple(signals))
 
 
-def _frames(subject: DiagramModel, layout: DiagramLayout, instances: Collection[str]) -> Iterator[Framed]:
-    things = _things(subject, layout)
+def _frames(model: DiagramModel, layout: DiagramLayout, instances: Collection[str]) -> Iterator[Framed]:
+    things = _things(model, layout)
     taken: Rectangles = NOTHING
-    for instance in subject.instances:
+    for instance in model.instances:
         if instance not in instances:
             continue
         own = joined(NOTHING, *(r for home, r in things if home == instance))
@@ -78,7 +78,7 @@ def _frames(subject: DiagramModel, layout: DiagramLayout, instances: Collection[
         if touches(others, rectangles([frame]), 1.0):
             continue
         through = joined(
-            NOTHING, *(r for home, r in things if home in (instance, "")), *_crossing(subject, layout, instance)
+            NOTHING, *(r for home, r in things if home in (instance, "")), *_crossing(model, layout, instance)
         )
         title = _title(instance, frame, through, others)
         if title is not None:
@@ -108,34 +108,34 @@ def _title(
     return None
 
 
-def _things(subject: DiagramModel, layout: DiagramLayout) -> list[tuple[str, Rectangles]]:
+def _things(model: DiagramModel, layout: DiagramLayout) -> list[tuple[str, Rectangles]]:
     """Return all placed parts with their instance: nodes with their names, bonds and signals between them."""
     found = []
-    for number, node in enumerate(subject.nodes):
+    for number, node in enumerate(model.nodes):
         found.append((node.inside if node.shape != "box" or node.inside else "\0", _node(node, number, layout)))
-    for number, line in enumerate(subject.lines):
-        homes = {subject.nodes[n].inside for n in line.ends}
+    for number, line in enumerate(model.lines):
+        homes = {model.nodes[n].inside for n in line.ends}
         if len(homes) == 1:
             found.append((homes.pop() or "\0", _way(layout.bonds[number])))
     for number, way in layout.signals.items():
-        signal = subject.signals[number]
-        home = subject.nodes[signal.target].inside
+        signal = model.signals[number]
+        home = model.nodes[signal.target].inside
         if signal.source is None:
             found.append((home or "\0", joined(_way(way), _text(signal.label, layout.texts[number]))))
-        elif subject.nodes[signal.source].inside == home:
+        elif model.nodes[signal.source].inside == home:
             found.append((home or "\0", _way(way)))
     return found
 
 
-def _crossing(subject: DiagramModel, layout: DiagramLayout, instance: str) -> Iterator[Rectangles]:
+def _crossing(model: DiagramModel, layout: DiagramLayout, instance: str) -> Iterator[Rectangles]:
     """Yield the bonds and signals across the border of a frame: its name must not cover them."""
-    for number, line in enumerate(subject.lines):
-        if sum(subject.nodes[n].inside == instance for n in line.ends) == 1:
+    for number, line in enumerate(model.lines):
+        if sum(model.nodes[n].inside == instance for n in line.ends) == 1:
             yield _way(layout.bonds[number])
     for number, way in layout.signals.items():
-        signal = subject.signals[number]
+        signal = model.signals[number]
         ends = [n for n in (signal.source, signal.target) if n is not None]
-        if sum(subject.nodes[n].inside == instance for n in ends) == 1:
+        if sum(model.nodes[n].inside == instance for n in ends) == 1:
             yield _way(way)
 
 

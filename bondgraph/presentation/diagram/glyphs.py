@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from .diagram_model import DiagramNode
 from .lettering import text_width
-from .room import Rectangles, Vector, rectangles
-from .subject import DiagramNode
+from .overlap import Rectangles, Vector, rectangles
 
 LETTER, NAME, PORT = 19.0, 12.5, 11.0  # sizes of letters, names, ports in px
 HALF = 9.0  # half the height of a letter

@@ -9,8 +9,8 @@ from itertools import pairwise
 from .compose import group_at
 from .figure import Circle, Figure, Group, Lettering, Polyline, Shape
 from .glyphs import PORT, text_rectangle
-from .room import NOTHING, Point, Rectangles, joined, lane, rectangles, touches
-from .scenery import BodyGeometry, JointGeometry, MechanismGeometry
+from .mechanism_geometry import BodyGeometry, JointGeometry, MechanismGeometry
+from .overlap import NOTHING, Point, Rectangles, joined, lane, rectangles, touches
 
 SIZE = 520.0  # longer side of the drawing, px
 BORDER = 34.0
@@ -19,12 +19,12 @@ BAR = 7.0  # half the width of a bar
 NEAR = 1.5  # px: the same point
 
 
-def draw_mechanism(scenery: MechanismGeometry, heading: str = "", behind: MechanismGeometry | None = None) -> Figure:
+def draw_mechanism(geometry: MechanismGeometry, heading: str = "", behind: MechanismGeometry | None = None) -> Figure:
     """Return the figure of a mechanism in one pose; `behind`: the same in another pose, drawn as outlines."""
-    page = _Page(scenery, behind)
+    page = _Page(geometry, behind)
     groups = [] if behind is None else [page.shadow(limb) for limb in behind.limbs]
-    groups += [*map(page.limb, scenery.limbs), *map(page.link, scenery.links), *map(page.mark, scenery.marks)]
-    groups += [*_names(scenery, page, groups)]
+    groups += [*map(page.limb, geometry.limbs), *map(page.link, geometry.links), *map(page.mark, geometry.marks)]
+    groups += [*_names(geometry, page, groups)]
     boxes = [_extent(s) for g in groups for s in g.shapes]
     if heading:
         note = Lettering(heading, min(b[0] for b in boxes), max(b[3] for b in boxes) + 22, "note")
@@ -33,14 +33,14 @@ def draw_mechanism(scenery: MechanismGeometry, heading: str = "", behind: Mechan
     left, top = min(b[0] for b in boxes) - 12, min(b[1] for b in boxes) - 12
     right, bottom = max(b[2] for b in boxes) + 12, max(b[3] for b in boxes) + 12
     moved = tuple(group_at(g, -round(left, 1), -round(top, 1)) for g in groups)
-    return Figure(math.ceil(right - left), math.ceil(bottom - top), f"mechanism {scenery.name}", moved)
+    return Figure(math.ceil(right - left), math.ceil(bottom - top), f"mechanism {geometry.name}", moved)
 
 
 class _Page:
     """Scale of a picture, and the signs at that scale."""
 
-    def __init__(self, scenery: MechanismGeometry, behind: MechanismGeometry | None = None) -> None:
-        both = [s for s in (scenery, behind) if s is not None]
+    def __init__(self, geometry: MechanismGeometry, behind: MechanismGeometry | None = None) -> None:
+        both = [s for s in (geometry, behind) if s is not None]
         points = [p for s in both for limb in s.limbs for p in (limb.centre, *limb.points)]
         points += [p for s in both for link in s.links for p in (link.first, link.second)] or [(0.0, 0.0)]
         xs, ys = [p[0] for p in points], [p[1] for p in points]
@@ -246,12 +246,12 @@ def _extent(shape: Shape) -> tuple[float, float, float, float]:
 # ---------------------------------------------------------------- names
 
 
-def _names(scenery: MechanismGeometry, page: _Page, groups: Sequence[Group]) -> Iterator[Group]:
+def _names(geometry: MechanismGeometry, page: _Page, groups: Sequence[Group]) -> Iterator[Group]:
     """Yield the name of each body, joint and frame near it, at the position that covers least."""
     taken = joined(NOTHING, *(_outline(s) for g in groups for s in g.shapes))
-    wanted = [(b.name, page.at(b.centre), "name") for b in scenery.limbs]
-    wanted += [(k.name, _halfway(page.at(k.first), page.at(k.second)), "port") for k in scenery.links]
-    wanted += [(name, page.at(point), "port") for name, point in scenery.marks]
+    wanted = [(b.name, page.at(b.centre), "name") for b in geometry.limbs]
+    wanted += [(k.name, _halfway(page.at(k.first), page.at(k.second)), "port") for k in geometry.links]
+    wanted += [(name, page.at(point), "port") for name, point in geometry.marks]
     for name, point, look in wanted:
         spots = list(_spots(name, point, look))
         areas = [rectangles([text_rectangle(t.text, t.x, t.y, t.anchor)]) for t in spots]

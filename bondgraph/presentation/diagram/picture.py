@@ -11,7 +11,7 @@ from ...errors import MissingPackage, UsageError
 from ...files import replacing, write_text
 from ..text.tables import visible
 from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
-from .looks import GROUND, LOOKS, MARKS, Style
+from .styles import GROUND, MARKS, STYLES, Style
 from .svg import svg_text
 
 ENDINGS = (".svg", ".png", ".pdf")
@@ -62,7 +62,7 @@ def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
 def _draw(axes: Any, shape: Shape, group: Group) -> None:
     from matplotlib import patches
 
-    look = LOOKS[shape.look]
+    look = STYLES[shape.look]
     colour = MARKS[group.mark] if group.mark and look.marked else look.colour
     match shape:
         case Polyline(points, _, closed):

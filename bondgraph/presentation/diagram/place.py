@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from .blocks import Block, Boxed, TreeBranch
+from .diagram_model import DiagramModel, DiagramNode
 from .glyphs import letter_rectangle, text_rectangle
-from .room import NOTHING, Point, Rectangles, bounds, joined, lane, moved, rectangles
+from .overlap import NOTHING, Point, Rectangles, bounds, joined, lane, moved, rectangles
 from .route import HARD, Ground, between, routed
-from .subject import DiagramModel, DiagramNode
 from .tree import grow_tree
 
 APART = 46.0  # between two parts
@@ -57,16 +57,16 @@ class _Tree:
     worth: float
 
 
-def place(subject: DiagramModel) -> DiagramLayout:
-    """Return the layout of a subject: no two parts overlap, bonds are straight unless they close a ring."""
-    blocks = [_part(subject, part) for part in _parts(subject)]
+def place(model: DiagramModel) -> DiagramLayout:
+    """Return the layout of a diagram: no two parts overlap, bonds are straight unless they close a ring."""
+    blocks = [_part(model, part) for part in _parts(model)]
     return _in_rows(blocks)
 
 
-def _parts(subject: DiagramModel) -> Iterator[list[int]]:
+def _parts(model: DiagramModel) -> Iterator[list[int]]:
     """Yield the connected parts, in the order of their first nodes; signals between parts keep them together."""
-    around: dict[int, list[int]] = {n: [] for n in range(len(subject.nodes))}
-    for line in subject.lines:
+    around: dict[int, list[int]] = {n: [] for n in range(len(model.nodes))}
+    for line in model.lines:
         around[line.tail].append(line.head)
         around[line.head].append(line.tail)
     seen: set[int] = set()
@@ -90,35 +90,35 @@ def _reached(around: Mapping[int, Sequence[int]], start: int) -> list[int]:
 # ---------------------------------------------------------------- one part
 
 
-def _part(subject: DiagramModel, part: Sequence[int]) -> DiagramLayout:
-    around = _around(subject, part)
-    trees = sorted((_rooted(subject, part, around, r) for r in _roots(subject, part, around)), key=lambda t: t.worth)
+def _part(model: DiagramModel, part: Sequence[int]) -> DiagramLayout:
+    around = _around(model, part)
+    trees = sorted((_rooted(model, part, around, r) for r in _roots(model, part, around)), key=lambda t: t.worth)
     best: tuple[float, DiagramLayout] | None = None
     open_ = len(trees[0].closing)
     turns = min(TURNED, max(1, ROUTES // open_)) if open_ else 1
     for tree in trees[: max(1, ROUTES // (turns * open_)) if open_ else 1]:
         for _ in range(turns):
-            worth, layout = _finished(subject, part, tree)
+            worth, layout = _finished(model, part, tree)
             if best is None or worth < best[0]:
                 best = worth, layout
-            tree = _turned(subject, tree)
+            tree = _turned(model, tree)
     assert best is not None
     return best[1]
 
 
-def _around(subject: DiagramModel, part: Sequence[int]) -> dict[int, list[tuple[int, int]]]:
+def _around(model: DiagramModel, part: Sequence[int]) -> dict[int, list[tuple[int, int]]]:
     """Return the lines of each node, with the node at the other end."""
     around: dict[int, list[tuple[int, int]]] = {n: [] for n in part}
-    for number, line in enumerate(subject.lines):
+    for number, line in enumerate(model.lines):
         if line.tail in around:
             around[line.tail].append((number, line.head))
             around[line.head].append((number, line.tail))
     return around
 
 
-def _roots(subject: DiagramModel, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]]) -> list[int]:
+def _roots(model: DiagramModel, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]]) -> list[int]:
     """Return the box with most bonds; if there is none, both ends and the middle of a longest path through inner nodes."""
-    boxes = [n for n in part if subject.nodes[n].shape == "box"]
+    boxes = [n for n in part if model.nodes[n].shape == "box"]
     if boxes:
         return [max(boxes, key=lambda n: len(around[n]))]
     inner = [n for n in part if len({o for _, o in around[n]}) > 1] or list(part[:1])
@@ -146,19 +146,19 @@ def _ringed(around: Mapping[int, Sequence[tuple[int, int]]]) -> bool:
 
 
 def _rooted(
-    subject: DiagramModel, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]], root: int
+    model: DiagramModel, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]], root: int
 ) -> _Tree:
     """Return the part as a tree from that root."""
     carried, closing = _spanning(around, root)
-    web = _web(subject, closing)
-    branches = _branches(subject, web, part, carried)
-    block = grow_tree(web.nodes, subject.lines, branches, root)
-    return _Tree(root, closing, web, branches, block, _worth(subject, web, closing, block))
+    web = _web(model, closing)
+    branches = _branches(model, web, part, carried)
+    block = grow_tree(web.nodes, model.lines, branches, root)
+    return _Tree(root, closing, web, branches, block, _worth(model, web, closing, block))
 
 
-def _turned(subject: DiagramModel, tree: _Tree) -> _Tree:
+def _turned(model: DiagramModel, tree: _Tree) -> _Tree:
     """Return the tree grown again, with the ends of routed bonds turned towards their other ends."""
-    other = {tree.web.stubs[n, e]: tree.web.stubs[n, sum(subject.lines[n].ends) - e] for n, e in tree.web.stubs}
+    other = {tree.web.stubs[n, e]: tree.web.stubs[n, sum(model.lines[n].ends) - e] for n, e in tree.web.stubs}
     places = tree.block.places
     branches = {
         node: [
@@ -167,27 +167,27 @@ def _turned(subject: DiagramModel, tree: _Tree) -> _Tree:
         ]
         for node, around in tree.branches.items()
     }
-    block = grow_tree(tree.web.nodes, subject.lines, branches, tree.root)
-    return replace(tree, branches=branches, block=block, worth=_worth(subject, tree.web, tree.closing, block))
+    block = grow_tree(tree.web.nodes, model.lines, branches, tree.root)
+    return replace(tree, branches=branches, block=block, worth=_worth(model, tree.web, tree.closing, block))
 
 
 def _between(start: Point, end: Point) -> Point:
     return end[0] - start[0], end[1] - start[1]
 
 
-def _worth(subject: DiagramModel, web: _Web, closing: Sequence[int], block: Block) -> float:
+def _worth(model: DiagramModel, web: _Web, closing: Sequence[int], block: Block) -> float:
     left, top, right, bottom = bounds(block.taken)
-    far = sum(math.dist(*(block.places[web.stubs[n, e]] for e in subject.lines[n].ends)) for n in closing)
+    far = sum(math.dist(*(block.places[web.stubs[n, e]] for e in model.lines[n].ends)) for n in closing)
     return block.cost + far + 0.15 * (right - left) + 0.25 * (bottom - top)
 
 
-def _finished(subject: DiagramModel, part: Sequence[int], tree: _Tree) -> tuple[float, DiagramLayout]:
+def _finished(model: DiagramModel, part: Sequence[int], tree: _Tree) -> tuple[float, DiagramLayout]:
     """Return the cost and the layout of a tree with its rings closed, with more space if no way is found otherwise."""
-    layout = _with_ways(subject, tree.web, part, tree.block, tree.closing)
+    layout = _with_ways(model, tree.web, part, tree.block, tree.closing)
     for roomy in ROOMIER:
         if layout is None:
-            block = grow_tree(tree.web.nodes, subject.lines, tree.branches, tree.root, roomy)
-            layout = _with_ways(subject, tree.web, part, block, tree.closing, last=roomy == ROOMIER[-1])
+            block = grow_tree(tree.web.nodes, model.lines, tree.branches, tree.root, roomy)
+            layout = _with_ways(model, tree.web, part, block, tree.closing, last=roomy == ROOMIER[-1])
     assert layout is not None
     bends = sum(max(0, len(way) - 2) for way in layout.bonds.values())
     return round(tree.worth + 30 * bends + 150 * _crossings(list(layout.bonds.values())), 3), layout
@@ -223,14 +223,14 @@ def _spanning(
     return carried, sorted({n for lines in around.values() for n, _ in lines} - used)
 
 
-def _web(subject: DiagramModel, closing: Sequence[int]) -> _Web:
-    nodes = list(subject.nodes)
+def _web(model: DiagramModel, closing: Sequence[int]) -> _Web:
+    nodes = list(model.nodes)
     stubs, names = {}, {}
     for number in closing:
-        for end in subject.lines[number].ends:
+        for end in model.lines[number].ends:
             stubs[number, end] = len(nodes)
             nodes.append(DiagramNode("", "", "", "stub", (), "", ""))
-    for number, signal in enumerate(subject.signals):
+    for number, signal in enumerate(model.signals):
         if signal.source is None:
             names[number] = len(nodes)
             nodes.append(DiagramNode("", "", signal.label, "signal", (), "", ""))
@@ -238,23 +238,23 @@ def _web(subject: DiagramModel, closing: Sequence[int]) -> _Web:
 
 
 def _branches(
-    subject: DiagramModel, web: _Web, part: Sequence[int], carried: Mapping[int, tuple[int, int]]
+    model: DiagramModel, web: _Web, part: Sequence[int], carried: Mapping[int, tuple[int, int]]
 ) -> dict[int, list[TreeBranch]]:
     carrying = {parent for _, parent in carried.values()} | {end for _, end in web.stubs}
     branches: dict[int, list[TreeBranch]] = {n: [] for n in range(len(web.nodes))}
     for child, (number, parent) in sorted(carried.items(), key=lambda item: item[1][0]):
-        branches[parent].append(TreeBranch(number, child, subject.lines[number].tail == parent, child in carrying))
+        branches[parent].append(TreeBranch(number, child, model.lines[number].tail == parent, child in carrying))
     for (number, end), stub in web.stubs.items():
-        branches[end].append(TreeBranch(number, stub, subject.lines[number].tail == end, False))
+        branches[end].append(TreeBranch(number, stub, model.lines[number].tail == end, False))
     kept = set(part)
     for number, name in web.names.items():
-        if (target := subject.signals[number].target) in kept:
-            branches[target].append(TreeBranch(len(subject.lines) + number, name, False, False))
+        if (target := model.signals[number].target) in kept:
+            branches[target].append(TreeBranch(len(model.lines) + number, name, False, False))
     return branches
 
 
 def _with_ways(
-    subject: DiagramModel, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int], last: bool = False
+    model: DiagramModel, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int], last: bool = False
 ) -> DiagramLayout | None:
     """Return the layout with the ways of ring-closing bonds and of signals; None if such a bond finds no way.
 
@@ -264,13 +264,13 @@ def _with_ways(
     ground.block(_things(web.nodes, block), HARD)
     bonds: dict[int, tuple[Point, ...]] = {}
     for (number, end), point in block.ends.items():
-        if number < len(subject.lines) and number not in closing and subject.lines[number].tail == end:
-            bonds[number] = (point, block.ends[number, subject.lines[number].head])
+        if number < len(model.lines) and number not in closing and model.lines[number].tail == end:
+            bonds[number] = (point, block.ends[number, model.lines[number].head])
             ground.take(bonds[number])
     for number, end in web.stubs:
         ground.block(lane(block.ends[number, end], block.ends[number, web.stubs[number, end]]), HARD)
     for number in closing:
-        tail, head = subject.lines[number].ends
+        tail, head = model.lines[number].ends
         feet = [(block.ends[number, n], block.ends[number, web.stubs[number, n]]) for n in (tail, head)]
         way = routed(ground, *feet[0], *reversed(feet[1]))
         if way is None and not last:
@@ -281,19 +281,19 @@ def _with_ways(
     texts, signals = dict[int, Point](), dict[int, tuple[Point, ...]]()
     for number, name in web.names.items():
         if name in block.places:
-            line = len(subject.lines) + number
+            line = len(model.lines) + number
             texts[number] = block.places[name]
-            signals[number] = (block.ends[line, name], block.ends[line, subject.signals[number].target])
+            signals[number] = (block.ends[line, name], block.ends[line, model.signals[number].target])
             ground.take(signals[number], NARROW)
-    for number, signal in enumerate(subject.signals):
+    for number, signal in enumerate(model.signals):
         if signal.source is not None and signal.source in block.places and signal.target in block.places:
             source, target = (_outline(web.nodes[n], block, n) for n in (signal.source, signal.target))
             found = between(ground, source, target)
             if found is not None:
                 signals[number] = found
                 ground.take(found, NARROW)
-    places = {n: p for n, p in block.places.items() if n < len(subject.nodes)}
-    labels = {n: t for n, t in block.labels.items() if n < len(subject.nodes) and n not in block.boxes}
+    places = {n: p for n, p in block.places.items() if n < len(model.nodes)}
+    labels = {n: t for n, t in block.labels.items() if n < len(model.nodes) and n not in block.boxes}
     taken = joined(block.taken, *(lane(a, b) for n in closing for a, b in pairwise(bonds[n])))
     return DiagramLayout(places, labels, block.boxes, bonds, signals, texts, taken)
 

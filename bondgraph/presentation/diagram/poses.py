@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from compiler.api import MechanismNode
 
 from ...compiled_model import CompiledModel, source_of
-from .scenery import Pose, Turn, Vector, numbers_of
+from .mechanism_geometry import Pose, Turn, Vector, numbers_of
 
 if TYPE_CHECKING:
     from compiler.api import BondGraph, Bound, Mechanism

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .room import LANE, Point, Rectangles, bounds, lane
+from .overlap import LANE, Point, Rectangles, bounds, lane
 
 STEP = 6.0
 END = 14.0  # px at the end of a bond

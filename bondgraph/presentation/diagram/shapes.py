@@ -18,8 +18,8 @@ from ...errors import UsageError
 from .compose import group_at
 from .figure import Figure, Group
 from .mechanism import draw_mechanism
+from .mechanism_geometry import MechanismGeometry, Pose, mechanism_geometry_of
 from .poses import mechanisms, parts, pose_of
-from .scenery import MechanismGeometry, Pose, scenery_of
 
 if TYPE_CHECKING:
     from compiler.api import BondGraph
@@ -53,7 +53,7 @@ def shapes_of(model: CompiledModel, experiment: str | None, name: str | None, co
         raise UsageError(
             f"which mechanism is to be drawn? there is {', '.join(f'`{n.name}`' for n in nodes) or 'none'}"
         )
-    rest = scenery_of(found.graph, node, _poses(found, node, found.rest))
+    rest = mechanism_geometry_of(found.graph, node, _poses(found, node, found.rest))
     pictures = []
     for mode in found.modes:
         moved = _displaced(found, node, rest, mode)
@@ -116,7 +116,7 @@ def _displaced(found: PosedModes, node: MechanismNode, rest: MechanismGeometry, 
         values = dict(found.rest) | {
             found.names[key]: found.rest[found.names[key]] + scale * (a * turn).real for key, a in ours.items()
         }
-        return scenery_of(found.graph, node, _poses(found, node, values))
+        return mechanism_geometry_of(found.graph, node, _poses(found, node, values))
 
     far = _distance(rest, at(first)) / first
     angle = max((abs(a) for key, a in ours.items() if key[2] not in LENGTHS), default=0.0)
@@ -124,8 +124,8 @@ def _displaced(found: PosedModes, node: MechanismNode, rest: MechanismGeometry, 
     return at(scale)
 
 
-def _size(scenery: MechanismGeometry) -> float:
-    points = [p for limb in scenery.limbs for p in (limb.centre, *limb.points)]
+def _size(geometry: MechanismGeometry) -> float:
+    points = [p for limb in geometry.limbs for p in (limb.centre, *limb.points)]
     xs, ys = [p[0] for p in points], [p[1] for p in points]
     return max(max(xs) - min(xs), max(ys) - min(ys), 1e-300)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
 from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
-from .looks import DARK, LOOKS, MARKS, Style
+from .styles import DARK, MARKS, STYLES, Style
 
 FACES = {
     "serif": "'STIX Two Text','Times New Roman',Times,'Liberation Serif','DejaVu Serif',serif",
@@ -20,7 +20,7 @@ def svg_text(figure: Figure, rules: bool = True) -> str:
 
 
 def style_rules() -> str:
-    """Return the looks as CSS rules, in light and dark; they apply inside the picture only."""
+    """Return the styles as CSS rules, in light and dark; they apply inside the picture only."""
     return f"{''.join(_rules())}@media (prefers-color-scheme:dark){{{''.join(_dark_rules())}}}"
 
 
@@ -39,14 +39,14 @@ def _lines(figure: Figure, rules: bool) -> Iterator[str]:
 
 
 def _rules() -> Iterator[str]:
-    for name, look in LOOKS.items():
+    for name, look in STYLES.items():
         yield f".bondgraph .{name}{{{_rule(look)}}}"
     yield from _marked(MARKS)
 
 
 def _dark_rules() -> Iterator[str]:
     """Yield the rules of the colours alone."""
-    for name, look in LOOKS.items():
+    for name, look in STYLES.items():
         fill = "none" if not look.filled and not look.size else DARK[look.inside or look.colour]
         stroke = f"stroke:{DARK[look.colour]}" * (not look.size and look.width > 0)
         yield f".bondgraph .{name}{{fill:{fill};{stroke}}}"
@@ -55,8 +55,8 @@ def _dark_rules() -> Iterator[str]:
 
 def _marked(marks: Mapping[str, str]) -> Iterator[str]:
     for mark, colour in marks.items():
-        texts = ",".join(f".bondgraph .{mark} .{n}" for n, k in LOOKS.items() if k.marked and k.size)
-        strokes = ",".join(f".bondgraph .{mark} .{n}" for n, k in LOOKS.items() if k.marked and not k.size)
+        texts = ",".join(f".bondgraph .{mark} .{n}" for n, k in STYLES.items() if k.marked and k.size)
+        strokes = ",".join(f".bondgraph .{mark} .{n}" for n, k in STYLES.items() if k.marked and not k.size)
         yield f"{texts}{{fill:{colour}}}{strokes}{{stroke:{colour}}}"
 
 

@@ -17,9 +17,9 @@ from compiler.api import ELEMENTS
 
 from .blocks import DOWN, LEFT, RIGHT, UP, Block, Draft, TreeBranch
 from .box import box_around
+from .diagram_model import DiagramLine, DiagramNode
 from .glyphs import GAP, half_width, letter_and_label, reach, shortest
-from .room import Rectangles, Vector, bounds, corridor, joined, lane, moved, push, touches
-from .subject import DiagramLine, DiagramNode
+from .overlap import Rectangles, Vector, bounds, corridor, joined, lane, moved, push, touches
 
 SIDES = (RIGHT, DOWN, LEFT, UP)
 CORNERS = ((0.7, 0.7), (0.7, -0.7), (-0.7, 0.7), (-0.7, -0.7))

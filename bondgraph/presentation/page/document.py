@@ -10,6 +10,7 @@ from compiler.api import CompilationFailed, Scene
 
 from ...errors import RunFailed, UsageError
 from ..text.tables import visible
+from .certificate import causality_markup, certificate_markup
 from .equations import equations_markup
 from .experiments import PROBLEMS, experiment_data, experiment_names
 from .markup import Html, joined, tag
@@ -17,7 +18,6 @@ from .picture import picture_of
 from .runs import Watched
 from .shapes import modes_data
 from .text import text_markup
-from .told import causality_markup, certificate_markup
 
 if TYPE_CHECKING:
     from compiler.api import Source

@@ -10,8 +10,8 @@ from compiler.api import CompilationFailed, Scene
 from ...errors import RunFailed, UsageError
 from ...results.result import extremes
 from ..text.tables import short
+from .certificate import problems_markup
 from .markup import Html, tag
-from .told import problems_markup
 
 if TYPE_CHECKING:
     from ...analysed_model import AnalysedModel

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from compiler.api import DOMAINS
 
 from ..diagram.compose import compose
+from ..diagram.diagram_model import diagram_model_of
 from ..diagram.frames import place_framed
-from ..diagram.subject import subject_of
 from ..diagram.svg import svg_text
 from ..text.tables import visible
 from .markup import Html
@@ -37,8 +37,8 @@ def picture_of(compilation: Compilation, sources: Sequence[Source]) -> Picture:
     graph = compilation.causal.graph
     if len(graph.nodes) > LARGEST:
         return Picture(Html(""), {"nodes": [], "lines": [], "bonds": []})
-    subject = subject_of(compilation)
-    named, layout, frames = place_framed(subject)
+    diagram_model = diagram_model_of(compilation)
+    named, layout, frames = place_framed(diagram_model)
     files = {source.name: number for number, source in enumerate(sources)}
     linked = _Links(compilation.whole_graph.stands, files)
     nodes = [

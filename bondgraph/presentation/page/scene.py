@@ -1,6 +1,6 @@
 """Mechanisms of an animated page: points fixed to bodies in the reference, and the names of the poses that a run reports.
 
-The page rotates points with their bodies, as `diagram/scenery.py` does for a picture, and draws them again at each instant.
+The page rotates points with their bodies, as `diagram/mechanism_geometry.py` does for a picture, and draws them again at each instant.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from compiler.api import MechanismNode
 
+from ..diagram.mechanism_geometry import RIGHT, UP, Vector, numbers_of, springs_of
 from ..diagram.poses import PLANE, SPACE, quaternion
-from ..diagram.scenery import RIGHT, UP, Vector, numbers_of, springs_of
 
 if TYPE_CHECKING:
     from compiler.api import BondGraph, Joint, Mechanism

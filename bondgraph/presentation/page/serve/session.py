@@ -17,14 +17,14 @@ from compiler.api import CompilationFailed, Source, read_text
 
 from ....analysed_model import AnalysedModel
 from ....errors import UsageError
+from ..certificate import problems_markup
 from ..document import Document, document_of
 from ..experiments import PROBLEMS, experiment_data, experiment_names, one_run
 from ..markup import Html, tag
 from ..runs import Watched, run_data
 from ..shapes import modes_data
 from ..shell import data_text
-from ..told import problems_markup
-from .patience import Patience, Stopped
+from .cancellation import Stopped, TimedExecutor
 from .settings import base_settings, parameters_of
 
 EMPTY: dict[str, Any] = {
@@ -57,7 +57,7 @@ class Session:
         self.loaded: Loaded | None = None
         self.news = threading.Condition()
         self.work = threading.Lock()
-        self.patience = Patience()
+        self.executor = TimedExecutor()
         self.ended = threading.Event()
         self._seen: dict[Path, tuple[int, int]] = {}
 
@@ -135,7 +135,7 @@ class Session:
             loaded = self._checked(experiment, settings)
             longest = LONGEST if experiment in loaded.base else LONGEST_FIRST
             try:
-                found = self.patience.within(longest, lambda: _run(loaded, experiment, settings))
+                found = self.executor.within(longest, lambda: _run(loaded, experiment, settings))
             except Stopped as stopped:
                 words = f"{stopped}: no curve within {longest:g} s, or another was asked for"
                 found = {"name": experiment, "kind": "failed", "told": tag("pre", words.lstrip(": "))}
@@ -143,7 +143,7 @@ class Session:
 
     def stop(self) -> str:
         """Stop a run that lasts longer than a user waits who has moved the slider again."""
-        return data_text({"stopped": self.patience.stop(WAITING)})
+        return data_text({"stopped": self.executor.stop(WAITING)})
 
     def modes(self) -> str:
         """Return the modes, as JSON."""

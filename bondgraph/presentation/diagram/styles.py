@@ -37,7 +37,7 @@ class Style:
     marked: bool = True  # True if it takes the colour of its group
 
 
-LOOKS: Mapping[str, Style] = {
+STYLES: Mapping[str, Style] = {
     "line": Style(INK, 1.4),
     "barb": Style(INK, 1.4),
     "stroke": Style(INK, 2.0),

@@ -16,7 +16,7 @@ class Stopped(Exception):
     """Raised if the work was stopped before its end."""
 
 
-class Patience:
+class TimedExecutor:
     """Executor of one task at a time, with a time limit."""
 
     def __init__(self) -> None:

@@ -64,7 +64,9 @@ class MechanismGeometry:
     marks: tuple[tuple[str, Point], ...]  # frames
 
 
-def scenery_of(graph: BondGraph, node: MechanismNode, poses: Mapping[str, Pose] | None = None) -> MechanismGeometry:
+def mechanism_geometry_of(
+    graph: BondGraph, node: MechanismNode, poses: Mapping[str, Pose] | None = None
+) -> MechanismGeometry:
     """Return the bodies and joints in the reference, or in given poses (those of bodies by their names)."""
     mechanism = node.mechanism
     stage = _Stage(graph, mechanism, poses or {})

@@ -69,7 +69,7 @@ class DiagramModel:
     instances: Mapping[str, str]  # instance -> its model
 
 
-def subject_of(compilation: Compilation, closed: bool = False) -> DiagramModel:
+def diagram_model_of(compilation: Compilation, closed: bool = False) -> DiagramModel:
     """Return the contents of the diagram of a scene. `closed`: instances of the model are boxes. Raises `CompilationFailed`."""
     causal = compilation.causal
     graph = causal.graph
