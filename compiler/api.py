@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from .codegen.ranges import Ranges
     from .codegen.series import Series
     from .codegen.tape import Tape
+    from .codegen.text.targets import target_of, text_targets
     from .driver import Compilation, examine
     from .driver import check as check_source
     from .equations.sharing import dependent_rates

@@ -328,24 +328,35 @@ class Compilation:
     def program(self) -> Program:
         from .codegen import numpy
 
-        try:
-            with uncollected():
-                return numpy.generate_program(self.lowered)
-        except RecursionError:
-            raise CompilationFailed([_too_long(self.tree)]) from None
+        with self._bounded():
+            return numpy.generate_program(self.lowered)
+
+    def text(self, target: str) -> str:
+        """The program as a text for others, by the name of its target (`text_targets`)."""
+        from .codegen.text.targets import text_targets
+
+        self.look_at_laws()
+        descriptions = {name: quantity.description for name, quantity in self.whole_graph.quantities.items()}
+        with self._instances(), self._bounded():
+            return text_targets()[target].write(self.state_space, descriptions)
 
     @cached_property
-    def c_source(self) -> str:
-        """The program as one file of C."""
-        from .codegen.c.write import write_c
-        from .codegen.errors import NumpyAlone
+    def state_equations(self) -> str:
+        """The state equations in sympy, as text."""
+        from .codegen.symbolic.formulate import formulate
+        from .codegen.symbolic.listing import listing
 
-        space = self.state_space
-        told = [e.span for e in space.events] + [s.span for s in space.switches] + [d.span for d in space.delays]
-        if told or space.discretes:
-            raise CompilationFailed([NumpyAlone(told[0] if told else self.graph.span, "C")])
-        with uncollected():
-            return write_c(with_shared_products(lower(space, located=False)))
+        with self._bounded():
+            return "\n".join(listing(formulate(self.state_space)))
+
+    @contextmanager
+    def _bounded(self) -> Iterator[None]:
+        """Report expressions that are nested too deeply for a writer as an error of the text."""
+        try:
+            with uncollected():
+                yield
+        except RecursionError:
+            raise CompilationFailed([_too_long(self.tree)]) from None
 
     def native(self, compile_: Callable[[str, int], bytes]) -> tuple[Described, tuple[bytes, ...]]:
         """The program as data and machine code. `compile_` makes object code of LLVM's text, at an optimization level."""

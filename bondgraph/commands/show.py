@@ -14,7 +14,7 @@ from .telling import problems_told
     "--stage",
     required=True,
     metavar="STAGE",
-    help="syntax, graph, causality, equations, reduction, code; or text: back in the language, flat.",
+    help="syntax, graph, causality, equations, reduction, state_equations, code; or text: back in the language, flat.",
 )
 @experiment_option
 @model_option

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..analysis.symbolic import Equations
     from ..presentation.diagram.figure import Figure
 
-STAGES = ("syntax", "graph", "causality", "equations", "reduction", "code", "text")
+STAGES = ("syntax", "graph", "causality", "equations", "reduction", "state_equations", "code", "text")
 
 
 class Shown(AnalysedModel):
@@ -112,8 +112,7 @@ class Shown(AnalysedModel):
         return api.write_text(self.compilation(api.Scene(self.model, experiment)).whole_graph)
 
     def compile(self, target: str = "numpy") -> str:
-        """Return the source of a separate program, numpy or C, with every parameter and input as an argument."""
-        if target not in ("numpy", "c"):
-            raise UsageError(f"there is no target `{target}`; targets are numpy, c")
-        made = self.compilation(api.Scene(self.model, None, free=frozenset({"*"})))
-        return made.c_source if target == "c" else made.program.source
+        """Return the source of a separate program, with every parameter and input as an argument. Raises `CompilationFailed`, `UsageError`."""
+        if target not in (targets := api.text_targets()):
+            raise UsageError(f"there is no target `{target}`; targets are {', '.join(targets)}")
+        return self.compilation(api.Scene(self.model, None, free=frozenset({"*"}))).text(target)

@@ -53,6 +53,7 @@ class NumpyAlone(Diagnostic):
     """BG605."""
 
     code = "BG605"
-    title = "Events, switched junctions and delays cannot be written in {target} yet"
+    title = "{what} cannot be written in {target} yet"
     advice = "Compile for numpy, which has functions for all of them."
     target: str
+    what: str = "Events, switched junctions and delays"

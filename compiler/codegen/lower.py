@@ -313,7 +313,14 @@ def _lower_loop(result: Lowered, loop: LinearLoop, slopes: dict[int, dict[int, E
     if not result.whole:
         slopes |= {v: {0: ONE} for v in loop.targets if any(slopes.get(e) for e in loop.read)}
         return
-    # A t = r, so A dt = dr - dA t: the same matrix for every column of the Jacobian.
+    loop_slopes(loop, matrix, targets, slopes, layout)
+
+
+def loop_slopes(
+    loop: LinearLoop, matrix: Sequence[dict[int, Expression]], targets: Sequence[Expression], slopes: dict[int, dict[int, Expression]],
+    layout: Layout | None,
+) -> None:  # fmt: skip
+    """Enter the slopes of a linear loop's solution `targets`: A t = r, so A dt = dr - dA t, with the same matrix for every column."""
     columns = {c for e in loop.read for c in slopes.get(e, {})}
     moving = [
         [(e, targets[j]) for j in entries if isinstance(e := row[j], int) and slopes.get(e)]

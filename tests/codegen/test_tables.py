@@ -243,13 +243,12 @@ class TestForPeople:
         """It needs numpy alone and keeps its points as parameters."""
         source = bondgraph.load(self.TEXT).compile()
         module = load_module("own", source)
-        assert "import scipy" not in source and ("xs[3]", "m") in module.PARAMETERS
-        constants = module.constants(np.array(module.DEFAULTS))
-        state, mode = np.array([5e-4]), module.switches(0.0, constants)
+        assert "import scipy" not in source
+        p, state = module.Parameters(), np.array([5e-4])
+        assert p.xs_3 == 2e-3
         spline = interpolate.natural_slopes((0, 1e-3, 2e-3), (0, 1, 4))
         expected = 1e-3 * interpolate.noise(0, 1.25, 3)
-        assert module.derivative(0.0125, state, (), constants, mode) == pytest.approx([expected], rel=1e-12)
-        assert module.holds(0.0, state, (), constants, mode).all()
+        assert module.derivative(0.0125, state, p) == pytest.approx([expected], rel=1e-12)
+        assert module.holds(0.0, state, p).all()
         slope = interpolate.hermite(1, 5e-4, 0, 1e-3, 2e-3, 0, 1, 4, *spline)
-        assert module.output(0.0, state, (), constants, mode)[1] == pytest.approx(slope, rel=1e-12)
-        assert module.periods(constants) == pytest.approx([0.01])
+        assert module.outputs(0.0, state, p)[1] == pytest.approx(slope, rel=1e-12)

@@ -108,6 +108,8 @@ def test_an_input_is_set_as_an_expression_of_time() -> None:
         (("run", "models/rlc.bg", "-e", "none"), 2, "--to"),
         (("show", "models/rlc.bg", "--stage", "nothing"), 2, "stages are"),
         (("compile", "models/rlc.bg", "-o", "model.txt"), 2, ".py"),
+        (("compile", "models/rlc.bg", "-o", "model.py", "--target", "fortran"), 2, "targets are"),
+        (("compile", "models/rlc.bg", "-o", "model.py", "--target", "c"), 2, ".c"),
     ],
 )
 def test_what_cannot_be(arguments: tuple[str, ...], code: int, words: str) -> None:
@@ -185,8 +187,8 @@ def test_a_compiled_module_runs_alone(tmp_path: Path) -> None:
     assert run("compile", "models/manipulator.bg", "-o", str(out)).exit_code == 0
     code = (
         "import model, numpy as np\n"
-        "c = model.constants(model.DEFAULTS); x = model.start(c)\n"
-        "f = model.derivative(0.0, x, np.array(model.INPUT_DEFAULTS), c, model.switches(0.0, c))\n"
+        "p = model.Parameters(); x = model.start(p)\n"
+        "f = model.derivative(0.0, x, p)\n"
         "print(len(x), abs(f).max(), [n for n, _ in model.INPUTS][:2])"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
@@ -196,7 +198,7 @@ def test_a_compiled_module_runs_alone(tmp_path: Path) -> None:
 def test_equations_and_stages() -> None:
     assert "d/dt mass.p = mass.F" in run("equations", "models/oscillator.bg").stdout
     assert r"\frac{\mathrm{d}}{\mathrm{d}t}" in run("equations", "models/oscillator.bg", "--latex").stdout
-    for stage in ("syntax", "graph", "causality", "equations", "reduction", "code", "text"):
+    for stage in ("syntax", "graph", "causality", "equations", "reduction", "state_equations", "code", "text"):
         assert run("show", "models/oscillator.bg", "--stage", stage).exit_code == 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ def module(path: Path, name: str, folder: Path) -> Any:
     assert spec is not None
     assert spec.loader is not None
     generated = importlib.util.module_from_spec(spec)
+    sys.modules["generated"] = generated  # dataclasses look for it there
     spec.loader.exec_module(generated)
     return generated
 
@@ -65,16 +67,18 @@ def sizes(path: Path, name: str) -> dict[str, tuple[float, float]]:
 def test_module_and_sympy_agree(path: Path, name: str, tmp_path: Path) -> None:
     generated = module(path, name, tmp_path)
     states = [n for n, _ in generated.STATES]
-    moving = [*states, *(n for n, _ in generated.UNKNOWNS)]
+    inputs = [n for n, _ in getattr(generated, "INPUTS", ())]
+    moving = [*states, *(n for n, _ in getattr(generated, "UNKNOWNS", ()))]
     if not states:
         pytest.skip("no states")
     try:
         names, exact = exact_rates(path, name)
     except UsageError as refused:
         pytest.skip(str(refused))  # mechanisms in space have witnesses of their own
-    constants = generated.constants(np.array(generated.DEFAULTS))
+    parameters = generated.Parameters()
     known = {n: p.value for n, p in bondgraph.load(path, name).parameters.items()}
-    known |= dict(zip([n for n, _ in generated.PARAMETERS], generated.DEFAULTS, strict=True))
+    names_of_parameters = compiled(path, model=name, free=("*",)).program.parameters.names
+    known |= dict(zip(names_of_parameters, vars(parameters).values(), strict=True))
     size = sizes(path, name)
     start, magnitude = (np.array([size[n][i] for n in moving]) for i in (0, 1))
     generator = np.random.default_rng(11)
@@ -83,14 +87,15 @@ def test_module_and_sympy_agree(path: Path, name: str, tmp_path: Path) -> None:
         for _ in range(SAMPLES):
             time = float(generator.uniform(0, 1))
             x = start + magnitude * generator.uniform(-1, 1, len(moving))
-            u = generator.uniform(-1, 1, len(generated.INPUTS))
-            mode = generated.switches(time, constants)
-            if hasattr(generated, "mode_at"):  # with conditions on states
-                mode = generated.mode_at(time, x, u, constants)
-            rates = generated.derivative(time, x, u, constants, mode)
+            u = generator.uniform(-1, 1, len(inputs))
+            arguments_of_inputs = (u,) if inputs else ()
+            if len(moving) > len(states):
+                rates = generated.equations(time, x[: len(states)], x[len(states) :], parameters, *arguments_of_inputs)
+            else:
+                rates = generated.derivative(time, x, parameters, *arguments_of_inputs)
             found.append(dict(zip(moving, rates.tolist(), strict=True)))
             values = known | {"time": time} | dict(zip(moving, x.tolist(), strict=True))
-            values |= dict(zip([n for n, _ in generated.INPUTS], u.tolist(), strict=True))
+            values |= dict(zip(inputs, u.tolist(), strict=True))
             arguments = [mpmath.mpf(values[n]) for n in names]
             expected.append({state: rate(*arguments) for state, rate in exact.items()})
     assert set(states) <= set(exact)

@@ -14,7 +14,8 @@ from .tables import visible
 def stage_text(compilation: Compilation, stage: str) -> str:
     """Return the text of one stage."""
     writers: dict[str, Callable[[Compilation], Iterator[str]]] = {
-        "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction, "code": _code, "text": _text,
+        "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction, "state_equations": _state_equations,
+        "code": _code, "text": _text,
     }  # fmt: skip
     return "\n".join(visible(line) for text in writers[stage](compilation) for line in text.split("\n"))
 
@@ -158,6 +159,11 @@ def _reduction(compilation: Compilation) -> Iterator[str]:
         names = ((space.variables[v].name for v in (f.variable, f.state)) for f in space.following)
         yield "sharing a state: " + ", ".join("{} follows {}".format(*pair) for pair in names)
     yield equations_text(space, latex=False)
+
+
+def _state_equations(compilation: Compilation) -> Iterator[str]:
+    """Yield the reduced system in sympy: derivatives, residuals of loops, outputs, events."""
+    yield compilation.state_equations
 
 
 def _code(compilation: Compilation) -> Iterator[str]:

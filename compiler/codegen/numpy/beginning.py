@@ -262,6 +262,11 @@ NEEDED = (
 
 
 def beginning(operators: Set[str]) -> str:
-    """Text of the functions for these operators."""
+    """Text of a module's beginning, with the functions for these operators."""
+    return "\n\n".join([BEGINNING, *operator_functions(operators)])
+
+
+def operator_functions(operators: Set[str]) -> list[str]:
+    """Texts of the functions that numpy lacks."""
     own = [row.numpy_source for row in OPERATORS.values() if row.name in operators and row.numpy_source]
-    return "\n\n".join([BEGINNING, *(text for needs, text in NEEDED if needs & operators), *own])
+    return [*(text for needs, text in NEEDED if needs & operators), *own]

@@ -1,0 +1,1 @@
+"""Programs as text for others: one file for each target."""

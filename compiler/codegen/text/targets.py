@@ -1,0 +1,24 @@
+"""Table of the text targets: each module of this folder with a `TARGET` is one, so a new target is one file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+
+from .target import TextTarget
+
+
+@cache
+def text_targets() -> Mapping[str, TextTarget]:
+    """Targets by name."""
+    modules = (import_module(f"{__package__}.{found.name}") for found in iter_modules([str(Path(__file__).parent)]))
+    targets: list[TextTarget] = [module.TARGET for module in modules if hasattr(module, "TARGET")]
+    return {target.name: target for target in targets}
+
+
+def target_of(ending: str) -> str:
+    """Name of the usual target of files with this ending, which must be one of a target."""
+    return next(t.name for t in text_targets().values() if t.usual and t.ending == ending)
