@@ -17,7 +17,7 @@ from .errors import UsageError
 from .results.records import Column
 
 if TYPE_CHECKING:
-    from compiler.api import Certificate, Compilation, Facts, Plan, Program, Scene, Source, StateSpace
+    from compiler.api import Certificate, Compilation, Plan, Program, RunMetadata, Scene, Source, StateSpace
 
 TARGETS = ("native", "numpy")
 HIDDEN = "BONDGRAPH_WITHOUT_LLVM"  # environment variable: any value disables LLVM
@@ -88,9 +88,9 @@ class Prepared:
         return plan
 
     @cached_property
-    def facts(self) -> Facts:
+    def facts(self) -> RunMetadata:
         """Further data for a run."""
-        facts: Facts = self._found[2]
+        facts: RunMetadata = self._found[2]
         return facts
 
     @cached_property

@@ -29,16 +29,16 @@ if TYPE_CHECKING:
     from .algebra.formula import Bound
     from .algebra.operators import value_of
     from .algebra.sympy_form import to_sympy
-    from .causality import Because, CausalGraph, Dependence, dependences
+    from .causality import CausalGraph, Dependence, StrokeReason, dependences
     from .certificate import Certificate
     from .chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
     from .codegen.cost import Cost, cost
     from .codegen.limits import Leaf
     from .codegen.llvm.bind import bind
     from .codegen.lowered import Lowered
-    from .codegen.program import EventNote, Function, Hybrid, LimitNote, Program, TimeFunctions
+    from .codegen.program import EventNote, Hybrid, LimitNote, Program, TimeFunction, TimeFunctions
     from .codegen.ranges import Ranges
-    from .codegen.series import Series
+    from .codegen.series import TaylorSeries
     from .codegen.tape import Tape
     from .codegen.text.targets import target_of, text_targets
     from .driver import Compilation, examine
@@ -64,18 +64,18 @@ if TYPE_CHECKING:
     from .scene import (
         SOLVERS,
         Analysis,
+        ContinuationRequest,
         Differentiating,
-        Drawn,
-        Facts,
         Fitting,
-        Following,
         Inverting,
         Linearizing,
+        MonteCarloRequest,
         Override,
         Plan,
+        RandomParameter,
+        RunMetadata,
         Scene,
         Study,
-        Varying,
     )
     from .semantics.domain_table import ELEMENT_KINDS
     from .semantics.scope import RESERVED
@@ -85,7 +85,7 @@ if TYPE_CHECKING:
     from .source_file import read_source
     from .syntax import parse_expression, parse_law
     from .syntax.format import format_text
-    from .syntax.tree import Experiment, Literal, Negative, Path
+    from .syntax.tree import Experiment, Literal, Negative, PathSyntax
     from .writing import write_text
     from .writing.literals import bond_lines, braces, number_text
 

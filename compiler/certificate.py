@@ -12,7 +12,7 @@ LISTED = 12  # names on one line of text
 
 
 @dataclass(frozen=True, slots=True)
-class Loop:
+class LoopSummary:
     """An algebraic loop: the number of its unknowns, and its elements and junctions."""
 
     linear: bool  # solved in each evaluation; else by Newton's method with the step of the run
@@ -34,7 +34,7 @@ class Certificate:
     index: int
     states: tuple[str, ...]
     dependent: tuple[str, ...]  # storages in derivative form: they follow from the states
-    loops: tuple[Loop, ...]
+    loops: tuple[LoopSummary, ...]
     linear: bool  # affine in states and unknowns, for given time and inputs
     time_varying: bool  # True if coefficients change with time or inputs
     driven: bool  # True if time or inputs occur; else the equations are autonomous

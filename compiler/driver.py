@@ -39,7 +39,7 @@ from .reduction import (
     without_what_cancels,
 )
 from .reduction.errors import DerivativeWithoutEnd, SingularLoop
-from .scene import Facts, Plan, Scene
+from .scene import Plan, RunMetadata, Scene
 from .semantics import Built, build_graph, check_parts, is_part
 from .semantics.errors import TooLongRow
 from .semantics.units_or_names import ambiguous_products, unit_notes
@@ -47,7 +47,7 @@ from .source import Source, Span
 from .syntax import SyntaxTree, parse, parse_what_can_be_read
 
 if TYPE_CHECKING:
-    from .codegen.llvm.described import Described
+    from .codegen.llvm.described import ProgramImage
 
 MOST_TIES = 60  # storages whose derivative form is tried where a loop is singular
 MANY = 1_000_000  # more loops than any model has
@@ -298,7 +298,7 @@ class Compilation:
             yield from ambiguous_products(override.value, self.source)
 
     @cached_property
-    def facts(self) -> Facts:
+    def facts(self) -> RunMetadata:
         """Further data that a run needs."""
         space = self.state_space
         places = {v: i for i, v in enumerate(moving(space))}
@@ -312,7 +312,7 @@ class Compilation:
         looped = frozenset() if not self.later else behind_loops(space) & self.later
         unknown = {u.variable: i for i, u in enumerate(space.unknowns)}
         laws = tuple((unknown[w.row], unknown[w.argument], unknown[w.value], w.effort) for w in space.laws)
-        return Facts(
+        return RunMetadata(
             mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written),
             _following(space, places), self.valves, self.gaps,
             integrands(self.whole_graph), laws,
@@ -358,7 +358,7 @@ class Compilation:
         except RecursionError:
             raise CompilationFailed([_too_long(self.tree)]) from None
 
-    def native(self, compile_: Callable[[str, int], bytes]) -> tuple[Described, tuple[bytes, ...]]:
+    def native(self, compile_: Callable[[str, int], bytes]) -> tuple[ProgramImage, tuple[bytes, ...]]:
         """The program as data and machine code. `compile_` makes object code of LLVM's text, at an optimization level."""
         from .codegen.llvm.generate import generate_code
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .algebra.expression import Expression as Formula
     from .equations.products import Integrand
     from .graph.valves import Valve
-    from .syntax.tree import Expression
+    from .syntax.tree import ExpressionSyntax
 
 
 # Solvers of an experiment: the run chooses; matrix exponential, DOP853, Radau, Rodas5P, a method that conserves energy.
@@ -29,7 +29,7 @@ class Override:
     """
 
     path: str
-    value: Expression | float | None
+    value: ExpressionSyntax | float | None
     span: Span = field(compare=False)
     role: str = "set"  # set or start
 
@@ -110,7 +110,7 @@ class Differentiating:
 
 
 @dataclass(frozen=True, slots=True)
-class Following:
+class ContinuationRequest:
     """`continue`: equilibria while a parameter or input goes from `low` to `high`. `points`: the range over the first step."""
 
     name: str
@@ -123,7 +123,7 @@ class Following:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class TargetValue:
     """Target value of an output, in SI; along a path a `text` over time and numbers alone."""
 
     output: str
@@ -136,7 +136,7 @@ class Inverting:
     """`invert`: inputs, or pairs `push/pull`, that produce the targets: at rest (`stop` None), or from `start` to `stop`."""
 
     inputs: tuple[str, ...]
-    wanted: tuple[Wish, ...]
+    wanted: tuple[TargetValue, ...]
     start: float = 0.0
     stop: float | None = None
     points: int = 501
@@ -146,7 +146,7 @@ class Inverting:
 
 
 @dataclass(frozen=True, slots=True)
-class Drawn:
+class RandomParameter:
     """A distribution of a quantity: one of `DISTRIBUTIONS`, truncated at `low` and `high`, in SI."""
 
     name: str
@@ -157,10 +157,10 @@ class Drawn:
 
 
 @dataclass(frozen=True, slots=True)
-class Varying:
+class MonteCarloRequest:
     """`montecarlo`: the results of the other steps at `samples` points. `indices`: number of rows for Sobol indices."""
 
-    vary: tuple[Drawn, ...]
+    vary: tuple[RandomParameter, ...]
     correlations: tuple[tuple[tuple[str, str], float], ...] = ()
     samples: int = 1000
     seed: int = 0
@@ -169,7 +169,7 @@ class Varying:
 
 
 @dataclass(frozen=True, slots=True)
-class Unknown:
+class FitParameter:
     """A parameter that a fit determines between bounds in SI (None: it keeps its sign)."""
 
     name: str
@@ -185,14 +185,14 @@ class Fitting:
     `explain`: report which few parameters would suffice (None: if some remain undetermined).
     """
 
-    sought: tuple[Unknown, ...]
+    sought: tuple[FitParameter, ...]
     files: tuple[str, ...]
     measured: tuple[str, ...]
     explain: bool | None = None
     role: str = "fit"
 
 
-Analysis = Study | Linearizing | Differentiating | Following | Inverting | Varying | Fitting
+Analysis = Study | Linearizing | Differentiating | ContinuationRequest | Inverting | MonteCarloRequest | Fitting
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +213,7 @@ class Plan:
 
 
 @dataclass(frozen=True, slots=True)
-class Facts:
+class RunMetadata:
     """Data that a run needs in addition to the program and the plan."""
 
     mechanisms: tuple[str, ...]

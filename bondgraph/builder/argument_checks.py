@@ -14,7 +14,7 @@ from typing import Any
 from compiler.api import (
     DOMAINS,
     Literal,
-    Path,
+    PathSyntax,
     Source,
     number_text,
     parse_expression,
@@ -91,7 +91,7 @@ def path_of(text: Any) -> str:
     """Return a dotted name; handles have theirs."""
     line = _one_line(str(text) if isinstance(text, Part | Quantity) else text, "a path")
     found = parse_expression(Source("path", line))
-    if not isinstance(found, Path):
+    if not isinstance(found, PathSyntax):
         raise UsageError("BR507", f"{text!r} is no dotted name")
     return found.words
 

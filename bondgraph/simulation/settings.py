@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded
 
 if TYPE_CHECKING:
-    from compiler.api import Facts
+    from compiler.api import RunMetadata
 
     from ..compiled_model import CompiledModel
 
@@ -137,7 +137,7 @@ def _argument(name: str) -> Override:
     return Override(name, None, Span(Source(f"setting of {name}", name), 0, len(name)))
 
 
-def _fits(facts: Facts, numbers: Mapping[str, _Number], values: Mapping[str, float]) -> bool:
+def _fits(facts: RunMetadata, numbers: Mapping[str, _Number], values: Mapping[str, float]) -> bool:
     """Return True if the units are right, the numbers are finite, and quantities that must not be negative are not."""
     from compiler.api import evaluate, read_unit
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import Varying
+from compiler.api import MonteCarloRequest
 
 from ..analysis.outcome import Outcome, Point
 from ..simulation.run import Wanted
@@ -50,7 +50,9 @@ def run(
         plan.experiment, tuple(settings.items()), plan.studies, simulates, options.outputs, options.wanted
     )
     chosen = sharing or Sharing(workers=1)
-    alone = not left and any(isinstance(s, Varying) for s in plan.studies)  # then the workers share its own points
+    alone = not left and any(
+        isinstance(s, MonteCarloRequest) for s in plan.studies
+    )  # then the workers share its own points
     points = (asked.made(model, {}, chosen),) if alone else made(model, asked, grid, chosen)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
     notes = compilation_notes(model, plan.experiment, settings, grid)

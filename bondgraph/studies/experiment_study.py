@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from compiler.api import Analysis, Differentiating, Study, Varying
+from compiler.api import Analysis, Differentiating, MonteCarloRequest, Study
 
 from ..analysis.outcome import Point
 from ..simulation.run import Wanted, simulate
@@ -42,7 +42,7 @@ class ExperimentStudy:
         """Compute one point; `sharing`: the workers for the points of a Monte Carlo study in it."""
         settings = {**dict(self.settings), **point}
         studies = self._at(model, settings) if point else self.studies
-        chance = next((s for s in studies if isinstance(s, Varying)), None)
+        chance = next((s for s in studies if isinstance(s, MonteCarloRequest)), None)
         of = tuple(dict.fromkeys(s.role for s in studies if s.role in STEPS)) + ("simulate",) * self.simulates
         if chance is not None:  # Monte Carlo evaluates all other steps
             found = varied(model, chance, of, self.experiment, settings, self.outputs, self.wanted, sharing)

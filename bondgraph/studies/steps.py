@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import Differentiating, Fitting, Following, Inverting, Linearizing, Study, Varying
+from compiler.api import ContinuationRequest, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Study
 
 from .distributions import Distribution
 
 if TYPE_CHECKING:
-    from compiler.api import Analysis, Drawn
+    from compiler.api import Analysis, RandomParameter
 
     from ..analysed_model import AnalysedModel
     from ..simulation.run import Wanted
@@ -26,7 +26,7 @@ def made_of(
     match step:
         case Linearizing():
             return model.linearize(step.inputs or None, step.outputs or outputs, experiment, settings)
-        case Following():
+        case ContinuationRequest():
             return model.continuation(
                 step.name, step.low, step.high, step.points, step.most, experiment, settings, outputs, step.branches
             )  # fmt: skip
@@ -77,7 +77,7 @@ def differentiated(
 
 
 def varied(
-    model: AnalysedModel, step: Varying, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
+    model: AnalysedModel, step: MonteCarloRequest, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
     wanted: Wanted, sharing: Sharing,
 ) -> Any:  # fmt: skip
     """Return the Monte Carlo study of the results of the other steps."""
@@ -88,5 +88,5 @@ def varied(
     return montecarlo(model, chance, of, experiment, settings, outputs, wanted, sharing)
 
 
-def _distribution(drawn: Drawn) -> Distribution:
+def _distribution(drawn: RandomParameter) -> Distribution:
     return Distribution(drawn.kind, drawn.numbers, drawn.low, drawn.high)

@@ -95,14 +95,14 @@ def _places(shape: Shape) -> list[dict[int, int]]:
     ]
 
 
-class Layout(NamedTuple):
+class BandLayout(NamedTuple):
     """Order of unknowns and equations in which a matrix is a band."""
 
     order: tuple[int, ...]
     shape: Shape
 
 
-def band_of(rows: Sequence[Sequence[int]]) -> Layout | None:
+def band_of(rows: Sequence[Sequence[int]]) -> BandLayout | None:
     """Order in which a matrix with these columns in each row is a narrow band; None if there is none.
 
     By the reverse order of Cuthill and McKee (ACM 1969), breadth first from an end.
@@ -121,10 +121,10 @@ def band_of(rows: Sequence[Sequence[int]]) -> Layout | None:
     return best if best.shape.width + best.shape.lower <= NARROW * count else None
 
 
-def _layout(rows: Sequence[Sequence[int]], order: Sequence[int]) -> Layout:
+def _layout(rows: Sequence[Sequence[int]], order: Sequence[int]) -> BandLayout:
     place = {variable: position for position, variable in enumerate(order)}
     gaps = [place[j] - place[i] for i, row in enumerate(rows) for j in row]
-    return Layout(tuple(order), Shape(len(rows), max(0, -min(gaps, default=0)), max(0, max(gaps, default=0))))
+    return BandLayout(tuple(order), Shape(len(rows), max(0, -min(gaps, default=0)), max(0, max(gaps, default=0))))
 
 
 def _outwards(beside: Sequence[set[int]]) -> list[int]:
@@ -149,7 +149,7 @@ def _reached(begin: list[int], beside: Sequence[set[int]], left: dict[int, None]
 
 
 def solutions(
-    matrix: Sequence[dict[int, Expression]], right: Sequence[Expression], layout: Layout | None
+    matrix: Sequence[dict[int, Expression]], right: Sequence[Expression], layout: BandLayout | None
 ) -> list[Expression]:
     """Unknowns of a system; rows of the matrix by column."""
     count = len(right)

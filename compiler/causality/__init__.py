@@ -2,6 +2,6 @@
 
 from .assign import CausalGraph, assign_causality
 from .dependence import Dependence, dependences
-from .strokes import Because
+from .strokes import StrokeReason
 
-__all__ = ["Because", "CausalGraph", "Dependence", "assign_causality", "dependences"]
+__all__ = ["CausalGraph", "Dependence", "StrokeReason", "assign_causality", "dependences"]

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 
 from ..errors import CompilationFailed
 from ..graph.elements import STORAGES, Kind
-from ..graph.network import BondGraph, Element, End, Junction, MechanismNode, Port
+from ..graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Port
 from ..multibody.tree import drivable
 from ..nouns import dataclass
 from .conflict import bond_to_itself, conflict_of, no_strokes
@@ -22,7 +22,7 @@ from .errors import StrokeConflict
 from .laws import has_start, is_linear, wants_effort, written_effort, written_stored
 from .matching import Matching
 from .resistance import resistor_wishes
-from .strokes import TAIL, Because, Contradiction, Reason, Stroke, Strokes
+from .strokes import TAIL, Contradiction, Stroke, StrokeOrigin, StrokeReason, Strokes
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,8 @@ class CausalGraph:
 
     graph: BondGraph
     effort_from: tuple[int, ...]  # per bond: TAIL or HEAD, the end that decides the effort
-    reasons: tuple[Reason, ...]
-    derivative: tuple[End, ...]  # storage ports in derivative form
+    reasons: tuple[StrokeOrigin, ...]
+    derivative: tuple[BondEnd, ...]  # storage ports in derivative form
 
     def decides_effort(self, bond: int, node: int) -> bool:
         """Return True if the node determines the effort of one of its bonds."""
@@ -95,7 +95,7 @@ def _try(strokes: Strokes, stroke: Stroke) -> bool:
 
 
 def _opposite(choice: Stroke) -> Stroke:
-    return Stroke(choice.bond, choice.end, not choice.effort, Reason(Because.REFUSED, choice.node))
+    return Stroke(choice.bond, choice.end, not choice.effort, StrokeOrigin(StrokeReason.REFUSED, choice.node))
 
 
 # ---------------------------------------------------------------- demands
@@ -124,17 +124,17 @@ def _demands(strokes: Strokes) -> Iterator[Stroke]:
         match node:
             case Junction():
                 if len(graph.incident[number]) == 1:
-                    reason = Reason(Because.FREE_END, number)
-                    yield Stroke(graph.incident[number][0], End(number, 0), node.kind is Kind.ONE, reason)
+                    reason = StrokeOrigin(StrokeReason.FREE_END, number)
+                    yield Stroke(graph.incident[number][0], BondEnd(number, 0), node.kind is Kind.ONE, reason)
             case MechanismNode():
                 may = drivable(node.mechanism, [p.name for p in node.ports])
                 yield from (s for s, p in _of_mechanism(strokes, number, node) if p.name not in may)
             case Element(kind=Kind.EFFORT_SOURCE | Kind.FLOW_SOURCE):
                 effort = node.kind is Kind.EFFORT_SOURCE
-                yield from _of_ports(strokes, number, [effort] * len(node.ports), Because.SOURCE)
+                yield from _of_ports(strokes, number, [effort] * len(node.ports), StrokeReason.SOURCE)
             case Element() if node.require is not None:
                 wanted = [wants_effort(node, port, node.require) for port in range(len(node.ports))]
-                yield from _of_ports(strokes, number, wanted, Because.REQUIRED)
+                yield from _of_ports(strokes, number, wanted, StrokeReason.REQUIRED)
 
 
 def _cancelling(graph: BondGraph) -> Iterator[Stroke]:
@@ -158,7 +158,7 @@ def _cancelling(graph: BondGraph) -> Iterator[Stroke]:
         if sum(sign for *_, sign in bonds) == 0:
             for number, zero, sign in bonds:
                 end = graph.bonds[number].tail if sign > 0 else graph.bonds[number].head
-                yield Stroke(number, end, True, Reason(Because.CANCELS, zero))
+                yield Stroke(number, end, True, StrokeOrigin(StrokeReason.CANCELS, zero))
 
 
 def _joined(graph: BondGraph) -> dict[int, int]:
@@ -178,10 +178,10 @@ def _joined(graph: BondGraph) -> dict[int, int]:
     return {n: root(n) for n in home}
 
 
-def _of_ports(strokes: Strokes, node: int, efforts: list[bool], because: Because) -> Iterator[Stroke]:
+def _of_ports(strokes: Strokes, node: int, efforts: list[bool], because: StrokeReason) -> Iterator[Stroke]:
     for port, effort in enumerate(efforts):
-        end = End(node, port)
-        yield Stroke(strokes.bond_of[end], end, effort, Reason(because, node))
+        end = BondEnd(node, port)
+        yield Stroke(strokes.bond_of[end], end, effort, StrokeOrigin(because, node))
 
 
 # ---------------------------------------------------------------- choices
@@ -202,20 +202,20 @@ def _choices(strokes: Strokes) -> Iterator[Stroke]:
     yield from _wishes(strokes, sorted(storages, key=lambda item: _against(item[1])))
     for number, node in sorted(storages, key=lambda item: _hardness(graph, item[1])):
         integral = [stored == "q" for stored in node.stored]  # a displacement gives the effort, a momentum the flow
-        yield from _of_ports(strokes, number, integral, Because.INTEGRAL)
+        yield from _of_ports(strokes, number, integral, StrokeReason.INTEGRAL)
     yield from _wishes(strokes, [(n, node) for n, node in elements if node.kind not in STORAGES])
     resistors = [(n, node) for n, node in elements if node.kind is Kind.RESISTOR]
     yield from (s for n, node in resistors if not is_linear(node) for s in _as_written(strokes, n, node))
     for wish in resistor_wishes(graph):
-        yield from _of_ports(strokes, wish.node, [wish.effort], Because.CONDITIONED)
+        yield from _of_ports(strokes, wish.node, [wish.effort], StrokeReason.CONDITIONED)
     yield from (s for n, node in resistors if is_linear(node) for s in _as_written(strokes, n, node))
     for number, bond in enumerate(graph.bonds):
-        yield Stroke(number, bond.tail, True, Reason(Because.FREE, bond.tail.node))
+        yield Stroke(number, bond.tail, True, StrokeOrigin(StrokeReason.FREE, bond.tail.node))
 
 
 def _of_mechanism(strokes: Strokes, number: int, node: MechanismNode) -> Iterator[tuple[Stroke, Port]]:
     """Strokes of a mechanism: efforts in, flows out. Only efforts of its joints may be determined by it, where nothing else is possible."""
-    strokes_of_ports = _of_ports(strokes, number, [False] * len(node.ports), Because.MECHANISM)
+    strokes_of_ports = _of_ports(strokes, number, [False] * len(node.ports), StrokeReason.MECHANISM)
     return zip(strokes_of_ports, node.ports, strict=True)
 
 
@@ -223,7 +223,7 @@ def _wishes(strokes: Strokes, elements: list[tuple[int, Element]]) -> Iterator[S
     for number, node in elements:
         if node.prefer is not None:
             wanted = [wants_effort(node, port, node.prefer) for port in range(len(node.ports))]
-            yield from _of_ports(strokes, number, wanted, Because.WISHED)
+            yield from _of_ports(strokes, number, wanted, StrokeReason.WISHED)
 
 
 def _against(node: Element) -> int:
@@ -247,13 +247,13 @@ def _hardness(graph: BondGraph, node: Element) -> int:
 
 def _as_written(strokes: Strokes, number: int, node: Element) -> Iterator[Stroke]:
     efforts = [written_effort(node, port) for port in range(len(node.ports))]
-    return _of_ports(strokes, number, efforts, Because.PREFERRED)
+    return _of_ports(strokes, number, efforts, StrokeReason.PREFERRED)
 
 
-def _derivative_ports(strokes: Strokes) -> Iterator[End]:
+def _derivative_ports(strokes: Strokes) -> Iterator[BondEnd]:
     for number, node in enumerate(strokes.graph.nodes):
         if isinstance(node, Element) and node.kind in STORAGES:
             for port, stored in enumerate(node.stored):
-                end = End(number, port)
+                end = BondEnd(number, port)
                 if strokes.decides_effort(strokes.bond_of[end], number) is not (stored == "q"):
                     yield end

@@ -9,7 +9,7 @@ from ..graph.network import Element, Junction
 from ..nouns import dataclass
 from ..source import Span
 from .errors import StrokeConflict
-from .strokes import Because, Contradiction, Stroke, Strokes
+from .strokes import Contradiction, Stroke, StrokeReason, Strokes
 
 SHOWN = 6  # demands that a message names at most
 
@@ -19,7 +19,7 @@ class Chain:
     """A demand, and the bonds along which it determines a variable that another one determines too."""
 
     node: int
-    because: Because
+    because: StrokeReason
     bonds: tuple[int, ...]  # from the demanding node to where the chains meet
 
 
@@ -27,12 +27,12 @@ def conflict_of(strokes: Strokes, demand: Stroke, contradiction: Contradiction) 
     """Diagnostic for a demand that failed, while the strokes still contain its consequences."""
     stroke = contradiction.stroke
     place = contradiction.node
-    if place is None and stroke.reason.because is Because.FOLLOWS:
+    if place is None and stroke.reason.because is StrokeReason.FOLLOWS:
         place = stroke.reason.node
     if place is None:  # a demand on a bond that already has a stroke
         reason = strokes.reasons[stroke.bond]
         assert reason is not None
-        if reason.because is not Because.FOLLOWS:
+        if reason.because is not StrokeReason.FOLLOWS:
             chains = [Chain(reason.node, reason.because, (stroke.bond,)), Chain(demand.node, demand.reason.because, ())]
             return _message(strokes, demand, None, chains, True)
         place = reason.node
@@ -89,7 +89,7 @@ def _chains(strokes: Strokes, bond: int) -> list[Chain]:
     for current in queue:
         reason = strokes.reasons[current]
         assert reason is not None
-        if reason.because is not Because.FOLLOWS:
+        if reason.because is not StrokeReason.FOLLOWS:
             path, here = [], current
             while here is not None:
                 path.append(here)
@@ -130,10 +130,10 @@ def _message(strokes: Strokes, demand: Stroke, place: int | None, chains: list[C
         hint = "Put a junction with a resistor or a storage between them, or let one of them decide the other variable."
     else:
         what, hint = _words(strokes, place, decide, names, several)
-    if any(c.because is Because.MECHANISM for c in chains):
+    if any(c.because is StrokeReason.MECHANISM for c in chains):
         hint = "Bodies and frames take efforts and give flows: push with an Se, put a spring or damper on a 0-junction between, or drive a joint."
     for chain in chains:
-        if chain.because is Because.REQUIRED:
+        if chain.because is StrokeReason.REQUIRED:
             hint += f" Or leave out the `require` of `{nodes[chain.node].name}`."
             break
     related = _related(strokes, chains, demand.node, place)

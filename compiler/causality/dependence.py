@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ..graph.elements import STORAGES, Kind
-from ..graph.network import Element, End, Junction
+from ..graph.network import BondEnd, Element, Junction
 from ..nouns import dataclass
 from .assign import CausalGraph
-from .strokes import DEMANDS, Because
+from .strokes import DEMANDS, StrokeReason
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,9 +22,9 @@ class Dependence:
     `bonds` lead from the storage to `forced_by` (a node; None if a ring of junctions or the author forces it).
     """
 
-    port: End
+    port: BondEnd
     forced_by: int | None
-    because: Because
+    because: StrokeReason
     bonds: tuple[int, ...]
 
 
@@ -34,10 +34,10 @@ def dependences(causal: CausalGraph) -> tuple[Dependence, ...]:
     return tuple(_dependence(causal, bond_of, port) for port in causal.derivative)
 
 
-def _dependence(causal: CausalGraph, bond_of: dict[End, int], port: End) -> Dependence:
+def _dependence(causal: CausalGraph, bond_of: dict[BondEnd, int], port: BondEnd) -> Dependence:
     start = bond_of[port]
     own = causal.reasons[start]
-    if own.node == port.node and own.because in (Because.REQUIRED, Because.WISHED):
+    if own.node == port.node and own.because in (StrokeReason.REQUIRED, StrokeReason.WISHED):
         return Dependence(port, None, own.because, (start,))
     before: dict[tuple[int, int], tuple[int, int] | None] = {(start, port.node): None}  # bond, the node it is left from
     queue = [(start, port.node)]
@@ -51,31 +51,31 @@ def _dependence(causal: CausalGraph, bond_of: dict[End, int], port: End) -> Depe
             if following not in before:
                 before[following] = step
                 queue.append(following)
-    return Dependence(port, None, Because.FOLLOWS, (start,))
+    return Dependence(port, None, StrokeReason.FOLLOWS, (start,))
 
 
-def _other(causal: CausalGraph, bond: int, node: int) -> End:
+def _other(causal: CausalGraph, bond: int, node: int) -> BondEnd:
     ends = causal.graph.bonds[bond]
     return ends.head if ends.tail.node == node else ends.tail
 
 
-def _stands(causal: CausalGraph, node: int, bond: int) -> Because | None:
+def _stands(causal: CausalGraph, node: int, bond: int) -> StrokeReason | None:
     """Reason why the stroke on a bond cannot be turned at the node; None if it can."""
     here = causal.graph.nodes[node]
     reason = causal.reasons[bond]
     if reason.node == node and reason.because in DEMANDS:
         return reason.because
     if isinstance(here, Junction):
-        return Because.FREE_END if len(causal.graph.incident[node]) == 1 else None
+        return StrokeReason.FREE_END if len(causal.graph.incident[node]) == 1 else None
     if isinstance(here, Element) and here.kind in (Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE):
-        return Because.SOURCE
+        return StrokeReason.SOURCE
     if isinstance(here, Element):
         if here.require is not None:
-            return Because.REQUIRED
-        if here.kind in STORAGES and End(node, _port(causal, bond, node)) not in causal.derivative:
-            return Because.INTEGRAL
-        return None if here.prefer is None else Because.WISHED
-    return Because.MECHANISM
+            return StrokeReason.REQUIRED
+        if here.kind in STORAGES and BondEnd(node, _port(causal, bond, node)) not in causal.derivative:
+            return StrokeReason.INTEGRAL
+        return None if here.prefer is None else StrokeReason.WISHED
+    return StrokeReason.MECHANISM
 
 
 def _port(causal: CausalGraph, bond: int, node: int) -> int:
@@ -83,7 +83,7 @@ def _port(causal: CausalGraph, bond: int, node: int) -> int:
     return ends.tail.port if ends.tail.node == node else ends.head.port
 
 
-def _gives_way(causal: CausalGraph, bond_of: dict[End, int], bond: int, reached: End) -> Iterable[int]:
+def _gives_way(causal: CausalGraph, bond_of: dict[BondEnd, int], bond: int, reached: BondEnd) -> Iterable[int]:
     """Strokes that could turn to compensate for a turned one: any other, or the one that determines the junction."""
     node = causal.graph.nodes[reached.node]
     if isinstance(node, Junction):
@@ -93,7 +93,7 @@ def _gives_way(causal: CausalGraph, bond_of: dict[End, int], bond: int, reached:
             return others
         return [b for b in others if causal.decides_effort(b, reached.node) is (node.kind is Kind.ONE)]
     if isinstance(node, Element) and node.kind in (Kind.TRANSFORMER, Kind.GYRATOR):
-        return (bond_of[End(reached.node, 1 - reached.port)],)
+        return (bond_of[BondEnd(reached.node, 1 - reached.port)],)
     return ()
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from ..graph.elements import Kind
-from ..graph.network import BondGraph, Element, End, Junction
+from ..graph.network import BondEnd, BondGraph, Element, Junction
 from .strokes import TAIL, Strokes
 
 Partner = tuple[int, int]  # a vertex, and the bond of the edge that leads to it
@@ -69,7 +69,7 @@ class Matching:
 
     def _is_open(self, node: int) -> bool:
         """Return True if a node is a vertex that is not determined yet."""
-        return self.strokes.open[node] > 0 and _sign(self.graph, End(node, 0)) is not None
+        return self.strokes.open[node] > 0 and _sign(self.graph, BondEnd(node, 0)) is not None
 
     def _ends(self, bond: int) -> list[int]:
         """Nodes at the ends of a bond that are vertices."""
@@ -119,7 +119,7 @@ class Matching:
 
     def _augment(self, root: int) -> bool:
         """Match a vertex along an augmenting path, whose edges are alternately outside and inside the matching."""
-        search = _Search(self, root)
+        search = _AlternatingTree(self, root)
         end = search.run()
         if end is None:
             self.tree = {*search.queue, *search.parent}
@@ -136,7 +136,7 @@ class Matching:
         return True
 
 
-class _Search:
+class _AlternatingTree:
     """One search tree. An odd cycle is shrunk into its base."""
 
     def __init__(self, matching: Matching, root: int) -> None:
@@ -205,7 +205,7 @@ class _Search:
             vertex, bond = self.parent[partner]
 
 
-def _sign(graph: BondGraph, end: End) -> bool | None:
+def _sign(graph: BondGraph, end: BondEnd) -> bool | None:
     """Sign of a bond at a vertex: True if it determines the node when the node determines its effort; None at one-ports."""
     node = graph.nodes[end.node]
     if isinstance(node, Junction):

@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from ..graph.elements import Kind
-from ..graph.network import BondGraph, Element, End, Junction, Own
+from ..graph.network import BondEnd, BondGraph, Element, Junction, Own
 from .laws import slopes, value_before
 
 SAME = 1e-9  # logarithms that differ by less are equal
 
 
-class Wish(NamedTuple):
+class CausalityPreference(NamedTuple):
     """Preference of a resistor, and its distance (of logarithms) from the middle of the resistors that it is compared with."""
 
     node: int
@@ -36,7 +36,7 @@ class _Side(NamedTuple):
         return self.shift + (-logarithm if self.turned else logarithm)
 
 
-def resistor_wishes(graph: BondGraph) -> list[Wish]:
+def resistor_wishes(graph: BondGraph) -> list[CausalityPreference]:
     """Preferences of the linear one-port resistors with known values, the most extreme first."""
     known = []
     for number, node in enumerate(graph.nodes):
@@ -56,7 +56,7 @@ def resistor_wishes(graph: BondGraph) -> list[Wish]:
         for number, x in members:
             if abs(x - middle) > SAME:
                 small = (x < middle) is not sides[number].turned
-                wishes.append(Wish(number, small, abs(x - middle)))
+                wishes.append(CausalityPreference(number, small, abs(x - middle)))
     return sorted(wishes, key=lambda w: (-round(w.distance, 6), w.node))
 
 
@@ -112,7 +112,7 @@ def _sides(graph: BondGraph) -> list[_Side]:
 
 
 def _across(
-    graph: BondGraph, bond_of: dict[End, int], bond: int, number: int, side: _Side
+    graph: BondGraph, bond_of: dict[BondEnd, int], bond: int, number: int, side: _Side
 ) -> Iterator[tuple[int, _Side]]:
     """Node at the other end of a bond, through transformers and gyrators with known ratio."""
     ends = graph.bonds[bond]
@@ -126,7 +126,7 @@ def _across(
         if not ratio or not math.isfinite(ratio):
             return
         side = _beyond(side, node.kind, 2 * math.log(abs(ratio)), end.port == 0)
-        other = End(end.node, 1 - end.port)
+        other = BondEnd(end.node, 1 - end.port)
         ends = graph.bonds[bond_of[other]]
         end = ends.head if ends.tail == other else ends.tail
 

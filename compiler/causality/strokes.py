@@ -10,13 +10,13 @@ from collections.abc import Iterable
 from enum import Enum
 
 from ..graph.elements import Kind
-from ..graph.network import BondGraph, Element, End, Junction
+from ..graph.network import BondEnd, BondGraph, Element, Junction
 from ..nouns import dataclass
 
 TAIL, HEAD = 0, 1
 
 
-class Because(Enum):
+class StrokeReason(Enum):
     """Reason for a stroke."""
 
     SOURCE = "a source decides it"
@@ -33,14 +33,16 @@ class Because(Enum):
     FREE = "free choice"
 
 
-DEMANDS = frozenset({Because.SOURCE, Because.REQUIRED, Because.MECHANISM, Because.FREE_END, Because.CANCELS})
+DEMANDS = frozenset(
+    {StrokeReason.SOURCE, StrokeReason.REQUIRED, StrokeReason.MECHANISM, StrokeReason.FREE_END, StrokeReason.CANCELS}
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Reason:
+class StrokeOrigin:
     """The rule, the node that applied it and the bond from which it follows."""
 
-    because: Because
+    because: StrokeReason
     node: int
     bond: int | None = None
 
@@ -50,9 +52,9 @@ class Stroke:
     """A stroke to be put: True if the node at that end determines the effort of the bond, and the reason."""
 
     bond: int
-    end: End
+    end: BondEnd
     effort: bool
-    reason: Reason
+    reason: StrokeOrigin
 
     @property
     def node(self) -> int:
@@ -72,7 +74,7 @@ class Strokes:
     def __init__(self, graph: BondGraph) -> None:
         self.graph = graph
         self.effort_from: list[int | None] = [None] * len(graph.bonds)
-        self.reasons: list[Reason | None] = [None] * len(graph.bonds)
+        self.reasons: list[StrokeOrigin | None] = [None] * len(graph.bonds)
         self.trail: list[int] = []
         self.bond_of = {end: number for number, bond in enumerate(graph.bonds) for end in (bond.tail, bond.head)}
         # Junctions by counts, so that a junction of thousands of bonds costs its size once.
@@ -118,20 +120,20 @@ class Strokes:
                 if self.decided[end.node] == bond:
                     self.decided[end.node] = None
 
-    def _consequences(self, end: End, stroke: Stroke, decides_effort: bool) -> Iterable[Stroke]:
+    def _consequences(self, end: BondEnd, stroke: Stroke, decides_effort: bool) -> Iterable[Stroke]:
         """Strokes that follow from a new stroke at the other bonds of a node."""
         node = self.graph.nodes[end.node]
-        reason = Reason(Because.FOLLOWS, end.node, stroke.bond)
+        reason = StrokeOrigin(StrokeReason.FOLLOWS, end.node, stroke.bond)
         if isinstance(node, Junction):
             return self._at_junction(end, node, stroke, decides_effort, reason)
         if isinstance(node, Element) and node.kind in (Kind.TRANSFORMER, Kind.GYRATOR):
-            other = End(end.node, 1 - end.port)
+            other = BondEnd(end.node, 1 - end.port)
             effort = decides_effort is (node.kind is Kind.GYRATOR)
             return (Stroke(self.bond_of[other], other, effort, reason),)
         return ()
 
     def _at_junction(
-        self, end: End, node: Junction, stroke: Stroke, decides_effort: bool, reason: Reason
+        self, end: BondEnd, node: Junction, stroke: Stroke, decides_effort: bool, reason: StrokeOrigin
     ) -> Iterable[Stroke]:
         # At a 0 one bond brings the effort in; at a 1 one bond brings the flow in, so the junction decides its effort.
         bond, number = stroke.bond, end.node

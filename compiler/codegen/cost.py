@@ -18,7 +18,7 @@ from .lowered import Lowered
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LineCost:
     """Operations of one line of the text in each evaluation of the rates, over all its instances."""
 
     span: Span
@@ -37,7 +37,7 @@ class Cost:
     entries: int  # of the Jacobian that are not zero
     outputs: int  # more, for the outputs at reported instants
     functions: tuple[tuple[str, int], ...]  # of the rates: sin, exp and their like, most frequent first
-    lines: tuple[Line, ...]  # of the rates, most expensive first
+    lines: tuple[LineCost, ...]  # of the rates, most expensive first
 
 
 PLAIN = frozenset(["add", "multiply", "divide", "negate", "power", "item", "less", "less_equal", "equal", "select"])
@@ -99,10 +99,10 @@ class _Counter:
             return "state"
         return "time" if bits & (TIME | INPUT | MODE) else "once"
 
-    def lines(self) -> tuple[Line, ...]:
+    def lines(self) -> tuple[LineCost, ...]:
         """Lines, most expensive first; equal ones in the order of the text."""
         order = sorted(self.by_line.items(), key=lambda item: (-item[1], item[0].start))
-        return tuple(Line(span, tuple(self.owners.get(span, ())), count) for span, count in order)
+        return tuple(LineCost(span, tuple(self.owners.get(span, ())), count) for span, count in order)
 
 
 def _operations(node: Apply) -> int:

@@ -30,7 +30,7 @@ from ..algebra.expression import (
 )
 from ..algebra.formula import Formula
 from ..algebra.operators import CONDITIONS
-from ..algebra.systems import Layout, band_of, solutions
+from ..algebra.systems import BandLayout, band_of, solutions
 from ..equations.system import Assignment
 from ..reduction import LinearLoop, StateSpace
 from ..reduction.state_space import Step
@@ -343,7 +343,7 @@ def loop_slopes(
 
 
 def _solution(
-    matrix: Sequence[dict[int, Expression]], right: Sequence[Expression], layout: Layout | None
+    matrix: Sequence[dict[int, Expression]], right: Sequence[Expression], layout: BandLayout | None
 ) -> list[Expression]:
     """Solution of a linear system: a quotient, or items of one node."""
     return [divide(right[0], matrix[0][0])] if len(right) == 1 else solutions(matrix, right, layout)

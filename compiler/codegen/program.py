@@ -13,7 +13,7 @@ Array = Any  # a numpy array; this module loads no numpy
 
 
 @dataclass(frozen=True, slots=True)
-class Names:
+class NameTable:
     """Names and SI units of one kind of thing, in the order of its array."""
 
     names: tuple[str, ...]
@@ -48,7 +48,7 @@ class ConditionNote:
 
 
 @dataclass(frozen=True, slots=True)
-class Function:
+class TimeFunction:
     """A function of time alone among `TimeFunctions.nodes`, its derivative by time (-1: none), and its origin."""
 
     place: int
@@ -81,7 +81,7 @@ class TimeFunctions:
     """
 
     nodes: tuple[tuple[str, tuple[Any, ...]], ...]
-    crossings: tuple[Function, ...]  # as `Program.crossings`
+    crossings: tuple[TimeFunction, ...]  # as `Program.crossings`
     narrow: tuple[int, ...]  # operations behind `Program.signals` that may move a lot within a short time
     conditions: tuple[NarrowCondition, ...] = ()
     narrow_names: tuple[str, ...] = ()  # of the quantities that the operations `narrow` are part of
@@ -141,7 +141,7 @@ class HybridNote:
     """All of a `Hybrid` except its functions: plain data."""
 
     size: int
-    modes: Names  # of discrete variables
+    modes: NameTable  # of discrete variables
     timed: tuple[int, ...]
     conditions: tuple[ConditionNote, ...]
     events: tuple[EventNote, ...]
@@ -158,7 +158,7 @@ class Hybrid:
     """
 
     size: int
-    modes: Names  # of discrete variables
+    modes: NameTable  # of discrete variables
     start: Callable[[Array], Array]  # constants -> those, at the start
     timed: tuple[int, ...]
     conditions: tuple[ConditionNote, ...]
@@ -216,11 +216,11 @@ class Program:
 
     name: str
     source: str  # the text of the module
-    states: Names
-    unknowns: Names  # of the algebraic loops that the run solves
-    outputs: Names
-    inputs: Names
-    parameters: Names
+    states: NameTable
+    unknowns: NameTable  # of the algebraic loops that the run solves
+    outputs: NameTable
+    inputs: NameTable
+    parameters: NameTable
     defaults: tuple[float, ...]  # of the parameters
     input_defaults: tuple[float, ...]
     constants: Callable[[Array], Array]  # parameters -> all that depends on parameters alone
@@ -234,7 +234,7 @@ class Program:
     jacobian: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, n, n), dense
     output: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, m)
     claims: Callable[[float, Array, Array, Array, Array], Array]  # the same -> residuals of given starts
-    dependents: Names  # contents of storages in derivative form
+    dependents: NameTable  # contents of storages in derivative form
     dependent: Callable[[float, Array, Array, Array, Array], Array]  # the same -> those
     sensitivity_pattern: tuple[
         Array, Array
@@ -256,7 +256,7 @@ class Program:
     limits: tuple[LimitNote, ...]
     holds: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> 1 or 0 for each limit
     limit_values: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> the values of all limits in a row
-    invariants: Names  # kept at zero by a run: constraint residuals (and norms), then their rates
+    invariants: NameTable  # kept at zero by a run: constraint residuals (and norms), then their rates
     invariant: Callable[[float, Array, Array, Array, Array], Array]  # as output -> those
     invariant_pattern: tuple[Array, Array]  # invariants and states; rates only by states on which no gap depends
     invariant_slopes: Callable[[float, Array, Array, Array, Array], Array]  # as output -> the slopes there

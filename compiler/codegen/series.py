@@ -36,7 +36,7 @@ class _Step:
     weights: tuple[int, ...] = ()
 
 
-class Series:
+class TaylorSeries:
     """Roots in the order in which they are computed. Leaves whose role is not in `moving` are constant."""
 
     def __init__(self, roots: Sequence[Expression], moving: frozenset[str] = frozenset({"state", "time"})) -> None:
@@ -109,7 +109,7 @@ def _multiplied_out(base: Expression, exponent: Expression) -> Expression | None
 class Expansion:
     """Coefficients of all nodes, order by order."""
 
-    def __init__(self, series: Series, given: Mapping[Leaf, Any]) -> None:
+    def __init__(self, series: TaylorSeries, given: Mapping[Leaf, Any]) -> None:
         self.series, self.order = series, 0
         self.values: list[Any] = []
         for step in series.steps:

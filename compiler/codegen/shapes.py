@@ -58,14 +58,14 @@ class Instance(NamedTuple):
 
 
 @dataclass(eq=False)
-class Plan:
+class KernelSchedule:
     """Sequence of a function: runs of instances of one kernel each, and the size of its working array."""
 
     runs: list[tuple[Kernel, list[Instance]]]
     work: int
 
 
-class Shapes:
+class KernelCollection:
     """Kernels of a module, collected function by function."""
 
     def __init__(self, time: Expression, labelled: Mapping[Expression, object]) -> None:
@@ -73,7 +73,9 @@ class Shapes:
         self.kernels: dict[Expression | None, Kernel] = {}
         self.numbers: dict[float | tuple[str, float], int] = {}
 
-    def plan(self, roots: Sequence[Expression], order: Sequence[Apply], known: Mapping[Expression, Place]) -> Plan:
+    def plan(
+        self, roots: Sequence[Expression], order: Sequence[Apply], known: Mapping[Expression, Place]
+    ) -> KernelSchedule:
         """Plan of a function. `order` holds the operations behind the roots, operands first, without those in `known`."""
         return _Planner(self, order, known).plan(roots)
 
@@ -98,7 +100,7 @@ class Shapes:
         """The table of these numbers."""
         return [math.copysign(0.0, key[1]) if isinstance(key, tuple) else key for key in self.numbers]
 
-    def stream(self, plan: Plan) -> list[int]:
+    def stream(self, plan: KernelSchedule) -> list[int]:
         """A plan as integers: kernel, number of instances, their rows; -1 ends it."""
         found: list[int] = []
         for kernel, instances in plan.runs:
@@ -128,7 +130,7 @@ def _same(a: float | None, b: float) -> bool:
 class _Planner:
     """Cutting of the operations of one function into trees."""
 
-    def __init__(self, shapes: Shapes, order: Sequence[Apply], known: Mapping[Expression, Place]) -> None:
+    def __init__(self, shapes: KernelCollection, order: Sequence[Apply], known: Mapping[Expression, Place]) -> None:
         self.shapes, self.order, self.known = shapes, order, known
         self.index: dict[Expression, int] = {node: i for i, node in enumerate(order)}
         find = self.index.get
@@ -138,7 +140,7 @@ class _Planner:
         self.runs: dict[tuple[int, int], tuple[Kernel, list[Instance]]] = {}
         self.work = 0
 
-    def plan(self, roots: Sequence[Expression]) -> Plan:
+    def plan(self, roots: Sequence[Expression]) -> KernelSchedule:
         """Runs in an order in which operands are computed before they are read."""
         first: dict[int, int] = {}  # operation -> the first value that is it
         others: list[tuple[int, Expression]] = []
@@ -154,7 +156,7 @@ class _Planner:
         for place, root in others:
             self._copy(place, root)
         runs = [self.runs[key] for key in sorted(self.runs)]
-        return Plan(runs, self.work)
+        return KernelSchedule(runs, self.work)
 
     # ------------------------------------------------------------ where trees end
     def _cut(self, ends: set[int]) -> dict[int, None]:

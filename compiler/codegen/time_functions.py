@@ -16,7 +16,7 @@ from ..algebra.systems import SYSTEMS
 from .dependence import MODE, STATE, TIME
 from .limits import Leaf
 from .lowered import Lowered
-from .program import Function, NarrowCondition, TimeFunctions
+from .program import NarrowCondition, TimeFunction, TimeFunctions
 from .tape import operands_first
 
 # Other operations leave functions of time moving everywhere as fast as they ever do, or at places that are instants: sums and products of
@@ -100,7 +100,7 @@ def time_functions_of(lowered: Lowered, constants: Sequence[Expression]) -> Time
     for (root, slope), (owner, span, condition) in zip(pairs, lowered.crossing_places, strict=True):
         moded = bool((lowered.dependence(root) | lowered.dependence(slope)) & MODE)
         functions.append(
-            Function(places[root], places[slope] if slope is not root else -1, moded, condition, owner, span)
+            TimeFunction(places[root], places[slope] if slope is not root else -1, moded, condition, owner, span)
         )
     narrow_ones = tuple(
         NarrowCondition(number, places[root] if narrow else -1, tuple(places[x] for x in narrow))

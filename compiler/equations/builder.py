@@ -11,9 +11,9 @@ from ..algebra.formula import Bound, Formula, bind
 from ..errors import Diagnostic
 from ..graph.network import (
     TIME,
+    BondEnd,
     BondGraph,
     Delay,
-    End,
     Integral,
     Junction,
     Named,
@@ -29,7 +29,6 @@ from .naming import bond_names, port_name, unit_of
 from .system import (
     Argument,
     Assignment,
-    Balance,
     Claim,
     Delayed,
     Derivative,
@@ -37,10 +36,11 @@ from .system import (
     EquationSystem,
     EventRow,
     Invariant,
+    JunctionSwitch,
+    MomentumBalance,
     PowerPort,
     State,
     Storage,
-    Switch,
     Validity,
     Variable,
 )
@@ -60,7 +60,7 @@ class EquationBuilder:
         self.states: list[State] = []
         self.claims: list[Claim] = []
         self.invariants: list[Invariant] = []
-        self.balances: list[Balance] = []
+        self.balances: list[MomentumBalance] = []
         self.pieced: set[int] = set()
         self.ports: list[PowerPort] = []
         self.storages: list[Storage] = []
@@ -68,7 +68,7 @@ class EquationBuilder:
         self.discretes: list[Discrete] = []
         self.events: list[EventRow] = []
         self.delays: list[Delayed] = []
-        self.switches: list[Switch] = []
+        self.switches: list[JunctionSwitch] = []
         self.diagnostics: list[Diagnostic] = []
         self.alias: dict[int, int] = {}
         self.quantities: dict[str, int] = {}
@@ -198,8 +198,8 @@ class EquationBuilder:
         self.invariants.append(Invariant(position, velocity, name, span, multiplier, part))
 
     def balance(self, variable: int, told: Diagnostic) -> None:
-        """Add an implicit unknown that is solved with the multipliers, see `Balance`."""
-        self.balances.append(Balance(variable, told))
+        """Add an implicit unknown that is solved with the multipliers, see `MomentumBalance`."""
+        self.balances.append(MomentumBalance(variable, told))
 
     def folded(self, bound: Bound) -> Expression:
         """A bound expression of the text over variable numbers, with known zeros put in."""
@@ -326,7 +326,7 @@ class EquationBuilder:
             variable = self._at_junction(number, node, reading)
         else:
             port = next(i for i, p in enumerate(node.ports) if p.name == reading.port)
-            bond = self.bond_of[End(number, port)]
+            bond = self.bond_of[BondEnd(number, port)]
             if reading.variable in "ef":
                 variable = (self.efforts if reading.variable == "e" else self.flows)[bond]
             else:  # a storage: made here, filled when its turn comes

@@ -18,7 +18,7 @@ from ..algebra.derivative import derivative
 from ..algebra.expression import Expression, Number, Symbol, add, depends_on, multiply, substitute
 from ..algebra.formula import Bound, Formula
 from ..graph.elements import Kind
-from ..graph.network import Bond, BondGraph, Element, End, Junction, Law, Named, Node, Own, Port, Quantity, Reading
+from ..graph.network import Bond, BondEnd, BondGraph, Element, Junction, Law, Named, Node, Own, Port, Quantity, Reading
 from .laws import GIVEN, solved
 from .naming import port_name
 from .products import integrands
@@ -170,7 +170,7 @@ def _keep(node: Element, nodes: list[Node], bonds: list[Bond]) -> None:
             law=law, arguments=(), stored=(), starts={}, nominals={}, prefer=None, require=None,
         )  # fmt: skip
         nodes.append(rest)
-        bonds.append(Bond(End(len(nodes) - 1, 0), End(kept, k), node.ports[k].domain, node.span))
+        bonds.append(Bond(BondEnd(len(nodes) - 1, 0), BondEnd(kept, k), node.ports[k].domain, node.span))
 
 
 def _reread(graph: BondGraph, renamed: Mapping[str, str]) -> BondGraph:

@@ -23,8 +23,8 @@ from ..causality import CausalGraph
 from ..errors import CompilationFailed
 from ..graph.elements import STORAGES, TRANSDUCERS, Kind
 from ..graph.mechanism import domain_of
-from ..graph.network import Element, End, Junction, Law, MechanismNode, Own, Reading
-from ..multibody import Motion, mechanism_equations
+from ..graph.network import BondEnd, Element, Junction, Law, MechanismNode, Own, Reading
+from ..multibody import PortMotion, mechanism_equations
 from .builder import EquationBuilder
 from .errors import NotInvertible
 from .events import event_equations
@@ -121,7 +121,7 @@ class _Nodes:
 
     def _transducer(self, number: int, node: Element) -> None:
         """e1 = n e2, f2 = n f1 for a transformer; e1 = k f2, e2 = k f1 for a gyrator."""
-        first, second = (self.bond_of[End(number, p)] for p in (0, 1))
+        first, second = (self.bond_of[BondEnd(number, p)] for p in (0, 1))
         bound = bind(ratio(node.law, node.kind))
         n = self._instance(bound, node, {})
         transformer = node.kind is Kind.TRANSFORMER
@@ -150,7 +150,7 @@ class _Nodes:
         return substitute(bound.formula.expression, put)
 
     def _element(self, number: int, node: Element) -> None:
-        bonds = [self.bond_of[End(number, p)] for p in range(len(node.ports))]
+        bonds = [self.bond_of[BondEnd(number, p)] for p in range(len(node.ports))]
         for bond in bonds:
             sign = 1 if self.graph.bonds[bond].head.node == number else -1
             self.to.ports.append(PowerPort(node.name, node.kind.value, self.efforts[bond], self.flows[bond], sign))
@@ -230,7 +230,7 @@ class _Nodes:
             Own(p, GIVEN[s]): variables[GIVEN[s]][b] for p, (s, b) in enumerate(zip(node.stored, bonds, strict=True))
         }
         rates = [variables[INTEGRATED[s]][b] for s, b in zip(node.stored, bonds, strict=True)]
-        integral = [End(number, p) not in self.causal.derivative for p in ports]
+        integral = [BondEnd(number, p) not in self.causal.derivative for p in ports]
         wanted = tuple(Own(p, GIVEN[s] if integral[p] else s) for p, s in enumerate(node.stored))
         if not self._apply_law(node, wanted, own, [own[w] for w in wanted]):
             return
@@ -325,7 +325,7 @@ class _Nodes:
         flows: dict[str, Expression] = {}
         signs: dict[str, float] = {}
         for port_number, port in enumerate(node.ports):
-            bond = self.bond_of[End(number, port_number)]
+            bond = self.bond_of[BondEnd(number, port_number)]
             signs[port.name] = 1.0 if self.graph.bonds[bond].head.node == number else -1.0
             if self.causal.decides_effort(bond, number):
                 flows[port.name] = Symbol(self.flows[bond])
@@ -338,7 +338,7 @@ class _Nodes:
         if result.diagnostics:  # without its motion nothing that reads it can be written
             raise CompilationFailed([*self.to.diagnostics, *result.diagnostics])
         for port_number, port in enumerate(node.ports):
-            motion, bond = result.motions[port.name], self.bond_of[End(number, port_number)]
+            motion, bond = result.motions[port.name], self.bond_of[BondEnd(number, port_number)]
             owner = f"{node.name}.{port.name}"
             if port.name in result.efforts:
                 effort = multiply(Number(signs[port.name]), result.efforts[port.name])
@@ -358,7 +358,7 @@ class _Nodes:
         if result.energy is not None:
             self.to.stored[node.name] = result.energy
 
-    def _readings_of_port(self, node: MechanismNode, port: str, motion: Motion, effort: Expression) -> None:
+    def _readings_of_port(self, node: MechanismNode, port: str, motion: PortMotion, effort: Expression) -> None:
         """Add the readings of a mechanism's port: pose, rate and effort."""
         domain = domain_of(port)
         full = f"{node.name}.{port}"

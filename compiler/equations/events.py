@@ -11,7 +11,7 @@ from ..algebra.formula import bind
 from ..graph.network import Action, BondGraph, Element, Event, Own, Quantity
 from .builder import EquationBuilder
 from .laws import solved
-from .system import EventRow, Setting, Switch
+from .system import EventAssignment, EventRow, JunctionSwitch
 
 
 def event_equations(graph: BondGraph, to: EquationBuilder) -> None:
@@ -22,7 +22,7 @@ def event_equations(graph: BondGraph, to: EquationBuilder) -> None:
     for switch in graph.switches:
         condition = to.variable(f"{switch.junction} is active", "computed", "1")
         to.apply(condition, switch.active, switch.span, switch.junction)
-        to.switches.append(Switch(switch.junction, condition, switch.span))
+        to.switches.append(JunctionSwitch(switch.junction, condition, switch.span))
 
 
 def _event(event: Event, elements: dict[str, Element], to: EquationBuilder) -> EventRow:
@@ -33,21 +33,21 @@ def _event(event: Event, elements: dict[str, Element], to: EquationBuilder) -> E
     return EventRow(condition, settings, event.name, event.words, event.span, period)
 
 
-def _setting(action: Action, elements: dict[str, Element], to: EquationBuilder) -> Setting:
+def _setting(action: Action, elements: dict[str, Element], to: EquationBuilder) -> EventAssignment:
     target = action.target
     value = to.held(to.folded(action.value), f"new {action.words}", "", action.span)
     if isinstance(target, Quantity):
         number = to.quantity(target.name)
         assert isinstance(number, int)
-        return Setting(number, value, action.words, action.span)
+        return EventAssignment(number, value, action.words, action.span)
     element = elements.get(target.node)
     if element is not None and len(element.ports) == 1 and target.variable != element.stored[0]:
         found = _through_law(element, target.variable, value, to)
         if found is not None:
             stored = to.reading(target._replace(variable=element.stored[0]))
             number = to.held(found, f"new {element.name}.{element.stored[0]}", "", action.span)
-            return Setting(stored, number, action.words, action.span)
-    return Setting(to.reading(target), value, action.words, action.span)
+            return EventAssignment(stored, number, action.words, action.span)
+    return EventAssignment(to.reading(target), value, action.words, action.span)
 
 
 def _through_law(element: Element, given: str, value: int, to: EquationBuilder) -> Expression | None:

@@ -24,7 +24,7 @@ from .naming import port_name
 from .tangent import (
     Point,
     Relation,
-    Vector,
+    TangentVector,
     decisive_values,
     known_values,
     parameter_values,
@@ -61,7 +61,7 @@ def _sides(stored: tuple[str, ...]) -> tuple[tuple[Own, ...], tuple[Own, ...]]:
 @lru_cache(maxsize=1024)
 def _asymmetry(
     law: Law, values: tuple[float, ...], stored: tuple[str, ...], base: tuple[tuple[Own, float], ...]
-) -> tuple[Relation, Point, Vector, Vector] | None:
+) -> tuple[Relation, Point, TangentVector, TangentVector] | None:
     """A point at which two directions of a law are not reciprocal, computed once for all elements with this law and values."""
     known = relation(law, values, *_sides(stored))
     if known is None:
@@ -77,7 +77,7 @@ def _asymmetry(
     return None
 
 
-def _reciprocal(a: Vector, b: Vector) -> bool:
+def _reciprocal(a: TangentVector, b: TangentVector) -> bool:
     """Return True if dx_a dy_b = dx_b dy_a, summed over the ports, up to round-off and rounded numbers."""
     one = [x * y for x, y in zip(a.x, b.y, strict=True)]
     other = [x * y for x, y in zip(b.x, a.y, strict=True)]
@@ -87,17 +87,17 @@ def _reciprocal(a: Vector, b: Vector) -> bool:
     return not (difference > UNEQUAL * size and difference > COUPLED * math.sqrt(own[0] * own[1]))
 
 
-def _told(element: Element, law: Relation, point: Point, a: Vector, b: Vector) -> NotConservative:
+def _told(element: Element, law: Relation, point: Point, a: TangentVector, b: TangentVector) -> NotConservative:
     """Error with the two derivatives that should be equal, under their names."""
 
-    def dual(of: Vector, over: tuple[int, bool]) -> tuple[str, float]:
+    def dual(of: TangentVector, over: tuple[int, bool]) -> tuple[str, float]:
         """Partner of a variable in the energy, and its change along a direction."""
         port, stored = over
         if stored:
             return port_name(element, port, law.y[port].variable), of.y[port]
         return f"-{port_name(element, port, law.x[port].variable)}", -of.x[port]
 
-    def name(of: Vector) -> str:
+    def name(of: TangentVector) -> str:
         port, stored = of.free
         return port_name(element, port, (law.x if stored else law.y)[port].variable)
 
@@ -205,7 +205,7 @@ def _at_rest(law: Relation) -> Iterator[bool]:
             yield False
 
 
-def _power(a: Vector, b: Vector) -> float:
+def _power(a: TangentVector, b: TangentVector) -> float:
     """Bilinear form whose value for a = b is the power; zero if only round-off is left."""
     terms = [*(x * y for x, y in zip(a.x, b.y, strict=True)), *(x * y for x, y in zip(b.x, a.y, strict=True))]
     total = math.fsum(terms)

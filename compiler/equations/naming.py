@@ -6,7 +6,7 @@ from functools import cache
 
 from ..graph.domains import DOMAINS
 from ..graph.elements import TRANSDUCERS
-from ..graph.network import BondGraph, Element, End, MechanismNode
+from ..graph.network import BondEnd, BondGraph, Element, MechanismNode
 
 
 def bond_names(graph: BondGraph, number: int) -> tuple[str, str, str, str]:
@@ -26,7 +26,7 @@ def bond_names(graph: BondGraph, number: int) -> tuple[str, str, str, str]:
     )
 
 
-def _rank(graph: BondGraph, end: End) -> int:
+def _rank(graph: BondGraph, end: BondEnd) -> int:
     node = graph.nodes[end.node]
     if isinstance(node, Element):
         return 1 if node.kind in TRANSDUCERS else 0

@@ -32,7 +32,7 @@ from ..algebra.expression import (
     symbols,
 )
 from ..algebra.formula import Formula, bind
-from .system import Argument, Assignment, EquationSystem, Following, State, Variable
+from .system import Argument, Assignment, EquationSystem, State, StateFollower, Variable
 
 MOST = 32  # terms of a rate: a longer one counts as a flow of its own
 DIGITS = 13  # of a factor by which two rates are the same
@@ -167,7 +167,7 @@ def share_states(system: EquationSystem, signals: frozenset[int], elements: froz
             if row:
                 first = row[min(row)]
                 groups.setdefault(_direction(row, first), []).append((state, first))
-    writer = _Writer(system, signals)
+    writer = _StateReplacement(system, signals)
     for group in groups.values():
         if len(group) > 1:
             writer.share(group)
@@ -220,14 +220,14 @@ def _moved_apart(system: EquationSystem) -> set[int]:
     return found
 
 
-class _Writer:
+class _StateReplacement:
     """Replacement of states by followers."""
 
     def __init__(self, system: EquationSystem, signals: frozenset[int]) -> None:
         self.old, self.signals = system, signals
         self.variables, self.assignments = list(system.variables), list(system.assignments)
         self.leaders: dict[int, State] = {}  # by variable, with the data that they take over
-        self.following: list[Following] = []
+        self.following: list[StateFollower] = []
         self.owners = {v: s.element for s in system.storages for v in s.stored}
         self.flows = {p.flow for p in system.ports}
         self.computed = {a.target: a for a in system.assignments if not a.implicit}
@@ -290,7 +290,7 @@ class _Writer:
         bound = bind(add(multiply(ratio, Symbol(leader.variable)), held))
         self.assignments.append(Assignment(state.variable, bound.formula, tuple(bound.arguments), state.span, owner))
         factor = ratio.value if isinstance(ratio, Number) else None
-        self.following.append(Following(state.variable, leader.variable, factor, state.start))
+        self.following.append(StateFollower(state.variable, leader.variable, factor, state.start))
 
     def _static(self, x: Expression, name: str, state: State) -> Argument:
         if isinstance(x, Number):

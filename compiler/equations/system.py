@@ -81,7 +81,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Following:
+class StateFollower:
     """Content of a storage or an `integral` that is `factor` times a state plus a constant of the run.
 
     `factor` is None if it depends on parameters; `start` is the content at the start.
@@ -121,7 +121,7 @@ class Invariant:
 
 
 @dataclass(frozen=True, slots=True)
-class Balance:
+class MomentumBalance:
     """An implicit unknown that is solved with the multipliers, after them: once they are eliminated, its residual has a slope from -1 to 0.
 
     It belongs to a coordinate of a mechanism that moves inertia only through closing joints. If it moves none even so, the slope is zero,
@@ -190,7 +190,7 @@ class Delayed:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class EventAssignment:
     """Assignment of an event: its target (a state, a discrete variable, or one computed from states) and the variable of its new value."""
 
     target: int
@@ -204,7 +204,7 @@ class EventRow:
     """`when`: a variable that is 1 if the condition holds, and the assignments at the instant of its rise; or `every`."""
 
     condition: int
-    settings: tuple[Setting, ...]
+    settings: tuple[EventAssignment, ...]
     owner: str  # the instance, "" for the model itself
     words: str
     span: Span
@@ -212,7 +212,7 @@ class EventRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Switch:
+class JunctionSwitch:
     """A junction that is on if a variable is 1."""
 
     junction: str
@@ -237,10 +237,10 @@ class EquationSystem:
     claims: tuple[Claim, ...]
     limits: tuple[Validity, ...] = ()
     invariants: tuple[Invariant, ...] = ()
-    balances: tuple[Balance, ...] = ()
+    balances: tuple[MomentumBalance, ...] = ()
     discretes: tuple[Discrete, ...] = ()
     events: tuple[EventRow, ...] = ()
-    switches: tuple[Switch, ...] = ()
+    switches: tuple[JunctionSwitch, ...] = ()
     delays: tuple[Delayed, ...] = ()
     pieced: frozenset[int] = frozenset()  # computed in pieces that join smoothly: conditions in them are no events
-    following: tuple[Following, ...] = ()
+    following: tuple[StateFollower, ...] = ()

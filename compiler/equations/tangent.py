@@ -25,7 +25,7 @@ SINGULAR = 1e-12
 Point = Mapping[Own, float]
 
 
-class Vector(NamedTuple):
+class TangentVector(NamedTuple):
     """A direction (dx, dy) of the tangent space. `free` is the variable that generates it: a port, and True for its x."""
 
     x: list[float]
@@ -123,7 +123,7 @@ def _explicit(
     return None, (), ()
 
 
-def tangents(law: Relation, point: Point) -> list[Vector] | None:
+def tangents(law: Relation, point: Point) -> list[TangentVector] | None:
     """Basis of the tangent space at a point, with dx as free as possible; None if the equations are dependent."""
     n = len(law.x)
     try:
@@ -131,7 +131,7 @@ def tangents(law: Relation, point: Point) -> list[Vector] | None:
     except (ArithmeticError, ValueError):
         return None
     found = _kernel(table)
-    return None if found is None else [Vector(v[n:], v[:n], (c % n, c >= n)) for c, v in found.items()]
+    return None if found is None else [TangentVector(v[n:], v[:n], (c % n, c >= n)) for c, v in found.items()]
 
 
 def _kernel(table: list[list[float]]) -> dict[int, list[float]] | None:

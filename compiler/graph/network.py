@@ -115,7 +115,7 @@ class MechanismNode:
 Node = Element | Junction | MechanismNode
 
 
-class End(NamedTuple):
+class BondEnd(NamedTuple):
     """End of a bond: a node and one of its ports (0 for a junction), by number."""
 
     node: int
@@ -126,8 +126,8 @@ class End(NamedTuple):
 class Bond:
     """A half arrow from `tail` to `head`, the direction in which power counts as positive."""
 
-    tail: End
-    head: End
+    tail: BondEnd
+    head: BondEnd
     domain: str
     span: Span
 
@@ -240,7 +240,7 @@ class BondGraph:
         def cell(words: str) -> str:
             return f"<td>{escape(printable(words))}</td>"
 
-        def end(end: End) -> str:
+        def end(end: BondEnd) -> str:
             node = self.nodes[end.node]
             return f"{node.kind.value} {node.name}"
 

@@ -14,9 +14,9 @@ from ..algebra.formula import Bound
 from .elements import STORAGES, Kind
 from .network import (
     Bond,
+    BondEnd,
     BondGraph,
     Element,
-    End,
     Junction,
     Law,
     MechanismNode,
@@ -73,7 +73,7 @@ def fold(bound: Bound, is_zero: object) -> Expression:
 def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
     """The graph without elements that contribute nothing."""
     read = {name for r in _readings(graph) for name in _read_nodes(graph, r)}
-    dropped: set[End] = set()
+    dropped: set[BondEnd] = set()
     changed: dict[int, Element] = {}
     neighbours = _neighbours(graph)
     for number, node in enumerate(graph.nodes):
@@ -85,11 +85,13 @@ def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:
         if node.name in read:
             changed[number] = _with_zero(node, silent)
             continue
-        removable = {p for p, variable in silent.items() if _absorbs(graph, neighbours.get(End(number, p)), variable)}
+        removable = {
+            p for p, variable in silent.items() if _absorbs(graph, neighbours.get(BondEnd(number, p)), variable)
+        }
         if len(node.ports) == 1 and not removable:
             changed[number] = _silent_source(node, silent[0])
         elif removable and _independent(node, removable):
-            dropped |= {End(number, p) for p in removable}
+            dropped |= {BondEnd(number, p) for p in removable}
             if len(removable) < len(node.ports):
                 changed[number] = _without_ports(node, removable)
     if not dropped and not changed:
@@ -138,7 +140,7 @@ def _read_nodes(graph: BondGraph, reading: Reading) -> tuple[str, ...]:
     return tuple(graph.nodes[end.node].name for end in (graph.bonds[number].tail, graph.bonds[number].head))
 
 
-def _neighbours(graph: BondGraph) -> Mapping[End, int]:
+def _neighbours(graph: BondGraph) -> Mapping[BondEnd, int]:
     """For each end of a bond the node at its other end."""
     result = {}
     for bond in graph.bonds:
@@ -236,7 +238,7 @@ def _without_ports(node: Element, removed: set[int]) -> Element:
     )
 
 
-def _rebuild(graph: BondGraph, dropped: set[End], changed: Mapping[int, Element]) -> BondGraph:
+def _rebuild(graph: BondGraph, dropped: set[BondEnd], changed: Mapping[int, Element]) -> BondGraph:
     kept_bonds = [n for n, b in enumerate(graph.bonds) if b.tail not in dropped and b.head not in dropped]
     bonds = [graph.bonds[n] for n in kept_bonds]
     place = {n: i for i, n in enumerate(kept_bonds)}
@@ -244,7 +246,7 @@ def _rebuild(graph: BondGraph, dropped: set[End], changed: Mapping[int, Element]
     gone = {end.node for end in dropped if end.node not in changed}
     numbers: dict[int, int] = {}
     nodes: list[Node] = []
-    ports: dict[End, End] = {}
+    ports: dict[BondEnd, BondEnd] = {}
     for number, node in enumerate(graph.nodes):
         if number in gone:
             continue
@@ -256,25 +258,27 @@ def _rebuild(graph: BondGraph, dropped: set[End], changed: Mapping[int, Element]
         elif number in changed:
             old = graph.nodes[number]
             assert isinstance(old, Element)
-            kept = [p for p in range(len(old.ports)) if End(number, p) not in dropped]
-            ports.update({End(number, p): End(number, i) for i, p in enumerate(kept)})
+            kept = [p for p in range(len(old.ports)) if BondEnd(number, p) not in dropped]
+            ports.update({BondEnd(number, p): BondEnd(number, i) for i, p in enumerate(kept)})
         nodes.append(node)
 
-    def moved_end(end: End) -> End:
+    def moved_end(end: BondEnd) -> BondEnd:
         end = ports.get(end, end)
-        return End(numbers[end.node], end.port)
+        return BondEnd(numbers[end.node], end.port)
 
     moved_bonds = tuple(Bond(moved_end(b.tail), moved_end(b.head), b.domain, b.span) for b in bonds)
     return replace(graph, nodes=tuple(nodes), bonds=moved_bonds, walls=walls)
 
 
-def _mechanism_ports(node: MechanismNode, number: int, bonds: list[Bond]) -> tuple[MechanismNode, dict[End, End]]:
+def _mechanism_ports(
+    node: MechanismNode, number: int, bonds: list[Bond]
+) -> tuple[MechanismNode, dict[BondEnd, BondEnd]]:
     """The mechanism with only the ports that still have a bond."""
     used = {e.port for b in bonds for e in (b.tail, b.head) if e.node == number}
     kept: list[Port] = []
-    moved: dict[End, End] = {}
+    moved: dict[BondEnd, BondEnd] = {}
     for old, port in enumerate(node.ports):
         if old in used:
-            moved[End(number, old)] = End(number, len(kept))
+            moved[BondEnd(number, old)] = BondEnd(number, len(kept))
             kept.append(port)
     return replace(node, ports=tuple(kept)), moved

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from ..algebra.expression import ZERO, Symbol, evaluate
 from .elements import Kind
-from .network import TIME, Bond, BondGraph, Element, End, Junction, Law, Node, Own, Port, Quantity
+from .network import TIME, Bond, BondEnd, BondGraph, Element, Junction, Law, Node, Own, Port, Quantity
 from .sharing import shared
 
 
@@ -35,8 +35,8 @@ def switch_off(graph: BondGraph, names: Iterable[str], valves: frozenset[str] = 
             else:
                 nodes[number] = source
 
-    def moved(end: End, bond: int) -> End:
-        return End(ends.get((end.node, bond), end.node), end.port)
+    def moved(end: BondEnd, bond: int) -> BondEnd:
+        return BondEnd(ends.get((end.node, bond), end.node), end.port)
 
     bonds = tuple(Bond(moved(b.tail, n), moved(b.head, n), b.domain, b.span) for n, b in enumerate(graph.bonds))
     return shared(replace(graph, nodes=tuple(nodes), bonds=bonds), valves, off, frozenset(holding))

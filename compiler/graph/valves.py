@@ -20,7 +20,7 @@ from ..algebra.formula import Bound, Formula
 from ..nouns import dataclass
 from ..source import Span
 from .elements import Kind
-from .network import Bond, BondGraph, Element, End, Event, Junction, Own, Quantity, Reading, Switch
+from .network import Bond, BondEnd, BondGraph, Element, Event, Junction, Own, Quantity, Reading, Switch
 from .sharing import groups
 
 SAMPLES = (-1e3, -1.0, -1e-9, 1e-9, 1.0, 1e3)  # of an effort or a flow, at which conditions are read
@@ -86,7 +86,7 @@ def _opened(graph: BondGraph, switch: Switch, valve: Valve) -> BondGraph:
     active = switch.active
     if node.kind is Kind.ONE:
         active = Bound(Formula(active.formula.arity, ONE - active.formula.expression), active.arguments)
-    bond = Bond(End(number, 0), End(len(graph.nodes), 0), node.domain, switch.span)
+    bond = Bond(BondEnd(number, 0), BondEnd(len(graph.nodes), 0), node.domain, switch.span)
     switches = tuple(replace(s, junction=gap.name, active=active) if s is switch else s for s in graph.switches)
     other = "f" if node.kind is Kind.ZERO else "e"
     events = tuple(

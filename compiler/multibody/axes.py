@@ -25,7 +25,7 @@ ROUNDING = 2e-15  # of a vector's length, after it was turned
 
 
 @dataclass(frozen=True, slots=True)
-class Branch:
+class AxisBranch:
     """Axes of the links of one branch. `still`: they do not turn; `basis`: constant rotation from the world's axes.
 
     `active`: the components (of six: torques or angular velocities, then forces or velocities) that can be non-zero.
@@ -36,7 +36,7 @@ class Branch:
     active: tuple[int, ...]
 
 
-ANYWHERE = Branch(False, WORLD, (0, 1, 2, 3, 4, 5))
+ANYWHERE = AxisBranch(False, WORLD, (0, 1, 2, 3, 4, 5))
 SLIDING = (3, 4, 5)
 IN_PLANE = (2, 3, 4)
 
@@ -71,7 +71,7 @@ def numbers(v: Vector) -> tuple[float, float, float] | None:
     return None
 
 
-def branches(links: Sequence[Link], directions: Sequence[Vector]) -> list[Branch]:
+def branches(links: Sequence[Link], directions: Sequence[Vector]) -> list[AxisBranch]:
     """Branch of each link. `directions` are unit vectors in the drawing."""
     roots: list[int] = []
     for number, link in enumerate(links):
@@ -83,12 +83,12 @@ def branches(links: Sequence[Link], directions: Sequence[Vector]) -> list[Branch
     return [kinds[root] for root in roots]
 
 
-def _branch(moves: Sequence[tuple[str, Vector]]) -> Branch:
+def _branch(moves: Sequence[tuple[str, Vector]]) -> AxisBranch:
     kinds = {kind for kind, _ in moves}
     if not kinds <= {"slide", "hinge", "weld"}:
         return ANYWHERE
     if "hinge" not in kinds:
-        return Branch(True, WORLD, SLIDING)
+        return AxisBranch(True, WORLD, SLIDING)
     hinges = [numbers(d) for kind, d in moves if kind == "hinge"]
     axis = hinges[0]
     if axis is None or any(h is None or not _is_along(h, axis) for h in hinges):
@@ -96,7 +96,7 @@ def _branch(moves: Sequence[tuple[str, Vector]]) -> Branch:
     across = [dot(d, _vector(axis)) for kind, d in moves if kind == "slide"]
     if not all(isinstance(x, Number) and abs(x.value) < NEARLY for x in across):
         return ANYWHERE
-    return Branch(True, _with_third(axis), IN_PLANE)
+    return AxisBranch(True, _with_third(axis), IN_PLANE)
 
 
 def _vector(v: tuple[float, float, float]) -> Vector:

@@ -14,7 +14,7 @@ from ..algebra.expression import ZERO, Expression, Symbol, add, call, divide, mu
 from ..graph.mechanism import PLANAR_POSE, POSE, Joint
 from ..nouns import dataclass
 from .kinematics import Kinematics
-from .motion import Motion
+from .motion import PortMotion
 from .placed import Placed
 from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
 from .turns import HALF, NO_TURN, AxialTurn, Quaternion, Turn, composed, conjugate, of_quaternion, quaternion_product
@@ -72,7 +72,7 @@ class Chords:
         return first, second
 
     # ------------------------------------------------------------ free joints
-    def free(self, joint: Joint, efforts: Mapping[str, Expression]) -> dict[str, Motion]:
+    def free(self, joint: Joint, efforts: Mapping[str, Expression]) -> dict[str, PortMotion]:
         """Motions of a free joint's ports. Its wrench acts on the bodies."""
         script, name = self.script, joint.name
         ends = self._ends(joint)
@@ -91,7 +91,7 @@ class Chords:
             rest = script.constant(joint.rest[letter], f"{name}.{letter} rest") if letter in joint.rest else ZERO
             held = script.held(f"{name}.{letter}", along[kind][i] + rest, ("m", "1")[kind])
             flow = script.let(f"{name}.{letter}.{('v', 'omega')[kind]}", rates[kind][i], ("m/s", "1/s")[kind])
-            motions[f"{name}.{letter}"] = Motion(flow, Symbol(held), held)
+            motions[f"{name}.{letter}"] = PortMotion(flow, Symbol(held), held)
         return motions
 
     def _ends(self, joint: Joint) -> _Ends:
@@ -188,7 +188,7 @@ class Chords:
         self.kinematics.push(ends.first, negated(force), negated(plus(reaction, minus(moment, kept))), f"{name}.first")
 
     # ------------------------------------------------------------ distances
-    def distance(self, joint: Joint, points: tuple[Vector, Vector], efforts: Mapping[str, Expression]) -> dict[str, Motion]:  # fmt: skip
+    def distance(self, joint: Joint, points: tuple[Vector, Vector], efforts: Mapping[str, Expression]) -> dict[str, PortMotion]:  # fmt: skip
         """Distance between two points. Its effort pushes them apart."""
         script, name = self.script, joint.name
         first, second = self.sides(joint, points)
@@ -203,4 +203,4 @@ class Chords:
             force = script.vector(f"{name}.force", scaled(effort, way), "N")
             self.kinematics.push(second, force, NULL, f"{name}.second")
             self.kinematics.push(first, negated(force), NULL, f"{name}.first")
-        return {f"{name}.d": Motion(flow, Symbol(held), held)}
+        return {f"{name}.d": PortMotion(flow, Symbol(held), held)}

@@ -16,9 +16,9 @@ from .coordinates import is_turning
 from .errors import ClosedLoop
 from .kinematics import Kinematics
 from .leaves import Leaves
-from .motion import MechanismEquations, Motion
+from .motion import MechanismEquations, PortMotion
 from .recursion import Recursion
-from .sides import Coordinate, Row, Sides
+from .sides import LoopCoordinate, Row, Sides
 from .tree import loop_of
 from .vectors import NULL, Vector
 
@@ -34,7 +34,7 @@ class Closure:
         self.efforts, self.result, self.used = efforts, result, used
         self.rows: list[tuple[Row, int, Expression, Joint]] = []
         self.wrenches: dict[str, tuple[Vector, Vector]] = {}  # joint -> on its second body, of its multipliers and port
-        self.left: dict[str, dict[str, Coordinate]] = {}  # joint -> the coordinates that it leaves
+        self.left: dict[str, dict[str, LoopCoordinate]] = {}  # joint -> the coordinates that it leaves
 
     def begin(self) -> None:
         """Write the ports of the closing joints, their rows, and the multipliers as forces."""
@@ -72,12 +72,12 @@ class Closure:
             rest = self.script.constant(joint.rest[letter], f"{name} rest") if letter in joint.rest else ZERO
             held = self.script.held(name, add(rest, coordinate.value), "1" if turns else "m")
             flow = self.script.let(f"{name} rate", coordinate.rate, "1/s" if turns else "m/s")
-            self.result.motions[name] = Motion(flow, Symbol(held), held)
+            self.result.motions[name] = PortMotion(flow, Symbol(held), held)
             effort = self.efforts.get(name, ZERO)
             if effort != ZERO:
                 coordinate.push(effort)
 
-    def _coordinates(self, joint: Joint, sides: Sides | None = None) -> dict[str, Coordinate]:
+    def _coordinates(self, joint: Joint, sides: Sides | None = None) -> dict[str, LoopCoordinate]:
         """Coordinates that a closing joint leaves free, written once, as an angle may be a state."""
         if joint.name not in self.left:
             self.left[joint.name] = Leaves(self._sides(joint) if sides is None else sides).coordinates()
@@ -118,7 +118,7 @@ class Closure:
             )
         ]  # fmt: skip
 
-    def _coordinate(self, name: str) -> Coordinate:
+    def _coordinate(self, name: str) -> LoopCoordinate:
         """Coordinate of a hinge or slide, of the tree or closing, relative to the drawing."""
         joint = next(j for j in self.kinematics.mechanism.joints if j.name == name)
         port = f"{name}.{joint.freedoms[0]}"
@@ -130,4 +130,4 @@ class Closure:
         def push(effort: Expression) -> None:
             efforts[port] = efforts.get(port, ZERO) + effort
 
-        return Coordinate(known.moved, known.rate, lambda: known.acceleration, push)
+        return LoopCoordinate(known.moved, known.rate, lambda: known.acceleration, push)

@@ -19,7 +19,7 @@ from .massless import Lent
 from .moving import Moving
 from .recursion import PLACES, Recursion
 from .script import Script
-from .values import Values
+from .values import SampleValues
 from .vectors import UNIT
 
 NOTHING = 1e-13  # relative to the inertia with the joints outwards fixed
@@ -37,7 +37,7 @@ class Survey:
 
 def survey(kinematics: Kinematics, recursion: Recursion, around: Mapping[int, Lent]) -> Survey:
     """Check the inertia along all coordinates. `around`: for each link within a closed loop, its fictitious inertias."""
-    values = Values(kinematics.script)
+    values = SampleValues(kinematics.script)
     count = len(kinematics.moving)
     free = [[[values.of(x) for x in row] for row in recursion.own_matrix(m)] for m in kinematics.moving]  # fmt: skip
     held = [[list(row) for row in rows] for rows in free]
@@ -78,7 +78,7 @@ def _times(rows: Square, v: Sequence[float]) -> list[float]:
     return [sum(a * b for a, b in zip(row, v, strict=True)) for row in rows]
 
 
-def _carried(values: Values, moving: Moving) -> Square:
+def _carried(values: SampleValues, moving: Moving) -> Square:
     """Motion of a link for each of the six motions of its parent; columns."""
     script = _Unwritten(values.script)
     arm = [values.of(x) for x in moving.shift]

@@ -26,7 +26,7 @@ from .moving import Moving
 from .recursion import Recursion
 from .tree import bonded_joints
 from .turns import unit
-from .values import Elsewhere, Values
+from .values import Elsewhere, SampleValues
 from .vectors import UNIT, Matrix, Vector, minus
 
 Numbers = tuple[float, float, float]
@@ -35,7 +35,7 @@ HINGED = frozenset({"hinge", "cylinder"})
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class LinkGeometry:
     """Geometry of the joints, forces and masses of a link: points, and lines through points; in the drawing, world axes."""
 
     points: tuple[Vector, ...]
@@ -49,7 +49,7 @@ class Held:
 
 def idle_turns(kinematics: Kinematics, recursion: Recursion, driving: Set[str]) -> Mapping[int, Matrix]:
     """For each link with an idle rotation, the added inertia: 3 x 3, link axes. `driving`: ports with efforts or flows."""
-    values = (Values(kinematics.script), Elsewhere(kinematics.script))
+    values = (SampleValues(kinematics.script), Elsewhere(kinematics.script))
     driven = bonded_joints(driving) | {
         end for j in kinematics.tree.closing if j.kind in COUPLINGS for end in (j.first, j.second)
     }
@@ -66,7 +66,7 @@ def idle_turns(kinematics: Kinematics, recursion: Recursion, driving: Set[str]) 
     return result
 
 
-def _about(way: Sequence[Vector], size: float, values: Values) -> Matrix:
+def _about(way: Sequence[Vector], size: float, values: SampleValues) -> Matrix:
     """Inertia about directions: a weighted sum of their dyadic squares."""
     shares = [Number(size / sum(values.of(x) ** 2 for x in v)) for v in way]
     a, b, c = (
@@ -77,7 +77,7 @@ def _about(way: Sequence[Vector], size: float, values: Values) -> Matrix:
 
 
 # ---------------------------------------------------------------- what holds a link
-def _held(kinematics: Kinematics, moving: Moving, driving: Set[str], driven: Set[str]) -> Held | None:
+def _held(kinematics: Kinematics, moving: Moving, driving: Set[str], driven: Set[str]) -> LinkGeometry | None:
     """Geometry of the joints, forces and masses of a link; None if it is more than points and lines."""
     on, place, index = kinematics.on, kinematics.tree.place, moving.index
     points: list[Vector] = []
@@ -112,7 +112,7 @@ def _held(kinematics: Kinematics, moving: Moving, driving: Set[str], driven: Set
     pushed = _pushed(kinematics, index, driving)
     if pushed is None:
         return None
-    return Held((*points, *pushed, *_weighed(kinematics, moving)), tuple(lines))
+    return LinkGeometry((*points, *pushed, *_weighed(kinematics, moving)), tuple(lines))
 
 
 def _is_on(on: Mapping[str, str], place: Mapping[str, int | None], end: str, index: int) -> bool:
@@ -150,7 +150,9 @@ def _weighed(kinematics: Kinematics, moving: Moving) -> list[Vector]:
 
 
 # ---------------------------------------------------------------- symmetry
-def _way(kinematics: Kinematics, moving: Moving, held: Held, values: Sequence[Values]) -> Sequence[Vector] | None:
+def _way(
+    kinematics: Kinematics, moving: Moving, held: LinkGeometry, values: Sequence[SampleValues]
+) -> Sequence[Vector] | None:
     """Directions, link axes, of a link's idle rotations: three for a point, one for a line; None if there is none."""
     places = held.places
     apart = [minus(p, places[0]) for p in places[1:]]
@@ -175,7 +177,7 @@ def _is_point(kinematics: Kinematics, body: Body) -> bool:
     return all(x == ZERO for x in _inertia(kinematics, body))
 
 
-def _is_singular(kinematics: Kinematics, body: Body, values: Values) -> bool:
+def _is_singular(kinematics: Kinematics, body: Body, values: SampleValues) -> bool:
     """Return True if a body has no inertia about some direction that it may turn about."""
     xx, yy, zz, xy, xz, yz = (values.of(x) for x in _inertia(kinematics, body))
     if kinematics.mechanism.planar:
@@ -184,7 +186,7 @@ def _is_singular(kinematics: Kinematics, body: Body, values: Values) -> bool:
     return abs(whole) <= SAME * max(abs(xx), abs(yy), abs(zz)) ** 3
 
 
-def _is_thin(kinematics: Kinematics, body: Body, way: Vector, values: Sequence[Values]) -> bool:
+def _is_thin(kinematics: Kinematics, body: Body, way: Vector, values: Sequence[SampleValues]) -> bool:
     """Return True if a body has no inertia about a direction through its centre."""
     turn = kinematics.script.place(body.turn, f"{body.name} turn", "1")
     for each in values:
@@ -207,18 +209,18 @@ def _turned_back(v: Numbers, turn: Numbers) -> Numbers:
     return x, y, z
 
 
-def _is_nothing(v: Vector, places: Sequence[Vector], values: Sequence[Values]) -> bool:
+def _is_nothing(v: Vector, places: Sequence[Vector], values: Sequence[SampleValues]) -> bool:
     """Return True if a difference of positions is only rounding."""
     return all(hypot(*_of(each, v)) <= SAME * max(hypot(*_of(each, p)) for p in places) for each in values)
 
 
-def _is_along(a: Vector, b: Vector, values: Sequence[Values]) -> bool:
+def _is_along(a: Vector, b: Vector, values: Sequence[SampleValues]) -> bool:
     """Return True if two directions are parallel or antiparallel."""
     pairs = [(_of(each, a), _of(each, b)) for each in values]
     return all(hypot(*_cross(x, y)) <= SAME * hypot(*x) * hypot(*y) for x, y in pairs)
 
 
-def _of(values: Values, v: Vector) -> Numbers:
+def _of(values: SampleValues, v: Vector) -> Numbers:
     return values.of(v[0]), values.of(v[1]), values.of(v[2])
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, multiply, negate
 from ..graph.mechanism import GROUND, NOTHING, ORIGIN, Body, Inertia, Joint, Mechanism
-from .axes import ANYWHERE, WORLD, Basis, Branch, branches, numbers, snapped, to_own, turned_to
+from .axes import ANYWHERE, WORLD, AxisBranch, Basis, branches, numbers, snapped, to_own, turned_to
 from .coordinates import Coordinate, Coordinates
 from .moving import Moving
 from .script import Script
@@ -77,7 +77,7 @@ class Links:
             return self.moving[moving.parent]
         return self.ground(moving.branch)
 
-    def ground(self, branch: Branch = ANYWHERE) -> Moving:
+    def ground(self, branch: AxisBranch = ANYWHERE) -> Moving:
         """The ground in the axes of a branch."""
         basis = branch.basis
         if basis not in self._grounds:
@@ -86,7 +86,7 @@ class Links:
             self._grounds[basis] = Moving(link, -1, None, branch, basis, NULL)
         return self._grounds[basis]
 
-    def _moved(self, link: Link, branch: Branch, direction: Vector) -> Moving:
+    def _moved(self, link: Link, branch: AxisBranch, direction: Vector) -> Moving:
         basis = branch.basis if link.parent is None else self.moving[link.parent].basis
         moving = Moving(link, len(self.moving), link.parent, branch, basis, NULL, direction=direction)
         if link.step.kind == "float":

@@ -10,7 +10,7 @@ from __future__ import annotations
 from ..algebra.expression import ONE, ZERO, Expression, Symbol, call, divide, multiply, negate
 from ..errors import InternalError
 from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
-from .sides import Coordinate, Row, Sides
+from .sides import LoopCoordinate, Row, Sides
 from .turns import AxialTurn, Quaternion, conjugate, quaternion_product
 from .vectors import NULL, UNIT, Vector, cross, dot, minus, negated, scaled
 
@@ -21,7 +21,7 @@ class Leaves:
     def __init__(self, sides: Sides) -> None:
         self.sides, self.joint, self.script = sides, sides.joint, sides.script
 
-    def coordinates(self) -> dict[str, Coordinate]:
+    def coordinates(self) -> dict[str, LoopCoordinate]:
         """Coordinates by letter."""
         sides, kind = self.sides, self.joint.kind
         if self.joint.planar:
@@ -51,11 +51,11 @@ class Leaves:
 
     # ------------------------------------------------------------ one axis
     @staticmethod
-    def _way(row: Row) -> Coordinate:
+    def _way(row: Row) -> LoopCoordinate:
         """Row for a direction that is free."""
-        return Coordinate(row.gap, row.rate, row.acceleration, row.push)
+        return LoopCoordinate(row.gap, row.rate, row.acceleration, row.push)
 
-    def _turns_about(self) -> Coordinate:
+    def _turns_about(self) -> LoopCoordinate:
         """An angle about the joint's axis, the third one for a planar joint."""
         sides = self.sides
         a, b, c = sides.axes()
@@ -72,7 +72,7 @@ class Leaves:
             (_, first), (_, second) = sides.accelerations()
             return dot(axis, minus(second, first)) + dot(cross(sides.first.spin, axis), sides.spin)
 
-        return Coordinate(value, rate, acceleration, lambda torque: self._twist(scaled(torque, axis)))
+        return LoopCoordinate(value, rate, acceleration, lambda torque: self._twist(scaled(torque, axis)))
 
     def _plainly(self, axis: Vector) -> Expression | None:
         """The angle, if both bodies turn about the joint's axis alone."""
@@ -85,19 +85,19 @@ class Leaves:
         value = (ZERO if far.is_none else far.angle) - (ZERO if near.is_none else near.angle)
         return value if axis == third else negate(value)
 
-    def _threaded(self) -> Coordinate:
+    def _threaded(self) -> LoopCoordinate:
         """Angle of a screw, from its displacement, which counts the turns."""
         sides = self.sides
         way, lead = sides.slid(), sides.lead()
         axis = sides.on(sides.first, sides.axes()[0], "a")
         value = self.script.let(f"{self.joint.name}.phi turned", divide(way.gap, lead), "1")
-        return Coordinate(
+        return LoopCoordinate(
             value, divide(way.rate, lead), lambda: divide(way.acceleration(), lead),
             lambda torque: self._twist(scaled(torque, axis)),
         )  # fmt: skip
 
     # ------------------------------------------------------------ several axes
-    def _crossed(self) -> dict[str, Coordinate]:
+    def _crossed(self) -> dict[str, LoopCoordinate]:
         """Angles of a universal joint: about its first axis, fixed to the first body, and its second, fixed to the second body."""
         sides, script, name = self.sides, self.script, self.joint.name
         a, o = sides.direction(self.joint.axis, "axis"), sides.direction(self.joint.other_axis, "other_axis")
@@ -117,7 +117,7 @@ class Leaves:
             found[letter] = self._plain(self._counted(letter, sine, cosine, rate), rate, dual)
         return found
 
-    def _turned(self) -> dict[str, Coordinate]:
+    def _turned(self) -> dict[str, LoopCoordinate]:
         """Rotation vector of a ball: of the second body relative to the first, up to 2 pi."""
         sides, script, name = self.sides, self.script, self.joint.name
         near = sides.first.turn
@@ -135,7 +135,7 @@ class Leaves:
             found[letter] = self._plain(value, rate, script.vector(f"{name}.{letter} dual", dual))
         return found
 
-    def _plain(self, value: Expression, rate: Expression, dual: Vector) -> Coordinate:
+    def _plain(self, value: Expression, rate: Expression, dual: Vector) -> LoopCoordinate:
         """A coordinate that no gear couples: its acceleration is not needed."""
 
         def acceleration() -> Expression:
@@ -143,7 +143,7 @@ class Leaves:
                 f"the acceleration of {self.joint.name}, a {self.joint.kind} that closes a loop, is not written"
             )
 
-        return Coordinate(value, rate, acceleration, lambda torque: self._twist(scaled(torque, dual)))
+        return LoopCoordinate(value, rate, acceleration, lambda torque: self._twist(scaled(torque, dual)))
 
     def _twist(self, torque: Vector) -> None:
         self.sides.push(NULL, torque, negated(torque))

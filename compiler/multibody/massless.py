@@ -27,7 +27,7 @@ from ..nouns import dataclass
 from .kinematics import Kinematics
 from .recursion import Recursion
 from .tree import Tree
-from .values import Values
+from .values import SampleValues
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ def lent_around(kinematics: Kinematics, recursion: Recursion) -> Mapping[int, Le
     tree = kinematics.tree
     if not tree.closing:
         return {}
-    values = Values(kinematics.script)
+    values = SampleValues(kinematics.script)
     whole = measured(kinematics, recursion, values, set(range(len(tree.links))))
     result: dict[int, Lent] = {}
     for joint in tree.closing:
@@ -96,7 +96,7 @@ def _outside(tree: Tree, links: set[int]) -> set[int]:
 
 
 def _reached(
-    kinematics: Kinematics, recursion: Recursion, values: Values, joint: Joint, links: set[int]
+    kinematics: Kinematics, recursion: Recursion, values: SampleValues, joint: Joint, links: set[int]
 ) -> Lent | None:
     """Mass, and inertia from the distance of the closing joint, of links that all turn about one point; None as in `measured`."""
     if joint.kind in COUPLINGS:
@@ -114,7 +114,7 @@ def _reached(
     return Lent(mass, turning) if 0 < mass < inf and 0 < turning < inf else None
 
 
-def measured(kinematics: Kinematics, recursion: Recursion, values: Values, links: set[int]) -> Lent | None:
+def measured(kinematics: Kinematics, recursion: Recursion, values: SampleValues, links: set[int]) -> Lent | None:
     """Mass of some links, and their inertia about each other; None if both are zero."""
     mass = turning = 0.0
     points = []

@@ -13,11 +13,11 @@ from .energy import energy
 from .idle_turns import idle_turns
 from .kinematics import Kinematics
 from .massless import lent_around
-from .motion import MechanismEquations, Motion
-from .ports import Ports
+from .motion import MechanismEquations, PortMotion
+from .ports import PortWriter
 from .reactions import reaction
 from .recursion import PLACES, Recursion
-from .script import Script, Writer
+from .script import EquationWriter, Script
 from .starts import claim_starts, claimed_parts
 from .tree import Tree, bonded_joints, is_weld, spanning_tree
 from .vectors import Vector
@@ -25,7 +25,7 @@ from .vectors import Vector
 
 def mechanism_equations(
     mechanism: Mechanism, efforts: Mapping[str, Expression], flows: Mapping[str, Expression], wanted: Set[str],
-    builder: Writer,
+    builder: EquationWriter,
 ) -> MechanismEquations:  # fmt: skip
     """Write the equations of a mechanism.
 
@@ -42,7 +42,7 @@ class Mechanics:
 
     def __init__(
         self, mechanism: Mechanism, tree: Tree, efforts: Mapping[str, Expression], flows: Mapping[str, Expression],
-        wanted: Set[str], reacting: Set[str], builder: Writer,
+        wanted: Set[str], reacting: Set[str], builder: EquationWriter,
     ) -> None:  # fmt: skip
         self.mechanism, self.tree, self.efforts, self.wanted = mechanism, tree, dict(efforts), wanted
         self.driving = frozenset((*efforts, *flows))
@@ -79,7 +79,7 @@ class Mechanics:
 
     # ------------------------------------------------------------ what the graph sees
     def _ports(self) -> None:
-        ports, chords = Ports(self.kinematics, self.efforts, self.result), Chords(self.kinematics)
+        ports, chords = PortWriter(self.kinematics, self.efforts, self.result), Chords(self.kinematics)
         for moving in self.kinematics.moving:
             ports.tree_joint(moving)
         for body in self.mechanism.bodies:
@@ -104,9 +104,9 @@ class Mechanics:
                 else ZERO
             )
             held = self.script.held(f"{joint.name}.{letter}", rest)
-            self.result.motions[f"{joint.name}.{letter}"] = Motion(ZERO, rest, held)
+            self.result.motions[f"{joint.name}.{letter}"] = PortMotion(ZERO, rest, held)
 
-    def _chord(self, chords: Chords, joint: Joint) -> Mapping[str, Motion]:
+    def _chord(self, chords: Chords, joint: Joint) -> Mapping[str, PortMotion]:
         if joint.kind == "free":
             return chords.free(joint, self.efforts)
         first, second = (self._point_of(end) for end in (joint.first, joint.second))

@@ -10,7 +10,7 @@ from ..nouns import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class PortMotion:
     """One port: its flow, its pose (absolute for a body, relative for a joint), and the variable of its displacement from the drawing.
 
     The flow is the rate of that displacement.
@@ -29,7 +29,7 @@ class MechanismEquations:
     whose flow the network determines, variable of the mechanism's energy, and errors.
     """
 
-    motions: dict[str, Motion] = field(default_factory=dict)
+    motions: dict[str, PortMotion] = field(default_factory=dict)
     readings: dict[str, Expression] = field(default_factory=dict)
     efforts: dict[str, Expression] = field(default_factory=dict)
     energy: int | None = None

@@ -6,7 +6,7 @@ from dataclasses import field
 
 from ..algebra.expression import ZERO, Expression
 from ..nouns import dataclass
-from .axes import Basis, Branch
+from .axes import AxisBranch, Basis
 from .coordinates import Attitude, Coordinate
 from .script import Script
 from .tree import Link
@@ -27,7 +27,7 @@ class Moving:
     link: Link
     index: int  # in the tree; -1: the ground
     parent: int | None
-    branch: Branch
+    branch: AxisBranch
     basis: Basis
     origin: Vector  # the point of reference in the drawing, world axes
     passage: tuple[Turn, ...] = ()

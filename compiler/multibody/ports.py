@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from ..algebra.expression import ZERO, Expression, Symbol, negate
 from ..graph.mechanism import GROUND, PLANAR_POSE, POSE, Body, Frame
 from .kinematics import Kinematics
-from .motion import MechanismEquations, Motion
+from .motion import MechanismEquations, PortMotion
 from .moving import Moving
 from .placed import Placed
 from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
@@ -18,7 +18,7 @@ from .turns import NO_TURN, AxialTurn, Turn, composed, of_rotation_vector
 from .vectors import UNIT, Vector, scaled
 
 
-class Ports:
+class PortWriter:
     """Writer of ports. `efforts` act through them."""
 
     def __init__(self, kinematics: Kinematics, efforts: Mapping[str, Expression], result: MechanismEquations) -> None:
@@ -36,7 +36,7 @@ class Ports:
             return
         for coordinate in moving.coordinates:
             displacement = self.script.held(coordinate.name, coordinate.value)
-            self.result.motions[coordinate.name] = Motion(coordinate.rate, coordinate.value, displacement)
+            self.result.motions[coordinate.name] = PortMotion(coordinate.rate, coordinate.value, displacement)
 
     def _ball(self, moving: Moving) -> None:
         """Rotation vector of the second body relative to the first, its rates, and the torque dual to these."""
@@ -52,7 +52,9 @@ class Ports:
         for letter, value, rate in zip(link.coordinates, r, rates, strict=True):
             rest = self.kinematics.states.rest(link.part, letter.rpartition(".")[2])
             held = script.held(letter, sign(value) + rest, "1")
-            self.result.motions[letter] = Motion(script.let(f"{letter}.omega", sign(rate), "1/s"), Symbol(held), held)
+            self.result.motions[letter] = PortMotion(
+                script.let(f"{letter}.omega", sign(rate), "1/s"), Symbol(held), held
+            )
 
     # ------------------------------------------------------------ bodies and frames
     def body(self, body: Body) -> None:
@@ -85,7 +87,7 @@ class Ports:
             pose = state.value if state is not None else script.let(port, point[i] + placed.displacement[i], "m")
             shift = placed.displacement[i] if state is None else state.moved
             displacement = script.held(f"{port} moved", shift, "m") if turned[i] and not own_axes else None
-            self.result.motions[port] = Motion(velocity[i], pose, displacement)
+            self.result.motions[port] = PortMotion(velocity[i], pose, displacement)
         attitude = composed(script, placed.turn, drawn, f"{name}.pose")
         self._attitude(name, attitude, spin, states, placed)
         if any(turned):
@@ -100,7 +102,7 @@ class Ports:
             pose = state.value if state is not None else angle
             moved = placed.turn.angle if isinstance(placed.turn, AxialTurn) else ZERO
             displacement = script.held(f"{port} moved", moved, "1") if port in self.efforts else None
-            self.result.motions[port] = Motion(spin[2], pose, displacement)
+            self.result.motions[port] = PortMotion(spin[2], pose, displacement)
             return
         parts = turn.quaternion(script, f"{name}.pose")
         for letter, part in zip("wxyz", parts, strict=True):
@@ -110,7 +112,7 @@ class Ports:
         else:
             vector = rotation_vector(script, parts, f"{name}.vector")
         for i, letter in enumerate(("rx", "ry", "rz")):
-            self.result.motions[f"{name}.{letter}"] = Motion(spin[i], vector[i], None)
+            self.result.motions[f"{name}.{letter}"] = PortMotion(spin[i], vector[i], None)
 
     def _push(self, name: str, placed: Placed, own_axes: bool) -> None:
         e = [self.efforts.get(f"{name}.{c}", ZERO) for c in POSE]

@@ -13,7 +13,7 @@ from ..source import Span
 from .vectors import Matrix, Vector
 
 
-class Writer(Protocol):
+class EquationWriter(Protocol):
     """Methods of the equations' builder that this room needs."""
 
     def variable(self, name: str, role: str, unit: str = "", value: float | None = None) -> int: ...
@@ -36,7 +36,7 @@ class Writer(Protocol):
 class Script:
     """Writer of assignments of one mechanism."""
 
-    def __init__(self, mechanism: Mechanism, builder: Writer) -> None:
+    def __init__(self, mechanism: Mechanism, builder: EquationWriter) -> None:
         self.builder, self.owner, self.span = builder, mechanism.name, mechanism.span
         self._constants: dict[str, Expression] = {}
 

@@ -40,7 +40,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Coordinate:
+class LoopCoordinate:
     """A joint's coordinate: value, rate, acceleration (available after the recursion), and the action of an effort."""
 
     value: Expression
@@ -297,7 +297,7 @@ class Sides:
         assert isinstance(far, AxialTurn)
         return far.angle - near.angle
 
-    def turns_together(self, value: Expression) -> Coordinate:
+    def turns_together(self, value: Expression) -> LoopCoordinate:
         def push(torque: Expression) -> None:
             self.push(NULL, (ZERO, ZERO, torque), (ZERO, ZERO, negate(torque)))
             self.reacts(NULL, (ZERO, ZERO, torque))
@@ -306,4 +306,4 @@ class Sides:
             (_, first), (_, second) = self.accelerations()
             return second[2] - first[2]
 
-        return Coordinate(value, self.spin[2], acceleration, push)
+        return LoopCoordinate(value, self.spin[2], acceleration, push)

@@ -6,7 +6,7 @@ from ..algebra.expression import Expression, Number, evaluate, symbols
 from .script import Script
 
 
-class Values:
+class SampleValues:
     """Numbers for expressions: parameters with the values of this scene, arbitrary values for states and for expressions without finite value."""
 
     def __init__(self, script: Script) -> None:
@@ -50,7 +50,7 @@ class Values:
             return _anything(variable)
 
 
-class Elsewhere(Values):
+class Elsewhere(SampleValues):
     """Numbers for expressions in another scene: all parameters have other values."""
 
     def parameter(self, variable: int, value: float) -> float:

@@ -26,11 +26,11 @@ static inline int64_t more(int64_t a, int64_t b) { return b > a ? b : a; }
 
 def c_source(exported: Sequence[Callable[..., Any]]) -> str:
     """Definitions of these functions, after those of all functions that they call."""
-    writer = _Writer({f.__name__ for f in exported})
+    writer = _CModule({f.__name__ for f in exported})
     for function in exported:
         writer.need(function)
     while writer.waiting:
-        writer.bodies.append(_Function(writer, writer.waiting.pop()).text())
+        writer.bodies.append(_CFunction(writer, writer.waiting.pop()).text())
     records = [writer.record(r) for r in writer.records.values()]
     return "\n".join([*records, *writer.lists.values(), *writer.heads, "", *writer.bodies])
 
@@ -45,7 +45,7 @@ def c_number(value: float) -> str:
     return text if value >= 0 and not text.startswith("-") else f"({text})"
 
 
-class _Writer:
+class _CModule:
     """Common data of the functions."""
 
     def __init__(self, exported: set[str]) -> None:
@@ -89,10 +89,10 @@ class _Writer:
         return f"struct {kind.name} {{\n{fields}}};\n"
 
 
-class _Function:
+class _CFunction:
     """Writer of one function."""
 
-    def __init__(self, writer: _Writer, function: Callable[..., Any]) -> None:
+    def __init__(self, writer: _CModule, function: Callable[..., Any]) -> None:
         tree = ast.parse(inspect.getsource(function)).body[0]
         assert isinstance(tree, ast.FunctionDef)
         self.writer, self.tree, self.home = writer, tree, function.__globals__

@@ -13,12 +13,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from .kinds import BOOL, INT, NOTHING, TranslationError, Value, text_of
-from .values import Module, Values, apart
+from .values import SubsetModule, ValueWriter, apart
 
 
 def translate(exported: Sequence[Callable[..., Any]], attributes: str = "") -> str:
     """Text of a module with these functions and all that they call. The names of the exported ones are visible."""
-    module = Module()
+    module = SubsetModule()
     for function in exported:
         module.need(function)
     names = {function.__name__ for function in exported}
@@ -28,7 +28,7 @@ def translate(exported: Sequence[Callable[..., Any]], attributes: str = "") -> s
     return "\n".join([*module.constants.values(), *module.declared.values(), *bodies, *apart(), ""])
 
 
-class _Function(Values):
+class _Function(ValueWriter):
     """Writer of one function."""
 
     def text(self, attributes: str) -> str:

@@ -62,7 +62,7 @@ def _apart(place: Value) -> str:
     return f", !tbaa !{2 * MEMORIES.index(place.memory) + 2}" if place.memory else ""
 
 
-class Module:
+class SubsetModule:
     """Common data of the functions of a module."""
 
     def __init__(self) -> None:
@@ -95,10 +95,10 @@ class Module:
         return Value(kind, self.constants[values].split(" ", 1)[0])
 
 
-class Values:
+class ValueWriter:
     """Writer of the values of one function."""
 
-    def __init__(self, module: Module, function: Callable[..., Any], exported: set[str]) -> None:
+    def __init__(self, module: SubsetModule, function: Callable[..., Any], exported: set[str]) -> None:
         self.module, self.function = module, function
         self.home: dict[str, Any] = function.__globals__
         tree = ast.parse(inspect.getsource(function)).body[0]
@@ -408,6 +408,6 @@ class Values:
         return value if value.kind == INT else self._emit(INT, f"fptosi double {value.text} to i64")
 
 
-_BUILT_IN: dict[str, Callable[[Values, ast.Call], Value]] = {
-    "abs": Values._absolute, "min": Values._extreme, "max": Values._extreme, "float": Values._float, "int": Values._int,
+_BUILT_IN: dict[str, Callable[[ValueWriter, ast.Call], Value]] = {
+    "abs": ValueWriter._absolute, "min": ValueWriter._extreme, "max": ValueWriter._extreme, "float": ValueWriter._float, "int": ValueWriter._int,
 }  # fmt: skip

@@ -1,6 +1,6 @@
 """Equations to state space: the equations that this run needs, in order of computation, with loops solved."""
 
-from ..certificate import Certificate, Loop
+from ..certificate import Certificate, LoopSummary
 from .cancel import without_what_cancels
 from .certificate import certify
 from .idle import refuse_idle_coordinates
@@ -11,7 +11,7 @@ from .state_space import LinearLoop, StateSpace, Unknown
 __all__ = [
     "Certificate",
     "LinearLoop",
-    "Loop",
+    "LoopSummary",
     "StateSpace",
     "Unknown",
     "behind_loops",

@@ -13,7 +13,7 @@ from pathlib import PurePath
 
 from ..algebra.affine import affine_parts
 from ..algebra.expression import Apply, Expression, Symbol, depends_on, symbols
-from ..certificate import Certificate, Loop
+from ..certificate import Certificate, LoopSummary
 from ..equations.system import Assignment, EquationSystem
 from ..source import Span
 from .mobility import redundant_constraints
@@ -78,16 +78,16 @@ def _degrees_of_freedom(space: StateSpace, system: EquationSystem) -> int:
     return count
 
 
-def _loops(space: StateSpace) -> Iterator[Loop]:
+def _loops(space: StateSpace) -> Iterator[LoopSummary]:
     for step in space.steps:
         if isinstance(step, LinearLoop):
-            yield Loop(True, len(step.targets), step.members)
+            yield LoopSummary(True, len(step.targets), step.members)
     sizes: dict[int, int] = {}
     for unknown in (u for u in space.unknowns if not u.multiplier):
         sizes[unknown.loop] = sizes.get(unknown.loop, 0) + 1
     members = {u.loop: u.members for u in space.unknowns}
     for loop, size in sizes.items():
-        yield Loop(False, size, members[loop])
+        yield LoopSummary(False, size, members[loop])
 
 
 class _Dependence:

@@ -7,17 +7,17 @@ from dataclasses import field
 
 from ..equations.system import (
     Assignment,
-    Balance,
     Claim,
     Delayed,
     Discrete,
     EventRow,
-    Following,
     Invariant,
+    JunctionSwitch,
+    MomentumBalance,
     PowerPort,
     State,
+    StateFollower,
     Storage,
-    Switch,
     Validity,
     Variable,
 )
@@ -113,15 +113,15 @@ class StateSpace:
     index: int  # of the equations as they were written: 0 explicit, 1 with loops, more with storages in derivative form
     limits: tuple[Validity, ...] = ()
     invariants: tuple[Invariant, ...] = ()
-    balances: tuple[Balance, ...] = ()
+    balances: tuple[MomentumBalance, ...] = ()
     pieced: frozenset[int] = (
         frozenset()
     )  # derivatives of others, and smoothly joined pieces: their conditions are no events
     discretes: tuple[Discrete, ...] = ()
     events: tuple[EventRow, ...] = ()
-    switches: tuple[Switch, ...] = ()
+    switches: tuple[JunctionSwitch, ...] = ()
     delays: tuple[Delayed, ...] = ()
-    following: tuple[Following, ...] = ()
+    following: tuple[StateFollower, ...] = ()
     laws: tuple[OpenedLaw, ...] = ()  # of loops that are opened
 
     @property

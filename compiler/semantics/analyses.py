@@ -8,7 +8,16 @@ from typing import Any
 
 from ..graph.network import Named
 from ..graph.units import ONE, SECOND, Dimension
-from ..scene import Analysis, Differentiating, Fitting, Following, Inverting, Linearizing, Unknown, Wish
+from ..scene import (
+    Analysis,
+    ContinuationRequest,
+    Differentiating,
+    FitParameter,
+    Fitting,
+    Inverting,
+    Linearizing,
+    TargetValue,
+)
 from ..syntax import tree
 from .chances import read_montecarlo
 from .domain_table import paths_of
@@ -51,7 +60,7 @@ def read_analysis(elaborator: Elaborator, step: tree.Analysis, root: Scope, outp
     return _fitting(elaborator, step, root)
 
 
-def _moved(elaborator: Elaborator, given: tree.Given, root: Scope) -> str:
+def _moved(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> str:
     """Name of an input of a linear model. Raises `Wrong` unless it is an input, parameter, signal or constant."""
     scalar = elaborator.lookup(given.path, root)
     if not isinstance(scalar, Scalar) or scalar.role not in ("parameter", "input", "signal", "constant"):
@@ -60,7 +69,7 @@ def _moved(elaborator: Elaborator, given: tree.Given, root: Scope) -> str:
     return word(given.path)
 
 
-def _seen(elaborator: Elaborator, given: tree.Given, root: Scope) -> str:
+def _seen(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> str:
     """Name of an output of a linear model: any single number that a `report` could read. Raises `Wrong` for a list."""
     if not isinstance(elaborator.lookup(given.path, root), Scalar):
         raise Wrong(WrongType(given.span, "A single number", "a list", "Name its items one by one."))
@@ -68,7 +77,7 @@ def _seen(elaborator: Elaborator, given: tree.Given, root: Scope) -> str:
 
 
 # ---------------------------------------------------------------- along a parameter
-def _following(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> Following:
+def _following(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> ContinuationRequest:
     (given,) = step.given
     counts = {"points": (2, MOST_POINTS), "most": (2, MOST_POINTS)}
     name, found = together(
@@ -84,10 +93,10 @@ def _following(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> Foll
         raise Wrong(
             WrongExperiment(step.range.span, "The range has no length", "Write where it begins and where it ends.")
         )
-    return Following(name, low, high, **found.values)
+    return ContinuationRequest(name, low, high, **found.values)
 
 
-def _dimension(elaborator: Elaborator, path: tree.Path, root: Scope) -> Dimension:
+def _dimension(elaborator: Elaborator, path: tree.PathSyntax, root: Scope) -> Dimension:
     scalar = elaborator.lookup(path, root)
     assert isinstance(scalar, Scalar)
     return scalar.dimension or ONE
@@ -133,12 +142,12 @@ def _along(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> dict[str
     return {"start": start, "stop": stop, "limits": tuple(found.named["limit"].items()), **found.values}
 
 
-def _drive(elaborator: Elaborator, given: tree.Given, root: Scope) -> str:
+def _drive(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> str:
     what = "What is found is one that can be set"
     first = settable(elaborator, given, root, what)
     if given.other is None:
         return first
-    other = settable(elaborator, tree.Given(given.other.span, given.other), root, what)
+    other = settable(elaborator, tree.GivenSyntax(given.other.span, given.other), root, what)
     dimensions = [_dimension(elaborator, p, root) for p in (given.path, given.other)]
     if dimensions[0] != dimensions[1]:
         told = f"`{first}` is {describe(dimensions[0])} and `{other}` is {describe(dimensions[1])}"
@@ -165,7 +174,9 @@ def _limits(elaborator: Elaborator, names: set[str]) -> Callable[[tree.Attribute
     return read
 
 
-def _wish(elaborator: Elaborator, given: tree.Given, root: Scope, outputs: Mapping[str, Named], along: bool) -> Wish:
+def _wish(
+    elaborator: Elaborator, given: tree.GivenSyntax, root: Scope, outputs: Mapping[str, Named], along: bool
+) -> TargetValue:
     name = word(given.path)
     if name not in outputs:
         hint = suggestion(name, list(outputs), f"Outputs: {', '.join(outputs) or 'none'}.")
@@ -177,11 +188,11 @@ def _wish(elaborator: Elaborator, given: tree.Given, root: Scope, outputs: Mappi
         if any(word(p) == "time" for p in paths_of(given.value)):
             what = f"What is wanted of `{name}` goes with time, and no path is asked for"
             raise Wrong(WrongExperiment(given.value.span, what, "Say how long: `over 0 .. 5 ms`."))
-        return Wish(name, elaborator.static(given.value, root, f"What is wanted of `{name}`", dimension))
-    return Wish(name, text=_over_time(elaborator, given.value, root, name, dimension))
+        return TargetValue(name, elaborator.static(given.value, root, f"What is wanted of `{name}`", dimension))
+    return TargetValue(name, text=_over_time(elaborator, given.value, root, name, dimension))
 
 
-def _over_time(elaborator: Elaborator, value: tree.Expression, root: Scope, name: str, wanted: Dimension) -> str:
+def _over_time(elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope, name: str, wanted: Dimension) -> str:
     """The text of an expression of time, with numbers in the place of all names."""
     template = elaborator.template(value, root)
     if isinstance(template.value, tuple):
@@ -210,7 +221,7 @@ def _over_time(elaborator: Elaborator, value: tree.Expression, root: Scope, name
     return " ".join(text.split())
 
 
-def _own_functions(value: tree.Expression, root: Scope) -> list[tree.Call]:
+def _own_functions(value: tree.ExpressionSyntax, root: Scope) -> list[tree.Call]:
     """Calls in an expression that are the author's own functions."""
     own = {*root.definition.functions, *root.definition.file.functions}
     found: list[tree.Call] = []
@@ -219,7 +230,7 @@ def _own_functions(value: tree.Expression, root: Scope) -> list[tree.Call]:
         node = stack.pop()
         if isinstance(node, tree.Call) and node.function in own:
             found.append(node)
-        if isinstance(node, tree.Node):
+        if isinstance(node, tree.SyntaxNode):
             stack += [getattr(node, f) for f in node.__dataclass_fields__ if f != "span"]
         elif isinstance(node, tuple):
             stack += node
@@ -255,11 +266,13 @@ def _scale(attribute: tree.Attribute, root: Scope) -> tuple[str, bool]:
     return word(attribute.target), attribute.value.span.words == "log"
 
 
-def _unknown(elaborator: Elaborator, given: tree.Given, root: Scope, logarithmic: Mapping[str, bool]) -> Unknown:
+def _unknown(
+    elaborator: Elaborator, given: tree.GivenSyntax, root: Scope, logarithmic: Mapping[str, bool]
+) -> FitParameter:
     name = settable(elaborator, given, root, "What is looked for is one that can be set")
     scale = logarithmic.get(name, False)
     if given.range is None:
-        return Unknown(name, logarithmic=scale)
+        return FitParameter(name, logarithmic=scale)
     dimension = _dimension(elaborator, given.path, root)
     low = elaborator.static(given.range.first, root, f"A bound of `{name}`", dimension)
     high = elaborator.static(given.range.last, root, f"A bound of `{name}`", dimension)
@@ -269,4 +282,4 @@ def _unknown(elaborator: Elaborator, given: tree.Given, root: Scope, logarithmic
     if scale and low < 0:
         what = f"A logarithmic scale has no bounds below zero, and `{name}` has one"
         raise Wrong(WrongExperiment(given.range.span, what, "Leave out the `scale`, or raise the bound."))
-    return Unknown(name, low, high, scale)
+    return FitParameter(name, low, high, scale)

@@ -9,7 +9,7 @@ from ..graph.units import KILOGRAM, METRE
 from ..syntax import tree
 from .conditions import known_or_later, takes_energy
 from .errors import UnknownName, WrongMechanism, WrongType
-from .part_attributes import Attributes, counted, of_dimension, static
+from .part_attributes import PartAttributes, counted, of_dimension, static
 from .part_kinds import noun_of
 from .scope import Array, Broken, MechanismEntry, PartEntry, Scope
 from .statement_errors import AlreadyTold, Wrong, suggestion
@@ -17,7 +17,7 @@ from .statement_errors import AlreadyTold, Wrong, suggestion
 MOMENT = KILOGRAM * METRE**2
 
 
-def read_body(reader: Attributes) -> Body:
+def read_body(reader: PartAttributes) -> Body:
     """A body. Raises `Wrong`."""
     part, name = reader.part, reader.part.entry.name
     definition = part.declaration.definition
@@ -35,7 +35,7 @@ def read_body(reader: Attributes) -> Body:
     return Body(name, mass, inertia, position, turn, starts, part.entry.span)
 
 
-def _not_negative(reader: Attributes, word: str, bound: Bound) -> Bound:
+def _not_negative(reader: PartAttributes, word: str, bound: Bound) -> Bound:
     name, span = reader.part.entry.name, reader.part.entry.span
     value = reader.resolver.value_of(bound, span, decides=False)
     if value is None:
@@ -46,12 +46,12 @@ def _not_negative(reader: Attributes, word: str, bound: Bound) -> Bound:
     return bound
 
 
-def _planar_inertia(reader: Attributes) -> Inertia:
+def _planar_inertia(reader: PartAttributes) -> Inertia:
     moment = reader.scalar("inertia", MOMENT, "In the plane a body has one inertia, about the axis out of it.")
     return Inertia(zz=_not_negative(reader, "inertia", moment))
 
 
-def _inertia(reader: Attributes) -> Inertia:
+def _inertia(reader: PartAttributes) -> Inertia:
     """Three principal moments of inertia, or the six entries of the tensor. Negative kinetic energy is refused."""
     attribute, resolver, scope = reader.given.get("inertia"), reader.resolver, reader.part.scope
     if attribute is None:
@@ -74,11 +74,11 @@ def _inertia(reader: Attributes) -> Inertia:
     return Inertia(*bounds)
 
 
-def read_frame(reader: Attributes, entry: MechanismEntry) -> Frame:
+def read_frame(reader: PartAttributes, entry: MechanismEntry) -> Frame:
     """A frame. Raises `Wrong`."""
     part, name = reader.part, reader.part.entry.name
     definition = part.declaration.definition
-    if not isinstance(definition, tree.Path):
+    if not isinstance(definition, tree.PathSyntax):
         point = "(x, y)" if part.planar else "(x, y, z)"
         what = f"The frame `{name}` is on no body"
         raise Wrong(WrongMechanism(part.entry.span, what, f"Write `frame name : body {{ at = {point} }}`."))
@@ -94,10 +94,10 @@ def read_frame(reader: Attributes, entry: MechanismEntry) -> Frame:
 
 
 def part_named(
-    reader: Attributes, place: tree.Expression, scope: Scope, entry: MechanismEntry, what: str, hint: str
+    reader: PartAttributes, place: tree.ExpressionSyntax, scope: Scope, entry: MechanismEntry, what: str, hint: str
 ) -> PartEntry | None:
     """The part of that name; None for the ground. Raises `Wrong` or `AlreadyTold`."""
-    if not isinstance(place, tree.Path):
+    if not isinstance(place, tree.PathSyntax):
         raise Wrong(WrongType(place.span, what, "an expression", hint))
     if place.words == GROUND:
         return None

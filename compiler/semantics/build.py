@@ -109,7 +109,7 @@ def _main(file: FileScope, wanted: str | None) -> ModelDefinition | None:
 def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: Known) -> list[Diagnostic]:
     """Return the errors of an experiment. One that sets and sweeps nothing is read in the model that is already elaborated."""
     scene = Scene(experiment=experiment.name)
-    if any(isinstance(s, tree.Set | tree.Study | tree.Analysis) for s in experiment.steps):
+    if any(isinstance(s, tree.Set | tree.StudySyntax | tree.Analysis) for s in experiment.steps):
         other = _Opened.of(opened.definition, scene, (), True, Known())
         other.built()
         return other.elaborator.diagnostics
@@ -139,7 +139,7 @@ def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diag
     declarations = [d for m in own.values() for d in _declarations(m.model.statements)]
     used = {d.kind for d in declarations}
     used |= {name for m in own.values() for name in slot_defaults(m.model.statements).values()}
-    used |= {a.value.words for d in declarations for a in d.attributes if isinstance(a.value, tree.Path)}
+    used |= {a.value.words for d in declarations for a in d.attributes if isinstance(a.value, tree.PathSyntax)}
     free = [n for n in own if n not in used]
     if len(free) == 1:
         return own[free[0]]
@@ -163,12 +163,12 @@ def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diag
     )
 
 
-def _declarations(statements: tuple[tree.Node, ...]) -> list[tree.Declaration]:
+def _declarations(statements: tuple[tree.SyntaxNode, ...]) -> list[tree.Declaration]:
     found = []
     for statement in statements:
         if isinstance(statement, tree.Declaration):
             found.append(statement)
-        elif isinstance(statement, tree.Loop):
+        elif isinstance(statement, tree.LoopSyntax):
             found += _declarations(statement.statements)
     return found
 
@@ -192,7 +192,7 @@ class _Opened:
         elaborator = Elaborator(overrides, part, known)
         elaborator.diagnostics += [*earlier, *told]
         steps = experiment.steps if experiment is not None else ()
-        elaborator.swept = tuple(s for s in steps if isinstance(s, tree.Study) and s.role == "sweep")
+        elaborator.swept = tuple(s for s in steps if isinstance(s, tree.StudySyntax) and s.role == "sweep")
         elaborator.open_root(definition)
         return _Opened(definition, scene, experiment, elaborator, known)
 

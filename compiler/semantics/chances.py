@@ -7,7 +7,7 @@ from functools import partial
 
 from ..chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
 from ..graph.units import ONE, Dimension
-from ..scene import Drawn, Plan, Varying
+from ..scene import MonteCarloRequest, Plan, RandomParameter
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import UnknownName, WrongExperiment
@@ -20,7 +20,7 @@ MOST_SAMPLES = 10_000_000
 CORRELATION = "correlation"
 
 
-def read_montecarlo(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> Varying:
+def read_montecarlo(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> MonteCarloRequest:
     """Read a `montecarlo` step, with its numbers in SI. Raises `Wrong` and `AlreadyTold`."""
     drawn, linked = ([g for g in step.given if (g.other is None) == alone] for alone in (True, False))
     counts = {"samples": (2, MOST_SAMPLES), "seed": (0, 2**31 - 1), "indices": (0, MOST_SAMPLES)}
@@ -37,18 +37,18 @@ def read_montecarlo(elaborator: Elaborator, step: tree.Analysis, root: Scope) ->
     if len(set(both)) < len(both):
         raise Wrong(WrongExperiment(step.span, "Two correlations of one pair", "Write one number for each pair."))
     _check_indices(step, found.values)
-    return Varying(vary, pairs, **found.values)
+    return MonteCarloRequest(vary, pairs, **found.values)
 
 
 def _check_indices(step: tree.Analysis, values: dict[str, int]) -> None:
-    rows, samples = values.get("indices", 0), values.get("samples", Varying(()).samples)
+    rows, samples = values.get("indices", 0), values.get("samples", MonteCarloRequest(()).samples)
     if rows & (rows - 1) or rows > samples:
         span = next(a.span for a in step.attributes if a.name == "indices")
         hint = "It is a power of two, not above `samples`; 0: no indices."
         raise Wrong(WrongExperiment(span, f"Sobol indices do not stand on {rows} of {samples} points", hint))
 
 
-def _drawn(elaborator: Elaborator, given: tree.Given, root: Scope) -> Drawn:
+def _drawn(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> RandomParameter:
     name = settable(elaborator, given, root, "What varies is one that can be set")
     scalar = elaborator.lookup(given.path, root)
     assert isinstance(scalar, Scalar) and given.value is not None
@@ -56,8 +56,8 @@ def _drawn(elaborator: Elaborator, given: tree.Given, root: Scope) -> Drawn:
 
 
 def _distribution(
-    elaborator: Elaborator, value: tree.Expression, root: Scope, name: str, dimension: Dimension, inner: bool = False
-) -> Drawn:  # fmt: skip
+    elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope, name: str, dimension: Dimension, inner: bool = False
+) -> RandomParameter:  # fmt: skip
     kinds = (*DISTRIBUTIONS, *(() if inner else ("truncated",)))
     if not isinstance(value, tree.Call) or value.function not in kinds:
         near = suggestion(value.function, kinds) if isinstance(value, tree.Call) else ""
@@ -70,22 +70,22 @@ def _distribution(
     if value.function == "truncated":
         found = _distribution(elaborator, value.arguments[0], root, name, dimension, True)
         low, high = (_number(elaborator, a, root, name, "", dimension) for a in value.arguments[1:])
-        return _checked(Drawn(name, found.kind, found.numbers, low, high), value)
+        return _checked(RandomParameter(name, found.kind, found.numbers, low, high), value)
     numbers = tuple(
         _number(elaborator, a, root, name, w, dimension) for a, w in zip(value.arguments, words, strict=True)
     )  # fmt: skip
-    return _checked(Drawn(name, value.function, numbers), value)
+    return _checked(RandomParameter(name, value.function, numbers), value)
 
 
 def _number(
-    elaborator: Elaborator, value: tree.Expression, root: Scope, name: str, what: str, dimension: Dimension
+    elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope, name: str, what: str, dimension: Dimension
 ) -> float:  # fmt: skip
     if what == SPREAD and isinstance(value, tree.Literal) and value.unit is not None and is_absolute(value.unit):
         raise Wrong(WrongExperiment(value.span, "A standard deviation is a difference", "Write it in K."))
     return elaborator.static(value, root, f"The {what or 'end'} of `{name}`", dimension)
 
 
-def _checked(drawn: Drawn, value: tree.Expression) -> Drawn:
+def _checked(drawn: RandomParameter, value: tree.ExpressionSyntax) -> RandomParameter:
     wrong = fault(drawn.kind, drawn.numbers, drawn.low, drawn.high)
     if wrong:
         what = f"`{drawn.name}` cannot have this distribution: {wrong}"
@@ -94,7 +94,7 @@ def _checked(drawn: Drawn, value: tree.Expression) -> Drawn:
 
 
 def _correlation(
-    elaborator: Elaborator, given: tree.Given, root: Scope, known: set[str]
+    elaborator: Elaborator, given: tree.GivenSyntax, root: Scope, known: set[str]
 ) -> tuple[tuple[str, str], float]:
     assert given.other is not None and given.value is not None
     if given.word != CORRELATION:
@@ -125,7 +125,7 @@ def check_together(experiment: tree.Experiment | None, plan: Plan) -> None:
         hint = "Put all that varies into one, or write a second experiment."
         raise Wrong(WrongExperiment(chances[1].span, "A second `montecarlo` in one experiment", hint))
     for step in steps:
-        if isinstance(step, tree.Analysis | tree.Study) and step.role not in (
+        if isinstance(step, tree.Analysis | tree.StudySyntax) and step.role not in (
             "montecarlo",
             "sweep",
             "equilibrium",
@@ -133,6 +133,8 @@ def check_together(experiment: tree.Experiment | None, plan: Plan) -> None:
         ):
             hint = "Beside it stand `equilibrium`, `modes` and `simulate`; write a second experiment for this."
             raise Wrong(WrongExperiment(step.span, f"`{step.role}` has no numbers that `montecarlo` could count", hint))
-    if plan.stop is None and not any(isinstance(s, tree.Study) and s.role in ("equilibrium", "modes") for s in steps):
+    if plan.stop is None and not any(
+        isinstance(s, tree.StudySyntax) and s.role in ("equilibrium", "modes") for s in steps
+    ):
         hint = "Add `equilibrium`, `modes` or `simulate`: that is what is made at each point."
         raise Wrong(WrongExperiment(chances[0].span, "`montecarlo` of nothing", hint))

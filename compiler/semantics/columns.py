@@ -31,7 +31,7 @@ _HEADER = re.compile(r"(.*?)[ \t]*(?:\[(.*)\])?")
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class MeasuredColumn:
     """One column in SI; `cells` are its places in the file."""
 
     values: tuple[float, ...]
@@ -39,9 +39,9 @@ class Column:
     cells: tuple[Span, ...]
 
 
-def read_column(node: tree.Call, file: FileScope) -> Column:
+def read_column(node: tree.Call, file: FileScope) -> MeasuredColumn:
     """The column that a call of `column` names. Raises `Wrong`."""
-    texts = [a.value for a in node.arguments if isinstance(a, tree.Text)]
+    texts = [a.value for a in node.arguments if isinstance(a, tree.TextSyntax)]
     if len(texts) != 2 or len(node.arguments) != 2:
         hint = 'The texts name a file beside this one, and a column: `column("curve.csv", "force")`.'
         raise Wrong(WrongColumn(node.span, "`column` needs two texts", hint))
@@ -76,7 +76,7 @@ def locate(span: Span, name: str, file: FileScope) -> Path:
     return target
 
 
-def _column(node: tree.Call, sheet: Sheet, number: int) -> Column:
+def _column(node: tree.Call, sheet: Sheet, number: int) -> MeasuredColumn:
     """The numbers of one column, in the unit of its header. Raises `Wrong`."""
     _, scale = heading(node, sheet.names[number], sheet.headers[number])
     values, cells = [], []
@@ -94,10 +94,10 @@ def _column(node: tree.Call, sheet: Sheet, number: int) -> Column:
             raise Wrong(WrongColumn(node.span, what, hint, ((cell, "this cell"),)))
         values.append(float(value) if scale is None else scale.to_si(value))
         cells.append(cell)
-    return Column(tuple(values), ONE if scale is None else scale.dimension, tuple(cells))
+    return MeasuredColumn(tuple(values), ONE if scale is None else scale.dimension, tuple(cells))
 
 
-def heading(node: tree.Expression, text: str, place: Span) -> tuple[str, Scale | None]:
+def heading(node: tree.ExpressionSyntax, text: str, place: Span) -> tuple[str, Scale | None]:
     """The name in a header, and the scale of its unit (None: a bare number). `node` names the file. Raises `Wrong`."""
     header = _HEADER.fullmatch(text)
     assert header is not None
@@ -106,7 +106,7 @@ def heading(node: tree.Expression, text: str, place: Span) -> tuple[str, Scale |
     return header.group(1).strip(), None if parsed is None else scale_of(parsed)
 
 
-def _unit(node: tree.Expression, unit: str, header: Span, name: str) -> tree.Unit | None:
+def _unit(node: tree.ExpressionSyntax, unit: str, header: Span, name: str) -> tree.Unit | None:
     """The unit of a header, read as after a number."""
     try:
         literal = parse_expression(Source(name, f"1 [{unit}]"))

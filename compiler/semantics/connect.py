@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ..graph.domains import Domain
 from ..graph.elements import ELEMENTS
-from ..graph.network import Bond, End
+from ..graph.network import Bond, BondEnd
 from ..source import Span
 from ..syntax import tree
 from .elaborate import Elaborator
@@ -26,7 +26,7 @@ class Terminal(NamedTuple):
     domain: Domain
 
 
-class Segment(NamedTuple):
+class DrawnBond(NamedTuple):
     """A bond as it is drawn, before model ports and splitters are passed through."""
 
     tail: Terminal
@@ -40,13 +40,13 @@ class Place(NamedTuple):
     terminals: dict[str, Terminal]
     multi: bool
     kind: str
-    written: tree.Path | tree.Nest
+    written: tree.PathSyntax | tree.Nest
     ports: tuple[str, ...] = ()  # all ports of its node
 
     @property
     def words(self) -> str:
         """The endpoint as the author wrote it."""
-        return self.written.words if isinstance(self.written, tree.Path) else f"{self.written.kind}(…)"
+        return self.written.words if isinstance(self.written, tree.PathSyntax) else f"{self.written.kind}(…)"
 
 
 class Connector:
@@ -54,7 +54,7 @@ class Connector:
 
     def __init__(self, elaborator: Elaborator) -> None:
         self.elaborator = elaborator
-        self.segments: list[Segment] = []
+        self.segments: list[DrawnBond] = []
         self.anonymous: list[
             tuple[str, str, str, Scope, Span]
         ] = []  # junctions in place: name, kind, domain, scope, span
@@ -84,7 +84,9 @@ class Connector:
                 for head in second:
                     self.elaborator.guard(self._arrow, scope, tail, head, arrow)
 
-    def _arrow(self, scope: Scope, tail: tree.Path | tree.Nest, head: tree.Path | tree.Nest, arrow: str) -> None:
+    def _arrow(
+        self, scope: Scope, tail: tree.PathSyntax | tree.Nest, head: tree.PathSyntax | tree.Nest, arrow: str
+    ) -> None:
         source, target = self._place(scope, tail, is_head=False), self._place(scope, head, is_head=True)
         span = head.span
         self._check_heat(source, target, tail.span, head.span)
@@ -125,7 +127,7 @@ class Connector:
                 )
             )
         for component, terminal in source.terminals.items():
-            self.segments.append(Segment(terminal, target.terminals[component], span))
+            self.segments.append(DrawnBond(terminal, target.terminals[component], span))
 
     @staticmethod
     def _check_heat(source: Place, target: Place, tail: Span, head: Span) -> None:
@@ -162,10 +164,10 @@ class Connector:
                 )
             (terminal,) = other.terminals.values()
             tail, head = (terminal, junction) if from_source else (junction, terminal)
-            self.segments.append(Segment(tail, head, member.span))
+            self.segments.append(DrawnBond(tail, head, member.span))
 
     # ------------------------------------------------------------ places
-    def _entry(self, scope: Scope, path: tree.Path) -> Entry:
+    def _entry(self, scope: Scope, path: tree.PathSyntax) -> Entry:
         entry = scope.find(path.head)
         if entry is None:
             hint = suggestion(
@@ -176,7 +178,7 @@ class Connector:
             raise AlreadyTold
         return entry
 
-    def _place(self, scope: Scope, place: tree.Path | tree.Nest, is_head: bool) -> Place:
+    def _place(self, scope: Scope, place: tree.PathSyntax | tree.Nest, is_head: bool) -> Place:
         if isinstance(place, tree.Nest):
             return self._nest_place(scope, place)
         entry = self._entry(scope, place)
@@ -244,7 +246,7 @@ class Connector:
         return self._finish(entry, component, place, is_head, own_wall, scope)
 
     def _finish(
-        self, entry: Entry, component: str | None, place: tree.Path, is_head: bool, own_wall: bool, scope: Scope
+        self, entry: Entry, component: str | None, place: tree.PathSyntax, is_head: bool, own_wall: bool, scope: Scope
     ) -> Place:
         match entry:
             case ElementEntry() if "1" in entry.ports and entry.kind in ELEMENTS and ELEMENTS[entry.kind].sides:
@@ -308,7 +310,13 @@ class Connector:
         )
 
     def _ports(
-        self, node: str, ports: Mapping[str, Domain], component: str | None, side: str, kind: str, place: tree.Path
+        self,
+        node: str,
+        ports: Mapping[str, Domain],
+        component: str | None,
+        side: str,
+        kind: str,
+        place: tree.PathSyntax,
     ) -> Place:
         every = tuple(ports)
         if component is not None:
@@ -333,7 +341,7 @@ class Connector:
             raise self.elaborator.unknown_domain(scope, nest.span, f"{nest.kind}(…)")
         if key not in self.nests:
             first = nest.members[0]
-            label = first.words if isinstance(first, tree.Path) else "…"
+            label = first.words if isinstance(first, tree.PathSyntax) else "…"
             name = scope.full(f"{nest.kind}({label})")
             self.names[name] = self.names.get(name, 0) + 1
             if self.names[name] > 1:
@@ -343,9 +351,9 @@ class Connector:
         return Place({"": Terminal(self.nests[key], "", "", domain)}, False, nest.kind, nest)
 
     # ------------------------------------------------------------ walls
-    def bonds(self, numbers: dict[tuple[str, str], End]) -> list[Bond]:
+    def bonds(self, numbers: dict[tuple[str, str], BondEnd]) -> list[Bond]:
         """Return the bonds between nodes, with model ports passed through. `numbers` maps a node's name and port to its end."""
-        holes: dict[tuple[str, str], dict[str, list[Segment]]] = defaultdict(lambda: defaultdict(list))
+        holes: dict[tuple[str, str], dict[str, list[DrawnBond]]] = defaultdict(lambda: defaultdict(list))
         for segment in self.segments:
             for terminal in (segment.tail, segment.head):
                 if terminal.side:
@@ -362,7 +370,7 @@ class Connector:
                     result.append(bond)
         return result
 
-    def _check_hole(self, name: str, sides: dict[str, list[Segment]]) -> None:
+    def _check_hole(self, name: str, sides: dict[str, list[DrawnBond]]) -> None:
         for side, segments in sides.items():
             if len(segments) > 1:
                 hint = "A port passes one bond on each side; put a junction there for more."
@@ -405,8 +413,8 @@ class Connector:
                 )
 
     def _follow(
-        self, segment: Segment, holes: dict[tuple[str, str], dict[str, list[Segment]]]
-    ) -> list[Segment] | None:  # fmt: skip
+        self, segment: DrawnBond, holes: dict[tuple[str, str], dict[str, list[DrawnBond]]]
+    ) -> list[DrawnBond] | None:  # fmt: skip
         """Return the segments of one bond, starting at its node."""
         chain = [segment]
         for _ in range(len(self.segments) + 1):
@@ -420,7 +428,7 @@ class Connector:
             chain.append(onward[0])
         return None
 
-    def _bond(self, first: Segment, last: Segment, numbers: dict[tuple[str, str], End]) -> Bond | None:
+    def _bond(self, first: DrawnBond, last: DrawnBond, numbers: dict[tuple[str, str], BondEnd]) -> Bond | None:
         tail, head = first.tail, last.head
         if tail.domain != head.domain:
             if not any(isinstance(d, DomainConflict) for d in self.elaborator.diagnostics):

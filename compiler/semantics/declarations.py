@@ -21,7 +21,7 @@ from .errors import (
     WrongConnection,
 )
 from .known import Known
-from .part_attributes import Part
+from .part_attributes import DeclaredPart
 from .port_domains import DomainTable
 from .quantities import QuantityResolver
 from .resolve import indexed
@@ -47,7 +47,9 @@ class Declarations(QuantityResolver):
 
     def __init__(self, overrides: Iterable[Override], part: bool, known: Known) -> None:
         super().__init__(overrides, part, known)
-        self.mechanism_parts: dict[str, list[Part]] = {}  # mechanism -> its parts, whose attributes are read later
+        self.mechanism_parts: dict[
+            str, list[DeclaredPart]
+        ] = {}  # mechanism -> its parts, whose attributes are read later
         self.limits: list[Requirement] = []  # those of joints
         self.count = 0
         self._tables = known.tables
@@ -157,9 +159,9 @@ class Declarations(QuantityResolver):
             raise Wrong(WrongConnection(span, what, "A model in a slot has ports of the same names and domains."))
         self.enter(scope, item.name, SlotEntry(found, item.span), item.span)
 
-    def _model_of(self, value: tree.Expression | None, scope: Scope, span: Span) -> ModelDefinition:
+    def _model_of(self, value: tree.ExpressionSyntax | None, scope: Scope, span: Span) -> ModelDefinition:
         """Return the model that the value of a slot names."""
-        name = value.words if isinstance(value, tree.Path) else ""
+        name = value.words if isinstance(value, tree.PathSyntax) else ""
         entry = scope.find(name)
         if isinstance(entry, SlotEntry):
             return entry.definition
@@ -182,7 +184,7 @@ class Declarations(QuantityResolver):
                 walls[f"{name}.{component}".rstrip(".")] = domain.name if domain else "unknown"
         return walls
 
-    def rounds(self, loop: tree.Loop, scope: Scope) -> range:
+    def rounds(self, loop: tree.LoopSyntax, scope: Scope) -> range:
         """The numbers that a loop runs over."""
         if loop.name in RESERVED:
             raise Wrong(ReservedName(loop.span, loop.name))

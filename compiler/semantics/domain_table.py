@@ -32,7 +32,7 @@ class _Spreading:
         self.walls: dict[str, tree.PortItem] = {}
         model = definition.model
         self.slots = slot_defaults(model.statements)
-        self.mechanisms = {m.name: _parts(m) for m in _flat(model.statements) if isinstance(m, tree.Mechanism)}
+        self.mechanisms = {m.name: _parts(m) for m in _flat(model.statements) if isinstance(m, tree.MechanismSyntax)}
         names = set(_names(model.statements)) | set(definition.file.constants)
         told: Told = {}
         for statement in _flat(model.statements):
@@ -40,7 +40,7 @@ class _Spreading:
                 self.kinds.update({d.name: statement for d in statement.names})
                 if statement.kind in ELEMENT_KINDS and not model.plain:
                     _learn_from_declaration(self.table, statement, names, told)
-            elif isinstance(statement, tree.Ports):
+            elif isinstance(statement, tree.PortsSyntax):
                 for item in statement.items:
                     self._wall(item)
         for statement in _flat(model.statements):
@@ -68,7 +68,7 @@ class _Spreading:
                 for head in second:
                     self._connect(self._ends(tail, False), self._ends(head, True), head.span)
 
-    def _nested(self, place: tree.Path | tree.Nest) -> None:
+    def _nested(self, place: tree.PathSyntax | tree.Nest) -> None:
         if isinstance(place, tree.Nest):
             for member in place.members:
                 self._connect(self._ends(place, False), self._ends(member, True), member.span)
@@ -78,7 +78,7 @@ class _Spreading:
         for component in tails.keys() & heads.keys():
             self.table.join(tails[component], heads[component], span)
 
-    def _ends(self, place: tree.Path | tree.Nest, is_head: bool) -> dict[str, Key]:
+    def _ends(self, place: tree.PathSyntax | tree.Nest, is_head: bool) -> dict[str, Key]:
         """Map from component to the key of the port that a bond reaches at a place."""
         if isinstance(place, tree.Nest):
             return {"": (f"@{place.span.start}", "")}
@@ -99,7 +99,7 @@ class _Spreading:
             return {p: (place.head, p) for p in element_ports(declaration, place.head)}
         return self._ends_of_instance(place, declaration.kind, members)
 
-    def _ends_of_instance(self, place: tree.Path, kind: str, members: list[str]) -> dict[str, Key]:
+    def _ends_of_instance(self, place: tree.PathSyntax, kind: str, members: list[str]) -> dict[str, Key]:
         """The same map for a port of an instance; the domain table of its model gives the domains."""
         inner = self.file.models.get(self.slots.get(kind, kind))
         if inner is None or not members:
@@ -123,16 +123,16 @@ def is_slot(item: tree.Item) -> bool:
     return item.unit is not None and [name for name, _, _ in item.unit.factors] == ["model"]
 
 
-def slot_defaults(statements: tuple[tree.Node, ...]) -> dict[str, str]:
+def slot_defaults(statements: tuple[tree.SyntaxNode, ...]) -> dict[str, str]:
     """Default models of a model's slots, by slot name."""
     items = (i for s in statements if isinstance(s, tree.Quantities) for i in s.items if is_slot(i))
-    return {i.name: i.value.words for i in items if isinstance(i.value, tree.Path)}
+    return {i.name: i.value.words for i in items if isinstance(i.value, tree.PathSyntax)}
 
 
-def wall_items(model: tree.Model) -> Iterator[tree.PortItem]:
+def wall_items(model: tree.ModelSyntax) -> Iterator[tree.PortItem]:
     """Declared ports of a model. Ports in loops occur once."""
     for statement in _flat(model.statements):
-        if isinstance(statement, tree.Ports):
+        if isinstance(statement, tree.PortsSyntax):
             yield from statement.items
 
 
@@ -159,22 +159,22 @@ def element_ports(declaration: tree.Declaration, name: str) -> tuple[str, ...]:
     return tuple(c.name for c in declared.components) or ("",)
 
 
-def _flat(statements: tuple[tree.Node, ...]) -> Iterator[tree.Node]:
+def _flat(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[tree.SyntaxNode]:
     for statement in statements:
         yield statement
-        if isinstance(statement, tree.Loop):
+        if isinstance(statement, tree.LoopSyntax):
             yield from _flat(statement.statements)
 
 
-def _names(statements: tuple[tree.Node, ...]) -> Iterator[str]:
+def _names(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[str]:
     for statement in _flat(statements):
         if isinstance(statement, tree.Quantities) and statement.role != "output":
             yield from (i.name for i in statement.items)
-        elif isinstance(statement, tree.Loop):
+        elif isinstance(statement, tree.LoopSyntax):
             yield statement.name
 
 
-def _parts(mechanism: tree.Mechanism) -> dict[str, tuple[str, ...]]:
+def _parts(mechanism: tree.MechanismSyntax) -> dict[str, tuple[str, ...]]:
     """The ports of a mechanism's parts."""
     parts = {}
     for statement in _flat(mechanism.statements):
@@ -185,7 +185,7 @@ def _parts(mechanism: tree.Mechanism) -> dict[str, tuple[str, ...]]:
 
 
 def _mechanism_ends(
-    table: DomainTable, parts: dict[str, tuple[str, ...]], place: tree.Path, members: list[str]
+    table: DomainTable, parts: dict[str, tuple[str, ...]], place: tree.PathSyntax, members: list[str]
 ) -> dict[str, Key]:
     if not members:
         return {}
@@ -218,14 +218,14 @@ def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, n
                 else:
                     hint = suggestion(domain, list(DOMAINS), "Domains: " + ", ".join(DOMAINS) + ".")
                     table.diagnostics.append(UnknownName(component.span, domain, "the list of domains", hint))
-        if isinstance(definition, tree.Path) and not definition.steps:
+        if isinstance(definition, tree.PathSyntax) and not definition.steps:
             if definition.head not in DOMAINS:
                 hint = suggestion(definition.head, list(DOMAINS), "Domains: " + ", ".join(DOMAINS) + ".")
                 table.diagnostics.append(UnknownName(definition.span, definition.head, "the list of domains", hint))
             else:
                 for port in element_ports(declaration, declared.name):
                     table.learn((declared.name, port), definition.head, definition.span)
-        elif isinstance(definition, tree.Law):
+        elif isinstance(definition, tree.LawSyntax):
             for port in element_ports(declaration, declared.name):
                 words = definition.span.text, is_two_sided(declaration), port
                 if words not in told:
@@ -246,7 +246,7 @@ def _told_by(letters: set[str]) -> tuple[set[str], str | None]:
 _LETTERS = frozenset(letter for d in DOMAINS.values() for letter in d.letters if letter) - set(GENERIC)
 
 
-def _letters(law: tree.Law, declaration: tree.Declaration, port: str, names: set[str]) -> set[str]:
+def _letters(law: tree.LawSyntax, declaration: tree.Declaration, port: str, names: set[str]) -> set[str]:
     """The specific letters that a law uses for one port."""
     found: set[str] = set()
     two_sided = is_two_sided(declaration)
@@ -262,16 +262,16 @@ def _letters(law: tree.Law, declaration: tree.Declaration, port: str, names: set
     return found & _LETTERS
 
 
-def paths_of(node: tree.Node) -> Iterator[tree.Path]:
+def paths_of(node: tree.SyntaxNode) -> Iterator[tree.PathSyntax]:
     """All paths that are read in an expression or law."""
-    stack: list[tree.Node] = [node]
+    stack: list[tree.SyntaxNode] = [node]
     while stack:
         item = stack.pop()
         match item:
-            case tree.Law():
+            case tree.LawSyntax():
                 for equation in item.equations:
                     stack += [equation.left, equation.right]
-            case tree.Path():
+            case tree.PathSyntax():
                 yield item
             case tree.Sum():
                 stack += [t for _, t in item.terms]
@@ -281,7 +281,7 @@ def paths_of(node: tree.Node) -> Iterator[tree.Path]:
                 stack.append(item.operand)
             case tree.Power():
                 stack += [item.base, item.exponent]
-            case tree.Vector():
+            case tree.VectorSyntax():
                 stack += item.items
             case tree.Call():
                 stack += item.arguments
@@ -289,5 +289,5 @@ def paths_of(node: tree.Node) -> Iterator[tree.Path]:
                 stack += [item.left, item.right]
             case tree.Logical():
                 stack += item.operands
-            case tree.Choice():
+            case tree.ChoiceSyntax():
                 stack += [item.value, item.condition, item.otherwise]

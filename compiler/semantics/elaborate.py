@@ -52,10 +52,10 @@ class Elaborator(Declarations):
         self.elements: list[tuple[Scope, tree.Declaration, ElementEntry]] = []
         self.bonds: list[tuple[Scope, tree.Bonds]] = []
         self.stands: dict[str, Span] = {}  # instance -> where it is declared
-        self.requirements: list[tuple[Scope, tree.Requirement]] = []
-        self.events: list[tuple[Scope, tree.Event]] = []
-        self.mechanisms: list[tuple[Scope, tree.Mechanism, MechanismEntry]] = []
-        self.swept: tuple[tree.Study, ...] = ()  # an experiment's own names: those that it sweeps
+        self.requirements: list[tuple[Scope, tree.RequirementSyntax]] = []
+        self.events: list[tuple[Scope, tree.EventSyntax]] = []
+        self.mechanisms: list[tuple[Scope, tree.MechanismSyntax, MechanismEntry]] = []
+        self.swept: tuple[tree.StudySyntax, ...] = ()  # an experiment's own names: those that it sweeps
         self.structure_broken = False  # then missing connections would be reported for the wrong reason
 
     # ------------------------------------------------------------ declaring
@@ -109,27 +109,27 @@ class Elaborator(Declarations):
     def _declare(
         self,
         scope: Scope,
-        statements: tuple[tree.Node, ...],
+        statements: tuple[tree.SyntaxNode, ...],
         bindings: Mapping[str, tuple[tree.Attribute, Scope]],
         chain: tuple[ModelDefinition, ...],
     ) -> None:
-        later: list[tree.Node] = []
-        functions: list[tree.Function] = []
+        later: list[tree.SyntaxNode] = []
+        functions: list[tree.FunctionSyntax] = []
         for statement in statements:
             match statement:
                 case tree.Quantities():
                     self.guard(self.declare_quantities, scope, statement, bindings)
-                case tree.Ports():
+                case tree.PortsSyntax():
                     self.guard(self._declare_ports, scope, statement)
-                case tree.Declaration() | tree.Loop() | tree.Mechanism():
+                case tree.Declaration() | tree.LoopSyntax() | tree.MechanismSyntax():
                     later.append(statement)
                 case tree.Bonds():
                     self.bonds.append((scope, statement))
-                case tree.Requirement():
+                case tree.RequirementSyntax():
                     self.requirements.append((scope, statement))
-                case tree.Event():
+                case tree.EventSyntax():
                     self.events.append((scope, statement))
-                case tree.Function():
+                case tree.FunctionSyntax():
                     functions.append(statement)
         for statement in later:
             match statement:
@@ -141,14 +141,14 @@ class Elaborator(Declarations):
                             scope.base().entries[declared.name] = Broken(declared.span)
                             self.structure_broken = True
                     self.structure_broken |= len(self.diagnostics) > before
-                case tree.Mechanism():
+                case tree.MechanismSyntax():
                     self.guard(self._declare_mechanism, scope, statement)
-                case tree.Loop():
+                case tree.LoopSyntax():
                     self.guard(self._unroll, scope, statement, chain)
         for function in functions:  # when all names are known
             self.guard(check_function, scope, function)
 
-    def _declare_ports(self, scope: Scope, statement: tree.Ports) -> None:
+    def _declare_ports(self, scope: Scope, statement: tree.PortsSyntax) -> None:
         for item in statement.items:
             index = self.index_of(item.index, scope)
             if index is None and scope.outer is not None:
@@ -263,12 +263,12 @@ class Elaborator(Declarations):
         self.elements.append((scope, statement, entry))
         self.element_names[entry.name] = entry
 
-    def _unroll(self, scope: Scope, loop: tree.Loop, chain: tuple[ModelDefinition, ...]) -> None:
+    def _unroll(self, scope: Scope, loop: tree.LoopSyntax, chain: tuple[ModelDefinition, ...]) -> None:
         for number in self.rounds(loop, scope):
             inner = self.round_scope(scope, loop.name, number)
             self._declare(inner, loop.statements, {}, chain)
 
-    def _declare_mechanism(self, scope: Scope, statement: tree.Mechanism) -> None:
+    def _declare_mechanism(self, scope: Scope, statement: tree.MechanismSyntax) -> None:
         if scope.outer is not None:
             raise Wrong(
                 Unsupported(

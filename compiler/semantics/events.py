@@ -28,7 +28,7 @@ def read_events(elaborator: Elaborator, nodes: Sequence[Node]) -> tuple[Event, .
     return tuple(item for item in found if item is not None)
 
 
-def _read(elaborator: Elaborator, scope: Scope, event: tree.Event, elements: dict[str, Element]) -> Event:
+def _read(elaborator: Elaborator, scope: Scope, event: tree.EventSyntax, elements: dict[str, Element]) -> Event:
     period: Bound | None = None
     condition = Bound(Formula(0, ZERO), ())
     if event.sampled:
@@ -50,7 +50,7 @@ def _read(elaborator: Elaborator, scope: Scope, event: tree.Event, elements: dic
     return Event(scope.path.removesuffix("."), condition, words, tuple(actions.values()), span, period)
 
 
-def _period(elaborator: Elaborator, value: tree.Expression, scope: Scope) -> Bound:
+def _period(elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope) -> Bound:
     """Sampling period of an event: a time that is known before the run. Raises `Wrong`."""
     target = Scalar(0.0, ONE if scope.plain else SECOND, "number", "period")
     bound = read_value(elaborator, value, scope, target, "What stands after `every`", static=True)
@@ -102,7 +102,7 @@ def _check_storage(reset: tree.Reset, element: Element | None, port: str, variab
 
 
 def read_value(
-    elaborator: Elaborator, value: tree.Expression, scope: Scope, target: Scalar, what: str, static: bool = False
+    elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, target: Scalar, what: str, static: bool = False
 ) -> Bound:
     """New value of a target: for a mode that is a truth a condition (1 or 0), else a number of its unit. Raises `Wrong`."""
     template = elaborator.template(value, scope)

@@ -94,12 +94,12 @@ def read_plan(
                     found = elaborator.guard(_reading, elaborator, reading, root, outputs)
                     if found is not None:
                         report.append(found)
-            case tree.Study(role="equilibrium", attributes=()) if _before_simulate(step, experiment):
+            case tree.StudySyntax(role="equilibrium", attributes=()) if _before_simulate(step, experiment):
                 plan = replace(plan, equilibrium=True)
-            case tree.Study(role="sweep") if experiment is not None:
+            case tree.StudySyntax(role="sweep") if experiment is not None:
                 swept = elaborator.guard(read_sweep, elaborator, step, experiment, root, plan)
                 plan = replace(plan, sweeps=(*plan.sweeps, swept)) if swept is not None else plan
-            case tree.Study() | tree.Analysis():
+            case tree.StudySyntax() | tree.Analysis():
                 study = elaborator.guard(_analysis, elaborator, step, root, outputs)
                 plan = replace(plan, studies=(*plan.studies, study)) if study is not None else plan
     plan = replace(plan, report=tuple(report))
@@ -108,10 +108,10 @@ def read_plan(
 
 
 def _analysis(
-    elaborator: Elaborator, step: tree.Study | tree.Analysis, root: Scope, outputs: dict[str, Named]
+    elaborator: Elaborator, step: tree.StudySyntax | tree.Analysis, root: Scope, outputs: dict[str, Named]
 ) -> Analysis | None:
     """Read one analysis step. Return None if its numbers are set when a run begins, in which case it adds no step."""
-    if isinstance(step, tree.Study):
+    if isinstance(step, tree.StudySyntax):
         return read_study(elaborator, step, root, outputs)
     before = dict(elaborator.asked)
     try:
@@ -121,7 +121,7 @@ def _analysis(
         return None
 
 
-def _before_simulate(step: tree.Study, experiment: tree.Experiment | None) -> bool:
+def _before_simulate(step: tree.StudySyntax, experiment: tree.Experiment | None) -> bool:
     """Return True if a simulation follows the step: the step then gives its start."""
     steps = experiment.steps if experiment is not None else ()
     return any(isinstance(s, tree.Simulate) for s in steps[steps.index(step) + 1 :]) if step in steps else False
@@ -155,8 +155,8 @@ def _asked_for(elaborator: Elaborator, name: str, root: Scope, outputs: dict[str
     source = Source("output", name)
     try:
         value = parse_expression(source)
-        if isinstance(value, tree.Path):
-            _reading(elaborator, tree.Reading(Span(source, 0, len(name)), value, None), root, outputs)
+        if isinstance(value, tree.PathSyntax):
+            _reading(elaborator, tree.ReadingSyntax(Span(source, 0, len(name)), value, None), root, outputs)
     except (Wrong, AlreadyTold, CompilationFailed):
         return False
     return name in outputs
@@ -258,7 +258,7 @@ def _solver(attribute: tree.Attribute) -> str:
     return word
 
 
-def _reading(elaborator: Elaborator, reading: tree.Reading, root: Scope, outputs: dict[str, Named]) -> Reported:
+def _reading(elaborator: Elaborator, reading: tree.ReadingSyntax, root: Scope, outputs: dict[str, Named]) -> Reported:
     name = reading.value.span.words
     template = elaborator.template(reading.value, root)
     if isinstance(template.value, tuple):

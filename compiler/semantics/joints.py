@@ -15,7 +15,7 @@ from ..syntax import tree
 from .bodies import part_named
 from .conditions import apart, known_or_later, not_parallel
 from .errors import WrongMechanism
-from .part_attributes import Attributes, static_bounds
+from .part_attributes import PartAttributes, static_bounds
 from .part_kinds import noun_of
 from .scope import MechanismEntry
 from .statement_errors import AlreadyTold, Wrong
@@ -50,11 +50,11 @@ class Places:
         return part.position
 
 
-def read_joint(reader: Attributes, entry: MechanismEntry, places: Places) -> Joint:
+def read_joint(reader: PartAttributes, entry: MechanismEntry, places: Places) -> Joint:
     """A joint. Raises `Wrong`."""
     part, kind, name = reader.part, reader.part.entry.kind, reader.part.entry.name
     definition = part.declaration.definition
-    if not isinstance(definition, tree.Link):
+    if not isinstance(definition, tree.LinkSyntax):
         ends = " to ".join(TIED.get(kind, ("A", "B")))
         what = f"The joint `{name}` joins nothing"
         raise Wrong(WrongMechanism(part.declaration.span, what, f"Write `{kind} {name} : {ends}`."))
@@ -76,7 +76,7 @@ def read_joint(reader: Attributes, entry: MechanismEntry, places: Places) -> Joi
     )  # fmt: skip
 
 
-def _end(reader: Attributes, place: tree.Expression, entry: MechanismEntry) -> str:
+def _end(reader: PartAttributes, place: tree.ExpressionSyntax, entry: MechanismEntry) -> str:
     """The body, frame or ground at one end."""
     found = part_named(reader, place, reader.part.scope, entry, "A body", "Name a body, a frame, or `ground`.")
     if found is not None and found.kind not in ("body", "frame"):
@@ -85,7 +85,7 @@ def _end(reader: Attributes, place: tree.Expression, entry: MechanismEntry) -> s
     return GROUND if found is None else found.name
 
 
-def _check_bodies(name: str, definition: tree.Link, first: str, second: str, places: Places) -> None:
+def _check_bodies(name: str, definition: tree.LinkSyntax, first: str, second: str, places: Places) -> None:
     one, two = places.body_of(first), places.body_of(second)
     if one == two:
         how = f"`{one}` to itself" if first == second else f"`{first}` to `{second}`, both of `{one}`"
@@ -93,7 +93,7 @@ def _check_bodies(name: str, definition: tree.Link, first: str, second: str, pla
         raise Wrong(WrongMechanism(definition.span, f"The joint `{name}` joins {how}", hint))
 
 
-def _coupling(reader: Attributes, entry: MechanismEntry, definition: tree.Link) -> Joint:
+def _coupling(reader: PartAttributes, entry: MechanismEntry, definition: tree.LinkSyntax) -> Joint:
     """A gear or a rack: the coordinate of the second joint is a multiple of the first's."""
     part, kind, name = reader.part, reader.part.entry.kind, reader.part.entry.name
     ends = []
@@ -119,7 +119,7 @@ def _coupling(reader: Attributes, entry: MechanismEntry, definition: tree.Link) 
 
 
 # ---------------------------------------------------------------- places
-def _position(reader: Attributes, definition: tree.Link, first: str, second: str, places: Places) -> Vector:
+def _position(reader: PartAttributes, definition: tree.LinkSyntax, first: str, second: str, places: Places) -> Vector:
     """Position of a joint: `at`, or the position of the frame that it is on. Raises `Wrong`."""
     if reader.part.entry.kind in SPANS:
         _check_span(reader, definition, first, second, places)
@@ -137,7 +137,7 @@ def _position(reader: Attributes, definition: tree.Link, first: str, second: str
     return points[0]
 
 
-def _check_span(reader: Attributes, definition: tree.Link, first: str, second: str, places: Places) -> None:
+def _check_span(reader: PartAttributes, definition: tree.LinkSyntax, first: str, second: str, places: Places) -> None:
     """A distance or rod lies between two points that are not the same."""
     kind, name = reader.part.entry.kind, reader.part.entry.name
     for end, place in ((first, definition.first), (second, definition.second)):
@@ -151,7 +151,7 @@ def _check_span(reader: Attributes, definition: tree.Link, first: str, second: s
         raise Wrong(WrongMechanism(definition.span, what, "Draw its two ends apart."))
 
 
-def _distance(reader: Attributes, a: Vector, b: Vector, span: Span, threshold: float) -> float:
+def _distance(reader: PartAttributes, a: Vector, b: Vector, span: Span, threshold: float) -> float:
     """Distance of two points in the drawing; 0 below the threshold, NaN if it is not known yet, so that no error is reported."""
     values = [reader.resolver.value_of(x, span) for x in (*a, *b)]
     known = [v for v in values if v is not None]
@@ -164,13 +164,13 @@ def _length(known: list[float], threshold: float) -> float:
 
 
 # ---------------------------------------------------------------- directions
-def _directions(reader: Attributes, kind: str) -> tuple[Vector, Vector, Vector]:
+def _directions(reader: PartAttributes, kind: str) -> tuple[Vector, Vector, Vector]:
     """Axis of a joint, second axis of a universal joint, and the rotation of the axes in which it measures."""
     axis, turn = _axis(reader, kind)
     return axis, _second_axis(reader, axis) if kind == "universal" else ORIGIN, turn
 
 
-def _axis(reader: Attributes, kind: str) -> tuple[Vector, Vector]:
+def _axis(reader: PartAttributes, kind: str) -> tuple[Vector, Vector]:
     """Axis of a joint, and the rotation of the axes in which it measures."""
     if kind == "slide" and reader.planar:
         return _planar_slide(reader)
@@ -183,7 +183,7 @@ def _axis(reader: Attributes, kind: str) -> tuple[Vector, Vector]:
     return UPRIGHT if kind == "hinge" or reader.planar else ORIGIN, ORIGIN
 
 
-def _planar_slide(reader: Attributes) -> tuple[Vector, Vector]:
+def _planar_slide(reader: PartAttributes) -> tuple[Vector, Vector]:
     """`along = 90 deg` or `along = (0, 1)`: a direction and its angle."""
     attribute = reader.needed("along")
     if isinstance(reader.resolver.template(attribute.value, reader.part.scope).value, tuple):
@@ -194,7 +194,7 @@ def _planar_slide(reader: Attributes) -> tuple[Vector, Vector]:
     return axis, (NOTHING, NOTHING, angle)
 
 
-def _second_axis(reader: Attributes, first: Vector) -> Vector:
+def _second_axis(reader: PartAttributes, first: Vector) -> Vector:
     """Second axis of a universal joint, which is not parallel to the first."""
     second, attribute = reader.direction("then"), reader.needed("then")
     words = f"axes of {reader.part.entry.name}"

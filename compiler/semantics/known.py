@@ -25,4 +25,4 @@ class Known:
     tables: dict[int, DomainTable] = field(default_factory=dict)
     laws: dict[int, list[CompiledLaw]] = field(default_factory=dict)  # by declaration: compiled once per definition
     interned: dict[Law, Law] = field(default_factory=dict)  # equal laws of flat text are one law
-    nodes: list[tree.Expression] = field(default_factory=list)
+    nodes: list[tree.ExpressionSyntax] = field(default_factory=list)

@@ -36,7 +36,7 @@ class CompiledLaw:
         str, ...
     ]  # integrals of its own flow (`q`) or effort (`p`) that the law reads, in the slots after all others
     checks: tuple[Check, ...]  # points of tables, known per instance
-    lists: tuple[tuple[tree.Path, int], ...]  # lists that it reads, with their lengths
+    lists: tuple[tuple[tree.PathSyntax, int], ...]  # lists that it reads, with their lengths
 
 
 def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dict[str, OwnVariable]:
@@ -69,7 +69,7 @@ def compile_law(
     definition = declaration.definition
     row = ELEMENTS[declaration.kind]
     kind = row.letters
-    if not isinstance(definition, tree.Law):
+    if not isinstance(definition, tree.LawSyntax):
         raise Wrong(
             WrongLaw(
                 declaration.span,
@@ -84,7 +84,7 @@ def compile_law(
     energy: Expression | None = None
     equations: list[tuple[Expression, Expression]] = []
     first = definition.equations[0].left
-    if isinstance(first, tree.Path) and first.words == "energy":
+    if isinstance(first, tree.PathSyntax) and first.words == "energy":
         energy = _energy(definition, kind, declaration, name, compiler, ports, scope)
     else:
         for equation in definition.equations:
@@ -160,7 +160,7 @@ def _stored(kind: str, name: str, law: Law, ports: list[str], span: Span) -> tup
 
 
 def _energy(
-    definition: tree.Law,
+    definition: tree.LawSyntax,
     kind: str,
     declaration: tree.Declaration,
     name: str,
@@ -220,7 +220,7 @@ def _check_names(
     resolve: Resolve,
 ) -> None:
     row = ELEMENTS[declaration.kind]
-    assert isinstance(declaration.definition, tree.Law)
+    assert isinstance(declaration.definition, tree.LawSyntax)
     for path in paths_of(declaration.definition):
         words = path.words
         if words in own and not path.steps and scope.find(words) is not None and words != name:

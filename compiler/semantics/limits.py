@@ -8,18 +8,18 @@ from ..algebra.formula import Bound, bind
 from ..graph.network import Reading, Requirement
 from ..syntax import tree
 from .errors import WrongMechanism
-from .part_attributes import Attributes, counted, of_dimension, static
+from .part_attributes import PartAttributes, counted, of_dimension, static
 from .part_kinds import noun_of
 from .statement_errors import Wrong
 
 
-def joint_limits(reader: Attributes) -> list[Requirement]:
+def joint_limits(reader: PartAttributes) -> list[Requirement]:
     """Limits of one joint, for the warnings of a run. Errors are collected."""
     limits = (reader.resolver.guard(_limit, reader, *item) for item in reader.targeted["limits"].items())
     return [limit for limit in limits if limit]
 
 
-def _limit(reader: Attributes, words: str, attribute: tree.Attribute) -> Requirement:
+def _limit(reader: PartAttributes, words: str, attribute: tree.Attribute) -> Requirement:
     resolver, part = reader.resolver, reader.part
     entry, scope = part.entry, part.scope
     coordinate = reader.coordinate(words, attribute)
@@ -45,16 +45,16 @@ def _limit(reader: Attributes, words: str, attribute: tree.Attribute) -> Require
     )  # fmt: skip
 
 
-def _check_order(reader: Attributes, attribute: tree.Attribute, low: Bound, high: Bound) -> None:
+def _check_order(reader: PartAttributes, attribute: tree.Attribute, low: Bound, high: Bound) -> None:
     first, second = (reader.resolver.value_of(b, attribute.span) for b in (low, high))
     if first is not None and second is not None and first > second:
         what = f"The limits of `{reader.part.entry.name}` are the wrong way round: {first:g} is more than {second:g}"
         raise Wrong(WrongMechanism(attribute.value.span, what, "The lower one comes first."))
 
 
-def _texts(value: tree.Expression) -> tuple[str, str]:
+def _texts(value: tree.ExpressionSyntax) -> tuple[str, str]:
     """The limits as they are written."""
-    if isinstance(value, tree.Vector):
+    if isinstance(value, tree.VectorSyntax):
         first, second = (" ".join(item.span.text.split()) for item in value.items)
         return first, second
     return " ".join(value.span.text.split()), ""

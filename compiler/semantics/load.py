@@ -37,13 +37,13 @@ class Loader:
         seen: dict[str, Span] = {}
         for statement in syntax.statements:
             match statement:
-                case tree.Model():
+                case tree.ModelSyntax():
                     if statement.name in ELEMENT_KINDS:
                         self.diagnostics.append(ReservedName(statement.name_span, statement.name))
                         scope.missing.add(statement.name)  # the name may mean this model or the element kind
                     elif self._new(seen, statement.name, statement.name_span):
                         scope.models[statement.name] = ModelDefinition(statement, scope)
-                case tree.Function():
+                case tree.FunctionSyntax():
                     if self._new(seen, statement.name, statement.span):
                         scope.functions[statement.name] = statement
                 case tree.Quantities():

@@ -22,7 +22,7 @@ _SIGMA = "sigma "
 
 
 def read_headings(
-    elaborator: Elaborator, text: tree.Text, root: Scope, sought: set[str]
+    elaborator: Elaborator, text: tree.TextSyntax, root: Scope, sought: set[str]
 ) -> tuple[str, tuple[str, ...]]:
     """Return the file name as written and the names of the measured quantities.
 
@@ -39,7 +39,9 @@ def read_headings(
     return text.value, measured
 
 
-def _column(elaborator: Elaborator, text: tree.Text, root: Scope, sought: set[str], head: tuple[str, Span]) -> str:
+def _column(
+    elaborator: Elaborator, text: tree.TextSyntax, root: Scope, sought: set[str], head: tuple[str, Span]
+) -> str:
     """Name of the measured quantity in a column; "" for a column of anything else. Raises `Wrong`."""
     written, place = head
     name, scale = heading(text, written, place)
@@ -57,7 +59,7 @@ def _column(elaborator: Elaborator, text: tree.Text, root: Scope, sought: set[st
     return "" if is_set or name != bare or bare == "time" else bare
 
 
-def _kind(elaborator: Elaborator, text: tree.Text, root: Scope, name: str, place: Span) -> tuple[Dimension, bool]:
+def _kind(elaborator: Elaborator, text: tree.TextSyntax, root: Scope, name: str, place: Span) -> tuple[Dimension, bool]:
     """Dimension of the quantity in a heading, and True if the person who measures sets it."""
     if name == "time":
         return (ONE if root.plain else SECOND), False
@@ -65,7 +67,7 @@ def _kind(elaborator: Elaborator, text: tree.Text, root: Scope, name: str, place
         return (ONE if name.startswith("damping") or root.plain else ONE / SECOND), False
     try:
         path = parse_expression(Source(text.value, name))
-        scalar = elaborator.lookup(path, root) if isinstance(path, tree.Path) else None
+        scalar = elaborator.lookup(path, root) if isinstance(path, tree.PathSyntax) else None
     except (CompilationFailed, Wrong):
         scalar = None
     if not isinstance(scalar, Scalar):

@@ -22,7 +22,7 @@ from .declarations import Declarations
 from .errors import UnknownAttribute, UnknownName, WrongMechanism, WrongType
 from .joints import Places, read_joint
 from .limits import joint_limits
-from .part_attributes import Attributes, Part, vector
+from .part_attributes import DeclaredPart, PartAttributes, vector
 from .part_kinds import instead_in_the_plane, kinds_of
 from .scope import Array, Broken, MechanismEntry, PartEntry, Scope
 from .statement_errors import Wrong, suggestion
@@ -30,7 +30,7 @@ from .statement_errors import Wrong, suggestion
 SPACES = {None: True, "planar": True, "spatial": False}
 
 
-def declare_mechanism(elaborator: Declarations, scope: Scope, statement: tree.Mechanism) -> MechanismEntry:
+def declare_mechanism(elaborator: Declarations, scope: Scope, statement: tree.MechanismSyntax) -> MechanismEntry:
     """Declare the names of a mechanism's parts."""
     if statement.space not in SPACES:
         space = str(statement.space)
@@ -38,7 +38,7 @@ def declare_mechanism(elaborator: Declarations, scope: Scope, statement: tree.Me
         raise Wrong(UnknownName(statement.span, space, "the kinds of mechanism", hint))
     parts = Scope(scope.definition, scope.path, scope.suffix, scope)
     entry = MechanismEntry(scope.full(statement.name), parts, statement.span, SPACES[statement.space])
-    declared: list[Part] = []
+    declared: list[DeclaredPart] = []
     _declare(elaborator, parts, statement.statements, entry, declared)
     elaborator.mechanism_parts[entry.name] = declared
     return entry
@@ -47,9 +47,9 @@ def declare_mechanism(elaborator: Declarations, scope: Scope, statement: tree.Me
 def _declare(
     elaborator: Declarations,
     scope: Scope,
-    statements: tuple[tree.Node, ...],
+    statements: tuple[tree.SyntaxNode, ...],
     entry: MechanismEntry,
-    declared: list[Part],
+    declared: list[DeclaredPart],
 ) -> None:
     for statement in statements:
         if isinstance(statement, tree.Quantities):
@@ -59,7 +59,7 @@ def _declare(
             elaborator.guard(_declare_part, elaborator, scope, statement, entry, declared)
             for name in statement.names:
                 entry.parts.entries.setdefault(name.name, Broken(name.span))
-        elif isinstance(statement, tree.Loop):
+        elif isinstance(statement, tree.LoopSyntax):
             for number in elaborator.rounds(statement, scope):
                 _declare(
                     elaborator,
@@ -71,7 +71,11 @@ def _declare(
 
 
 def _declare_part(
-    elaborator: Declarations, scope: Scope, statement: tree.Declaration, entry: MechanismEntry, declared: list[Part]
+    elaborator: Declarations,
+    scope: Scope,
+    statement: tree.Declaration,
+    entry: MechanismEntry,
+    declared: list[DeclaredPart],
 ) -> None:
     kind, planar = statement.kind, entry.planar
     if planar and kind in SPATIAL_JOINTS:
@@ -108,14 +112,14 @@ def _declare_part(
             if not isinstance(array, Array) or index in array.items:
                 raise Wrong(WrongMechanism(name.span, f"`{local}` is declared twice", "Rename one of the two."))
             array.items[index] = part
-        declared.append(Part(part, statement, scope, planar))
+        declared.append(DeclaredPart(part, statement, scope, planar))
 
 
 def build_mechanism(
-    elaborator: Declarations, scope: Scope, statement: tree.Mechanism, entry: MechanismEntry
+    elaborator: Declarations, scope: Scope, statement: tree.MechanismSyntax, entry: MechanismEntry
 ) -> Mechanism:
     """Read the attributes of all parts. Joints come last, as they may refer to frames."""
-    readers = [Attributes(elaborator, part) for part in elaborator.mechanism_parts.get(entry.name, [])]
+    readers = [PartAttributes(elaborator, part) for part in elaborator.mechanism_parts.get(entry.name, [])]
     kinds = [r.part.entry.kind for r in readers]
     bodies = [elaborator.guard(read_body, r) for r, kind in zip(readers, kinds, strict=True) if kind == "body"]
     frames = [elaborator.guard(read_frame, r, entry) for r, kind in zip(readers, kinds, strict=True) if kind == "frame"]
@@ -143,5 +147,5 @@ def build_mechanism(
     )  # fmt: skip
 
 
-def _settings(statements: tuple[tree.Node, ...]) -> Iterator[tree.Setting]:
-    return (s for s in statements if isinstance(s, tree.Setting))
+def _settings(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[tree.SettingSyntax]:
+    return (s for s in statements if isinstance(s, tree.SettingSyntax))

@@ -14,7 +14,7 @@ from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, PartEntry, Sc
 from .statement_errors import Wrong, suggestion
 
 
-def element_member(entry: ElementEntry, name: str, path: tree.Path) -> Scalar:
+def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Scalar:
     """`spring.x`: a variable of an element, or the stored quantity of its port of that name."""
     row = ELEMENTS.get(entry.kind)  # None: a junction
     stored = row.stored if row is not None and len(row.stored) == 1 else ""
@@ -65,7 +65,7 @@ def _in_law(entry: ElementEntry, variable: str) -> bool:
     return law is not None and any(path.words in words for path in paths_of(law))
 
 
-def part_member(part: PartEntry, name: str, path: tree.Path) -> Scalar | GroupEntry:
+def part_member(part: PartEntry, name: str, path: tree.PathSyntax) -> Scalar | GroupEntry:
     """`arm.pin.phi`: a coordinate of a body, joint or frame; its reaction or attitude as a whole.
 
     A joint with one degree of freedom also has its rate and effort.
@@ -113,7 +113,7 @@ def _efforts(part: PartEntry) -> str:
     return ", ".join(dict.fromkeys((found[0], found[-1])))
 
 
-def group_member(group: GroupEntry, name: str, path: tree.Path) -> Scalar:
+def group_member(group: GroupEntry, name: str, path: tree.PathSyntax) -> Scalar:
     """`pin.reaction.x`, `top.attitude.w`."""
     components = group.part.groups[group.name]
     if name not in components:
@@ -135,7 +135,7 @@ def group_members(group: GroupEntry) -> tuple[Scalar, ...]:
     return tuple(found)
 
 
-def wall_member(entry: WallEntry, name: str, path: tree.Path) -> Scalar:
+def wall_member(entry: WallEntry, name: str, path: tree.PathSyntax) -> Scalar:
     """`film.b.S_dot`: effort or flow of the bond that passes through a port of a model; of a multibond its component first."""
     if "" in entry.ports:
         return wall_variable(entry, "", name, path)
@@ -146,7 +146,7 @@ def wall_member(entry: WallEntry, name: str, path: tree.Path) -> Scalar:
     return Scalar(Reading(entry.name, name, "e"), domain.dimension("e"), "port", f"{entry.name}.{name}")
 
 
-def wall_variable(entry: WallEntry, component: str, letter: str, path: tree.Path) -> Scalar:
+def wall_variable(entry: WallEntry, component: str, letter: str, path: tree.PathSyntax) -> Scalar:
     """`ends.phi.M`: effort or flow of the whole bond at a model port, the same from inside and outside."""
     domain, name = entry.ports[component], f"{entry.name}.{component}".rstrip(".")
     variable = domain.variable(letter)
@@ -156,7 +156,7 @@ def wall_variable(entry: WallEntry, component: str, letter: str, path: tree.Path
     return Scalar(Reading(entry.name, component, variable), domain.dimension(variable), "reading", f"{name}.{letter}")
 
 
-def port_variable(node: str, port: str, domain: Domain, letter: str, path: tree.Path) -> Scalar:
+def port_variable(node: str, port: str, domain: Domain, letter: str, path: tree.PathSyntax) -> Scalar:
     """`plates.q.u`: a variable of one port of a node."""
     variable = domain.variable(letter)
     if variable is None:
@@ -171,7 +171,7 @@ def port_variable(node: str, port: str, domain: Domain, letter: str, path: tree.
     return Scalar(Reading(node, port, variable), domain.dimension(variable), "reading", f"{node}.{port}.{letter}")
 
 
-def not_a_number(entry: Entry, path: tree.Path) -> Wrong:
+def not_a_number(entry: Entry, path: tree.PathSyntax) -> Wrong:
     """Error for a name that denotes no number; its advice lists the names that could be read instead."""
     name = path.words
     match entry:

@@ -10,8 +10,8 @@ from ..graph.domains import Domain
 from ..graph.elements import ELEMENTS, Kind
 from ..graph.network import (
     Bond,
+    BondEnd,
     Element,
-    End,
     Integral,
     Junction,
     Law,
@@ -54,7 +54,7 @@ class Nodes:
         self.bonds: list[Bond] = []
         self.switches: list[Switch] = []
         self.walls: dict[tuple[str, str], int] = {}
-        self.ends: dict[tuple[str, str], End] = {}
+        self.ends: dict[tuple[str, str], BondEnd] = {}
         self._laws = known.laws
         self._alike: dict[_Wording, CompiledLaw] = {}
         self._interned = known.interned
@@ -68,12 +68,12 @@ class Nodes:
                 len(self.nodes) == before and declaration.kind != "splitter"
             ):  # its law is wrong: its bonds can still be checked
                 for number, port in enumerate(entry.ports):
-                    self.ends[entry.name, port] = End(before, number)
+                    self.ends[entry.name, port] = BondEnd(before, number)
                 self.nodes.append(_placeholder(entry))
         connector = Connector(elaborator)
         connector.connect()
         for name, kind, domain, scope, span in connector.anonymous:
-            self.ends[name, ""] = End(len(self.nodes), 0)
+            self.ends[name, ""] = BondEnd(len(self.nodes), 0)
             self.nodes.append(Junction(name, Kind(kind), domain, f"{scope.definition.name}.{kind}(…)", span))
         self._mechanisms(connector)
         self.bonds = connector.bonds(self.ends)
@@ -87,7 +87,7 @@ class Nodes:
         index = len(self.nodes)
         definition = f"{scope.definition.name}.{entry.name.removeprefix(scope.path).split('[')[0]}"
         if declaration.kind in ("0", "1"):
-            if isinstance(declaration.definition, tree.Law):
+            if isinstance(declaration.definition, tree.LawSyntax):
                 raise Wrong(
                     WrongLaw(
                         declaration.definition.span,
@@ -96,7 +96,7 @@ class Nodes:
                     )
                 )
             domain = next(iter(entry.ports.values()))
-            self.ends[entry.name, ""] = End(index, 0)
+            self.ends[entry.name, ""] = BondEnd(index, 0)
             self.nodes.append(Junction(entry.name, Kind(declaration.kind), domain.name, definition, entry.span))
             for attribute in declaration.attributes:
                 self._active(scope, attribute, entry)
@@ -107,7 +107,7 @@ class Nodes:
             self._alike.setdefault(alike, compiled)
         ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
         for number, port in enumerate(ports):
-            self.ends[entry.name, port.name] = End(index, number)
+            self.ends[entry.name, port.name] = BondEnd(index, number)
         attributes = self._attributes(scope, declaration, entry, compiled.stored or compiled.remembered)
         row = ELEMENTS[declaration.kind]
         if compiled.remembered:
@@ -199,7 +199,7 @@ class Nodes:
             known = [*numbers, "prefer", "require"]
             hint = suggestion(attribute.name, known, f"`{entry.kind}` has: {', '.join(known)}.")
             raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
-        word = attribute.value.words if isinstance(attribute.value, tree.Path) else attribute.value.span.words
+        word = attribute.value.words if isinstance(attribute.value, tree.PathSyntax) else attribute.value.span.words
         allowed = ["integral", "derivative", "effort", "flow"] if row.stored else ["effort", "flow"]
         if word not in allowed:
             hint = suggestion(word, allowed, f"It can be: {', '.join(allowed)}.")
@@ -257,7 +257,7 @@ class Nodes:
             )
             ports = tuple(Port(p, elaborator.port_domain(entry.name, p).name) for p in used)
             for number, port in enumerate(ports):
-                self.ends[entry.name, port.name] = End(len(self.nodes), number)
+                self.ends[entry.name, port.name] = BondEnd(len(self.nodes), number)
             if not mechanism.bodies and not elaborator.diagnostics:
                 elaborator.tell(
                     WrongMechanism(
@@ -279,7 +279,7 @@ class Nodes:
 
     def _share_ports(self) -> None:
         """Insert a 1-junction at each port of a mechanism with several bonds, which share its flow."""
-        by_port: dict[End, list[int]] = {}
+        by_port: dict[BondEnd, list[int]] = {}
         for number, bond in enumerate(self.bonds):
             for end in (bond.tail, bond.head):
                 if isinstance(self.nodes[end.node], MechanismNode):
@@ -290,7 +290,7 @@ class Nodes:
             node = self.nodes[end.node]
             assert isinstance(node, MechanismNode)
             port = node.ports[end.port]
-            junction = End(len(self.nodes), 0)
+            junction = BondEnd(len(self.nodes), 0)
             self.nodes.append(Junction(f"{node.name}.{port.name}", Kind.ONE, port.domain, node.definition, node.span))
             for number in numbers:
                 bond = self.bonds[number]

@@ -10,7 +10,7 @@ from .statement_errors import Wrong
 READABLE = ("parameter", "constant")
 
 
-def check_function(scope: Scope, function: tree.Function) -> None:
+def check_function(scope: Scope, function: tree.FunctionSyntax) -> None:
     """Check that a function is defined at the top level of its model, under a name that is used nowhere else. Raises `Wrong`."""
     if scope.outer is not None:
         raise Wrong(Unsupported(function.span, "A function in a `for`", "Define it once, outside of the `for`."))
@@ -18,7 +18,7 @@ def check_function(scope: Scope, function: tree.Function) -> None:
         raise Wrong(ReservedName(function.span, function.name))
     definition = scope.definition
     same = next(
-        s for s in definition.model.statements if isinstance(s, tree.Function) and s.name == function.name
+        s for s in definition.model.statements if isinstance(s, tree.FunctionSyntax) and s.name == function.name
     )  # fmt: skip
     other = definition.file.functions.get(function.name, same)
     if other is not function:

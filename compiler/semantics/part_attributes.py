@@ -23,7 +23,7 @@ EXPECTED = {1: "A single number", 2: "A point (x, y)", 3: "A point (x, y, z)"}
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class DeclaredPart:
     """A declared part before its attributes are read."""
 
     entry: PartEntry
@@ -33,7 +33,7 @@ class Part:
 
 
 def static_bounds(
-    resolver: Resolver, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, count: int,
+    resolver: Resolver, value: tree.ExpressionSyntax, scope: Scope, dimension: Dimension, what: str, count: int,
     hint: str = "",
 ) -> list[Bound]:  # fmt: skip
     """`count` numbers of one dimension that are known before the run. Raises `Wrong`."""
@@ -44,7 +44,7 @@ def static_bounds(
 
 
 def counted(
-    template: Template, value: tree.Expression, counts: tuple[int, ...], expected: str, hint: str = ""
+    template: Template, value: tree.ExpressionSyntax, counts: tuple[int, ...], expected: str, hint: str = ""
 ) -> tuple[Typed, ...]:
     """The parts of a list of one of these lengths. Raises `Wrong`."""
     parts = template.value if isinstance(template.value, tuple) else (template.value,)
@@ -55,7 +55,7 @@ def counted(
 
 
 def of_dimension(
-    parts: tuple[Typed, ...], value: tree.Expression, scope: Scope, allowed: tuple[Dimension, ...], what: str
+    parts: tuple[Typed, ...], value: tree.ExpressionSyntax, scope: Scope, allowed: tuple[Dimension, ...], what: str
 ) -> None:
     """Raise `Wrong` unless all parts have one of these dimensions, and the same."""
     if scope.plain:
@@ -86,7 +86,7 @@ def static(resolver: Resolver, template: Template, scope: Scope, what: str, span
 
 
 def vector(
-    resolver: Resolver, value: tree.Expression, scope: Scope, dimension: Dimension, what: str, planar: bool
+    resolver: Resolver, value: tree.ExpressionSyntax, scope: Scope, dimension: Dimension, what: str, planar: bool
 ) -> Vector:
     """Point or vector in the space of the mechanism; z = 0 in the plane."""
     hint = "In the plane it has two components." if planar else "In space it has three components."
@@ -94,10 +94,10 @@ def vector(
     return bounds[0], bounds[1], NOTHING if planar else bounds[2]
 
 
-class Attributes:
+class PartAttributes:
     """The attributes of one part."""
 
-    def __init__(self, resolver: Resolver, part: Part) -> None:
+    def __init__(self, resolver: Resolver, part: DeclaredPart) -> None:
         self.resolver, self.part = resolver, part
         self.given: dict[str, tree.Attribute] = {}
         self.targeted: dict[str, dict[str, tree.Attribute]] = {word: {} for word in TARGETED}
@@ -217,7 +217,7 @@ class Attributes:
         attribute = self.given.get(name)
         if attribute is None:
             return allowed[0]
-        found = attribute.value.words if isinstance(attribute.value, tree.Path) else ""
+        found = attribute.value.words if isinstance(attribute.value, tree.PathSyntax) else ""
         if found not in allowed:
             text = attribute.value.span.text
             hint = suggestion(found, list(allowed), hint)
@@ -310,12 +310,12 @@ class Attributes:
         return port, variable
 
 
-def attitude_bounds(resolver: Resolver, value: tree.Expression, scope: Scope) -> list[Bound] | None:
+def attitude_bounds(resolver: Resolver, value: tree.ExpressionSyntax, scope: Scope) -> list[Bound] | None:
     """A unit quaternion (w, x, y, z). On an error, which is collected, return None."""
     return resolver.guard(_attitude_bounds, resolver, value, scope)  # type: ignore[no-any-return]
 
 
-def _attitude_bounds(resolver: Resolver, value: tree.Expression, scope: Scope) -> list[Bound]:
+def _attitude_bounds(resolver: Resolver, value: tree.ExpressionSyntax, scope: Scope) -> list[Bound]:
     template = resolver.template(value, scope)
     hint = "An attitude is a unit quaternion: `(1, 0, 0, 0)` is the drawing's axes; (cos(a/2), sin(a/2)*n) turns by a about n."
     parts = counted(template, value, (4,), "A unit quaternion (w, x, y, z)", hint)

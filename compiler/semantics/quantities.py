@@ -161,7 +161,7 @@ class QuantityResolver(Resolver):
     def _valued(
         self,
         pending: Pending,
-        value: tree.Expression | None,
+        value: tree.ExpressionSyntax | None,
         scope: Scope,
         declared: Dimension | None,
         unit: Scale | None,
@@ -206,7 +206,11 @@ class QuantityResolver(Resolver):
         return Scalar(Quantity(pending.name), declared or ONE, pending.role, pending.name)
 
     def _check_value(
-        self, pending: Pending, typed: Typed | tuple[Typed, ...], value: tree.Expression, declared: Dimension | None
+        self,
+        pending: Pending,
+        typed: Typed | tuple[Typed, ...],
+        value: tree.ExpressionSyntax,
+        declared: Dimension | None,
     ) -> None:
         """Raise `Wrong` for a value of another dimension, or for a list in place of a single number."""
         item = pending.item
@@ -260,12 +264,12 @@ class QuantityResolver(Resolver):
         self._delays.append((name, call, scope, dimension))
         return Scalar(Quantity(name), dimension, "signal", name)
 
-    def _inferred(self, rate: tree.Expression, scope: Scope) -> Dimension | None:
+    def _inferred(self, rate: tree.ExpressionSyntax, scope: Scope) -> Dimension | None:
         """Dimension of an integral from its rate. In the rate, the integral itself fits any dimension."""
         found = self._looked_at(rate, scope)
         return None if found is None else found * SECOND
 
-    def _looked_at(self, expression: tree.Expression, scope: Scope) -> Dimension | None:
+    def _looked_at(self, expression: tree.ExpressionSyntax, scope: Scope) -> Dimension | None:
         """Dimension of an expression. Quantities that are being resolved fit any dimension."""
         before, self._inferring = self._inferring, True
         try:

@@ -24,7 +24,7 @@ def read_requirements(elaborator: Elaborator) -> tuple[Requirement, ...]:
 
 
 def read_condition(
-    elaborator: Elaborator, expression: tree.Expression, scope: Scope, hint: str
+    elaborator: Elaborator, expression: tree.ExpressionSyntax, scope: Scope, hint: str
 ) -> tuple[Template, Bound]:
     """A condition, as a number that is 1 if it holds. Raises `Wrong`, with the hint, for an expression that is no condition."""
     template = elaborator.template(expression, scope)
@@ -35,7 +35,7 @@ def read_condition(
     return template, elaborator.bind(template, formula, scope)
 
 
-def _read(elaborator: Elaborator, scope: Scope, statement: tree.Requirement) -> Requirement:
+def _read(elaborator: Elaborator, scope: Scope, statement: tree.RequirementSyntax) -> Requirement:
     hint = 'Compare it with something: `require x < 1 mm "small"`.'
     template, condition = read_condition(elaborator, statement.condition, scope, hint)
     read = [(slot.words, elaborator.scalar_at(slot, scope)) for slot in template.slots]

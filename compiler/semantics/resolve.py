@@ -111,7 +111,7 @@ class Resolver(ABC):
     def index_of(self, index: tree.Index | None, scope: Scope) -> tuple[int, ...] | None:
         return None if index is None else tuple(self.integer(i, scope) for i in index.items)
 
-    def integer(self, expression: tree.Expression, scope: Scope) -> int:
+    def integer(self, expression: tree.ExpressionSyntax, scope: Scope) -> int:
         """A whole number with a value known before the run."""
         value = self.static(expression, scope, "A range or index")
         if value != round(value) or abs(value) > 1e9:
@@ -120,11 +120,11 @@ class Resolver(ABC):
             )
         return round(value)
 
-    def static(self, expression: tree.Expression, scope: Scope, what: str, dimension: Dimension = ONE) -> float:
+    def static(self, expression: tree.ExpressionSyntax, scope: Scope, what: str, dimension: Dimension = ONE) -> float:
         """A number in SI with a value known before the run."""
         if isinstance(expression, tree.Literal) and expression.unit is None and dimension == ONE:
             return float(expression.number)
-        if isinstance(expression, tree.Path) and not expression.steps:  # the index of a loop, nearly always
+        if isinstance(expression, tree.PathSyntax) and not expression.steps:  # the index of a loop, nearly always
             entry = scope.find(expression.head)
             if isinstance(entry, Scalar) and entry.role == "index" and dimension == ONE:
                 assert isinstance(entry.reference, float)
@@ -207,7 +207,7 @@ class Resolver(ABC):
         return "With " + ", ".join(parts) + "." if parts else NO_NAMES
 
     # ------------------------------------------------------------ expressions
-    def template(self, expression: tree.Expression, scope: Scope, unit: Scale | None = None) -> Template:
+    def template(self, expression: tree.ExpressionSyntax, scope: Scope, unit: Scale | None = None) -> Template:
         """Compile an expression, once per place in the text (and per lengths of the lists that it reads)."""
         known = self._templates.setdefault((id(expression), unit), [])
         for template in known:
@@ -217,7 +217,7 @@ class Resolver(ABC):
         known.append(ExpressionCompiler(scope, self.resolve, unit=unit).compile(expression))
         return known[-1]
 
-    def same_lists(self, lists: Iterable[tuple[tree.Path, int]], scope: Scope) -> bool:
+    def same_lists(self, lists: Iterable[tuple[tree.PathSyntax, int]], scope: Scope) -> bool:
         """Return True if the lists have the same lengths here as when the template was made."""
         for path, length in lists:
             found = self.lookup(path, scope)
@@ -267,7 +267,7 @@ class Resolver(ABC):
             return found.items[slot.item]
         return found
 
-    def resolve(self, path: tree.Path | tree.Call, scope: Scope) -> Readable:
+    def resolve(self, path: tree.PathSyntax | tree.Call, scope: Scope) -> Readable:
         """Dimensions of the quantity that a path reads, or of an integral."""
         if isinstance(path, tree.Call):
             return Readable((self.nested_memory(path, scope).dimension,), False)
@@ -278,7 +278,7 @@ class Resolver(ABC):
             return Readable(tuple(i.dimension for i in found.items), True, values, fixed=fixed)
         return Readable((found.dimension,), False, (_known(found),), found.truth)
 
-    def _fixed(self, path: tree.Path, scope: Scope) -> bool:
+    def _fixed(self, path: tree.PathSyntax, scope: Scope) -> bool:
         """Return True for a list that is a `constant` of literal numbers: it is the same in every instance."""
         entry = scope.find(path.head) or self._file_constant(path.head, scope)
         if path.steps or not isinstance(entry, Pending) or entry.role != "constant" or entry.value is None:
@@ -286,7 +286,7 @@ class Resolver(ABC):
         unit = None if entry.item.unit is None else scale_of(entry.item.unit)
         return all(isinstance(f.expression, Number) for f in self.template(entry.value, entry.scope, unit).formulas)
 
-    def lookup(self, path: tree.Path, scope: Scope) -> Scalar | Items:
+    def lookup(self, path: tree.PathSyntax, scope: Scope) -> Scalar | Items:
         """Return the quantity or list that a path reads. Raises `Wrong` or `AlreadyTold`."""
         entry = scope.find(path.head)
         if entry is None:
@@ -344,7 +344,9 @@ class Resolver(ABC):
         key = f"{scope.definition.file.source.name}:{name}"
         return self._file_constants.setdefault(key, pending)
 
-    def _step(self, entry: Entry, step: tree.Member | tree.Index, name: str, path: tree.Path, scope: Scope) -> Entry:
+    def _step(
+        self, entry: Entry, step: tree.Member | tree.Index, name: str, path: tree.PathSyntax, scope: Scope
+    ) -> Entry:
         if isinstance(step, tree.Index):
             index = tuple(self.integer(i, scope) for i in step.items)
             if isinstance(entry, Pending):

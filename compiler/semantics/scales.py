@@ -69,7 +69,7 @@ def _unit_advice(symbol: str) -> str:
     return suggestion(symbol, list(UNITS), "See the list of units in the language reference.")
 
 
-def bare(expression: tree.Expression) -> bool:
+def bare(expression: tree.ExpressionSyntax) -> bool:
     """Return True for a number without unit, with or without a sign."""
     if isinstance(expression, tree.Negative):
         return bare(expression.operand)

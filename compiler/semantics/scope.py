@@ -79,7 +79,7 @@ class Pending:
     item: tree.Item
     role: str
     name: str  # full name
-    value: tree.Expression | None  # the binding, or the default
+    value: tree.ExpressionSyntax | None  # the binding, or the default
     scope: Scope  # scope in which `value` is read
     owner: Scope  # scope of the declaration
     is_default: bool
@@ -193,7 +193,7 @@ class FileScope:
     source: Source
     models: dict[str, ModelDefinition]
     constants: dict[str, tuple[tree.Item, tree.Quantities]]
-    functions: dict[str, tree.Function]
+    functions: dict[str, tree.FunctionSyntax]
     missing: set[str] = field(default_factory=set)  # models that could not be read; already reported
     root: Path | None = None  # the project folder
     library: Path | None = None
@@ -204,13 +204,13 @@ class FileScope:
 class ModelDefinition:
     """A model as defined in its file."""
 
-    model: tree.Model
+    model: tree.ModelSyntax
     file: FileScope
     domains: DomainTable | None = None
-    functions: dict[str, tree.Function] = field(init=False)  # its own, beside those of the file
+    functions: dict[str, tree.FunctionSyntax] = field(init=False)  # its own, beside those of the file
 
     def __post_init__(self) -> None:
-        self.functions = {s.name: s for s in self.model.statements if isinstance(s, tree.Function)}
+        self.functions = {s.name: s for s in self.model.statements if isinstance(s, tree.FunctionSyntax)}
 
     @property
     def name(self) -> str:

@@ -46,7 +46,7 @@ def describe(dimension: Dimension | None) -> str:
     return "a bare number" if dimension == ONE else f"in [{dimension}]"
 
 
-def unit_hint(found: Dimension | None, wanted: Dimension | None, written: tree.Expression | None = None) -> str:
+def unit_hint(found: Dimension | None, wanted: Dimension | None, written: tree.ExpressionSyntax | None = None) -> str:
     """Advice for a quantity of another unit; `written` is its expression in the text."""
     if found == ONE and wanted is not None:
         return f"A number needs its unit, in brackets if it has several symbols: `2 [{wanted}]`; only zero needs none."

@@ -18,19 +18,19 @@ Read = Callable[[tree.Attribute, Scope], tuple[str, Any]]
 
 
 @dataclass(slots=True)
-class Attributes:
+class StepAttributes:
     """Attributes of a step. `values`: by attribute. `named`: those with a target, `limit u = 3 V`, by attribute and target."""
 
     values: dict[str, Any] = field(default_factory=dict)
     named: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
-def word(path: tree.Path) -> str:
+def word(path: tree.PathSyntax) -> str:
     """A path as a name: without spaces."""
     return path.words.replace(" ", "")
 
 
-def expressions_of(step: tree.Analysis) -> list[tree.Expression]:
+def expressions_of(step: tree.Analysis) -> list[tree.ExpressionSyntax]:
     """All expressions of a step: values, bounds and attributes."""
     given = (*step.given, *step.wanted)
     ranges = [r for r in (step.range, *(g.range for g in given)) if r is not None]
@@ -39,7 +39,7 @@ def expressions_of(step: tree.Analysis) -> list[tree.Expression]:
 
 
 def each(
-    elaborator: Elaborator, read: Callable[..., Any], given: Sequence[tree.Given], root: Scope, *more: Any
+    elaborator: Elaborator, read: Callable[..., Any], given: Sequence[tree.GivenSyntax], root: Scope, *more: Any
 ) -> tuple[Any, ...]:
     """Apply `read` to each name and return the results. Raises as `together`."""
     return together(elaborator, *(partial(read, elaborator, one, root, *more) for one in given))
@@ -53,7 +53,7 @@ def together(elaborator: Elaborator, *parts: Callable[[], Any]) -> tuple[Any, ..
     return found
 
 
-def settable(elaborator: Elaborator, given: tree.Given, root: Scope, what: str) -> str:
+def settable(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope, what: str) -> str:
     """The name of a single parameter or input. Raises `Wrong`."""
     scalar = elaborator.lookup(given.path, root)
     name = word(given.path)
@@ -64,9 +64,9 @@ def settable(elaborator: Elaborator, given: tree.Given, root: Scope, what: str) 
     return name
 
 
-def refuse_twice(given: Sequence[tree.Given]) -> None:
+def refuse_twice(given: Sequence[tree.GivenSyntax]) -> None:
     """Raise `Wrong` for a name that occurs twice."""
-    seen: dict[str, tree.Given] = {}
+    seen: dict[str, tree.GivenSyntax] = {}
     for one in given:
         for path in (one.path, one.other):
             if path is not None and word(path) in seen:
@@ -78,12 +78,12 @@ def refuse_twice(given: Sequence[tree.Given]) -> None:
 def read_attributes(
     elaborator: Elaborator, step: tree.Analysis, root: Scope, counts: Mapping[str, tuple[int, int]], truths: Sequence[str] = (),
     named: Mapping[str, Read] | None = None,
-) -> Attributes:  # fmt: skip
+) -> StepAttributes:  # fmt: skip
     """Read whole numbers within limits, `true` or `false`, and the attributes of `named`.
 
     Raises `AlreadyTold` after all errors are reported.
     """
-    found, before = Attributes(named={n: {} for n in named or {}}), len(elaborator.diagnostics)
+    found, before = StepAttributes(named={n: {} for n in named or {}}), len(elaborator.diagnostics)
     for attribute in step.attributes:
         elaborator.guard(_read, elaborator, step, attribute, root, (counts, truths, named or {}), found)
     if len(elaborator.diagnostics) > before:
@@ -92,7 +92,7 @@ def read_attributes(
 
 
 def _read(
-    elaborator: Elaborator, step: tree.Analysis, attribute: tree.Attribute, root: Scope, known: tuple[Any, Any, Any], found: Attributes
+    elaborator: Elaborator, step: tree.Analysis, attribute: tree.Attribute, root: Scope, known: tuple[Any, Any, Any], found: StepAttributes
 ) -> None:  # fmt: skip
     counts, truths, named = known
     name = attribute.name

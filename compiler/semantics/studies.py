@@ -17,7 +17,9 @@ from .step_attributes import expressions_of
 MOST_POINTS = 1_000_000
 
 
-def read_sweep(elaborator: Elaborator, step: tree.Study, experiment: tree.Experiment, root: Scope, plan: Plan) -> Swept:
+def read_sweep(
+    elaborator: Elaborator, step: tree.StudySyntax, experiment: tree.Experiment, root: Scope, plan: Plan
+) -> Swept:
     """`sweep a = …`: the values in SI. Raises `Wrong`."""
     path = step.paths[0]
     name = path.words.replace(" ", "")
@@ -51,12 +53,12 @@ def read_sweep(elaborator: Elaborator, step: tree.Study, experiment: tree.Experi
     return Swept(name, tuple(values), str(entry.dimension or ONE))
 
 
-def own_names(model: tree.Model) -> set[str]:
+def own_names(model: tree.ModelSyntax) -> set[str]:
     """Names of a model's quantities. A swept name that is not among them belongs to the experiment."""
     return {i.name for s in model.statements if isinstance(s, tree.Quantities) for i in s.items}
 
 
-def read_study(elaborator: Elaborator, step: tree.Study, root: Scope, outputs: dict[str, Named]) -> Study:
+def read_study(elaborator: Elaborator, step: tree.StudySyntax, root: Scope, outputs: dict[str, Named]) -> Study:
     """`equilibrium`, `modes`, `response`. Raises `Wrong`."""
     if step.role != "response":
         for attribute in step.attributes:

@@ -36,8 +36,8 @@ class Arguments:
     """Readers of the arguments of a call, and the list that collects the checks left to each instance."""
 
     file: FileScope
-    value: Callable[[tree.Expression], Value]
-    scalar: Callable[[tree.Expression], Typed]
+    value: Callable[[tree.ExpressionSyntax], Value]
+    scalar: Callable[[tree.ExpressionSyntax], Typed]
     checks: list[Check]
 
 
@@ -103,7 +103,7 @@ def _unknown(key: object) -> float:
     raise LookupError(key)
 
 
-def _points(arguments: Arguments, node: tree.Call, argument: tree.Expression) -> tuple[Typed, ...]:
+def _points(arguments: Arguments, node: tree.Call, argument: tree.ExpressionSyntax) -> tuple[Typed, ...]:
     """A list of single numbers."""
     value = arguments.value(argument)
     if not isinstance(value, tuple):
@@ -114,18 +114,18 @@ def _points(arguments: Arguments, node: tree.Call, argument: tree.Expression) ->
     return value
 
 
-def _placed(points: Sequence[Typed], argument: tree.Expression) -> list[tuple[Typed, Span]]:
+def _placed(points: Sequence[Typed], argument: tree.ExpressionSyntax) -> list[tuple[Typed, Span]]:
     """Points with their places in the text."""
-    if isinstance(argument, tree.Vector):
+    if isinstance(argument, tree.VectorSyntax):
         return [(t, item.span) for t, item in zip(points, argument.items, strict=True)]
     return [(t, argument.span) for t in points]
 
 
-def _cells(arguments: Arguments, argument: tree.Expression) -> tuple[Span, ...]:
+def _cells(arguments: Arguments, argument: tree.ExpressionSyntax) -> tuple[Span, ...]:
     """Places in the text or file of the numbers in a list, if they differ from the place of the argument."""
     if isinstance(argument, tree.Call) and argument.function == "column":
         return read_column(argument, arguments.file).cells
-    return tuple(item.span for item in argument.items) if isinstance(argument, tree.Vector) else ()
+    return tuple(item.span for item in argument.items) if isinstance(argument, tree.VectorSyntax) else ()
 
 
 def _settle(arguments: Arguments, check: Check) -> bool:

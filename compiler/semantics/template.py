@@ -34,14 +34,14 @@ Value = Typed | tuple[Typed, ...]
 class Slot:
     """Reading of a slot: a path of the text, and the item if it is a list."""
 
-    path: tree.Path | tree.Call  # a call is `integral(…)` or `delay(…)`, a signal of its own
+    path: tree.PathSyntax | tree.Call  # a call is `integral(…)` or `delay(…)`, a signal of its own
     item: int | None
     base: bool = False  # read in the scope of the instance, not of a loop: by a function of the model
 
     @property
     def words(self) -> str:
         """The path as written."""
-        return self.path.words if isinstance(self.path, tree.Path) else f"{self.path.function}(…)"
+        return self.path.words if isinstance(self.path, tree.PathSyntax) else f"{self.path.function}(…)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class Template:
     slots: tuple[Slot, ...]
     formulas: tuple[Formula, ...]
     checks: tuple[Check, ...] = ()
-    lists: tuple[tuple[tree.Path, int], ...] = ()  # lists that it reads, with the lengths that they had
+    lists: tuple[tuple[tree.PathSyntax, int], ...] = ()  # lists that it reads, with the lengths that they had
 
     @property
     def scalar(self) -> Typed:
@@ -83,7 +83,7 @@ class Readable:
     fixed: bool = False  # numbers of the text: the same in every instance
 
 
-Resolve = Callable[[tree.Path | tree.Call, Scope], Readable]
+Resolve = Callable[[tree.PathSyntax | tree.Call, Scope], Readable]
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +163,7 @@ def common_dimension(parts: list[tuple[Typed, Span]], what: str) -> Dimension | 
     return None if known is None else known[0]
 
 
-def bare_number(value: Typed, node: tree.Expression, what: str) -> None:
+def bare_number(value: Typed, node: tree.ExpressionSyntax, what: str) -> None:
     """Raise `Wrong` for a quantity with a unit."""
     if value.dimension not in (None, ONE):
         text = f"{what} `{node.span.text}` must be a bare number, but it is {describe(value.dimension)}"

@@ -14,7 +14,7 @@ from dataclasses import replace
 from ..algebra.affine import affine_parts
 from ..algebra.expression import ZERO, Expression, Symbol, multiply, negate, symbols
 from ..graph.elements import TRANSDUCERS, Kind
-from ..graph.network import Bond, Element, End, Junction, Law, Node, Own, Port
+from ..graph.network import Bond, BondEnd, Element, Junction, Law, Node, Own, Port
 from ..source import Span
 from .errors import WrongLaw
 from .statement_errors import Wrong
@@ -71,13 +71,13 @@ def check_many_ports(
 
 def expand_transducers(nodes: list[Node], bonds: list[Bond]) -> None:
     """Replace the transducers of many ports, in place. A port without bond, or with two, is left to the check of bonds."""
-    ends: dict[End, list[tuple[int, bool]]] = {}
+    ends: dict[BondEnd, list[tuple[int, bool]]] = {}
     for number, bond in enumerate(bonds):
         ends.setdefault(bond.tail, []).append((number, False))
         ends.setdefault(bond.head, []).append((number, True))
     for number, node in enumerate(list(nodes)):
         if isinstance(node, Element) and has_many_ports(node):
-            found = [ends.get(End(number, p), []) for p in range(len(node.ports))]
+            found = [ends.get(BondEnd(number, p), []) for p in range(len(node.ports))]
             if node.law.equations and all(len(f) == 1 for f in found):  # a law with an error is skipped
                 _expand(number, node, [f[0] for f in found], nodes, bonds)
 
@@ -101,7 +101,7 @@ def _expand(number: int, node: Element, outer: list[tuple[int, bool]], nodes: li
         else:
             nodes[number] = junction
         bond, arrives = outer[port]
-        end = End(places[port], 0)
+        end = BondEnd(places[port], 0)
         bonds[bond] = replace(bonds[bond], head=end) if arrives else replace(bonds[bond], tail=end)
     for target, source, coefficient in _terms(node):
         bond, arrives = outer[target]
@@ -114,8 +114,8 @@ def _expand(number: int, node: Element, outer: list[tuple[int, bool]], nodes: li
         middle = len(nodes)
         nodes.append(two_port)
         span = bonds[bond].span
-        bonds.append(Bond(End(places[source], 0), End(middle, 0), sides[0].domain, span))
-        bonds.append(Bond(End(middle, 1), End(places[target], 0), sides[1].domain, span))
+        bonds.append(Bond(BondEnd(places[source], 0), BondEnd(middle, 0), sides[0].domain, span))
+        bonds.append(Bond(BondEnd(middle, 1), BondEnd(places[target], 0), sides[1].domain, span))
 
 
 def _terms(node: Element) -> Iterator[tuple[int, int, Expression]]:

@@ -80,24 +80,24 @@ class ExpressionCompiler:
         self.in_model = True  # True if names of the model are visible; False in a function of the file
         self.opened = 0
         self.checks: list[Check] = []
-        self.lists: dict[str, tuple[tree.Path, int]] = {}
+        self.lists: dict[str, tuple[tree.PathSyntax, int]] = {}
 
-    def compile(self, expression: tree.Expression) -> Template:
+    def compile(self, expression: tree.ExpressionSyntax) -> Template:
         value = self._in_unit(expression) if self.unit is not None else self.value(expression)
         parts = value if isinstance(value, tuple) else (value,)
         formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts)
         return Template(value, tuple(self.slot_list), formulas, tuple(self.checks), tuple(self.lists.values()))
 
-    def _in_unit(self, expression: tree.Expression) -> Value:
+    def _in_unit(self, expression: tree.ExpressionSyntax) -> Value:
         """Value after `name : unit =`: a bare number, alone or in a list, is in that unit; any other expression has its own."""
-        if isinstance(expression, tree.Vector) and len(expression.items) <= MAXIMUM_ITEMS:
+        if isinstance(expression, tree.VectorSyntax) and len(expression.items) <= MAXIMUM_ITEMS:
             return tuple(self._item_in_unit(item) for item in expression.items)
         if isinstance(expression, tree.Call) and expression.function == "column":  # its header has the unit
             self.unit = None
             return self.value(expression)
         return self._item_in_unit(expression)
 
-    def _item_in_unit(self, expression: tree.Expression) -> Typed:
+    def _item_in_unit(self, expression: tree.ExpressionSyntax) -> Typed:
         unit = self.unit
         self.unit = unit if bare(expression) else None
         try:
@@ -106,7 +106,7 @@ class ExpressionCompiler:
             self.unit = unit
 
     # ------------------------------------------------------------ the cases
-    def value(self, node: tree.Expression) -> Value:
+    def value(self, node: tree.ExpressionSyntax) -> Value:
         """Compile a node. Raises `Wrong` for a number that is not finite."""
         value = self._value(node)
         for part in value if isinstance(value, tuple) else (value,):
@@ -115,11 +115,11 @@ class ExpressionCompiler:
                 raise Wrong(NoValue(node.span, why, NO_NAMES))
         return value
 
-    def _value(self, node: tree.Expression) -> Value:
+    def _value(self, node: tree.ExpressionSyntax) -> Value:
         match node:
             case tree.Literal():
                 return self._literal(node)
-            case tree.Path():
+            case tree.PathSyntax():
                 return self._path(node)
             case tree.Sum():
                 return self._sum(node)
@@ -132,13 +132,13 @@ class ExpressionCompiler:
                 return each(lambda t: negated(self._number(t, node.span)), value)
             case tree.Power():
                 return self._power(node)
-            case tree.Vector():
+            case tree.VectorSyntax():
                 if len(node.items) > MAXIMUM_ITEMS:
                     raise Wrong(TooMany(node.span, "Items of a list", MAXIMUM_ITEMS))
                 return tuple(self.scalar(item) for item in node.items)
             case tree.Call():
                 return self._call(node)
-            case tree.Text():
+            case tree.TextSyntax():
                 hint = "Texts name files and columns, in `column`."
                 raise Wrong(WrongType(node.span, "A number", "a text", hint))
             case tree.Comparison():
@@ -149,21 +149,21 @@ class ExpressionCompiler:
                 for operand in operands[1:]:
                     result = call(node.operator, result, operand)
                 return Typed(result, ONE, truth=True)
-            case tree.Choice():
+            case tree.ChoiceSyntax():
                 return self._choice(node)
         raise AssertionError(type(node))
 
-    def scalar(self, node: tree.Expression) -> Typed:
+    def scalar(self, node: tree.ExpressionSyntax) -> Typed:
         """One number."""
         value = self.value(node)
         if isinstance(value, tuple):
-            text = node.span.text if isinstance(node, tree.Path) else "name"
+            text = node.span.text if isinstance(node, tree.PathSyntax) else "name"
             raise Wrong(
                 WrongType(node.span, "A single number", f"a list of {len(value)}", f"Take one item: `{text}[1]`.")
             )
         return self._number(value, node.span)
 
-    def condition(self, node: tree.Expression) -> Expression:
+    def condition(self, node: tree.ExpressionSyntax) -> Expression:
         """A condition: a comparison, or a name that is one."""
         value = self.value(node)
         if isinstance(value, tuple) or not value.truth:
@@ -195,7 +195,7 @@ class ExpressionCompiler:
             raise Wrong(NumberTooLarge(node.span, node.span.text[:40]))
         return Number(value)
 
-    def _path(self, node: tree.Path) -> Value:
+    def _path(self, node: tree.PathSyntax) -> Value:
         if not node.steps:
             if node.head in self.local:
                 return self.local[node.head]
@@ -215,7 +215,7 @@ class ExpressionCompiler:
             return self._in_function(node)
         return self._read(node, False)
 
-    def _read(self, node: tree.Path, base: bool) -> Value:
+    def _read(self, node: tree.PathSyntax, base: bool) -> Value:
         """Quantity that a path reads in the scope, or with `base` in the scope of its whole instance."""
         found = self.resolve(node, self.scope.base() if base else self.scope)
         words = f"{node.words} of the model" if base else node.words
@@ -230,7 +230,7 @@ class ExpressionCompiler:
         self.lists[words] = node, len(found.dimensions)
         return tuple(Typed(Symbol(self._slot(node, i, base)), d) for i, d in enumerate(found.dimensions))
 
-    def _item_of_argument(self, node: tree.Path) -> Value:
+    def _item_of_argument(self, node: tree.PathSyntax) -> Value:
         """`points[2]` in a function, where `points` is one of its parameters."""
         value = self.local[node.head]
         index = node.steps[0].items[0] if isinstance(node.steps[0], tree.Index) else None
@@ -241,7 +241,7 @@ class ExpressionCompiler:
             raise Wrong(WrongType(node.span, f"An item from 1 to {len(value)}", f"`{node.words}`"))
         raise Wrong(WrongType(node.span, "An item of a list, as `points[2]`", f"`{node.words}`"))
 
-    def _in_function(self, node: tree.Path) -> Value:
+    def _in_function(self, node: tree.PathSyntax) -> Value:
         """Value of a name in a function: a parameter of the function or a constant of its file, no name of the calling model.
 
         A function of a model also reads the parameters and constants of that model.
@@ -263,8 +263,8 @@ class ExpressionCompiler:
         parts = tuple(Typed(Number(v), d) for v, d in zip(values, found.dimensions, strict=True))
         return parts if found.is_list else parts[0]
 
-    def _slot(self, path: tree.Path | tree.Call, item: int | None, base: bool = False) -> int:
-        key = (path.words if isinstance(path, tree.Path) else f"{path.function} at {path.span.start}", item, base)
+    def _slot(self, path: tree.PathSyntax | tree.Call, item: int | None, base: bool = False) -> int:
+        key = (path.words if isinstance(path, tree.PathSyntax) else f"{path.function} at {path.span.start}", item, base)
         if key not in self.slots:
             self.slots[key] = len(self.slot_list)
             self.slot_list.append(Slot(path, item, base))
@@ -361,7 +361,7 @@ class ExpressionCompiler:
                 result = call("not", call("equal", a, b))
         return Typed(result, ONE, truth=True)
 
-    def _choice(self, node: tree.Choice) -> Typed:
+    def _choice(self, node: tree.ChoiceSyntax) -> Typed:
         condition = self.condition(node.condition)
         value, otherwise = self.value(node.value), self.value(node.otherwise)
         if isinstance(value, tuple) or isinstance(otherwise, tuple):
@@ -408,7 +408,7 @@ class ExpressionCompiler:
         arguments = [self.scalar(a) for a in node.arguments]
         return build(node, arguments)
 
-    def _function(self, name: str) -> tree.Function | None:
+    def _function(self, name: str) -> tree.FunctionSyntax | None:
         """The author's function of that name. A function of the file cannot call functions of the model."""
         definition = self.scope.definition
         own = definition.functions.get(name) if self.in_model else None
@@ -425,7 +425,7 @@ class ExpressionCompiler:
         found = self.resolve(node, self.scope)
         return Typed(Symbol(self._slot(node, None)), found.dimensions[0])
 
-    def _open(self, function: tree.Function, node: tree.Call) -> Value:
+    def _open(self, function: tree.FunctionSyntax, node: tree.Call) -> Value:
         if len(node.arguments) != len(function.parameters):
             usage = f"{function.name}({', '.join(function.parameters)})"
             raise Wrong(

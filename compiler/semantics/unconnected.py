@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..errors import Diagnostic
 from ..graph.elements import TRANSDUCERS
-from ..graph.network import BondGraph, End, Junction, MechanismNode
+from ..graph.network import BondEnd, BondGraph, Junction, MechanismNode
 from ..source import Span
 from .errors import WrongConnection
 from .transducers import has_many_ports
@@ -12,14 +12,14 @@ from .transducers import has_many_ports
 
 def unconnected(graph: BondGraph) -> list[Diagnostic]:
     """Check that every port of an element has exactly one bond and every junction at least one."""
-    bonds: dict[End, list[Span]] = {}
+    bonds: dict[BondEnd, list[Span]] = {}
     for bond in graph.bonds:
         for end in (bond.tail, bond.head):
             bonds.setdefault(end, []).append(bond.span)
     result: list[Diagnostic] = []
     for number, node in enumerate(graph.nodes):
         if isinstance(node, Junction):
-            if End(number, 0) not in bonds:
+            if BondEnd(number, 0) not in bonds:
                 result.append(
                     WrongConnection(
                         node.span, f"No bond reaches the junction `{node.name}`", "Connect it, or leave it out."
@@ -29,7 +29,7 @@ def unconnected(graph: BondGraph) -> list[Diagnostic]:
         if isinstance(node, MechanismNode):
             continue
         for port_number, port in enumerate(node.ports):
-            spans = bonds.get(End(number, port_number), [])
+            spans = bonds.get(BondEnd(number, port_number), [])
             name = (
                 f"{node.name}.{port.name}"
                 if port.name and (node.kind not in TRANSDUCERS or has_many_ports(node))

@@ -28,7 +28,7 @@ def ambiguous_products(node: object, home: Source) -> Iterator[str]:
     if isinstance(node, tuple):
         for item in node:
             yield from ambiguous_products(item, home)
-    elif isinstance(node, tree.Node):
+    elif isinstance(node, tree.SyntaxNode):
         if isinstance(node, tree.Product):
             yield from _notes(node, home)
         for field in fields(node):
@@ -56,8 +56,8 @@ def _notes(product: tree.Product, home: Source) -> Iterator[str]:
         )
 
 
-def _symbol(factor: tree.Expression) -> str:
+def _symbol(factor: tree.ExpressionSyntax) -> str:
     """Unit symbol that a factor, or the base of a power, is written as; else empty."""
     power = isinstance(factor, tree.Power) and isinstance(factor.exponent, tree.Literal | tree.Negative)
     base = factor.base if power and isinstance(factor, tree.Power) else factor
-    return base.head if isinstance(base, tree.Path) and not base.steps and base.head in UNITS else ""
+    return base.head if isinstance(base, tree.PathSyntax) and not base.steps and base.head in UNITS else ""

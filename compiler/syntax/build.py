@@ -66,13 +66,13 @@ class Builder:
         return number
 
     # ------------------------------------------------------------ files and models
-    def start(self, parts: list[Any]) -> tuple[tree.Node, ...]:
+    def start(self, parts: list[Any]) -> tuple[tree.SyntaxNode, ...]:
         return tuple(parts)
 
-    def alone(self, parts: list[Any]) -> tree.Expression:
+    def alone(self, parts: list[Any]) -> tree.ExpressionSyntax:
         return _done(parts[0])  # type: ignore[no-any-return]
 
-    def alone_law(self, parts: list[Any]) -> tree.Law:
+    def alone_law(self, parts: list[Any]) -> tree.LawSyntax:
         return parts[0]  # type: ignore[no-any-return]
 
     def import_(self, parts: list[Any]) -> tree.Import:
@@ -84,12 +84,12 @@ class Builder:
     def description(self, parts: list[Any]) -> tree.Description:
         return tree.Description(self._span(parts), str(parts[0])[1:-1])
 
-    def model(self, parts: list[Any]) -> tree.Model:
+    def model(self, parts: list[Any]) -> tree.ModelSyntax:
         plain = parts[0].type == "PLAIN"
         name = parts[-2]
-        return tree.Model(self._span(parts[:-1]), str(name), self._span([name]), plain, parts[-1])
+        return tree.ModelSyntax(self._span(parts[:-1]), str(name), self._span([name]), plain, parts[-1])
 
-    def block(self, parts: list[Any]) -> tuple[tree.Node, ...]:
+    def block(self, parts: list[Any]) -> tuple[tree.SyntaxNode, ...]:
         return tuple(parts)
 
     # ------------------------------------------------------------ statements
@@ -120,12 +120,12 @@ class Builder:
         span = self._span([name, value or unit or name])
         return tree.Item(span, str(name), _items(index), unit, value, _text(description))
 
-    def function(self, parts: list[Any]) -> tree.Function:
+    def function(self, parts: list[Any]) -> tree.FunctionSyntax:
         body = _done(parts[-1])
-        return tree.Function(self._span([parts[0], body]), str(parts[0]), tuple(map(str, parts[1:-1])), body)
+        return tree.FunctionSyntax(self._span([parts[0], body]), str(parts[0]), tuple(map(str, parts[1:-1])), body)
 
-    def port(self, parts: list[Any]) -> tree.Ports:
-        return tree.Ports(self._span(parts), tuple(parts))
+    def port(self, parts: list[Any]) -> tree.PortsSyntax:
+        return tree.PortsSyntax(self._span(parts), tuple(parts))
 
     def port_item(self, parts: list[Any]) -> tree.PortItem:
         name, index, components, domain, description = parts
@@ -154,16 +154,16 @@ class Builder:
     def component(self, parts: list[Any]) -> tree.Component:
         return tree.Component(self._span(parts), str(parts[0]), None if parts[1] is None else str(parts[1]))
 
-    def law(self, parts: list[Any]) -> tree.Law:
-        return tree.Law(self._span(parts), tuple(parts))
+    def law(self, parts: list[Any]) -> tree.LawSyntax:
+        return tree.LawSyntax(self._span(parts), tuple(parts))
 
     def equation(self, parts: list[Any]) -> tree.Equation:
         left, right = map(_done, parts)
         return tree.Equation(self._span([left, right]), left, right)
 
-    def link(self, parts: list[Any]) -> tree.Link:
+    def link(self, parts: list[Any]) -> tree.LinkSyntax:
         first, second = map(_done, parts)
-        return tree.Link(self._span([first, second]), first, second)
+        return tree.LinkSyntax(self._span([first, second]), first, second)
 
     def attributes(self, parts: list[Any]) -> tuple[tree.Attribute, ...]:
         return tuple(parts)
@@ -186,47 +186,47 @@ class Builder:
     def arrow(self, parts: list[Any]) -> str:
         return str(parts[0])
 
-    def path(self, parts: list[Any]) -> tree.Path:
+    def path(self, parts: list[Any]) -> tree.PathSyntax:
         end = parts[0].end_pos
         steps: list[tree.Member | tree.Index] = []
         if len(parts) == 1:
-            return tree.Path(Span(self.source, parts[0].start_pos, end), 1, parts[0].value, ())
+            return tree.PathSyntax(Span(self.source, parts[0].start_pos, end), 1, parts[0].value, ())
         for _, step, position in parts[1:]:
             steps.append(step)
             end = position
         depth = max((i.depth for s in steps if isinstance(s, tree.Index) for i in s.items), default=0)
-        return tree.Path(Span(self.source, parts[0].start_pos, end), depth + 1, parts[0].value, tuple(steps))
+        return tree.PathSyntax(Span(self.source, parts[0].start_pos, end), depth + 1, parts[0].value, tuple(steps))
 
     def member(self, parts: list[Any]) -> tuple[Any, ...]:
         return ("member", tree.Member(str(parts[0])), parts[0].end_pos)
 
-    def mechanism(self, parts: list[Any]) -> tree.Mechanism:
+    def mechanism(self, parts: list[Any]) -> tree.MechanismSyntax:
         name, space, statements = parts
-        return tree.Mechanism(self._span([name]), str(name), None if space is None else str(space), statements)
+        return tree.MechanismSyntax(self._span([name]), str(name), None if space is None else str(space), statements)
 
-    def mechanism_block(self, parts: list[Any]) -> tuple[tree.Node, ...]:
+    def mechanism_block(self, parts: list[Any]) -> tuple[tree.SyntaxNode, ...]:
         return tuple(parts)
 
-    def setting(self, parts: list[Any]) -> tree.Setting:
+    def setting(self, parts: list[Any]) -> tree.SettingSyntax:
         value = _done(parts[1])
-        return tree.Setting(self._span([parts[0], value]), str(parts[0]), value)
+        return tree.SettingSyntax(self._span([parts[0], value]), str(parts[0]), value)
 
-    def mechanism_loop(self, parts: list[Any]) -> tree.Loop:
-        return tree.Loop(self._span(parts[:2]), str(parts[0]), parts[1], parts[2])
+    def mechanism_loop(self, parts: list[Any]) -> tree.LoopSyntax:
+        return tree.LoopSyntax(self._span(parts[:2]), str(parts[0]), parts[1], parts[2])
 
     loop = mechanism_loop
 
-    def event(self, parts: list[Any]) -> tree.Event:
+    def event(self, parts: list[Any]) -> tree.EventSyntax:
         condition = _done(parts[0])
-        return tree.Event(condition.span, condition, parts[1], False)
+        return tree.EventSyntax(condition.span, condition, parts[1], False)
 
-    def sampling(self, parts: list[Any]) -> tree.Event:
+    def sampling(self, parts: list[Any]) -> tree.EventSyntax:
         period = _done(parts[0])
-        return tree.Event(period.span, period, parts[1], True)
+        return tree.EventSyntax(period.span, period, parts[1], True)
 
-    def requirement(self, parts: list[Any]) -> tree.Requirement:
+    def requirement(self, parts: list[Any]) -> tree.RequirementSyntax:
         condition = _done(parts[0])
-        return tree.Requirement(condition.span, condition, _text(parts[1]) or "")
+        return tree.RequirementSyntax(condition.span, condition, _text(parts[1]) or "")
 
     def resets(self, parts: list[Any]) -> tuple[tree.Reset, ...]:
         return tuple(parts)
@@ -249,9 +249,9 @@ class Builder:
     def start_value(self, parts: list[Any]) -> tree.Set:
         return self._set("start", parts)
 
-    def sweep(self, parts: list[Any]) -> tree.Study:
+    def sweep(self, parts: list[Any]) -> tree.StudySyntax:
         values = tuple(_done(p) for p in parts[2:] if not isinstance(p, Word))  # commas: lark shares the list's rule
-        return tree.Study(self._span([parts[0], values[-1]]), "sweep", (parts[0],), parts[1], values, None, ())
+        return tree.StudySyntax(self._span([parts[0], values[-1]]), "sweep", (parts[0],), parts[1], values, None, ())
 
     def simulate(self, parts: list[Any]) -> tree.Simulate:
         return tree.Simulate(self._span(parts[:1]), parts[0], parts[1] or ())
@@ -260,43 +260,45 @@ class Builder:
         value = _done(parts[0])
         return tree.Bandwidth(self._span([value]), value)
 
-    def _study(self, role: str, parts: list[Any]) -> tree.Study:
+    def _study(self, role: str, parts: list[Any]) -> tree.StudySyntax:
         attributes = parts[0] or ()
         span = self._span(attributes) if attributes else Span(self.source, 0, 0)
-        return tree.Study(span, role, (), None, (), None, attributes)
+        return tree.StudySyntax(span, role, (), None, (), None, attributes)
 
-    def equilibrium(self, parts: list[Any]) -> tree.Study:
+    def equilibrium(self, parts: list[Any]) -> tree.StudySyntax:
         return self._study("equilibrium", parts)
 
-    def modes(self, parts: list[Any]) -> tree.Study:
+    def modes(self, parts: list[Any]) -> tree.StudySyntax:
         return self._study("modes", parts)
 
-    def response(self, parts: list[Any]) -> tree.Study:
-        return tree.Study(self._span(parts[:3]), "response", (parts[0], parts[1]), None, (), parts[2], parts[3] or ())
+    def response(self, parts: list[Any]) -> tree.StudySyntax:
+        return tree.StudySyntax(
+            self._span(parts[:3]), "response", (parts[0], parts[1]), None, (), parts[2], parts[3] or ()
+        )
 
-    def listed(self, parts: list[Any]) -> tuple[tree.Given, ...]:
+    def listed(self, parts: list[Any]) -> tuple[tree.GivenSyntax, ...]:
         return tuple(p for p in parts if not isinstance(p, Word))  # commas: lark shares the list's rule
 
     drives = wishes = listed
 
-    def named(self, parts: list[Any]) -> tree.Given:
-        return tree.Given(parts[0].span, parts[0])
+    def named(self, parts: list[Any]) -> tree.GivenSyntax:
+        return tree.GivenSyntax(parts[0].span, parts[0])
 
-    def drive(self, parts: list[Any]) -> tree.Given:
-        paths = [p for p in parts if isinstance(p, tree.Path)]
-        return tree.Given(self._span(paths), paths[0], paths[1] if len(paths) > 1 else None)
+    def drive(self, parts: list[Any]) -> tree.GivenSyntax:
+        paths = [p for p in parts if isinstance(p, tree.PathSyntax)]
+        return tree.GivenSyntax(self._span(paths), paths[0], paths[1] if len(paths) > 1 else None)
 
-    def wish(self, parts: list[Any]) -> tree.Given:
+    def wish(self, parts: list[Any]) -> tree.GivenSyntax:
         value = _done(parts[1])
-        return tree.Given(self._span([parts[0], value]), parts[0], value=value)
+        return tree.GivenSyntax(self._span([parts[0], value]), parts[0], value=value)
 
-    def correlation(self, parts: list[Any]) -> tree.Given:
+    def correlation(self, parts: list[Any]) -> tree.GivenSyntax:
         word, first, second, value = (p for p in parts if not isinstance(p, Word) or p.type == "NAME")
         value = _done(value)
-        return tree.Given(self._span([word, value]), first, second, value, word=str(word))
+        return tree.GivenSyntax(self._span([word, value]), first, second, value, word=str(word))
 
-    def sought(self, parts: list[Any]) -> tree.Given:
-        return tree.Given(self._span(parts), parts[0], range=parts[1])
+    def sought(self, parts: list[Any]) -> tree.GivenSyntax:
+        return tree.GivenSyntax(self._span(parts), parts[0], range=parts[1])
 
     def _analysis(
         self, role: str, given: Any, wanted: Any = (), span: Any = None, attributes: Any = None
@@ -322,16 +324,16 @@ class Builder:
         return self._analysis("montecarlo", self.listed(parts[:-1]), (), None, parts[-1])
 
     def fit(self, parts: list[Any]) -> tree.Analysis:
-        given = tuple(p for p in parts if isinstance(p, tree.Given))
-        files = tuple(p for p in parts if isinstance(p, tree.Text))
+        given = tuple(p for p in parts if isinstance(p, tree.GivenSyntax))
+        files = tuple(p for p in parts if isinstance(p, tree.TextSyntax))
         return tree.Analysis(self._span([given[0], files[-1]]), "fit", given, (), files, None, parts[-1] or ())
 
     def report(self, parts: list[Any]) -> tree.Report:
         return tree.Report(self._span(parts), tuple(parts))
 
-    def reading(self, parts: list[Any]) -> tree.Reading:
+    def reading(self, parts: list[Any]) -> tree.ReadingSyntax:
         value = _done(parts[0])
-        return tree.Reading(self._span([value]), value, parts[1])
+        return tree.ReadingSyntax(self._span([value]), value, parts[1])
 
     def range(self, parts: list[Any]) -> tree.Range:
         first, last = map(_done, parts)
@@ -360,12 +362,12 @@ class Builder:
         arguments = tuple(_done(p) for p in parts[1:] if p is not None and not isinstance(p, Word))
         return deepened(tree.Call, self._span(parts), arguments, str(parts[0]), arguments)  # type: ignore[no-any-return]
 
-    def text(self, parts: list[Any]) -> tree.Text:
-        return tree.Text(self._span(parts), 1, str(parts[0])[1:-1])
+    def text(self, parts: list[Any]) -> tree.TextSyntax:
+        return tree.TextSyntax(self._span(parts), 1, str(parts[0])[1:-1])
 
-    def vector(self, parts: list[Any]) -> tree.Vector:
+    def vector(self, parts: list[Any]) -> tree.VectorSyntax:
         items = tuple(_done(p) for p in parts if not isinstance(p, Word))
-        return deepened(tree.Vector, self._span(parts), items, items)  # type: ignore[no-any-return]
+        return deepened(tree.VectorSyntax, self._span(parts), items, items)  # type: ignore[no-any-return]
 
     def quantity(self, parts: list[Any]) -> tree.Literal:
         number, unit = parts

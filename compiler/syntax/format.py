@@ -22,7 +22,7 @@ from ..source import Source, Span
 from .hidden import without_hidden
 from .parse import MAXIMUM_SIZE, parse, read_words
 from .refused import Refused, Unreadable
-from .tree import Index, Member, Node
+from .tree import Index, Member, SyntaxNode
 from .word import Word
 
 INDENT = 2  # columns for each open brace
@@ -398,7 +398,7 @@ def _equal(first: object, second: object) -> bool:
             if len(a) != len(b):
                 return False
             pairs += zip(a, b, strict=True)
-        elif isinstance(a, Node | Member | Index):
+        elif isinstance(a, SyntaxNode | Member | Index):
             if type(a) not in names:
                 names[type(a)] = tuple(f.name for f in fields(a))
             pairs += ((getattr(a, name), getattr(b, name)) for name in names[type(a)])

@@ -22,7 +22,7 @@ _BINDS = {
 _CHAINS: dict[int, tuple[type, str]] = {_SUM: (tree.Sum, "-"), _PRODUCT: (tree.Product, "/")}
 
 
-def deepened(kind: type, span: Span, operands: Sequence[tree.Expression], *values: Any) -> Any:
+def deepened(kind: type, span: Span, operands: Sequence[tree.ExpressionSyntax], *values: Any) -> Any:
     """A node one level higher than its operands. Raises `Refused` beyond the limit."""
     depth = 1 + max((o.depth for o in operands), default=0)
     if depth > MAXIMUM_DEPTH:
@@ -118,14 +118,14 @@ class Operators:
             return deepened(tree.Comparison, span, (left, right), str(operator), left, right)
         return deepened(tree.Logical, span, (left, right), str(operator), (left, right))
 
-    def _choice(self, value: Any, word: Word, level: int) -> tree.Choice:
+    def _choice(self, value: Any, word: Word, level: int) -> tree.ChoiceSyntax:
         condition = self._climb(_OR, level + 1)
         if self.place >= len(self.items) or self.items[self.place].value != "else":
             self._refuse(word, "An `if` needs an `else`: `1 if a > 2 else 0`.")
         self.place += 1
         otherwise = self._climb(_IF, level + 1)
         operands = (value, condition, otherwise)
-        return deepened(tree.Choice, value.span.to(otherwise.span), operands, *operands)  # type: ignore[no-any-return]
+        return deepened(tree.ChoiceSyntax, value.span.to(otherwise.span), operands, *operands)  # type: ignore[no-any-return]
 
     @staticmethod
     def _refuse(token: Word, hint: str = "") -> NoReturn:

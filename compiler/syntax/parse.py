@@ -18,8 +18,8 @@ from .explain import explain
 from .hidden import without_hidden
 from .read import Reader
 from .refused import Refused, Unreadable
-from .table import Table, make_table
-from .tree import Expression, Law, SyntaxTree
+from .table import ParserTable, make_table
+from .tree import ExpressionSyntax, LawSyntax, SyntaxTree
 from .word import Word
 
 MAXIMUM_SIZE = 8_000_000  # characters of one file
@@ -32,7 +32,7 @@ _parser_lock = threading.Lock()
 def _parser() -> tuple[Reader, Builder]:
     builder = Builder()
     grammar = FilePath(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-    return Reader(kept(Table, grammar, make_table), builder), builder
+    return Reader(kept(ParserTable, grammar, make_table), builder), builder
 
 
 def parse(source: Source) -> SyntaxTree:
@@ -74,12 +74,12 @@ def parse_what_can_be_read(source: Source) -> tuple[SyntaxTree | None, list[Diag
     return None if statements is None else SyntaxTree(source, statements), [*hidden, *mistakes]
 
 
-def parse_expression(source: Source) -> Expression:
+def parse_expression(source: Source) -> ExpressionSyntax:
     """Parse a text that is one expression. Raises `CompilationFailed`."""
     return _parse_alone(source, "alone")  # type: ignore[no-any-return]
 
 
-def parse_law(source: Source) -> Law:
+def parse_law(source: Source) -> LawSyntax:
     """Parse a text that is one law: equations with commas between. Raises `CompilationFailed`."""
     return _parse_alone(source, "alone_law")  # type: ignore[no-any-return]
 

@@ -11,7 +11,7 @@ from typing import Any
 from .errors import TooDeep
 from .lex import BRACKET, NAMED, NEXT, NUMBER, SIGN, STRING, Accepted, goes_on, junction, refuse_hidden, signs_of
 from .refused import Refused, Unreadable
-from .table import END, Rule, Table
+from .table import END, ParserTable, Rule
 from .word import Word, word_of
 
 MAXIMUM_NESTING = 100  # brackets within brackets
@@ -23,7 +23,7 @@ Make = Callable[[list[Any]], Any]
 class Reader:
     """Parser with a table. `builder` has a method for each rule that makes a node."""
 
-    def __init__(self, table: Table, builder: object) -> None:
+    def __init__(self, table: ParserTable, builder: object) -> None:
         self.table = table
         self.fixed = signs_of(table.fixed)
         self.usual = {text: names[0] for text, names in self.fixed.items()}

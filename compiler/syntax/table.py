@@ -30,7 +30,7 @@ class Rule:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ParserTable:
     """`actions` of a state: for each terminal the next state, or ~rule; `follows`: the state after a rule's origin."""
 
     starts: dict[str, tuple[int, int]]  # the state in which each start begins, and that in which it is complete
@@ -40,7 +40,7 @@ class Table:
     fixed: dict[str, tuple[str, ...]]  # words with a fixed text -> their terminals
 
 
-def make_table(grammar: str) -> Table:
+def make_table(grammar: str) -> ParserTable:
     """Table of a grammar in lark's notation."""
     import lark
     from lark.lexer import PatternStr
@@ -73,7 +73,7 @@ def make_table(grammar: str) -> Table:
             text = terminal.pattern.value
             fixed[str(text)] = (*fixed.get(text, ()), intern(str(terminal.name)))
     starts = {name: (made.start_states[name], made.end_states[name]) for name in STARTS}
-    return Table(starts, tuple(actions), tuple(follows), tuple(rules), fixed)
+    return ParserTable(starts, tuple(actions), tuple(follows), tuple(rules), fixed)
 
 
 def _rule(rule: Any) -> Rule:

@@ -9,7 +9,7 @@ from ..source import Source, Span
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class SyntaxNode:
     """Anything with a place in the text."""
 
     span: Span
@@ -19,14 +19,14 @@ class Node:
 
 
 @dataclass(frozen=True, slots=True)
-class Expression(Node):
+class ExpressionSyntax(SyntaxNode):
     """Anything with a value; `depth` is the height of its tree, which the parser limits."""
 
     depth: int
 
 
 @dataclass(frozen=True, slots=True)
-class Unit(Node):
+class Unit(SyntaxNode):
     """A product of powers of unit symbols: `kg*m/s^2`."""
 
     factors: tuple[tuple[str, Fraction, Span], ...]
@@ -34,7 +34,7 @@ class Unit(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Literal(Expression):
+class Literal(ExpressionSyntax):
     """A number, with the unit that follows it if there is one."""
 
     number: Fraction
@@ -52,11 +52,11 @@ class Member:
 class Index:
     """`[i, j]` in a path."""
 
-    items: tuple[Expression, ...]
+    items: tuple[ExpressionSyntax, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Path(Expression):
+class PathSyntax(ExpressionSyntax):
     """A dotted name: `comb[2].folded.x`; read as an expression, or an endpoint of a bond."""
 
     head: str
@@ -82,98 +82,98 @@ def _without_spaces(span: Span) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Text(Expression):
+class TextSyntax(ExpressionSyntax):
     """A text among the arguments of a call: the name of a file or of a column."""
 
     value: str
 
 
 @dataclass(frozen=True, slots=True)
-class Call(Expression):
+class Call(ExpressionSyntax):
     """A function applied to arguments."""
 
     function: str
-    arguments: tuple[Expression, ...]
+    arguments: tuple[ExpressionSyntax, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Sum(Expression):
+class Sum(ExpressionSyntax):
     """Terms, each with its sign +1 or -1."""
 
-    terms: tuple[tuple[int, Expression], ...]
+    terms: tuple[tuple[int, ExpressionSyntax], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Product(Expression):
+class Product(ExpressionSyntax):
     """Factors, each with +1 (multiplied) or -1 (divided by)."""
 
-    factors: tuple[tuple[int, Expression], ...]
+    factors: tuple[tuple[int, ExpressionSyntax], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Negative(Expression):
+class Negative(ExpressionSyntax):
     """`-x`."""
 
-    operand: Expression
+    operand: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Power(Expression):
+class Power(ExpressionSyntax):
     """`base ^ exponent`."""
 
-    base: Expression
-    exponent: Expression
+    base: ExpressionSyntax
+    exponent: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison(Expression):
+class Comparison(ExpressionSyntax):
     """`left < right`; the operator is one of `< <= > >= == !=`."""
 
     operator: str
-    left: Expression
-    right: Expression
+    left: ExpressionSyntax
+    right: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Logical(Expression):
+class Logical(ExpressionSyntax):
     """`and`, `or` of several conditions, `not` of one."""
 
     operator: str
-    operands: tuple[Expression, ...]
+    operands: tuple[ExpressionSyntax, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Choice(Expression):
+class ChoiceSyntax(ExpressionSyntax):
     """`value if condition else otherwise`."""
 
-    value: Expression
-    condition: Expression
-    otherwise: Expression
+    value: ExpressionSyntax
+    condition: ExpressionSyntax
+    otherwise: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Vector(Expression):
+class VectorSyntax(ExpressionSyntax):
     """`(a, b, c)`: a list or a point."""
 
-    items: tuple[Expression, ...]
+    items: tuple[ExpressionSyntax, ...]
 
 
 # ---------------------------------------------------------------- statements
 
 
 @dataclass(frozen=True, slots=True)
-class Item(Node):
+class Item(SyntaxNode):
     """One name of a `parameter`, `constant`, `input`, `output`, `signal` or `mode` statement."""
 
     name: str
     index: Index | None
     unit: Unit | None
-    value: Expression | None
+    value: ExpressionSyntax | None
     description: str | None
 
 
 @dataclass(frozen=True, slots=True)
-class Quantities(Node):
+class Quantities(SyntaxNode):
     """A statement that introduces named quantities; `role` is its first word."""
 
     role: str
@@ -181,16 +181,16 @@ class Quantities(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Function(Node):
+class FunctionSyntax(SyntaxNode):
     """`function f(x) = …`."""
 
     name: str
     parameters: tuple[str, ...]
-    body: Expression
+    body: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Component(Node):
+class Component(SyntaxNode):
     """One port in parentheses, with its domain if it is given: `(q: electric, x)`."""
 
     name: str
@@ -198,7 +198,7 @@ class Component(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class PortItem(Node):
+class PortItem(SyntaxNode):
     """One port of a model."""
 
     name: str
@@ -209,46 +209,46 @@ class PortItem(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Ports(Node):
+class PortsSyntax(SyntaxNode):
     """`port a: electric, b: planar`."""
 
     items: tuple[PortItem, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Equation(Node):
+class Equation(SyntaxNode):
     """`left = right`."""
 
-    left: Expression
-    right: Expression
+    left: ExpressionSyntax
+    right: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Law(Node):
+class LawSyntax(SyntaxNode):
     """One or more equations, with commas between."""
 
     equations: tuple[Equation, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Link(Node):
+class LinkSyntax(SyntaxNode):
     """`A to B`: the two parts of a joint."""
 
-    first: Expression
-    second: Expression
+    first: ExpressionSyntax
+    second: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Attribute(Node):
+class Attribute(SyntaxNode):
     """`mass = 1 kg`, or with a target: `start v = 2 [m/s]`."""
 
     name: str
-    target: Path | None
-    value: Expression
+    target: PathSyntax | None
+    value: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Declared(Node):
+class Declared(SyntaxNode):
     """One name that a declaration introduces."""
 
     name: str
@@ -257,93 +257,93 @@ class Declared(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Declaration(Node):
+class Declaration(SyntaxNode):
     """`kind name : definition { attributes }`."""
 
     kind: str
     names: tuple[Declared, ...]
-    definition: Law | Link | Expression | None
+    definition: LawSyntax | LinkSyntax | ExpressionSyntax | None
     attributes: tuple[Attribute, ...]
     description: str | None
 
 
 @dataclass(frozen=True, slots=True)
-class Nest(Node):
+class Nest(SyntaxNode):
     """A junction written in place, `0(…)` or `1(…)`, with the endpoints bonded to it."""
 
     kind: str
-    members: tuple[Path | Nest, ...]
+    members: tuple[PathSyntax | Nest, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Bonds(Node):
+class Bonds(SyntaxNode):
     """A chain of places: `a -> b -> c, d`. `arrows` has one item fewer than `places`: `->` or `=>`."""
 
-    places: tuple[tuple[Path | Nest, ...], ...]
+    places: tuple[tuple[PathSyntax | Nest, ...], ...]
     arrows: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Range(Node):
+class Range(SyntaxNode):
     """`first .. last`."""
 
-    first: Expression
-    last: Expression
+    first: ExpressionSyntax
+    last: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Setting(Node):
+class SettingSyntax(SyntaxNode):
     """A setting of a mechanism: `gravity = …`."""
 
     name: str
-    value: Expression
+    value: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Loop(Node):
+class LoopSyntax(SyntaxNode):
     """`for name in range { … }`."""
 
     name: str
     range: Range
-    statements: tuple[Node, ...]
+    statements: tuple[SyntaxNode, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Mechanism(Node):
+class MechanismSyntax(SyntaxNode):
     """A `multibody` block."""
 
     name: str
     space: str | None
-    statements: tuple[Node, ...]
+    statements: tuple[SyntaxNode, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Reset(Node):
+class Reset(SyntaxNode):
     """An assignment of an event."""
 
-    target: Path
-    value: Expression
+    target: PathSyntax
+    value: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Event(Node):
+class EventSyntax(SyntaxNode):
     """`when condition { … }`; or `every period { … }`, which is `sampled`."""
 
-    condition: Expression
+    condition: ExpressionSyntax
     resets: tuple[Reset, ...]
     sampled: bool
 
 
 @dataclass(frozen=True, slots=True)
-class Requirement(Node):
+class RequirementSyntax(SyntaxNode):
     """`require condition "text"`: the condition under which the model is valid."""
 
-    condition: Expression
+    condition: ExpressionSyntax
     text: str
 
 
 @dataclass(frozen=True, slots=True)
-class Description(Node):
+class Description(SyntaxNode):
     """A string as a statement of its own."""
 
     text: str
@@ -353,16 +353,16 @@ class Description(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Set(Node):
+class Set(SyntaxNode):
     """`set path = expression`, and `start path = expression` with `role` start."""
 
     role: str
-    target: Path
-    value: Expression
+    target: PathSyntax
+    value: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Simulate(Node):
+class Simulate(SyntaxNode):
     """`simulate from .. to { attributes }`."""
 
     range: Range
@@ -370,78 +370,78 @@ class Simulate(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Bandwidth(Node):
+class Bandwidth(SyntaxNode):
     """`bandwidth 50 kHz`: faster modes need not be followed."""
 
-    value: Expression
+    value: ExpressionSyntax
 
 
 @dataclass(frozen=True, slots=True)
-class Reading(Node):
+class ReadingSyntax(SyntaxNode):
     """A quantity of a report, and its unit."""
 
-    value: Expression
+    value: ExpressionSyntax
     unit: Unit | None
 
 
 @dataclass(frozen=True, slots=True)
-class Report(Node):
+class Report(SyntaxNode):
     """`report x in um, y`."""
 
-    readings: tuple[Reading, ...]
+    readings: tuple[ReadingSyntax, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Study(Node):
+class StudySyntax(SyntaxNode):
     """A step of an experiment that is not a simulation: `sweep`, `equilibrium`, `modes`, `response`."""
 
     role: str
-    paths: tuple[Path, ...]
+    paths: tuple[PathSyntax, ...]
     unit: Unit | None
-    values: tuple[Expression, ...]
+    values: tuple[ExpressionSyntax, ...]
     range: Range | None
     attributes: tuple[Attribute, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Given(Node):
+class GivenSyntax(SyntaxNode):
     """One item of an analysis: `path`, `push/pull`, `path = value`, `path = low .. high`, `correlation(path, other) = value`."""
 
-    path: Path
-    other: Path | None = None
-    value: Expression | None = None
+    path: PathSyntax
+    other: PathSyntax | None = None
+    value: ExpressionSyntax | None = None
     range: Range | None = None
     word: str = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Analysis(Node):
+class Analysis(SyntaxNode):
     """A step with names of its own: `linearize`, `sensitivity`, `continue`, `invert`, `montecarlo`, `fit`.
 
     `given`: the quantities that are moved, found or varied; `wanted`: the results; `files`: of measurements.
     """
 
     role: str
-    given: tuple[Given, ...]
-    wanted: tuple[Given, ...]
-    files: tuple[Text, ...]
+    given: tuple[GivenSyntax, ...]
+    wanted: tuple[GivenSyntax, ...]
+    files: tuple[TextSyntax, ...]
     range: Range | None
     attributes: tuple[Attribute, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Experiment(Node):
+class Experiment(SyntaxNode):
     """A named experiment with its steps in order."""
 
     name: str
-    steps: tuple[Node, ...]
+    steps: tuple[SyntaxNode, ...]
 
 
 # ---------------------------------------------------------------- files
 
 
 @dataclass(frozen=True, slots=True)
-class Import(Node):
+class Import(SyntaxNode):
     """`import A, B from "path.bg"` (`place` is a string) or from a library (`place` is a name)."""
 
     names: tuple[tuple[str, Span], ...]
@@ -450,13 +450,13 @@ class Import(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Model(Node):
+class ModelSyntax(SyntaxNode):
     """A model definition."""
 
     name: str
     name_span: Span
     plain: bool
-    statements: tuple[Node, ...]
+    statements: tuple[SyntaxNode, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -464,9 +464,9 @@ class SyntaxTree:
     """One file, parsed."""
 
     source: Source
-    statements: tuple[Node, ...]
+    statements: tuple[SyntaxNode, ...]
 
     @property
-    def models(self) -> dict[str, Model]:
+    def models(self) -> dict[str, ModelSyntax]:
         """Models of the file by name, in the order of the text."""
-        return {s.name: s for s in self.statements if isinstance(s, Model)}
+        return {s.name: s for s in self.statements if isinstance(s, ModelSyntax)}

@@ -21,12 +21,12 @@ from ..graph.units import ONE, Dimension
 from ..source import Source
 from ..syntax import parse_expression
 from .errors import UnwrittenNumber, UnwrittenSize
-from .literals import Refused, number_text, unit_after
+from .literals import NotWritable, number_text, unit_after
 
 MAXIMUM_TERMS = 200_000  # of one expression: parts shared in the graph are written out here
 
 
-class Word(NamedTuple):
+class SymbolText(NamedTuple):
     """Text and dimension of a symbol."""
 
     text: str
@@ -41,7 +41,7 @@ COMPARED = {name: OPERATORS[name].c for name in ("less", "less_equal", "equal")}
 
 
 class Printer:
-    """Conversion of expressions over `Word`s to text of a wanted dimension."""
+    """Conversion of expressions over `SymbolText`s to text of a wanted dimension."""
 
     def __init__(self, plain: bool) -> None:
         self.plain = plain
@@ -51,7 +51,7 @@ class Printer:
     def text(self, x: Expression, wanted: Dimension) -> str:
         """The expression, in the SI unit of a dimension."""
         if self._terms(x) > MAXIMUM_TERMS:
-            raise Refused(UnwrittenSize, what=f"more than {MAXIMUM_TERMS} terms")
+            raise NotWritable(UnwrittenSize, what=f"more than {MAXIMUM_TERMS} terms")
         text, _ = self._write(x, ONE if self.plain else wanted)
         if text.count("(") > 30:
             _check_depth(text)
@@ -139,7 +139,7 @@ class Printer:
         if value == 0:
             return "0", ATOM
         if not math.isfinite(value):
-            raise Refused(UnwrittenNumber, number=value)
+            raise NotWritable(UnwrittenNumber, number=value)
         text = number_text(value)
         level = PRODUCT if "2^600" in text else SIGN if value < 0 else ATOM
         if wanted == ONE:
@@ -277,7 +277,7 @@ def _check_depth(text: str) -> None:
     try:
         parse_expression(Source("expression", text))
     except CompilationFailed:
-        raise Refused(UnwrittenSize, what="more brackets within brackets than the language reads") from None
+        raise NotWritable(UnwrittenSize, what="more brackets within brackets than the language reads") from None
 
 
 def _exponent(x: Apply) -> Fraction | None:

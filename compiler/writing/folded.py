@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from ..algebra.expression import Symbol, add, divide, multiply
 from ..graph.elements import Kind
-from ..graph.network import BondGraph, Element, End, Junction, MechanismNode, Own
+from ..graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Own
 
 
-def shared_ports(graph: BondGraph) -> dict[str, End]:
+def shared_ports(graph: BondGraph) -> dict[str, BondEnd]:
     """Map from the junctions that the compiler adds at a mechanism's port with several bonds to that port."""
     found = {}
     for bond in graph.bonds:

@@ -16,7 +16,7 @@ from .errors import UnwrittenUnit
 MAXIMUM_FAN = 12  # places of one line
 
 
-class Refused(Exception):
+class NotWritable(Exception):
     """Something that cannot be written. Its place is added by a caller."""
 
     def __init__(self, kind: Callable[..., Diagnostic], **values: Any) -> None:
@@ -40,17 +40,17 @@ def number_text(value: float) -> str:
 
 @cache
 def dimension_of(unit: str) -> Dimension:
-    """Dimension of a unit in the notation of graphs. Raises `Refused` if the language cannot read it."""
+    """Dimension of a unit in the notation of graphs. Raises `NotWritable` if the language cannot read it."""
     try:
         return read_unit(Source("unit", unit)).dimension
     except CompilationFailed:
-        raise Refused(UnwrittenUnit, unit=unit) from None
+        raise NotWritable(UnwrittenUnit, unit=unit) from None
 
 
 def unit_text(dimension: Dimension) -> str:
-    """SI unit of a dimension. Raises `Refused` if the language cannot write it."""
+    """SI unit of a dimension. Raises `NotWritable` if the language cannot write it."""
     if any(abs(e.numerator) > 20 or e.denominator > 20 for e in dimension.exponents):
-        raise Refused(UnwrittenUnit, unit=str(dimension))
+        raise NotWritable(UnwrittenUnit, unit=str(dimension))
     return str(dimension)
 
 

@@ -11,7 +11,7 @@ from ..graph.inertia import inertia_entries
 from ..graph.mechanism import ATTITUDE, COUPLINGS, SPANS, Body, Frame, Joint, Mechanism, Vector, domain_of
 from ..graph.units import KILOGRAM, METRE, ONE, SECOND, Dimension
 from .literals import braces, former_name
-from .names import Names
+from .names import ReferenceNames
 from .words import Words
 
 MOMENT = KILOGRAM * METRE**2
@@ -19,7 +19,7 @@ ALONG = frozenset({"slide", "cylinder", "screw"})
 ABOUT = frozenset({"hinge", "universal"})  # in space; in the plane there is one axis
 
 
-def mechanism_lines(mechanism: Mechanism, names: Names, words: Words) -> Iterator[str]:
+def mechanism_lines(mechanism: Mechanism, names: ReferenceNames, words: Words) -> Iterator[str]:
     """Lines of its block."""
     mapped = {own: name for (owner, own), name in names.parts.items() if owner == mechanism.name}
     frames = {f.name for f in mechanism.frames}

@@ -12,7 +12,7 @@ from dataclasses import field
 from ..graph.domains import DOMAINS
 from ..graph.elements import OF_NODE, TRANSDUCERS
 from ..graph.mechanism import Mechanism
-from ..graph.network import Bond, BondGraph, Element, End, MechanismNode, Quantity, Reading
+from ..graph.network import Bond, BondEnd, BondGraph, Element, MechanismNode, Quantity, Reading
 from ..nouns import dataclass
 from ..semantics.scope import RESERVED
 from .literals import word_of
@@ -20,7 +20,7 @@ from .ports import seen_at_a_node
 
 
 @dataclass(slots=True)
-class Names:
+class ReferenceNames:
     """Map from names of the graph to names of the text."""
 
     quantities: dict[str, str] = field(default_factory=dict)
@@ -59,12 +59,14 @@ def is_field(node: Element) -> bool:
     return node.kind not in TRANSDUCERS and bool(node.ports[0].name)
 
 
-def choose_names(graph: BondGraph, shared: Mapping[str, End], separate: Sequence[str], plain: bool) -> Names:
+def choose_names(
+    graph: BondGraph, shared: Mapping[str, BondEnd], separate: Sequence[str], plain: bool
+) -> ReferenceNames:
     """Give every name of the graph a name of the text; valid ones stay. `separate` outputs need a name of their own."""
     elements = [n for n in graph.nodes if isinstance(n, Element)]
     always = set(RESERVED) | {"energy"} | _blocked_letters(graph, elements, plain)
     blocked = _blocked_by_readers(graph, elements)
-    names = Names()
+    names = ReferenceNames()
     wanted = [("quantity", n) for n in graph.quantities] + [("output", n) for n in separate]
     wanted += [("node", n.name) for n in graph.nodes if n.name not in shared]
     home = {"quantity": names.quantities, "output": names.outputs, "node": names.nodes}
@@ -103,7 +105,7 @@ def _blocked_by_readers(graph: BondGraph, elements: Sequence[Element]) -> dict[t
     return blocked
 
 
-def _part_names(mechanism: Mechanism, names: Names, always: set[str]) -> None:
+def _part_names(mechanism: Mechanism, names: ReferenceNames, always: set[str]) -> None:
     """Names of parts, which are looked up before quantities: no quantity may have the name of one."""
     taken = {w for name in names.quantities.values() for w in (name, word_of(name) or name)}
     bodies, frames, joints = mechanism.bodies, mechanism.frames, mechanism.joints

@@ -10,16 +10,16 @@ from ..graph.mechanism import domain_of
 from ..graph.network import BondGraph, Element, Junction, MechanismNode, Named, Own, Quantity, Reading
 from ..graph.units import ONE, SECOND, Dimension
 from .errors import UnwrittenPort
-from .expressions import Printer, Word
-from .literals import Refused, dimension_of
-from .names import Names
+from .expressions import Printer, SymbolText
+from .literals import NotWritable, dimension_of
+from .names import ReferenceNames
 from .ports import seen_at_a_node
 
 
 class Words:
     """The words of one graph."""
 
-    def __init__(self, graph: BondGraph, names: Names, plain: bool) -> None:
+    def __init__(self, graph: BondGraph, names: ReferenceNames, plain: bool) -> None:
         self.graph, self.names, self.plain = graph, names, plain
         self.printer = Printer(plain)
         self.constants: dict[float, str] = {}  # numbers that need a name
@@ -60,20 +60,20 @@ class Words:
         """Return True for the time, unless a quantity has that name."""
         return reference.name == "time" and "time" not in self.graph.quantities
 
-    def reference(self, reference: Quantity | Reading) -> Word:
+    def reference(self, reference: Quantity | Reading) -> SymbolText:
         """Word for a reference in a law or definition."""
         if isinstance(reference, Reading):
             return self._reading(reference)
         if self.is_time(reference):
-            return Word("time", ONE if self.plain else SECOND)
-        return Word(self.names.quantities[reference.name], self.dimension(self.graph.quantities[reference.name]))
+            return SymbolText("time", ONE if self.plain else SECOND)
+        return SymbolText(self.names.quantities[reference.name], self.dimension(self.graph.quantities[reference.name]))
 
-    def _reading(self, reading: Reading) -> Word:
+    def _reading(self, reading: Reading) -> SymbolText:
         reading = self._at_a_node(reading)
         node, variable = self._nodes[reading.node], reading.variable
         name = self.names.nodes[node.name]
         if isinstance(node, Junction):
-            return Word(f"{name}.{self.letter(node.domain, variable)}", DOMAINS[node.domain].dimension(variable))
+            return SymbolText(f"{name}.{self.letter(node.domain, variable)}", DOMAINS[node.domain].dimension(variable))
         if isinstance(node, MechanismNode):
             return self._of_a_part(node, reading)
         port = next(p for p in node.ports if p.name == reading.port)
@@ -82,26 +82,26 @@ class Words:
             path = f"{name}.{letter}{port.name}"
         else:
             path = f"{name}.{port.name}.{letter}" if port.name else f"{name}.{letter}"
-        return Word(path, DOMAINS[port.domain].dimension(variable))
+        return SymbolText(path, DOMAINS[port.domain].dimension(variable))
 
-    def _of_a_part(self, node: MechanismNode, reading: Reading) -> Word:
+    def _of_a_part(self, node: MechanismNode, reading: Reading) -> SymbolText:
         """`stage.pin.phi`, `stage.pin.phi.omega`, `stage.pin.reaction.x`."""
         part, _, inner = reading.port.partition(".")
         domain, variable = DOMAINS[domain_of(reading.port)], reading.variable
         path = f"{self.names.nodes[node.name]}.{self.names.parts[node.mechanism.name, part]}.{inner}"
         alone = variable == "q" or "." in inner  # a reaction or attitude has no letters
-        return Word(path if alone else f"{path}.{domain.letter(variable)}", domain.dimension(variable))
+        return SymbolText(path if alone else f"{path}.{domain.letter(variable)}", domain.dimension(variable))
 
     def _at_a_node(self, reading: Reading) -> Reading:
-        """A reading of a model's port as a reading of a node. Raises `Refused`."""
+        """A reading of a model's port as a reading of a node. Raises `NotWritable`."""
         found = seen_at_a_node(self.graph, reading)
         if found is None:
             domain = self.graph.bonds[self.graph.walls[reading.node, reading.port]].domain
             words = (reading.node, reading.port, self.letter(domain, reading.variable))
-            raise Refused(UnwrittenPort, words=".".join(w for w in words if w))
+            raise NotWritable(UnwrittenPort, words=".".join(w for w in words if w))
         return found
 
-    def own(self, node: Element, own: Own) -> Word:
+    def own(self, node: Element, own: Own) -> SymbolText:
         """An element's own variable: by its domain's letter, or by `e f q p` if another name equals that letter."""
         port = node.ports[own.port]
         domain = DOMAINS[port.domain]
@@ -114,11 +114,11 @@ class Words:
             text = port.name
         else:
             text = f"{port.name}.{letter}"
-        return Word(text, domain.dimension(own.variable))
+        return SymbolText(text, domain.dimension(own.variable))
 
-    def constant(self, value: float) -> Word:
+    def constant(self, value: float) -> SymbolText:
         """A number with a name."""
         if value not in self.constants:
             self.constants[value] = name = self.names.free("constant_1", set(), self.names.taken)
             self.names.taken.add(name)
-        return Word(self.constants[value], ONE)
+        return SymbolText(self.constants[value], ONE)

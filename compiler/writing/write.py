@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..graph.domains import DOMAINS
 from ..graph.elements import TRANSDUCERS
-from ..graph.network import BondGraph, End, Event, Junction, MechanismNode, Named, Node, Requirement
+from ..graph.network import BondEnd, BondGraph, Event, Junction, MechanismNode, Named, Node, Requirement
 from ..graph.units import ONE, SECOND
 from .element import element_line
 from .errors import UnwrittenDomain
 from .folded import heating_resistors, shared_ports
-from .literals import Refused, bond_lines, braces, description_text, former_name, number_text, unit_text
+from .literals import NotWritable, bond_lines, braces, description_text, former_name, number_text, unit_text
 from .mechanism import mechanism_lines
 from .names import choose_names, lone_bonds
 from .words import Words
@@ -86,7 +86,7 @@ class _Writer:
         """Lines of one part; none if it cannot be written, which adds a diagnostic."""
         try:
             return list(lines)
-        except Refused as refused:
+        except NotWritable as refused:
             self.mistakes.append(refused.diagnostic(item.span, item.name))
             return []
 
@@ -153,7 +153,7 @@ class _Writer:
                 continue  # from a junction that several bonds of one part make
             yield self._place(bond.tail), "->", self._place(bond.head)
 
-    def _place(self, end: End) -> str:
+    def _place(self, end: BondEnd) -> str:
         node = self.graph.nodes[end.node]
         if node.name in self.shared:
             return self._place(self.shared[node.name])

@@ -42,7 +42,7 @@ WRONG_NAMES = [
 def kinds(text: str) -> list[str]:
     """The kinds of the statements of the last model of a text."""
     model = parse(Source("text", text)).statements[-1]
-    assert isinstance(model, tree.Model)
+    assert isinstance(model, tree.ModelSyntax)
     return [type(s).__name__ for s in model.statements]
 
 
@@ -189,7 +189,7 @@ def shape(text: str) -> list[tuple[str, int]]:
     """Statements of all models of a text, with the number of statements in each."""
     found: list[tuple[str, int]] = []
     for outer in parse(Source("text", text)).statements:
-        inner = outer.statements if isinstance(outer, tree.Model) else ()
+        inner = outer.statements if isinstance(outer, tree.ModelSyntax) else ()
         found.append((type(outer).__name__, len(inner)))
         for s in inner:
             many = getattr(s, "statements", getattr(s, "steps", getattr(s, "attributes", getattr(s, "items", ()))))

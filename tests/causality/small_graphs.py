@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from compiler.algebra.expression import Number, Symbol
 from compiler.graph.elements import Kind
-from compiler.graph.network import Bond, BondGraph, Element, End, Junction, Law, Own, Port
+from compiler.graph.network import Bond, BondEnd, BondGraph, Element, Junction, Law, Own, Port
 from compiler.source import Source, Span
 
 SPAN = Span(Source("small.bg", "small graph"), 0, 5)
@@ -83,15 +83,18 @@ def graph_of(small: Small, wishes: dict[tuple[int, int], str] | None = None) -> 
         nodes.append(Junction(f"j{number}", Kind(kind), "untyped", "Small", SPAN))
     for number, (a, b, kind) in enumerate(small.links):
         if kind == "bond":
-            bonds.append(Bond(End(a, 0), End(b, 0), "untyped", SPAN))
+            bonds.append(Bond(BondEnd(a, 0), BondEnd(b, 0), "untyped", SPAN))
             continue
         nodes.append(_element(f"{kind}{number}", kind, None))
         here = len(nodes) - 1
-        bonds += [Bond(End(a, 0), End(here, 0), "untyped", SPAN), Bond(End(here, 1), End(b, 0), "untyped", SPAN)]
+        bonds += [
+            Bond(BondEnd(a, 0), BondEnd(here, 0), "untyped", SPAN),
+            Bond(BondEnd(here, 1), BondEnd(b, 0), "untyped", SPAN),
+        ]
     for number, leaves in enumerate(small.leaves):
         for place, kind in enumerate(leaves):
             nodes.append(_element(f"{kind}{number}{place}", kind, (wishes or {}).get((number, place))))
-            bonds.append(Bond(End(number, 0), End(len(nodes) - 1, 0), "untyped", SPAN))
+            bonds.append(Bond(BondEnd(number, 0), BondEnd(len(nodes) - 1, 0), "untyped", SPAN))
     return BondGraph("small", tuple(nodes), tuple(bonds), {}, {}, {}, SPAN)
 
 

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from bondgraph.commands import commands
 from bondgraph.presentation.text.causality import CausalityExplanation, explain
-from compiler.causality import Because, CausalGraph, dependences
+from compiler.causality import CausalGraph, StrokeReason, dependences
 from compiler.graph.elements import Kind
 from compiler.graph.network import Element, Junction
 from tests.causality.small_graphs import graph_of, small_graphs
@@ -78,7 +78,7 @@ def test_a_chain_is_what_would_have_to_turn(size: int) -> None:
             assert other.decides_effort(item.bonds[0], port.node) is (kind is Kind.CAPACITOR), small
             assert keeps_the_rules(other, item.forced_by), small
             counts[item.because.value] += 1
-    assert counts[Because.SOURCE.value] and counts[Because.INTEGRAL.value]
+    assert counts[StrokeReason.SOURCE.value] and counts[StrokeReason.INTEGRAL.value]
     print(f"\nsize {size}: {dict(counts)}")
 
 

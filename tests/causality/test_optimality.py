@@ -15,7 +15,7 @@ import pytest
 from compiler.causality import CausalGraph, assign_causality
 from compiler.errors import CompilationFailed
 from compiler.graph.elements import Kind
-from compiler.graph.network import Bond, BondGraph, Element, End, Junction
+from compiler.graph.network import Bond, BondEnd, BondGraph, Element, Junction
 from tests.causality.small_graphs import Best, Small, best_of, graph_of, small_graphs
 
 SIZE = int(os.environ.get("BONDGRAPH_EXHAUSTIVE", "6"))
@@ -142,7 +142,7 @@ def shuffled(graph: BondGraph, rng: random.Random) -> BondGraph:
     order = rng.sample(range(len(graph.nodes)), len(graph.nodes))
     place = {old: new for new, old in enumerate(order)}
     bonds = [
-        Bond(End(place[b.tail.node], b.tail.port), End(place[b.head.node], b.head.port), b.domain, b.span)
+        Bond(BondEnd(place[b.tail.node], b.tail.port), BondEnd(place[b.head.node], b.head.port), b.domain, b.span)
         for b in rng.sample(graph.bonds, len(graph.bonds))
     ]
     return BondGraph(graph.name, tuple(graph.nodes[o] for o in order), tuple(bonds), {}, {}, {}, graph.span)

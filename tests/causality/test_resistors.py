@@ -11,7 +11,7 @@ import pytest
 
 import bondgraph
 from bondgraph.simulation.steps import exponential
-from compiler.causality import Because, CausalGraph
+from compiler.causality import CausalGraph, StrokeReason
 from tests.compiling import compiled
 
 RATIOS = [1e0, 1e2, 1e4, 1e6, 1e8, 1e10, 1e12]
@@ -140,4 +140,8 @@ class TestRule:
 
     def test_why_is_told(self) -> None:
         causal = compiled(SERIES, everything=True).causal
-        assert {r.because for r in causal.reasons} == {Because.SOURCE, Because.CONDITIONED, Because.FOLLOWS}
+        assert {r.because for r in causal.reasons} == {
+            StrokeReason.SOURCE,
+            StrokeReason.CONDITIONED,
+            StrokeReason.FOLLOWS,
+        }

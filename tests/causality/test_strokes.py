@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bondgraph
-from compiler.causality import Because, CausalGraph
+from compiler.causality import CausalGraph, StrokeReason
 from compiler.causality.strokes import HEAD, TAIL
 from compiler.graph.elements import Kind
 from compiler.graph.network import Element, Junction, MechanismNode
@@ -29,7 +29,7 @@ def decides(graph: CausalGraph, element: str, other: str | None = None) -> str:
     raise AssertionError(f"no bond of {element}")
 
 
-def because(graph: CausalGraph, element: str) -> Because:
+def because(graph: CausalGraph, element: str) -> StrokeReason:
     number = next(i for i, n in enumerate(graph.graph.nodes) if n.name == element)
     return graph.reasons[graph.graph.incident[number][0]].because
 
@@ -52,10 +52,10 @@ class TestTextbook:
         assert all_of(graph) == {"s": "effort", "r": "effort", "l": "flow", "c": "effort"}
         assert graph.derivative == ()
         assert {n: because(graph, n) for n in "slcr"} == {
-            "s": Because.SOURCE,
-            "l": Because.INTEGRAL,
-            "c": Because.FOLLOWS,
-            "r": Because.FOLLOWS,
+            "s": StrokeReason.SOURCE,
+            "l": StrokeReason.INTEGRAL,
+            "c": StrokeReason.FOLLOWS,
+            "r": StrokeReason.FOLLOWS,
         }
 
     def test_parallel_circuit(self) -> None:
@@ -123,7 +123,7 @@ class TestTextbook:
             text = f"model A {{\n  Se s : u = 6 V\n  1 a\n  R r : u = {r} ohm*i\n  R t : u = {t} ohm*i\n  s -> a -> r, t\n}}\n"
             graph = causal(text)
             assert (decides(graph, "r"), decides(graph, "t")) == (("effort", "flow") if r < t else ("flow", "effort"))
-            assert because(graph, "r") is Because.CONDITIONED and because(graph, "t") is Because.FOLLOWS
+            assert because(graph, "r") is StrokeReason.CONDITIONED and because(graph, "t") is StrokeReason.FOLLOWS
 
     @pytest.mark.parametrize("law", ["i = u/3 ohm", "u = 3 ohm*i"])
     def test_equal_resistors_go_as_written(self, law: str) -> None:
@@ -132,14 +132,14 @@ class TestTextbook:
         assert (decides(graph, "r"), decides(graph, "t")) == (
             ("flow", "effort") if law.startswith("i") else ("effort", "flow")
         )
-        assert because(graph, "r") is Because.PREFERRED and because(graph, "t") is Because.FOLLOWS
+        assert because(graph, "r") is StrokeReason.PREFERRED and because(graph, "t") is StrokeReason.FOLLOWS
 
     def test_nonlinear_laws_choose_first(self) -> None:
         """A linear law can be turned, a nonlinear one may not be."""
         text = "model A {\n  Se s : u = 6 V\n  1 a\n  R r : u = 2 ohm*i\n  R diode : i = 1 uA*(exp(u/26 mV) - 1)\n  s -> a -> r, diode\n}\n"
         graph = causal(text)
-        assert because(graph, "diode") is Because.PREFERRED and decides(graph, "diode") == "flow"
-        assert because(graph, "r") is Because.FOLLOWS and decides(graph, "r") == "effort"
+        assert because(graph, "diode") is StrokeReason.PREFERRED and decides(graph, "diode") == "flow"
+        assert because(graph, "r") is StrokeReason.FOLLOWS and decides(graph, "r") == "effort"
 
     def test_wheatstone_bridge(self) -> None:
         """Six resistors between four nodes: every junction is decided exactly once."""
@@ -158,7 +158,7 @@ class TestTextbook:
         mechanism = next(n for n in graph.graph.nodes if isinstance(n, MechanismNode))
         number = graph.graph.nodes.index(mechanism)
         (bond,) = graph.graph.incident[number]
-        assert not graph.decides_effort(bond, number) and graph.reasons[bond].because is Because.MECHANISM
+        assert not graph.decides_effort(bond, number) and graph.reasons[bond].because is StrokeReason.MECHANISM
         assert all_of(graph) == {"s": "effort", "c": "effort"}
 
 
@@ -282,14 +282,14 @@ class TestConflicts:
 class TestReasons:
     def test_every_stroke_has_one(self) -> None:
         graph = causal(SERIES)
-        assert [r.because for r in graph.reasons].count(Because.SOURCE) == 1
+        assert [r.because for r in graph.reasons].count(StrokeReason.SOURCE) == 1
         for reason in graph.reasons:
-            assert (reason.bond is not None) is (reason.because is Because.FOLLOWS)
+            assert (reason.bond is not None) is (reason.because is StrokeReason.FOLLOWS)
 
     def test_what_follows_names_the_bond_it_follows_from(self) -> None:
         graph = causal(SERIES)
         inductor = next(i for i, b in enumerate(graph.graph.bonds) if graph.graph.nodes[b.head.node].name == "l")
-        follows = [r for r in graph.reasons if r.because is Because.FOLLOWS]
+        follows = [r for r in graph.reasons if r.because is StrokeReason.FOLLOWS]
         assert follows and all(r.bond == inductor for r in follows)
 
     @pytest.mark.parametrize("attribute", ["prefer = derivative", "require = derivative"])
@@ -316,7 +316,7 @@ class TestBondsToAndFro:
             text = text.replace(a + b, b + a)
         graph = causal(text)
         assert [graph.graph.nodes[e.node].name for e in graph.derivative] == ["a"]
-        assert sum(r.because is Because.CANCELS for r in graph.reasons) >= 1
+        assert sum(r.because is StrokeReason.CANCELS for r in graph.reasons) >= 1
         run = bondgraph.load(text).simulate(to=2, points=5)
         assert run["fb"] == pytest.approx(0.75 * np.exp(-1.5 * run.time), rel=1e-6)  # p' = -6 p/4
         assert run["fa"] == pytest.approx(np.zeros(5), abs=1e-15) and run["ez"] == pytest.approx(np.zeros(5), abs=1e-15)

@@ -11,7 +11,7 @@ import sympy
 
 from compiler.algebra.expression import Apply, Expression, Number, Symbol, call, power, select
 from compiler.codegen.limits import Leaf
-from compiler.codegen.series import Series
+from compiler.codegen.series import TaylorSeries
 
 X, T, A = Symbol(Leaf("state", 0)), Symbol(Leaf("time", 0)), Symbol(Leaf("parameter", 0))
 x0, t0, h = sympy.symbols("x0 t0 h")
@@ -52,7 +52,7 @@ STARTS, INSTANTS = np.linspace(0.2, 0.8, 4), np.linspace(0.9, 1.4, 4)
 def test_coefficients_and_their_slopes(name: str) -> None:
     ours, reference = EXPRESSIONS[name]
     moving = np.stack([STARTS, np.ones_like(STARTS)])
-    expansion = Series([ours]).expand({X.key: moving, T.key: INSTANTS[None], A.key: np.array([[0.7]])})
+    expansion = TaylorSeries([ours]).expand({X.key: moving, T.key: INSTANTS[None], A.key: np.array([[0.7]])})
     for k in range(ORDERS):
         if k:
             expansion.advance({X.key: moving / math.factorial(k), T.key: np.ones((1, 1)) if k == 1 else None})
@@ -64,7 +64,7 @@ def test_coefficients_and_their_slopes(name: str) -> None:
 
 def test_an_order_is_forgotten() -> None:
     """As where the unknowns of a loop are found after what they are missed by."""
-    series = Series([call("sin", X)])
+    series = TaylorSeries([call("sin", X)])
     expansion = series.expand({X.key: np.array([[0.3], [1.0]])})
     expansion.advance({X.key: np.array([[5.0]])})
     expansion.back()

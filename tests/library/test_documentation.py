@@ -16,24 +16,24 @@ FILES = sorted(LIBRARY.glob("*.bg"))
 README = (LIBRARY / "README.md").read_text(encoding="utf-8")
 
 
-def models(file: Path) -> list[tree.Model]:
+def models(file: Path) -> list[tree.ModelSyntax]:
     """The models of a file."""
     return [
         s
         for s in parse(Source(file.name, file.read_text(encoding="utf-8"), file)).statements
-        if isinstance(s, tree.Model)
+        if isinstance(s, tree.ModelSyntax)
     ]
 
 
 PARTS = [pytest.param(file, model, id=f"{file.stem}.{model.name}") for file in FILES for model in models(file)]
 
 
-def items(model: tree.Model, role: str) -> list[tree.Item]:
+def items(model: tree.ModelSyntax, role: str) -> list[tree.Item]:
     return [i for s in model.statements if isinstance(s, tree.Quantities) and s.role == role for i in s.items]
 
 
-def ports(model: tree.Model) -> list[tree.PortItem]:
-    return [i for s in model.statements if isinstance(s, tree.Ports) for i in s.items]
+def ports(model: tree.ModelSyntax) -> list[tree.PortItem]:
+    return [i for s in model.statements if isinstance(s, tree.PortsSyntax) for i in s.items]
 
 
 def test_the_library_is_there() -> None:
@@ -46,7 +46,7 @@ def test_nothing_is_wrong_with_a_file(file: Path) -> None:
 
 
 @pytest.mark.parametrize(("file", "model"), PARTS)
-def test_a_part_says_what_it_is(file: Path, model: tree.Model) -> None:
+def test_a_part_says_what_it_is(file: Path, model: tree.ModelSyntax) -> None:
     assert isinstance(model.statements[0], tree.Description), "one line on what it is"
     assert all(p.domain for p in ports(model)), "every port has its domain"
     defaults = [i.name for i in items(model, "parameter") if i.value is None]
@@ -54,7 +54,7 @@ def test_a_part_says_what_it_is(file: Path, model: tree.Model) -> None:
 
 
 @pytest.mark.parametrize(("file", "model"), PARTS)
-def test_a_part_is_in_the_readme_with_its_ports_and_parameters(file: Path, model: tree.Model) -> None:
+def test_a_part_is_in_the_readme_with_its_ports_and_parameters(file: Path, model: tree.ModelSyntax) -> None:
     section = README.split(f"\n## {file.stem}\n")[1].split("\n## ")[0]
     (row,) = [line for line in section.splitlines() if line.startswith(f"| `{model.name}` |")]
     cells = re.split(r"(?<!\\)\|", row)[2:-1]

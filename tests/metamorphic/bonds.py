@@ -28,7 +28,8 @@ def changed_models(statements: Statements, change: Any) -> Statements:
     """Each model of a text changed, with its names looked up."""
     file = as_file(statements)
     return tuple(
-        replace(s, statements=change(file.models[s.name])) if isinstance(s, tree.Model) else s for s in file.statements
+        replace(s, statements=change(file.models[s.name])) if isinstance(s, tree.ModelSyntax) else s
+        for s in file.statements
     )
 
 
@@ -49,9 +50,9 @@ class _Exploding:
         return self._all(self.definition.model.statements, ())
 
     def _all(self, statements: Statements, rounds: tuple[str, ...]) -> Statements:
-        result: list[tree.Node] = []
+        result: list[tree.SyntaxNode] = []
         for statement in statements:
-            if isinstance(statement, tree.Loop):
+            if isinstance(statement, tree.LoopSyntax):
                 inside = self._all(statement.statements, (*rounds, statement.name))
                 result.append(replace(statement, statements=inside))
             elif isinstance(statement, tree.Bonds):
@@ -64,15 +65,15 @@ class _Exploding:
                 result.append(statement)
         return tuple(result)
 
-    def _place(self, place: tree.Path | tree.Nest, rounds: tuple[str, ...], lines: list[str]) -> str:
-        if isinstance(place, tree.Path):
+    def _place(self, place: tree.PathSyntax | tree.Nest, rounds: tuple[str, ...], lines: list[str]) -> str:
+        if isinstance(place, tree.PathSyntax):
             return path_text(place)
         self.count += 1
         name = f"junction_{self.count}" + (f"[{', '.join(rounds)}]" if rounds else "")
         lines.append(f"{place.kind} {name}")
         for member in place.members:
             inner = self._place(member, rounds, lines)
-            entry = self.definition.names.get(member.head) if isinstance(member, tree.Path) else None
+            entry = self.definition.names.get(member.head) if isinstance(member, tree.PathSyntax) else None
             from_source = isinstance(entry, tree.Declaration) and entry.kind in SOURCES
             lines.append(f"{inner} -> {name}" if from_source else f"{name} -> {inner}")
         return name
@@ -81,7 +82,7 @@ class _Exploding:
 def inner_statements(lines: list[str]) -> Statements:
     """Lines of a model as statements."""
     (model,) = parsed("model M {\n" + "\n".join(lines) + "\n}\n")
-    assert isinstance(model, tree.Model)
+    assert isinstance(model, tree.ModelSyntax)
     return model.statements
 
 
@@ -166,7 +167,7 @@ class _Turning:
         for s in statements:
             if isinstance(s, tree.Bonds):
                 yield s
-            elif isinstance(s, tree.Loop):
+            elif isinstance(s, tree.LoopSyntax):
                 yield from self._bonds(s.statements)
 
     def _junction(self, place: Any) -> str | None:
@@ -180,7 +181,7 @@ class _Turning:
         ((tail,), (head,)) = bond.places
         kind = self._junction(head if tail.head == name else tail)  # type: ignore[union-attr]
         law = entry.definition
-        if kind is None or not isinstance(law, tree.Law):
+        if kind is None or not isinstance(law, tree.LawSyntax):
             return
         flips = "e" if kind == "1" else "f"
         (equation,) = law.equations
@@ -194,7 +195,7 @@ class _Turning:
         out = next(b for b in bonds if b.places[0][0].head == name)  # type: ignore[union-attr]
         kinds = {"1": self._junction(into.places[0][0]), "2": self._junction(out.places[1][0])}
         law = entry.definition
-        if None in kinds.values() or not isinstance(law, tree.Law):
+        if None in kinds.values() or not isinstance(law, tree.LawSyntax):
             return
         now = {}
         for side, other in (("1", "2"), ("2", "1")):
@@ -211,7 +212,7 @@ class _Turning:
         """The law of a transducer with its sides exchanged."""
 
         def change(part: Any) -> Any:
-            if isinstance(part, tree.Path) and not part.steps and part.head in now:
+            if isinstance(part, tree.PathSyntax) and not part.steps and part.head in now:
                 if self.definition.names.get(part.head) in ("parameter", "constant", "input", "signal", "index"):
                     return part
                 return signed(replace(part, head=now[part.head].lstrip("-")), now[part.head])
@@ -221,9 +222,9 @@ class _Turning:
 
     # ------------------------------------------------------------ statements
     def _all(self, statements: Statements, rounds: tuple[str, ...]) -> Statements:
-        result: list[tree.Node] = []
+        result: list[tree.SyntaxNode] = []
         for s in statements:
-            if isinstance(s, tree.Loop):
+            if isinstance(s, tree.LoopSyntax):
                 result.append(replace(s, statements=self._all(s.statements, (*rounds, s.name))))
             elif isinstance(s, tree.Bonds):
                 result += inner_statements(self._bond(s, rounds))
@@ -237,7 +238,7 @@ class _Turning:
 
     def _bond(self, bond: tree.Bonds, rounds: tuple[str, ...]) -> list[str]:
         ((tail,), (head,)) = bond.places
-        assert isinstance(tail, tree.Path) and isinstance(head, tree.Path)
+        assert isinstance(tail, tree.PathSyntax) and isinstance(head, tree.PathSyntax)
         first, second = self._junction(tail), self._junction(head)
         names = path_text(tail), path_text(head)
         if {tail.head, head.head} & self.turned or (first is not None and first == second):
@@ -250,18 +251,18 @@ class _Turning:
 
     def _readings(self, node: Any) -> Any:
         def change(part: Any) -> Any:
-            if isinstance(part, tree.Path) and part.head in self.signs and part.steps:
+            if isinstance(part, tree.PathSyntax) and part.head in self.signs and part.steps:
                 last = part.steps[-1]
                 now = self.signs[part.head].get(last.name) if isinstance(last, tree.Member) else None
                 if now is not None:
                     return signed(replace(part, steps=(*part.steps[:-1], tree.Member(now.lstrip("-")))), now)
             return part
 
-        if isinstance(node, tree.Loop):
+        if isinstance(node, tree.LoopSyntax):
             return replace(node, statements=tuple(map(self._readings, node.statements)))
         return node if isinstance(node, tree.Bonds) else rewrite(node, change)
 
 
-def signed(node: tree.Path, words: str) -> tree.Expression:
+def signed(node: tree.PathSyntax, words: str) -> tree.ExpressionSyntax:
     """A reading, with the sign of its new word."""
     return tree.Negative(NOWHERE, 2, node) if words.startswith("-") else node

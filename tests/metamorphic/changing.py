@@ -16,7 +16,7 @@ from compiler.syntax import parse, tree
 from tests.metamorphic.printing import path, path_text, rewrite, text_of
 from tests.metamorphic.renaming import File, Key, Place, Renamer, read_files
 
-Statements = tuple[tree.Node, ...]
+Statements = tuple[tree.SyntaxNode, ...]
 
 
 def same(name: str) -> tuple[str, ...]:
@@ -134,15 +134,15 @@ def permuted(statements: Statements, seed: int) -> Statements:
 
     def change(node: Any) -> Any:
         match node:
-            case tree.Model() | tree.Loop() | tree.Mechanism():
+            case tree.ModelSyntax() | tree.LoopSyntax() | tree.MechanismSyntax():
                 return replace(node, statements=shuffled(node.statements))
             case tree.Experiment():
                 return replace(node, steps=shuffled(node.steps))
-            case tree.Quantities() | tree.Ports():
+            case tree.Quantities() | tree.PortsSyntax():
                 return replace(node, items=shuffled(node.items))
             case tree.Declaration():
                 law = node.definition
-                if isinstance(law, tree.Law):
+                if isinstance(law, tree.LawSyntax):
                     law = replace(law, equations=shuffled(law.equations))
                 return replace(node, names=shuffled(node.names), attributes=shuffled(node.attributes), definition=law)
             case tree.Declared() | tree.PortItem() if node.components:

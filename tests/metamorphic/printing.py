@@ -11,10 +11,10 @@ from compiler.source import Source, Span
 from compiler.syntax import parse_expression, tree
 
 NOWHERE = Span(Source("made by a test", ""), 0, 0)
-ATOMS = (tree.Literal, tree.Path, tree.Call, tree.Vector)
+ATOMS = (tree.Literal, tree.PathSyntax, tree.Call, tree.VectorSyntax)
 
 
-def text_of(statements: tuple[tree.Node, ...]) -> str:
+def text_of(statements: tuple[tree.SyntaxNode, ...]) -> str:
     """A file."""
     return "\n".join(statement(s, "") for s in statements) + "\n"
 
@@ -34,10 +34,10 @@ def rewrite(node: Any, change: Callable[[Any], Any]) -> Any:
     return change(replace(node, **new) if new else node)  # type: ignore[type-var]
 
 
-def path(words: str) -> tree.Path:
+def path(words: str) -> tree.PathSyntax:
     """`a.b[2].c` as a path."""
     found = parse_expression(Source("path", words))
-    assert isinstance(found, tree.Path), words
+    assert isinstance(found, tree.PathSyntax), words
     return found
 
 
@@ -74,12 +74,12 @@ def unit_text(u: tree.Unit) -> str:
     return "*".join(parts)
 
 
-def inner(node: tree.Expression) -> str:
+def inner(node: tree.ExpressionSyntax) -> str:
     """An operand, in brackets unless it is an atom."""
     return expression(node) if isinstance(node, ATOMS) else f"({expression(node)})"
 
 
-def path_text(node: tree.Path) -> str:
+def path_text(node: tree.PathSyntax) -> str:
     text = node.head
     for step in node.steps:
         text += f".{step.name}" if isinstance(step, tree.Member) else index_text(step)
@@ -95,13 +95,13 @@ def expression(node: Any) -> str:
     match node:
         case tree.Literal():
             return number(node.number) + ("" if node.unit is None else f" [{unit_text(node.unit)}]")
-        case tree.Path():
+        case tree.PathSyntax():
             return path_text(node)
-        case tree.Text():
+        case tree.TextSyntax():
             return f'"{node.value}"'
         case tree.Call():
             return f"{node.function}({', '.join(map(expression, node.arguments))})"
-        case tree.Vector():
+        case tree.VectorSyntax():
             return f"({', '.join(map(expression, node.items))})"
         case tree.Sum():
             return _chain(node.terms, "+", "-")
@@ -117,12 +117,12 @@ def expression(node: Any) -> str:
             return f"not {inner(node.operands[0])}"
         case tree.Logical():
             return f" {node.operator} ".join(map(inner, node.operands))
-        case tree.Choice():
+        case tree.ChoiceSyntax():
             return f"{inner(node.value)} if {inner(node.condition)} else {inner(node.otherwise)}"
     raise AssertionError(type(node))
 
 
-def _chain(parts: tuple[tuple[int, tree.Expression], ...], plus: str, minus: str) -> str:
+def _chain(parts: tuple[tuple[int, tree.ExpressionSyntax], ...], plus: str, minus: str) -> str:
     assert parts[0][0] == 1
     text = inner(parts[0][1])
     for sign, part in parts[1:]:
@@ -133,32 +133,32 @@ def _chain(parts: tuple[tuple[int, tree.Expression], ...], plus: str, minus: str
 # ---------------------------------------------------------------- statements
 
 
-def statement(node: tree.Node, margin: str) -> str:
+def statement(node: tree.SyntaxNode, margin: str) -> str:
     """One statement, its blocks indented."""
     return margin + _statement(node, margin)
 
 
-def _block(head: str, statements: tuple[tree.Node, ...], margin: str) -> str:
+def _block(head: str, statements: tuple[tree.SyntaxNode, ...], margin: str) -> str:
     lines = "".join(statement(s, margin + "  ") + "\n" for s in statements)
     return f"{head} {{\n{lines}{margin}}}"
 
 
 def _statement(node: Any, margin: str) -> str:
     match node:
-        case tree.Model():
+        case tree.ModelSyntax():
             return _block(f"{'plain ' * node.plain}model {node.name}", node.statements, margin)
         case tree.Import():
             names = ", ".join(name for name, _ in node.names)
             return f"import {names} from " + (f'"{node.place}"' if node.is_file else node.place)
         case tree.Description():
             return f'"{node.text}"'
-        case tree.Requirement():
+        case tree.RequirementSyntax():
             return f'require {expression(node.condition)} "{node.text}"'
         case tree.Quantities():
             return f"{node.role} " + ", ".join(map(_item, node.items))
-        case tree.Function():
+        case tree.FunctionSyntax():
             return f"function {node.name}({', '.join(node.parameters)}) = {expression(node.body)}"
-        case tree.Ports():
+        case tree.PortsSyntax():
             return "port " + ", ".join(map(_port, node.items))
         case tree.Declaration():
             return _declaration(node)
@@ -167,15 +167,15 @@ def _statement(node: Any, margin: str) -> str:
             for arrow, group in zip(node.arrows, node.places[1:], strict=True):
                 text += f" {arrow} " + ", ".join(map(place, group))
             return text
-        case tree.Setting():
+        case tree.SettingSyntax():
             return f"{node.name} = {expression(node.value)}"
-        case tree.Loop():
+        case tree.LoopSyntax():
             return _block(f"for {node.name} in {_range(node.range)}", node.statements, margin)
-        case tree.Mechanism():
+        case tree.MechanismSyntax():
             return _block(
                 f"multibody {node.name}" + (f" : {node.space}" if node.space else ""), node.statements, margin
             )
-        case tree.Event():
+        case tree.EventSyntax():
             resets = "; ".join(f"{expression(r.target)} = {expression(r.value)}" for r in node.resets)
             return f"when {expression(node.condition)} {{ {resets} }}"
     return _step(node, margin)
@@ -195,13 +195,13 @@ def _step(node: Any, margin: str) -> str:
                 expression(r.value) + ("" if r.unit is None else f" in {unit_text(r.unit)}") for r in node.readings
             )
             return "report " + ", ".join(readings)
-        case tree.Study(role="sweep"):
+        case tree.StudySyntax(role="sweep"):
             shown = "" if node.unit is None else f": {unit_text(node.unit)}"
             return f"sweep {expression(node.paths[0])}{shown} = {', '.join(map(expression, node.values))}"
-        case tree.Study(role="response"):
+        case tree.StudySyntax(role="response"):
             first, second = map(expression, node.paths)
             return f"response {first} to {second} over {_range(node.range)}{_attributes(node.attributes)}"
-        case tree.Study():
+        case tree.StudySyntax():
             return node.role + _attributes(node.attributes)
         case tree.Analysis():
             return _analysis(node)
@@ -216,7 +216,7 @@ def _analysis(node: tree.Analysis) -> str:
     return f"{node.role} {told}".strip() + over + _attributes(node.attributes)
 
 
-def _given(node: tree.Given) -> str:
+def _given(node: tree.GivenSyntax) -> str:
     if node.word:
         return f"{node.word}({expression(node.path)}, {expression(node.other)}) = {expression(node.value)}"
     text = expression(node.path) + ("" if node.other is None else f"/{expression(node.other)}")
@@ -263,9 +263,9 @@ def _declaration(node: tree.Declaration) -> str:
     match node.definition:
         case None:
             pass
-        case tree.Law(equations=equations):
+        case tree.LawSyntax(equations=equations):
             text += " : " + ", ".join(f"{expression(e.left)} = {expression(e.right)}" for e in equations)
-        case tree.Link(first=first, second=second):
+        case tree.LinkSyntax(first=first, second=second):
             text += f" : {expression(first)} to {expression(second)}"
         case other:
             text += f" : {expression(other)}"
@@ -273,8 +273,8 @@ def _declaration(node: tree.Declaration) -> str:
     return text + ("" if node.description is None else f' "{node.description}"')
 
 
-def place(node: tree.Path | tree.Nest) -> str:
+def place(node: tree.PathSyntax | tree.Nest) -> str:
     """Endpoint of a bond."""
-    if isinstance(node, tree.Path):
+    if isinstance(node, tree.PathSyntax):
         return path_text(node)
     return f"{node.kind}({', '.join(map(place, node.members))})"

@@ -27,7 +27,7 @@ class File:
     """Declarations and imports of one file."""
 
     path: str
-    statements: tuple[tree.Node, ...]
+    statements: tuple[tree.SyntaxNode, ...]
     models: dict[str, Definition] = field(default_factory=dict)
     constants: set[str] = field(default_factory=set)
     functions: set[str] = field(default_factory=set)
@@ -38,7 +38,7 @@ class Definition:
     """Declarations of one model: name -> its role, its declaration, or its mechanism."""
 
     file: File
-    model: tree.Model
+    model: tree.ModelSyntax
     names: dict[str, Any] = field(default_factory=dict)
     slots: dict[str, str] = field(default_factory=dict)
 
@@ -46,11 +46,11 @@ class Definition:
         return ("model", self.file.path, self.model.name, *name)
 
 
-def flat(statements: tuple[tree.Node, ...]) -> Iterator[tree.Node]:
+def flat(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[tree.SyntaxNode]:
     """Statements and those in loops."""
     for statement in statements:
         yield statement
-        if isinstance(statement, tree.Loop):
+        if isinstance(statement, tree.LoopSyntax):
             yield from flat(statement.statements)
 
 
@@ -68,11 +68,11 @@ def _read(source: Source, files: dict[str, File]) -> File:
     file = File(name, parse(source).statements)
     for statement in file.statements:
         match statement:
-            case tree.Model():
+            case tree.ModelSyntax():
                 file.models[statement.name] = _define(file, statement)
             case tree.Quantities():
                 file.constants |= {i.name for i in statement.items}
-            case tree.Function():
+            case tree.FunctionSyntax():
                 file.functions.add(statement.name)
             case tree.Import():
                 place = Path(name).parent / statement.place if statement.is_file else LIBRARY / f"{statement.place}.bg"
@@ -82,7 +82,7 @@ def _read(source: Source, files: dict[str, File]) -> File:
     return file
 
 
-def _define(file: File, model: tree.Model) -> Definition:
+def _define(file: File, model: tree.ModelSyntax) -> Definition:
     definition = Definition(file, model)
     names = definition.names
     for statement in flat(model.statements):
@@ -91,29 +91,29 @@ def _define(file: File, model: tree.Model) -> Definition:
                 for item in statement.items:
                     names.setdefault(item.name, statement.role)
                     if is_slot(item):
-                        assert isinstance(item.value, tree.Path)
+                        assert isinstance(item.value, tree.PathSyntax)
                         names[item.name], definition.slots[item.name] = "slot", item.value.head
-            case tree.Ports():
+            case tree.PortsSyntax():
                 names.update({i.name: i for i in statement.items})
             case tree.Declaration():
                 names.update({d.name: statement for d in statement.names})
-            case tree.Mechanism():
+            case tree.MechanismSyntax():
                 names[statement.name] = statement
                 for inside in flat(statement.statements):
                     if isinstance(inside, tree.Quantities):
                         names.update({i.name: inside.role for i in inside.items})
-                    elif isinstance(inside, tree.Loop):
+                    elif isinstance(inside, tree.LoopSyntax):
                         names[inside.name] = "index"
-            case tree.Loop():
+            case tree.LoopSyntax():
                 names[statement.name] = "index"
             case tree.Experiment():
                 for step in statement.steps:
-                    if isinstance(step, tree.Study) and step.role == "sweep" and not step.paths[0].steps:
+                    if isinstance(step, tree.StudySyntax) and step.role == "sweep" and not step.paths[0].steps:
                         names.setdefault(step.paths[0].head, "parameter")
     return definition
 
 
-def parts_of(mechanism: tree.Mechanism) -> set[str]:
+def parts_of(mechanism: tree.MechanismSyntax) -> set[str]:
     """The names of a mechanism's bodies, frames and joints."""
     declarations = (s for s in flat(mechanism.statements) if isinstance(s, tree.Declaration))
     return {d.name for s in declarations for d in s.names}
@@ -125,12 +125,12 @@ class Renamer:
     def __init__(self, choose: Callable[[Key], str]) -> None:
         self.choose = choose
 
-    def file(self, file: File) -> tuple[tree.Node, ...]:
+    def file(self, file: File) -> tuple[tree.SyntaxNode, ...]:
         return tuple(self.top(file, s) for s in file.statements if not isinstance(s, tree.Import))
 
-    def top(self, file: File, statement: tree.Node) -> tree.Node:
+    def top(self, file: File, statement: tree.SyntaxNode) -> tree.SyntaxNode:
         match statement:
-            case tree.Model():
+            case tree.ModelSyntax():
                 return self.model(file.models[statement.name])
             case tree.Quantities():
                 items = (
@@ -138,7 +138,7 @@ class Renamer:
                     for i in statement.items
                 )
                 return replace(statement, items=tuple(items))
-            case tree.Function():
+            case tree.FunctionSyntax():
                 own = ("file", file.path, statement.name)
                 place = Place(self, file, local={p: self.choose((*own, p)) for p in statement.parameters})
                 parameters = tuple(place.local.values())
@@ -150,7 +150,7 @@ class Renamer:
     def model_name(self, definition: Definition) -> str:
         return self.choose(("file", definition.file.path, definition.model.name))
 
-    def model(self, definition: Definition) -> tree.Model:
+    def model(self, definition: Definition) -> tree.ModelSyntax:
         place = Place(self, definition.file, definition)
         statements = tuple(place.statement(s) for s in definition.model.statements)
         return replace(definition.model, name=self.model_name(definition), statements=statements)
@@ -165,7 +165,7 @@ class Place:
         file: File,
         definition: Definition | None = None,
         local: dict[str, str] | None = None,
-        mechanism: tree.Mechanism | None = None,
+        mechanism: tree.MechanismSyntax | None = None,
     ) -> None:
         self.renamer, self.file, self.definition, self.local = renamer, file, definition, local or {}
         self.mechanism = mechanism
@@ -178,7 +178,7 @@ class Place:
     def value(self, node: Any, own: tree.Declaration | None = None) -> Any:
         """An expression, or anything that contains some; `own` is the element whose law it is."""
         match node:
-            case tree.Path():
+            case tree.PathSyntax():
                 return self.path(node, own)
             case tree.Call():
                 known = node.function in self.file.functions
@@ -190,18 +190,18 @@ class Place:
                 return replace(node, terms=tuple((s, self.value(t, own)) for s, t in node.terms))
             case tree.Product():
                 return replace(node, factors=tuple((s, self.value(f, own)) for s, f in node.factors))
-            case tree.Literal() | tree.Text() | None:
+            case tree.Literal() | tree.TextSyntax() | None:
                 return node
-            case tree.Index() | tree.Vector():
+            case tree.Index() | tree.VectorSyntax():
                 return replace(node, items=self.value(node.items, own))
         names = {
             tree.Negative: ("operand",), tree.Power: ("base", "exponent"), tree.Comparison: ("left", "right"),
-            tree.Logical: ("operands",), tree.Choice: ("value", "condition", "otherwise"), tree.Range: ("first", "last"),
-            tree.Equation: ("left", "right"), tree.Law: ("equations",), tree.Reading: ("value",),
+            tree.Logical: ("operands",), tree.ChoiceSyntax: ("value", "condition", "otherwise"), tree.Range: ("first", "last"),
+            tree.Equation: ("left", "right"), tree.LawSyntax: ("equations",), tree.ReadingSyntax: ("value",),
         }[type(node)]  # fmt: skip
         return replace(node, **{n: self.value(getattr(node, n), own) for n in names})
 
-    def path(self, node: tree.Path, own: tree.Declaration | None = None) -> tree.Path:
+    def path(self, node: tree.PathSyntax, own: tree.Declaration | None = None) -> tree.PathSyntax:
         """A path with its head and inner names as they are called now."""
         steps = tuple(self.value(s) if isinstance(s, tree.Index) else s for s in node.steps)
         head = node.head
@@ -230,7 +230,7 @@ class Place:
                 word = self.renamer.choose(inner.key(step.name))
                 rest = self._inside(inner, step.name, steps[position + 1 :])
                 return (*steps[:position], tree.Member(word), *rest)
-            if isinstance(entry, tree.Mechanism) and step.name in parts_of(entry):
+            if isinstance(entry, tree.MechanismSyntax) and step.name in parts_of(entry):
                 word = self.renamer.choose(definition.key(name, step.name))
                 return (*steps[:position], tree.Member(word), *steps[position + 1 :])
             break
@@ -242,7 +242,7 @@ class Place:
         match node:
             case tree.Quantities():
                 return replace(node, items=tuple(map(self._item, node.items)))
-            case tree.Ports():
+            case tree.PortsSyntax():
                 return replace(node, items=tuple(replace(i, name=self.name(i.name)) for i in node.items))
             case tree.Declaration() if self.mechanism is not None:
                 return self._part_declaration(node)
@@ -250,18 +250,18 @@ class Place:
                 return self._declaration(node)
             case tree.Bonds():
                 return replace(node, places=tuple(tuple(map(self._bonded, g)) for g in node.places))
-            case tree.Setting():
+            case tree.SettingSyntax():
                 return replace(node, value=self.value(node.value))
-            case tree.Requirement():
+            case tree.RequirementSyntax():
                 return replace(node, condition=self.value(node.condition))
-            case tree.Loop():
+            case tree.LoopSyntax():
                 return replace(
                     node,
                     name=self.name(node.name),
                     range=self.value(node.range),
                     statements=tuple(map(self.statement, node.statements)),
                 )
-            case tree.Mechanism():
+            case tree.MechanismSyntax():
                 inside = Place(self.renamer, self.file, self.definition, self.local, node)
                 return replace(
                     node, name=self.name(node.name), statements=tuple(map(inside.statement, node.statements))
@@ -269,7 +269,7 @@ class Place:
             case tree.Experiment():
                 word = self.name("experiment", node.name)
                 return replace(node, name=word, steps=tuple(map(self._step, node.steps)))
-            case tree.Event():
+            case tree.EventSyntax():
                 resets = tuple(replace(r, target=self.path(r.target), value=self.value(r.value)) for r in node.resets)
                 return replace(node, condition=self.value(node.condition), resets=resets)
         return node
@@ -280,7 +280,7 @@ class Place:
 
     def _model_path(self, value: Any) -> Any:
         """A model or a slot, named as a value."""
-        assert isinstance(value, tree.Path) and self.definition is not None
+        assert isinstance(value, tree.PathSyntax) and self.definition is not None
         return replace(value, head=self._kind(value.head))
 
     def _kind(self, kind: str) -> str:
@@ -297,7 +297,7 @@ class Place:
         names = self._declared(node)
         if node.kind in ELEMENT_KINDS:
             attributes = tuple(self._own_attribute(a) for a in node.attributes)
-            law = self.value(node.definition, node) if isinstance(node.definition, tree.Law) else node.definition
+            law = self.value(node.definition, node) if isinstance(node.definition, tree.LawSyntax) else node.definition
             return replace(node, names=names, definition=law, attributes=attributes)
         assert self.definition is not None
         inner = kind_of(self.definition, node)
@@ -321,9 +321,9 @@ class Place:
     def _part_declaration(self, node: tree.Declaration) -> tree.Declaration:
         assert self.mechanism is not None
         definition = node.definition
-        if isinstance(definition, tree.Link):
+        if isinstance(definition, tree.LinkSyntax):
             definition = replace(definition, first=self._part(definition.first), second=self._part(definition.second))
-        elif isinstance(definition, tree.Path):
+        elif isinstance(definition, tree.PathSyntax):
             definition = self._part(definition)
         attributes = tuple(map(self._own_attribute, node.attributes))
         return replace(
@@ -337,8 +337,8 @@ class Place:
         steps = tuple(self.value(s) if isinstance(s, tree.Index) else s for s in node.steps)
         return replace(node, head=self.name(self.mechanism.name, node.head), steps=steps)
 
-    def _bonded(self, place: tree.Path | tree.Nest) -> tree.Path | tree.Nest:
-        if isinstance(place, tree.Path):
+    def _bonded(self, place: tree.PathSyntax | tree.Nest) -> tree.PathSyntax | tree.Nest:
+        if isinstance(place, tree.PathSyntax):
             return self.path(place)
         return replace(place, members=tuple(map(self._bonded, place.members)))
 
@@ -350,7 +350,7 @@ class Place:
                 return replace(step, range=self.value(step.range), attributes=self._settings(step.attributes))
             case tree.Report():
                 return replace(step, readings=self.value(step.readings))
-            case tree.Study():
+            case tree.StudySyntax():
                 return replace(
                     step, paths=self.value(step.paths), values=self.value(step.values), range=self.value(step.range),
                     attributes=self._settings(step.attributes),
@@ -361,7 +361,7 @@ class Place:
                 return replace(step, given=given, wanted=wanted, range=self.value(step.range), attributes=attributes)
         return step
 
-    def _given(self, given: tree.Given) -> tree.Given:
+    def _given(self, given: tree.GivenSyntax) -> tree.GivenSyntax:
         other = None if given.other is None else self.path(given.other)
         return replace(
             given, path=self.path(given.path), other=other, value=self.value(given.value), range=self.value(given.range)
@@ -384,7 +384,7 @@ def kind_of(definition: Definition, entry: Any) -> Definition | None:
 # ---------------------------------------------------------------- one file
 
 
-def bundled(source: Source) -> tuple[tree.Node, ...]:
+def bundled(source: Source) -> tuple[tree.SyntaxNode, ...]:
     """A file and its imports as the statements of one text; equal names of several files get a number."""
     files = read_files(source)
     main = next(reversed(files.values()))
@@ -406,12 +406,12 @@ def bundled(source: Source) -> tuple[tree.Node, ...]:
         choose(("file", main.path, name))
     renamer = Renamer(choose)
     used = _used(main)
-    statements: list[tree.Node] = []
+    statements: list[tree.SyntaxNode] = []
     for file in files.values():
         for statement in file.statements:
             if isinstance(statement, tree.Import | tree.Description):
                 continue
-            if isinstance(statement, tree.Model) and file.models[statement.name] not in used:
+            if isinstance(statement, tree.ModelSyntax) and file.models[statement.name] not in used:
                 continue
             statements.append(renamer.top(file, statement))
     return tuple(statements)
@@ -430,6 +430,6 @@ def _used(main: File) -> set[Definition]:
             kinds = [statement.kind] if isinstance(statement, tree.Declaration) else []
             kinds += definition.slots.values()
             if isinstance(statement, tree.Declaration):
-                kinds += [a.value.head for a in statement.attributes if isinstance(a.value, tree.Path)]
+                kinds += [a.value.head for a in statement.attributes if isinstance(a.value, tree.PathSyntax)]
             waiting += [definition.file.models[k] for k in kinds if k in definition.file.models]
     return found

@@ -52,7 +52,7 @@ class Powers:
                 return self._literal(node, u)
             case tree.Item(unit=tree.Unit() as u) if [s for s, _, _ in u.factors] != ["model"]:
                 return self._item(node, u)
-            case tree.Study(unit=tree.Unit() as u):
+            case tree.StudySyntax(unit=tree.Unit() as u):
                 values = tuple(self._in_unit(v, u) for v in node.values)
                 return replace(node, values=values, unit=KELVIN if scale_of(u).offset else u)
             case tree.Simulate():  # an absolute tolerance in SI means other things in other units
@@ -73,19 +73,19 @@ class Powers:
             return self._absolute(node.number, scale)
         return replace(node, number=node.number * Fraction(10) ** self.of(scale.dimension))
 
-    def _absolute(self, value: Fraction, scale: Scale) -> tree.Expression:
+    def _absolute(self, value: Fraction, scale: Scale) -> tree.ExpressionSyntax:
         kelvin = (value * scale.number + scale.offset) * Fraction(10) ** self.of(scale.dimension)
         return tree.Literal(KELVIN.span, 1, kelvin, KELVIN)
 
     def _item(self, node: tree.Item, u: tree.Unit) -> tree.Item:
         value = node.value
-        if isinstance(value, tree.Vector):
+        if isinstance(value, tree.VectorSyntax):
             value = replace(value, items=tuple(self._in_unit(i, u) for i in value.items))
         elif value is not None:
             value = self._in_unit(value, u)
         return replace(node, value=value, unit=KELVIN if scale_of(u).offset else u, index=self.scaled(node.index))
 
-    def _in_unit(self, value: tree.Expression, u: tree.Unit) -> tree.Expression:
+    def _in_unit(self, value: tree.ExpressionSyntax, u: tree.Unit) -> tree.ExpressionSyntax:
         """A value after `name : unit =`, where a bare number is in that unit."""
         if not bare(value):
             return self.scaled(value)  # type: ignore[no-any-return]

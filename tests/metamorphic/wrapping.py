@@ -35,7 +35,7 @@ def enclosed(
         """An expression of the model, read outside of it."""
 
         def change(part: Any) -> Any:
-            if isinstance(part, tree.Path) and part.head in definition.names and part.head not in passed:
+            if isinstance(part, tree.PathSyntax) and part.head in definition.names and part.head not in passed:
                 return path(f"{instance}.{path_text(part)}")
             return part
 
@@ -73,13 +73,13 @@ def _any_quantities(definition: Definition) -> list[tree.Quantities]:
     return found[:1]
 
 
-def _reads(definition: Definition, value: tree.Expression | None) -> bool:
+def _reads(definition: Definition, value: tree.ExpressionSyntax | None) -> bool:
     return value is not None and any(p.head in definition.names for p in paths_of(value))
 
 
 def _steps(
     experiment: tree.Experiment, definition: Definition, passed: set[str], instances: list[str], outer: Any
-) -> Iterator[tree.Node]:
+) -> Iterator[tree.SyntaxNode]:
     """Settings and duration of the experiment, as steps of the outer model."""
     for step in experiment.steps:
         if isinstance(step, tree.Set):
@@ -107,9 +107,9 @@ def walled(statements: Statements, model: str, graph: BondGraph) -> tuple[Statem
                 wall = _wall(replace(s, names=(declared,)), definition, graph)
                 if wall is not None and declared.index is None:
                     walls[declared.name] = wall
-    result: list[tree.Node] = []
+    result: list[tree.SyntaxNode] = []
     for s in file.statements:
-        if isinstance(s, tree.Model) and s.name == model:
+        if isinstance(s, tree.ModelSyntax) and s.name == model:
             result += [m for m, *_ in walls.values()]
             result.append(replace(s, statements=tuple(_use_walls(s.statements, walls))))
         else:
@@ -128,7 +128,7 @@ def _wall(element: tree.Declaration, definition: Definition, graph: BondGraph) -
     """The model around an element and its instance; None where something that its law reads has no unit that is known here."""
     name = element.names[0].name
     node = next((n for n in graph.nodes if n.name == name), None)
-    if node is None or not isinstance(element.definition, tree.Law):
+    if node is None or not isinstance(element.definition, tree.LawSyntax):
         return None
     plain = definition.model.plain
     domain = DOMAINS[node.ports[0].domain]  # type: ignore[union-attr]
@@ -136,7 +136,7 @@ def _wall(element: tree.Declaration, definition: Definition, graph: BondGraph) -
     own = {letter for v in "efqp" for letter in (v, domain.letter(v))}
 
     def change(part: Any) -> Any:
-        if not isinstance(part, tree.Path) or part.head not in definition.names:
+        if not isinstance(part, tree.PathSyntax) or part.head not in definition.names:
             return part
         if (
             part.head in own
@@ -185,10 +185,10 @@ def _known(words: str, graph: BondGraph) -> tuple[str, str]:
 def _gives(name: str, definition: Definition) -> bool:
     """Return True if the arrow goes out of an element."""
     bonds = (s for s in definition.model.statements if isinstance(s, tree.Bonds))
-    return any(isinstance(p, tree.Path) and p.head == name for b in bonds for p in b.places[0])
+    return any(isinstance(p, tree.PathSyntax) and p.head == name for b in bonds for p in b.places[0])
 
 
-def _use_walls(statements: Statements, walls: dict[str, Statements]) -> Iterator[tree.Node]:
+def _use_walls(statements: Statements, walls: dict[str, Statements]) -> Iterator[tree.SyntaxNode]:
     def reach(place: Any) -> Any:
         return path(f"{place.head}.terminal") if place.head in walls and not place.steps else place
 
@@ -200,7 +200,7 @@ def _use_walls(statements: Statements, walls: dict[str, Statements]) -> Iterator
                 yield replace(s, names=kept)
         elif isinstance(s, tree.Bonds):
             yield replace(s, places=tuple(tuple(map(reach, group)) for group in s.places))
-        elif isinstance(s, tree.Loop):
+        elif isinstance(s, tree.LoopSyntax):
             inside = tuple(_use_walls(s.statements, walls))
             yield replace(s, statements=inside)
         else:
@@ -225,7 +225,7 @@ def opened(statements: Statements, model: str, graph: BondGraph) -> tuple[Statem
         name, inside = done
         words[name] = f"opened_{count}_"
         statements = tuple(
-            replace(s, statements=inside) if isinstance(s, tree.Model) and s.name == model else s
+            replace(s, statements=inside) if isinstance(s, tree.ModelSyntax) and s.name == model else s
             for s in file.statements
         )
         count += 1
@@ -239,7 +239,7 @@ def _open(node: Any, definition: Definition, graph: BondGraph, count: int) -> tu
     if inner is None or node.names[0].index is not None or inner.slots or node.kind in definition.slots:
         return None
     prefix = f"opened_{count}_"
-    ports = {i.name for s in inner.model.statements if isinstance(s, tree.Ports) for i in s.items}
+    ports = {i.name for s in inner.model.statements if isinstance(s, tree.PortsSyntax) for i in s.items}
 
     def choose(key: Key) -> str:
         if key[:3] == inner.key()[:3] and len(key) == 4:
@@ -249,19 +249,24 @@ def _open(node: Any, definition: Definition, graph: BondGraph, count: int) -> tu
     bound = {a.name: a.value for a in node.attributes}
     inside = Renamer(choose).model(inner).statements
 
-    def keep(statements: Statements) -> Iterator[tree.Node]:
+    def keep(statements: Statements) -> Iterator[tree.SyntaxNode]:
         for s in statements:
             if isinstance(s, tree.Quantities):
                 items = tuple(_opened_item(i, s.role, i.name.removeprefix(prefix), bound, name, graph) for i in s.items)
                 changed = replace(s, items=items, role={"output": "signal"}.get(s.role, s.role))
                 yield from _opened_inputs(s, items, prefix, bound) if s.role == "input" else [changed]
-            elif isinstance(s, tree.Loop):
+            elif isinstance(s, tree.LoopSyntax):
                 yield replace(s, statements=tuple(keep(s.statements)))
-            elif not isinstance(s, tree.Ports | tree.Experiment | tree.Description):
+            elif not isinstance(s, tree.PortsSyntax | tree.Experiment | tree.Description):
                 yield s
 
     def change(part: Any) -> Any:
-        if isinstance(part, tree.Path) and part.head == name and part.steps and isinstance(part.steps[0], tree.Member):
+        if (
+            isinstance(part, tree.PathSyntax)
+            and part.head == name
+            and part.steps
+            and isinstance(part.steps[0], tree.Member)
+        ):
             return replace(part, head=prefix + part.steps[0].name, steps=part.steps[1:])
         return part
 
@@ -272,7 +277,7 @@ def _open(node: Any, definition: Definition, graph: BondGraph, count: int) -> tu
 
 
 def _opened_item(
-    item: tree.Item, role: str, name: str, bound: dict[str, tree.Expression], instance: str, graph: BondGraph
+    item: tree.Item, role: str, name: str, bound: dict[str, tree.ExpressionSyntax], instance: str, graph: BondGraph
 ) -> tree.Item:
     """A parameter or input with the value that the instance gave it."""
     if role not in ("parameter", "input") or name not in bound:
@@ -285,12 +290,12 @@ def _opened_item(
 
 
 def _opened_inputs(
-    s: tree.Quantities, items: tuple[tree.Item, ...], prefix: str, bound: dict[str, tree.Expression]
-) -> list[tree.Node]:
+    s: tree.Quantities, items: tuple[tree.Item, ...], prefix: str, bound: dict[str, tree.ExpressionSyntax]
+) -> list[tree.SyntaxNode]:
     """A bound input becomes a signal, any other stays an input."""
     signals = tuple(i for i in items if i.name.removeprefix(prefix) in bound)
     inputs = tuple(i for i in items if i.name.removeprefix(prefix) not in bound)
-    shown: list[tree.Node] = [replace(s, role="signal", items=signals)] if signals else []
+    shown: list[tree.SyntaxNode] = [replace(s, role="signal", items=signals)] if signals else []
     return [*shown, replace(s, items=inputs)] if inputs else shown
 
 
@@ -302,7 +307,7 @@ def _joined(statements: Statements, ports: set[str]) -> Statements | None:
         for s in result:
             if isinstance(s, tree.Bonds):
                 for side, group in (("out", s.places[0]), ("in", s.places[1])):
-                    if any(isinstance(p, tree.Path) and p.head == port for p in group):
+                    if any(isinstance(p, tree.PathSyntax) and p.head == port for p in group):
                         ends[side].append(s)
         if len(ends["in"]) != 1 or len(ends["out"]) != 1:
             return None

@@ -12,9 +12,9 @@ from compiler.graph.elements import Kind
 from compiler.graph.mechanism import NOTHING, ORIGIN, UPRIGHT, Body, Frame, Inertia, Joint, Mechanism, Vector
 from compiler.graph.network import (
     Bond,
+    BondEnd,
     BondGraph,
     Element,
-    End,
     Law,
     MechanismNode,
     Named,
@@ -110,7 +110,7 @@ class Drawing:
             nodes.append(
                 Element(f"source {port}", kind, True, (Port("", domain),), law, (Quantity(f"to {port}"),), (), {}, {}, None, None, "m", SPAN)
             )  # fmt: skip
-            bonds.append(Bond(End(number + 1, 0), End(0, number), domain, SPAN))
+            bonds.append(Bond(BondEnd(number + 1, 0), BondEnd(0, number), domain, SPAN))
         named = {}
         for output in outputs:
             port, _, variable = output.partition(":")

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, assume, given, settings
 
 import bondgraph
-from compiler.reduction import Certificate, Loop
+from compiler.reduction import Certificate, LoopSummary
 from tests.compiling import MODELS, compiled
 from tests.equations.random_network import Example, examples
 
@@ -166,7 +166,11 @@ def test_members_of_loops() -> None:
     (linear,) = certificate(text_of(LOOP)).loops
     assert set(linear.members) == {"first", "1(first)", "middle", "shunt", "second", "1(second)"}
     (nonlinear,) = certificate(text_of(DIODE)).loops
-    assert nonlinear == Loop(False, 1, nonlinear.members) and set(nonlinear.members) == {"loop", "series", "diode"}
+    assert nonlinear == LoopSummary(False, 1, nonlinear.members) and set(nonlinear.members) == {
+        "loop",
+        "series",
+        "diode",
+    }
 
 
 def test_two_nonlinear_loops_are_two() -> None:

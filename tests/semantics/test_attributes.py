@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import bondgraph
-from compiler.causality import Because
+from compiler.causality import StrokeReason
 from compiler.graph.network import Element
 from tests.compiling import Running, compiled, mistake, mistakes, node_of
 
@@ -149,7 +149,7 @@ class TestPreferAndRequire:
         number = next(i for i, n in enumerate(causal.graph.nodes) if n.name == "t")
         (bond,) = causal.graph.incident[number]
         assert causal.decides_effort(bond, number) is effort
-        assert causal.reasons[bond].because is Because.REQUIRED
+        assert causal.reasons[bond].because is StrokeReason.REQUIRED
 
     def test_they_are_on_the_graph(self) -> None:
         graph = compiled(text(mass="prefer = derivative", spring="require = integral")).whole_graph

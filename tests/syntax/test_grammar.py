@@ -61,7 +61,7 @@ def test_no_word_is_reserved_by_the_grammar() -> None:
     """Kinds, units and statement words are ordinary names in the place of a name; `Traps` in sketches/ has the rest."""
     text = "model m { parameter C = 1, I = 2, model = 3, body = 4, hinge = 5, um = 6\n signal s = model + body*um }"
     (model,) = parse(Source("t", text)).statements
-    assert isinstance(model, tree.Model)
+    assert isinstance(model, tree.ModelSyntax)
     quantities = model.statements[0]
     assert isinstance(quantities, tree.Quantities)
     assert [i.name for i in quantities.items] == ["C", "I", "model", "body", "hinge", "um"]
@@ -74,5 +74,5 @@ def test_words_of_experiments_are_names_in_a_model(word: str) -> None:
     """A bond, too, may begin with an element that is called so."""
     text = f"model M {{\n  1 {word}\n  {word} -> c; {word} -> d\n  experiment e {{ simulate 0 .. 1; report x\n report y }}\n}}\n"
     (model,) = parse(Source("words.bg", text)).statements
-    assert isinstance(model, tree.Model)
+    assert isinstance(model, tree.ModelSyntax)
     assert [type(s).__name__ for s in model.statements] == ["Declaration", "Bonds", "Bonds", "Experiment"]

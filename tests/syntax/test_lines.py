@@ -12,12 +12,12 @@ from compiler.errors import CompilationFailed
 from compiler.source import Source
 from compiler.syntax import parse, tree
 
-N = TypeVar("N", bound=tree.Node)
+N = TypeVar("N", bound=tree.SyntaxNode)
 
 
-def statements(body: str) -> tuple[tree.Node, ...]:
+def statements(body: str) -> tuple[tree.SyntaxNode, ...]:
     (model,) = parse(Source("t.bg", f"model A {{\n{body}\n}}")).statements
-    assert isinstance(model, tree.Model)
+    assert isinstance(model, tree.ModelSyntax)
     return model.statements
 
 
@@ -86,13 +86,13 @@ def test_names_that_begin_like_an_operator(name: str) -> None:
     first, second = statements(f"signal s = a\n{name} -> b")
     assert isinstance(first, tree.Quantities)
     assert isinstance(second, tree.Bonds)
-    assert [p.head for group in second.places for p in group if isinstance(p, tree.Path)] == [name, "b"]
+    assert [p.head for group in second.places for p in group if isinstance(p, tree.PathSyntax)] == [name, "b"]
 
 
 def test_bonds_go_on() -> None:
     bonds = only(tree.Bonds, "a\n  -> b ->\n\n c,  # fan\n d\n\n , e\n => f")
     assert bonds.arrows == ("->", "->", "=>")
-    assert [[p.head for p in group if isinstance(p, tree.Path)] for group in bonds.places] == [
+    assert [[p.head for p in group if isinstance(p, tree.PathSyntax)] for group in bonds.places] == [
         ["a"],
         ["b"],
         ["c", "d", "e"],
@@ -173,7 +173,7 @@ class TestTraps:
             (_, literal), (direction, path) = term.factors
             assert isinstance(literal, tree.Literal) and literal.number == number and literal.unit is not None
             assert literal.unit.factors[0][0] == "N" and direction == 1
-            assert isinstance(path, tree.Path) and path.head == "m"
+            assert isinstance(path, tree.PathSyntax) and path.head == "m"
 
     def test_lines_that_go_on(self) -> None:
         items = self.items()
@@ -181,7 +181,9 @@ class TestTraps:
         assert isinstance(b, tree.Sum) and [s for s, _ in b.terms] == [1, -1]
         assert isinstance(c, tree.Negative) and isinstance(c.operand, tree.Power)
         assert isinstance(d, tree.Power) and isinstance(d.exponent, tree.Negative)
-        assert isinstance(w, tree.Choice) and isinstance(w.condition, tree.Logical) and w.condition.operator == "and"
+        assert (
+            isinstance(w, tree.ChoiceSyntax) and isinstance(w.condition, tree.Logical) and w.condition.operator == "and"
+        )
         inner = w.condition.operands[1]
         assert (
             isinstance(inner, tree.Logical)
@@ -195,7 +197,7 @@ class TestTraps:
 
     def test_a_chain_over_a_comment(self) -> None:
         (bonds,) = (s for s in self.traps if isinstance(s, tree.Bonds))
-        assert [[p.head for p in g if isinstance(p, tree.Path)] for g in bonds.places] == [
+        assert [[p.head for p in g if isinstance(p, tree.PathSyntax)] for g in bonds.places] == [
             ["C"],
             ["I"],
             ["body", "folded"],
@@ -204,7 +206,7 @@ class TestTraps:
     def test_an_experiment_in_one_line(self) -> None:
         (experiment,) = (s for s in self.traps if isinstance(s, tree.Experiment))
         sweep, simulate, report = experiment.steps
-        assert isinstance(sweep, tree.Study) and len(sweep.values) == 2 and sweep.unit is not None
+        assert isinstance(sweep, tree.StudySyntax) and len(sweep.values) == 2 and sweep.unit is not None
         assert isinstance(simulate, tree.Simulate) and [a.name for a in simulate.attributes] == ["steps", "rtol"]
         assert isinstance(report, tree.Report) and report.readings[1].unit is not None
         assert report.readings[0].unit is None and len(report.readings[1].unit.factors) == 3
@@ -219,7 +221,7 @@ class TestTraps:
 
     def test_names_that_share_the_rest(self) -> None:
         declaration = self.more[1]
-        assert isinstance(declaration, tree.Declaration) and isinstance(declaration.definition, tree.Law)
+        assert isinstance(declaration, tree.Declaration) and isinstance(declaration.definition, tree.LawSyntax)
         a, b = declaration.names
         assert a.index is None and b.index is not None and [c.name for c in b.components] == ["x", "y"]
 

@@ -13,7 +13,7 @@ from compiler.source import Source
 from compiler.syntax import parse_expression, tree
 
 
-def expression(text: str) -> tree.Expression:
+def expression(text: str) -> tree.ExpressionSyntax:
     return parse_expression(Source("t.bg", text))
 
 
@@ -93,7 +93,7 @@ def test_a_unit_belongs_to_the_number_before_a_power() -> None:
 
 def test_brackets_after_a_name_are_an_index() -> None:
     found = expression("gap[2]")
-    assert isinstance(found, tree.Path) and isinstance(found.steps[0], tree.Index)
+    assert isinstance(found, tree.PathSyntax) and isinstance(found.steps[0], tree.Index)
 
 
 @pytest.mark.parametrize(

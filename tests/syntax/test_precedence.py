@@ -27,12 +27,12 @@ def raised(a: float, b: float) -> float:
     return result if isinstance(result, float) and abs(result) < 1e6 else 17.0
 
 
-def value(node: tree.Expression) -> float:
+def value(node: tree.ExpressionSyntax) -> float:
     """The value of a tree, conditions as 0 and 1."""
     match node:
         case tree.Literal():
             return float(node.number)
-        case tree.Path():
+        case tree.PathSyntax():
             return NAMES[node.head]
         case tree.Sum():
             total = 0.0
@@ -56,7 +56,7 @@ def value(node: tree.Expression) -> float:
         case tree.Logical():
             truths = [bool(value(o)) for o in node.operands]
             return float({"and": all(truths), "or": any(truths), "not": not truths[0]}[node.operator])
-        case tree.Choice():
+        case tree.ChoiceSyntax():
             return value(node.value) if value(node.condition) else value(node.otherwise)
     raise AssertionError(type(node))
 

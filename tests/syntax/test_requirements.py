@@ -10,13 +10,13 @@ from compiler.syntax import parse, tree
 from compiler.syntax.format import format_text
 
 
-def statements(body: str) -> tuple[tree.Node, ...]:
+def statements(body: str) -> tuple[tree.SyntaxNode, ...]:
     return parse(Source("t.bg", f"model A {{\n{body}\n}}\n")).models["A"].statements
 
 
 def test_a_condition_and_a_text() -> None:
     first, second = statements('require a < 1 mm\n  and b > 2 "both"; require c')
-    assert isinstance(first, tree.Requirement) and isinstance(second, tree.Requirement)
+    assert isinstance(first, tree.RequirementSyntax) and isinstance(second, tree.RequirementSyntax)
     assert (first.text, second.text) == ("both", "")
     assert isinstance(first.condition, tree.Logical) and first.span.text.endswith("b > 2")
 
@@ -29,7 +29,7 @@ def test_the_word_stays_an_attribute() -> None:
 def test_texts_stand_among_arguments_only() -> None:
     (quantity,) = statements('constant a = column("curve.csv", "force, raw")')
     assert isinstance(quantity, tree.Quantities) and isinstance(quantity.items[0].value, tree.Call)
-    assert [a.value for a in quantity.items[0].value.arguments if isinstance(a, tree.Text)] == [
+    assert [a.value for a in quantity.items[0].value.arguments if isinstance(a, tree.TextSyntax)] == [
         "curve.csv",
         "force, raw",
     ]

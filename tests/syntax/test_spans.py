@@ -26,8 +26,8 @@ model Oscillator {
 """
 
 
-def nodes(node: Any) -> Iterator[tree.Node]:
-    if isinstance(node, tree.Node):
+def nodes(node: Any) -> Iterator[tree.SyntaxNode]:
+    if isinstance(node, tree.SyntaxNode):
         yield node
     if isinstance(node, tuple):
         for item in node:
@@ -37,7 +37,7 @@ def nodes(node: Any) -> Iterator[tree.Node]:
             yield from nodes(getattr(node, item.name))
 
 
-def places(text: str, kind: type[tree.Node]) -> list[tuple[int, int, str]]:
+def places(text: str, kind: type[tree.SyntaxNode]) -> list[tuple[int, int, str]]:
     statements = parse(Source("t.bg", text)).statements
     return [(n.span.line, n.span.column, n.span.text) for n in nodes(statements) if type(n) is kind]
 
@@ -47,7 +47,7 @@ def test_lines_and_columns() -> None:
     assert [p[:2] for p in places(TEXT, tree.Item)] == [(4, 13), (5, 13)]
     assert places(TEXT, tree.Item)[0] == (4, 13, "mass = 1 kg")
     assert places(TEXT, tree.Declared) == [(6, 4, "spring")]
-    assert (6, 20, "k") in places(TEXT, tree.Path) and (7, 10, "b.c[1]") in places(TEXT, tree.Path)
+    assert (6, 20, "k") in places(TEXT, tree.PathSyntax) and (7, 10, "b.c[1]") in places(TEXT, tree.PathSyntax)
     assert places(TEXT, tree.Attribute) == [(6, 43, "start x = 1 mm")]
     assert (4, 20, "1 kg") in places(TEXT, tree.Literal)
     assert (5, 16, "N/m") in places(TEXT, tree.Unit) and (6, 55, "mm") in places(TEXT, tree.Unit)
@@ -68,7 +68,7 @@ def test_spans_of_the_sketches(path: Path) -> None:
     count = 0
     for node in nodes(parse(source).statements):
         span = node.span
-        if isinstance(node, tree.Study) and node.role in ("equilibrium", "modes") and not node.attributes:
+        if isinstance(node, tree.StudySyntax) and node.role in ("equilibrium", "modes") and not node.attributes:
             continue  # a step that is one word
         if isinstance(node, tree.Analysis) and not node.given:
             continue  # `linearize` of all, `sensitivity` by all
@@ -77,17 +77,17 @@ def test_spans_of_the_sketches(path: Path) -> None:
         text = span.text
         assert source.line(span.line)[span.column - 1 :].startswith(text.split("\n")[0])
         match node:
-            case tree.Path():
+            case tree.PathSyntax():
                 assert text.startswith(node.head) and node.words == "".join(text.split())
-            case tree.Declared() | tree.Item() | tree.PortItem() | tree.Function():
+            case tree.Declared() | tree.Item() | tree.PortItem() | tree.FunctionSyntax():
                 assert text.startswith(node.name)
             case tree.Literal():
                 assert text[0].isdigit()
             case tree.Call():
                 assert text.startswith(node.function + "(")
-            case tree.Model():
+            case tree.ModelSyntax():
                 assert node.name_span.text == node.name
-        if isinstance(node, tree.Expression):
+        if isinstance(node, tree.ExpressionSyntax):
             for child in nodes(tuple(getattr(node, f.name) for f in fields(node) if f.name != "span")):
                 assert span.start <= child.span.start and child.span.end <= span.end
     assert count > 20
@@ -95,7 +95,7 @@ def test_spans_of_the_sketches(path: Path) -> None:
 
 def expression_texts(text: str) -> set[str]:
     statements = parse(Source("t.bg", f"model A {{ signal s = {text} }}")).statements
-    return {n.span.text for n in nodes(statements) if isinstance(n, tree.Expression)}
+    return {n.span.text for n in nodes(statements) if isinstance(n, tree.ExpressionSyntax)}
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 import compiler.kept as kept_module
 from compiler.syntax.read import Reader
-from compiler.syntax.table import STARTS, Table, make_table
+from compiler.syntax.table import STARTS, ParserTable, make_table
 from compiler.syntax.word import Word
 from tests.compiling import ROOT
 
@@ -78,15 +78,15 @@ def test_made_once_where_it_can_be_kept() -> None:
 
     made: list[str] = []
 
-    def make(grammar: str) -> Table:
+    def make(grammar: str) -> ParserTable:
         made.append(grammar)
-        return Table({}, (), (), (), {grammar: ()})
+        return ParserTable({}, (), (), (), {grammar: ()})
 
     before = kept_module._backends[:]
     try:
         shelf = Shelf()
         kept_module.keep_on(lambda: shelf)
-        tables = [kept_module.kept(Table, grammar, make) for grammar in ("one", "one", "two")]
+        tables = [kept_module.kept(ParserTable, grammar, make) for grammar in ("one", "one", "two")]
     finally:
         kept_module._backends[:] = before
     assert made == ["one", "two"]

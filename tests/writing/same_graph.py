@@ -11,7 +11,7 @@ from compiler.algebra.expression import Expression, Number, Symbol, substitute
 from compiler.algebra.formula import Bound
 from compiler.driver import Compilation
 from compiler.graph.mechanism import Body, Joint
-from compiler.graph.network import BondGraph, Element, End, Junction, MechanismNode, Own, Quantity, Reading
+from compiler.graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Own, Quantity, Reading
 
 
 class Same:
@@ -93,7 +93,7 @@ class Same:
     def ends(self, graph: BondGraph, mapped: bool) -> list[tuple[Any, ...]]:
         """All bonds in order; a mechanism's port by name, as they are numbered in the order in which the text reaches them."""
 
-        def end(at: End) -> tuple[int, Any]:
+        def end(at: BondEnd) -> tuple[int, Any]:
             node = graph.nodes[at.node]
             if not isinstance(node, MechanismNode):
                 return at

@@ -25,7 +25,7 @@ from tests.writing.same_graph import Same, same_motion
 EXAMPLES = int(os.environ.get("BONDGRAPH_RANDOM", "60"))
 
 
-def models(file: Path) -> dict[str, tree.Model]:
+def models(file: Path) -> dict[str, tree.ModelSyntax]:
     return parse(Source(file.name, file.read_text(encoding="utf-8"))).models
 
 
@@ -40,7 +40,7 @@ def whole(file: Path) -> list[tuple[str, str, str | None]]:
     return found
 
 
-def items(model: tree.Model) -> list[tree.Item]:
+def items(model: tree.ModelSyntax) -> list[tree.Item]:
     """Its parameters."""
     return [i for s in model.statements if isinstance(s, tree.Quantities) and s.role == "parameter" for i in s.items]
 
@@ -120,8 +120,8 @@ def bench(library: str, name: str, inward: tuple[bool, ...]) -> str:
     return "\n".join([*lines, "}"])
 
 
-def ports(model: tree.Model) -> list[tree.PortItem]:
-    return [p for s in model.statements if isinstance(s, tree.Ports) for p in s.items]
+def ports(model: tree.ModelSyntax) -> list[tree.PortItem]:
+    return [p for s in model.statements if isinstance(s, tree.PortsSyntax) for p in s.items]
 
 
 @pytest.mark.parametrize(("library", "name"), PARTS)

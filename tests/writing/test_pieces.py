@@ -129,7 +129,7 @@ def test_chains_and_fans_are_the_same_bonds(bonds: list[tuple[str, str, str]]) -
     wanted = [(tail, arrow, head) for tail, head, arrow in bonds]
     text = "model M {\n" + "\n".join(bond_lines(wanted)) + "\n}"
     (model,) = parse(Source("text", text)).statements
-    assert isinstance(model, tree.Model)
+    assert isinstance(model, tree.ModelSyntax)
     found = []
     for statement in model.statements:
         assert isinstance(statement, tree.Bonds)

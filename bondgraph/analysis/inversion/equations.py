@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Expression, Leaf, Number, Series, Symbol, call, select, substitute, symbols
+from compiler.api import Expression, Leaf, Number, Symbol, TaylorSeries, call, select, substitute, symbols
 
 from ...errors import UsageError
 from ..operating_point import OperatingPoint
@@ -58,7 +58,7 @@ class Equations:
         self.held = len(held)
         reads, loops = [_leaves_of(rate) for rate in rates], [u.loop for u in lowered.space.unknowns]
         self.degrees = tuple(_degree(name, x, reads, loops) for name, x in zip(outputs, seen, strict=True))
-        self.series = Series([*rates, *seen, *held], MOVING)
+        self.series = TaylorSeries([*rates, *seen, *held], MOVING)
         self.columns = self.all + len(drives)
         self.rows = sum(d + 1 for d in self.degrees) + (self.all - self.count) + self.held
         if self.free < 0:

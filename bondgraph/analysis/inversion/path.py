@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Leaf, Series
+from compiler.api import Leaf, TaylorSeries
 
 from ...compiled_model import CompiledModel
 from ...errors import UsageError
@@ -63,7 +63,7 @@ class Path:
         self._parameters = np.array(program.defaults, dtype=float)
         with np.errstate(all="ignore"):
             self.stretches: list[Segment] = segments(program, program.constants(self._parameters), start, stop)
-        self._series = Series(list(lowered.outputs.values()), frozenset({"time"}))
+        self._series = TaylorSeries(list(lowered.outputs.values()), frozenset({"time"}))
         self._samples = {self.names.index(n): curve for n, curve in (samples or {}).items()}
 
     @property

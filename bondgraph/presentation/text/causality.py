@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import Because, Compilation, CompilationFailed, blocks, dependences, render
+from compiler.api import Compilation, CompilationFailed, StrokeReason, blocks, dependences, render
 
 from .tables import columns, counted, visible
 
@@ -183,34 +183,34 @@ def _derivative(causal: CausalGraph, item: Dependence) -> DerivativeRow:
     )  # fmt: skip
 
 
-def _dependence(name: str, node: Any, forcing: Any, because: Because) -> tuple[str, str]:
+def _dependence(name: str, node: Any, forcing: Any, because: StrokeReason) -> tuple[str, str]:
     """Return the cause of a storage's derivative form, and advice for the author."""
     stored = node.kind.value
     variable = "effort" if stored == "C" else "flow"
     parting = "R or I on a 1-junction" if stored == "C" else "R or C on a 0-junction"
     if forcing is None:
-        if because in (Because.REQUIRED, Because.WISHED):
+        if because in (StrokeReason.REQUIRED, StrokeReason.WISHED):
             return (
                 "its author asks for it",
-                f"leave out its `{'require' if because is Because.REQUIRED else 'prefer'}`.",
+                f"leave out its `{'require' if because is StrokeReason.REQUIRED else 'prefer'}`.",
             )
         return (
             "the ring of junctions around it leaves no other strokes",
             f"put a small {parting} between `{name}` and the ring.",
         )
     other = f"`{forcing.name}` ({_place(forcing.span)})"
-    if because is Because.SOURCE:
+    if because is StrokeReason.SOURCE:
         return (
             f"{other} decides its {variable} at once",
             f"nothing, if it is meant so: the {FLOWS[stored]} is the derivative of what `{forcing.name}` gives. As every real source "
             f"has one, put a small {parting} between them.",
         )
-    if because is Because.MECHANISM:
+    if because is StrokeReason.MECHANISM:
         return (
             f"the mechanism {other} decides its {variable}",
             f"give a body of `{forcing.name}` what `{name}` stores, or put a stiff spring (a C on a 0-junction) between them.",
         )
-    if because is Because.INTEGRAL:
+    if because is StrokeReason.INTEGRAL:
         both = parting if forcing.kind.value == stored else "R"
         way = "write `prefer = derivative` on" if forcing.prefer is None else "change the `prefer` of"
         return (
@@ -218,11 +218,11 @@ def _dependence(name: str, node: Any, forcing: Any, because: Because) -> tuple[s
             f"nothing, if they belong together: both are computed. To make `{name}` the state, {way} `{forcing.name}`; "
             f"to let them move apart, put a small {both} between them.",
         )
-    if because is Because.FREE_END:
+    if because is StrokeReason.FREE_END:
         return f"{other} has only this bond", f"hang something on `{forcing.name}`, or remove it."
-    if because is Because.CANCELS:
+    if because is StrokeReason.CANCELS:
         return f"bonds to and fro at {other} cancel", "remove both of them, or turn the arrow of one, if that is meant."
-    word = "require" if because is Because.REQUIRED else "prefer"
+    word = "require" if because is StrokeReason.REQUIRED else "prefer"
     return f"{other} has a `{word}` that stands against it", f"leave out the `{word}` of `{forcing.name}`."
 
 

@@ -39,7 +39,7 @@ def _syntax(compilation: Compilation) -> Iterator[str]:
                     continue
                 (inner if is_dataclass(value) or isinstance(value, tuple) else simple).append((item.name, value))
             words = " ".join(f"{n}={v}" for n, v in simple if v is not None)
-            yield f"{pad}{name}{type(node).__name__}{' ' + words if words else ''}"
+            yield f"{pad}{name}{type(node).__name__.removesuffix('Syntax')}{' ' + words if words else ''}"
             for key, value in inner:
                 yield from walk(value, f"{key}: ", depth + 1)
         elif isinstance(node, tuple):

@@ -23,7 +23,7 @@ from ..closed.constraints import Constraints
 from ..loops.loops import LoopSolver
 
 if TYPE_CHECKING:
-    from compiler.api import Facts, Program
+    from compiler.api import Program, RunMetadata
 
     from ...prepared import Prepared
 
@@ -89,7 +89,7 @@ class Companion:
 
     def __init__(
         self,
-        facts: Facts,
+        facts: RunMetadata,
         made: Callable[[tuple[str, ...]], Prepared],
         values: Mapping[str, float],
         horizon: float,

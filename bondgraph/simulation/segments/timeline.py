@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from compiler.api import Function, Program, Ranges, TimeFunctions
+from compiler.api import Program, Ranges, TimeFunction, TimeFunctions
 
 from ...errors import RunFailed
 from ...numerics.roots import crossing
@@ -166,7 +166,7 @@ def _searched(
     )
 
 
-def _notes(program: Program, function: Function, found: Found) -> Iterator[str]:
+def _notes(program: Program, function: TimeFunction, found: Found) -> Iterator[str]:
     """Yield notes for the user on a condition on time: equality to rounding, or truth at single instants only."""
     if function.condition and found.hidden is not None:
         first, last = found.hidden
@@ -189,7 +189,7 @@ def _notes(program: Program, function: Function, found: Found) -> Iterator[str]:
         )
 
 
-def _named(function: Function) -> str:
+def _named(function: TimeFunction) -> str:
     """Return the name of a condition or kink in messages: its owner and its line."""
     return (
         f"a condition on time of `{function.owner}` ({PurePath(function.span.source.name).name}:{function.span.line})"

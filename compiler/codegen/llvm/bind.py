@@ -9,11 +9,11 @@ import numpy as np
 
 from ...native.machine import MachineCode
 from ..program import HYBRID, Native, Program, hybrid_of
-from .described import Described
+from .described import ProgramImage
 from .evaluate import dense, functions, hand_over, mode_at
 
 
-def bind(described: Described, codes: Sequence[bytes]) -> Program:
+def bind(described: ProgramImage, codes: Sequence[bytes]) -> Program:
     """Program from its data and object code."""
     machine = MachineCode(*codes)
     names = described.names

@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ...nouns import dataclass
-from ..program import HybridNote, LimitNote, Names, TimeFunctions
+from ..program import HybridNote, LimitNote, NameTable, TimeFunctions
 
 
-class Rows(NamedTuple):
+class KernelRows(NamedTuple):
     """Data that the kernels of a module read: rows of 32-bit integers, and the numbers in which instances differ."""
 
     suffix: str
@@ -18,12 +18,12 @@ class Rows(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Described:
+class ProgramImage:
     """All of a program except its functions: plain data that can be cached beside the object code."""
 
     name: str
     source: str
-    names: dict[str, Names]
+    names: dict[str, NameTable]
     defaults: tuple[float, ...]
     input_defaults: tuple[float, ...]
     pattern: tuple[tuple[int, ...], tuple[int, ...]]
@@ -36,10 +36,10 @@ class Described:
     operations: int
     differentiated: int
     functions: tuple[tuple[str, tuple[str, ...], int], ...]  # name, arguments, number of values
-    rows: tuple[Rows, ...] = ()  # data that the kernels read
+    rows: tuple[KernelRows, ...] = ()  # data that the kernels read
     hybrid: HybridNote | None = None
     time_functions: TimeFunctions | None = None
 
-    def without_source(self) -> Described:
+    def without_source(self) -> ProgramImage:
         """The same without the readable text, which is its largest part."""
         return replace(self, source="")

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...native.machine import MachineCode, address_of
 from ..program import HybridNote
-from .described import Rows
+from .described import KernelRows
 
 ROLES = ("time", "state", "inputs", "constants", "mode")
 _POINTER = ctypes.c_void_p
@@ -34,7 +34,7 @@ def functions(
     return found | {name: _at_once(addresses[name], many, found[name], size) for name, size in whole}
 
 
-def hand_over(code: MachineCode, rows: Rows) -> None:
+def hand_over(code: MachineCode, rows: KernelRows) -> None:
     """Write the addresses of the rows that kernels read into the code. The rows live as long as the code."""
     arrays = np.frombuffer(rows.streams, dtype=np.int32), np.frombuffer(rows.numbers + bytes(8), dtype=float)
     ctypes.CFUNCTYPE(None, _POINTER, _POINTER)(code.address(f"bind_{rows.suffix}"))(*map(address_of, arrays))

@@ -9,10 +9,10 @@ from ..lower import count_operations
 from ..lowered import Lowered
 from ..numpy.generate import hybrid_note, name_tables, of_invariants
 from ..numpy.write import Writer
-from ..program import Names, Program, TimeFunctions
+from ..program import NameTable, Program, TimeFunctions
 from ..time_functions import time_functions_of
 from .bind import bind
-from .described import Described, Rows
+from .described import KernelRows, ProgramImage
 from .module import Module
 
 Compile = Callable[[str, int], bytes]
@@ -27,7 +27,7 @@ def generate_program(lowered: Lowered) -> Program:
     return bind(*generate_code(lowered))
 
 
-def generate_code(lowered: Lowered, compile_: Compile = object_code) -> tuple[Described, tuple[bytes, ...]]:
+def generate_code(lowered: Lowered, compile_: Compile = object_code) -> tuple[ProgramImage, tuple[bytes, ...]]:
     """A program as data and object code; `compile_` makes object code from the text of a module and an optimization level."""
     writer = Writer(lowered)
     modules = Module(writer, True), Module(writer, False)
@@ -44,15 +44,16 @@ def _level(module: Module) -> int:
     return AS_WRITTEN if level and module.rows is not None and not module.needs.called else level
 
 
-def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[str, ...], int], ...], rows: tuple[Rows, ...],
-               time_functions: TimeFunctions | None) -> Described:  # fmt: skip
+def _described(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[str, ...], int], ...], rows: tuple[KernelRows, ...],
+               time_functions: TimeFunctions | None) -> ProgramImage:  # fmt: skip
     space = lowered.space
     tables = {
-        heading: Names(tuple(r[0] for r in rows), tuple(r[1] for r in rows)) for heading, rows in name_tables(lowered)
+        heading: NameTable(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
+        for heading, rows in name_tables(lowered)
     }
     values = [space.variables[v].value or 0.0 for v in (*lowered.parameters, *lowered.inputs)]
     count = len(lowered.parameters)
-    return Described(
+    return ProgramImage(
         space.name, text, tables, tuple(values[:count]), tuple(values[count:]), _places(sorted(lowered.jacobian)),
         _places(sorted(lowered.sensitivities)), _places(sorted(lowered.invariant_slopes)), of_invariants(lowered),
         tuple(limit.note for limit in lowered.limits), count_operations(lowered.rates),

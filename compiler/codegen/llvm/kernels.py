@@ -13,9 +13,9 @@ from ...native.values import float_text
 from ...nouns import dataclass
 from ..limits import Leaf
 from ..lowered import Lowered
-from ..shapes import ARRAYS, Kernel, Place, Plan, Shapes, read
-from .described import Rows
-from .write import HEAD, Body, Needs
+from ..shapes import ARRAYS, Kernel, KernelCollection, KernelSchedule, Place, read
+from .described import KernelRows
+from .write import HEAD, LlvmLines, LlvmNeeds
 
 ON_THE_STACK = 4096  # numbers in between that a function keeps on the stack; more come from the heap
 _GIVEN = ("state", "inputs", "constants", "mode", "out")
@@ -26,7 +26,7 @@ _READ_ONLY = ", ".join(
 
 
 @dataclass(frozen=True, slots=True)
-class Function:
+class OrderedFunction:
     """Input for the writing of one function."""
 
     name: str
@@ -38,9 +38,9 @@ class Function:
 class Kernels:
     """Functions of a module, over shared kernels."""
 
-    def __init__(self, lowered: Lowered, functions: Sequence[Function]) -> None:
-        self.shapes = Shapes(Symbol(Leaf("time", 0)), lowered.labels)
-        self.plans: dict[str, Plan] = {}
+    def __init__(self, lowered: Lowered, functions: Sequence[OrderedFunction]) -> None:
+        self.shapes = KernelCollection(Symbol(Leaf("time", 0)), lowered.labels)
+        self.plans: dict[str, KernelSchedule] = {}
         for function in functions:
             self.plans[function.name] = self.shapes.plan(function.roots, function.order, function.known)
         self.streams: list[int] = []
@@ -53,11 +53,11 @@ class Kernels:
         """Operations in all shapes."""
         return sum(_size(k.expression) for k in self.shapes.kernels.values())
 
-    def rows(self, suffix: str) -> Rows:
+    def rows(self, suffix: str) -> KernelRows:
         """Rows and numbers that the kernels read."""
-        return Rows(suffix, array("i", self.streams).tobytes(), array("d", self.shapes.table()).tobytes())
+        return KernelRows(suffix, array("i", self.streams).tobytes(), array("d", self.shapes.table()).tobytes())
 
-    def text(self, needs: Needs, suffix: str) -> tuple[list[str], int]:
+    def text(self, needs: LlvmNeeds, suffix: str) -> tuple[list[str], int]:
         """Text of the kernels, of the functions that call them and of the function that binds the rows; and the number of lines of the kernels."""
         kernels = list(self.shapes.kernels.values())
         written = [self._kernel(needs, kernel) for kernel in kernels]
@@ -72,12 +72,12 @@ class Kernels:
         return [bound, heap, *written, *functions], lines
 
     # ------------------------------------------------------------ a loop over instances
-    def _kernel(self, needs: Needs, kernel: Kernel) -> str:
+    def _kernel(self, needs: LlvmNeeds, kernel: Kernel) -> str:
         if kernel.expression is None:
             return _sum_kernel(kernel.number)
         differ = [i for i, value in enumerate(kernel.literals) if value is None]
         width = 1 + len(kernel.reads) + len(differ)
-        body = Body(needs, {})
+        body = LlvmLines(needs, {})
         loads: list[str] = []
 
         def item(place: int, home: str, name: str) -> None:

@@ -12,9 +12,9 @@ from ..lowered import Lowered
 from ..numpy.write import Writer
 from ..order import operations_in_order
 from . import support
-from .described import Rows
-from .kernels import Function, Kernels
-from .write import HEAD, Body, Needs
+from .described import KernelRows
+from .kernels import Kernels, OrderedFunction
+from .write import HEAD, LlvmLines, LlvmNeeds
 
 SAVING = 2  # by how much shorter the kernels must be
 LONGEST_IN_LINES = 1500  # operations and values of a module that are written one after the other
@@ -43,10 +43,10 @@ class Module:
 
     def __init__(self, writer: Writer, hot: bool) -> None:
         self.lowered, self.writer, self.hot = writer.lowered, writer, hot
-        self.needs = Needs()
+        self.needs = LlvmNeeds()
         self.functions: list[tuple[str, tuple[str, ...], int]] = []
         self.operations = 0
-        self.rows: Rows | None = None  # data of the kernels, if there are any
+        self.rows: KernelRows | None = None  # data of the kernels, if there are any
 
     def text(self) -> str:
         """The whole module: either the functions that are called at every step, or the others."""
@@ -77,13 +77,13 @@ class Module:
         ]
         return "\n".join([*arrays, *declared, supporting, *parts, ""])
 
-    def _constants(self, nodes: Sequence[Expression]) -> Function:
+    def _constants(self, nodes: Sequence[Expression]) -> OrderedFunction:
         parameters = range(len(self.lowered.parameters))
         leaves: dict[Expression, tuple[str, int]] = {Symbol(Leaf("parameter", i)): ("constants", i) for i in parameters}
         self.functions.append(("constants", ("parameters",), len(nodes)))
         return _ordered("constants", nodes, leaves)
 
-    def _parts(self, functions: Sequence[Function]) -> list[str]:
+    def _parts(self, functions: Sequence[OrderedFunction]) -> list[str]:
         """Text of the functions: straight-line code if it is short or has few equal parts, else over kernels."""
         if sum(len(f.order) + len(f.roots) for f in functions) > LONGEST_IN_LINES:
             kernels = Kernels(self.lowered, functions)
@@ -94,13 +94,13 @@ class Module:
                 return parts
         return [self._function(f) for f in functions]
 
-    def _function(self, function: Function) -> str:
-        body = Body(self.needs, function.known)
+    def _function(self, function: OrderedFunction) -> str:
+        body = LlvmLines(self.needs, function.known)
         lines = body.write(function.order, function.roots)
         self.operations += len(lines)
         return "\n".join([f"define void @{function.name}{HEAD}", *body.opening, *lines, "  ret void", "}"])
 
 
-def _ordered(name: str, roots: Sequence[Expression], known: dict[Expression, tuple[str, int]]) -> Function:
+def _ordered(name: str, roots: Sequence[Expression], known: dict[Expression, tuple[str, int]]) -> OrderedFunction:
     here: dict[Expression, object] = {**known, Symbol(Leaf("time", 0)): ""}
-    return Function(name, roots, operations_in_order(roots, here), known)
+    return OrderedFunction(name, roots, operations_in_order(roots, here), known)

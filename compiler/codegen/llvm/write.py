@@ -28,7 +28,7 @@ LARGEST_PRODUCT = 32  # power that is written as products
 
 
 @dataclass(slots=True)
-class Needs:
+class LlvmNeeds:
     """Parts of a module that its functions need: operators with support, functions of the library, lists of numbers."""
 
     called: set[str] = field(default_factory=set)
@@ -40,10 +40,10 @@ class Needs:
         return self.arrays.setdefault(values, f"@points.{len(self.arrays) + 1}")
 
 
-class Body:
+class LlvmLines:
     """Lines of one function. Values are doubles, except conditions, which are `i1`."""
 
-    def __init__(self, needs: Needs, known: Mapping[Expression, tuple[str, int]]) -> None:
+    def __init__(self, needs: LlvmNeeds, known: Mapping[Expression, tuple[str, int]]) -> None:
         self.needs, self.known = needs, known
         self.names: dict[Expression, str] = {Symbol(Leaf("time", 0)): "%time"}
         self.truths: set[str] = set()  # names that are no doubles

@@ -21,7 +21,7 @@ _COMPARE = {name: OPERATORS[name].c for name in ("less", "less_equal", "equal")}
 
 
 @dataclass(slots=True)
-class Needs:
+class NumpyNeeds:
     """Parts of a module that its functions need: operators, lists of numbers; and the labels of expressions."""
 
     labels: Mapping[Expression, Label]
@@ -33,10 +33,10 @@ class Needs:
         return self.arrays.setdefault(values, f"_list_{len(self.arrays) + 1}")
 
 
-class Body:
+class NumpyLines:
     """Lines of one function."""
 
-    def __init__(self, needs: Needs, known: dict[Expression, str], taken: set[str]) -> None:
+    def __init__(self, needs: NumpyNeeds, known: dict[Expression, str], taken: set[str]) -> None:
         self.needs, self.known = needs, known
         self.identifiers = Identifiers()
         self.identifiers.taken = taken

@@ -11,7 +11,7 @@ from ..dependence import EVENT
 from ..lower import count_operations
 from ..lowered import Lowered
 from ..multipliers import solved_for
-from ..program import Delays, HybridNote, Names, Program, hybrid_of
+from ..program import Delays, HybridNote, NameTable, Program, hybrid_of
 from ..time_functions import time_functions_of
 from .write import Writer
 
@@ -25,9 +25,9 @@ def generate_program(lowered: Lowered) -> Program:
     note = hybrid_note(lowered)
     tables = dict(name_tables(lowered))
 
-    def names(heading: str) -> Names:
+    def names(heading: str) -> NameTable:
         rows = tables[heading]
-        return Names(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
+        return NameTable(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
 
     return Program(
         space.name, source, names("STATES"), names("UNKNOWNS"), names("OUTPUTS"), names("INPUTS"), names("PARAMETERS"), module.DEFAULTS, module.INPUT_DEFAULTS,
@@ -51,7 +51,7 @@ def hybrid_note(lowered: Lowered) -> HybridNote | None:
     if not events.present:
         return None
     variables = [lowered.space.variables[d.variable] for d in lowered.space.discretes]
-    modes = Names(tuple(v.name for v in variables), tuple(v.unit for v in variables))
+    modes = NameTable(tuple(v.name for v in variables), tuple(v.unit for v in variables))
     conditions = tuple(item.note for item in events.located)
     switched = any(lowered.dependence(signal) & EVENT for signal in lowered.signals)
     return HybridNote(events.size, modes, tuple(events.timed), conditions, events.events, events.junctions, switched)

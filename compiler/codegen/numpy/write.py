@@ -17,7 +17,7 @@ from ..limits import Leaf
 from ..lower import moving
 from ..lowered import Lowered
 from .beginning import beginning
-from .body import Body, Needs, number
+from .body import NumpyLines, NumpyNeeds, number
 from .names import Identifiers
 
 FIXED, FULL = "constants", "time, state, inputs, constants, mode"
@@ -37,7 +37,7 @@ class Writer:
         self.state_names = [identifiers.of(lowered.space.variables[v].name) for v in moving(lowered.space)]
         self.input_names = [identifiers.of(lowered.space.variables[v].name) for v in lowered.inputs]
         self.taken = set(identifiers.taken)
-        self.needs = Needs(lowered.labels)
+        self.needs = NumpyNeeds(lowered.labels)
 
     def _label(self, node: Expression) -> str:
         if isinstance(node, Symbol) and isinstance(node.key, Leaf) and node.key.role == "parameter":
@@ -231,7 +231,7 @@ class Writer:
         yield "conjugates", FULL, words, events.conjugates
 
     def _constants(self) -> str:
-        body = Body(self.needs, {}, {*self.taken})
+        body = NumpyLines(self.needs, {}, {*self.taken})
         for position in range(len(self.lowered.parameters)):
             leaf = Symbol(Leaf("parameter", position))
             name = self.constant_names.get(leaf) or body.identifiers.of(self._label(leaf))
@@ -249,7 +249,7 @@ class Writer:
         return "\n" + "\n".join(lines) + "\n"
 
     def _function(self, name: str, arguments: str, note: str, roots: Sequence[Expression]) -> str:
-        body = Body(self.needs, dict(self.constant_names), set(self.taken))
+        body = NumpyLines(self.needs, dict(self.constant_names), set(self.taken))
         for position, leaf_name in enumerate(self.state_names):
             body.known[Symbol(Leaf("state", position))] = leaf_name
         for position, leaf_name in enumerate(self.input_names):
