@@ -28,11 +28,23 @@ if TYPE_CHECKING:
     from .results.ensemble import Ensemble
     from .results.result import Result
     from .studies.journal import Journal
-    from .studies.sharing import Sharing
+    from .studies.workers import Workers
 
 __all__ = [
-    "BondgraphError", "CompilationFailed", "Ensemble", "Graph", "Journal", "Model", "Result", "RunFailed", "RunInterrupted", "Sharing", "UsageError",
-    "check", "load", "read_result",
+    "BondgraphError",
+    "CompilationFailed",
+    "Ensemble",
+    "Graph",
+    "Journal",
+    "Model",
+    "Result",
+    "RunFailed",
+    "RunInterrupted",
+    "UsageError",
+    "Workers",
+    "check",
+    "load",
+    "read_result",
 ]  # fmt: skip
 _HOMES = {
     "load": "model",
@@ -41,7 +53,7 @@ _HOMES = {
     "Graph": "builder",
     "Ensemble": "results.ensemble",
     "Journal": "studies.journal",
-    "Sharing": "studies.sharing",
+    "Workers": "studies.workers",
     "Result": "results.result",
     "read_result": "results.archive",
     "BondgraphError": "errors",

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from compiler import api
 
@@ -28,6 +28,23 @@ class Parameter:
     value: float
     unit: str
     description: str
+
+
+class RunKeywords(TypedDict, total=False):
+    """Options of a call that runs a model, beside experiment, settings, end and instants; each overrides the experiment.
+
+    `rtol`, `atol`: tolerances. `energy` adds the energy balance. `outputs`: only these. `target`: native (machine code) or numpy; by default the first
+    that this machine has. `solver`: automatic, exponential (linear models), explicit, radau, rodas (stiff models) or energy (lossless models).
+    `bandwidth`: a frequency as text or in Hz; faster modes need not be followed, and the result's `left_out` reports the truncated ones.
+    """
+
+    rtol: float | None
+    atol: float | None
+    energy: bool
+    outputs: Sequence[str] | None
+    target: str | None
+    solver: str | None
+    bandwidth: str | float | None
 
 
 class CompiledModel:

@@ -38,10 +38,10 @@ def command(
 ) -> None:  # fmt: skip
     """Tell what tolerances of parameters do to rest, frequencies or runs: statistics, Sobol indices, swings."""
     check_targets((out, TABLES, "--out"), (plot, PICTURES, "--plot"), (tornado, PICTURES, "--tornado"))
-    with shared_out(jobs, journal, "points") as sharing:
+    with shared_out(jobs, journal, "points") as workers:
         found = asked.model.montecarlo(
-            settings_by_name(vary, "--vary", "d=normal(2 um, 50 nm)"), tuple(of) or "modes", samples, dict(map(_correlation, correlations)), seed, indices,
-            asked.experiment, asked.settings, asked.outputs, to, sharing=sharing,
+            settings_by_name(vary, "--vary", "d=normal(2 um, 50 nm)"), tuple(of) or "modes", samples, asked.experiment, asked.settings, workers,
+            correlations=dict(map(_correlation, correlations)), seed=seed, indices=indices, outputs=asked.outputs, to=to,
         )  # fmt: skip
     write_all((out, found.write), (plot, found.plot), (tornado, found.plot_tornado))
     asked.answer(found)

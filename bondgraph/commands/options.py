@@ -13,7 +13,7 @@ import click
 
 if TYPE_CHECKING:
     from .. import Model
-    from ..studies.sharing import Sharing
+    from ..studies.workers import Workers
 
 TABLES = (".csv", ".npz", ".nc", ".mat")  # endings of files for tables
 
@@ -88,24 +88,24 @@ def check_target(path: str, endings: tuple[str, ...], option: str) -> None:
 
 
 @contextmanager
-def shared_out(jobs: int | None, journal: str | None, words: str) -> Iterator[Sharing]:
+def shared_out(jobs: int | None, journal: str | None, words: str) -> Iterator[Workers]:
     """Provide processes for many points (None: one for each core), with a progress bar on the terminal, and a journal to go on from."""
     from ..studies.journal import Journal
     from ..studies.progress import bar
-    from ..studies.sharing import Sharing, cores
+    from ..studies.workers import Workers, cores
 
     count = cores() if jobs is None else jobs
     book = None if journal is None else Journal(journal)
     try:
         with bar(words) as progress:
             if count == 1 or sys.platform == "linux":
-                yield Sharing(count, None, progress, book)
+                yield Workers(count, None, progress, book)
                 return
             from concurrent.futures import ProcessPoolExecutor
             from multiprocessing import get_context
 
             with ProcessPoolExecutor(count, get_context("spawn")) as executor:
-                yield Sharing(count, executor, progress, book)
+                yield Workers(count, executor, progress, book)
     finally:
         if book is not None:
             book.close()

@@ -190,8 +190,8 @@ def _run_all(
     out, plot, as_json = shown
     if out is not None:
         check_target(out, TABLES, "--out (of an experiment with a sweep or an analysis)")
-    with shared_out(*by, "points") as sharing:
-        found = model.run(experiment, sharing=sharing, **arguments)
+    with shared_out(*by, "points") as workers:
+        found = model.run(experiment, workers=workers, **arguments)
     if out is not None:
         found.write(out)
     if plot is not None:

@@ -31,9 +31,9 @@ def command(
     """Make equilibria, modes or runs at many values of parameters and inputs."""
     check_targets((out, TABLES, "--out"), (plot, PICTURES, "--plot"))
     values = settings_by_name(over, "--over", "k=1 N/m, 2 N/m")
-    with shared_out(jobs, journal, "points") as sharing:
+    with shared_out(jobs, journal, "points") as workers:
         found = asked.model.sweep(
-            values, tuple(of) or "simulate", together, asked.experiment, asked.settings, to, outputs=asked.outputs, sharing=sharing
+            values, tuple(of) or "simulate", together, asked.experiment, asked.settings, workers, to=to, outputs=asked.outputs
         )  # fmt: skip
     write_all((out, found.write), (plot, found.plot))
     asked.answer(found)

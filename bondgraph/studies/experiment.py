@@ -16,7 +16,7 @@ from .experiment_study import ExperimentStudy
 from .point_failure import check_some_stand, why
 from .question import Question
 from .scalar_study import compilation_notes
-from .sharing import Sharing, answers
+from .workers import ALONE, Workers, answers
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
@@ -35,7 +35,7 @@ class Options(Wanted):
 
 
 def run(
-    model: AnalysedModel, experiment: str, settings: Settings, options: Options, sharing: Sharing | None = None
+    model: AnalysedModel, experiment: str, settings: Settings, options: Options, workers: Workers | None = None
 ) -> Outcome:
     """Run the experiment of that name ("": the first). Raises as `Model.simulate`."""
     first = model.compilation(model.scene(experiment, settings, outputs=options.outputs))
@@ -49,7 +49,7 @@ def run(
     asked = ExperimentStudy(
         plan.experiment, tuple(settings.items()), plan.studies, simulates, options.outputs, options.wanted
     )
-    chosen = sharing or Sharing(workers=1)
+    chosen = workers or ALONE
     alone = not left and any(
         isinstance(s, MonteCarloRequest) for s in plan.studies
     )  # then the workers share its own points
@@ -60,10 +60,10 @@ def run(
 
 
 def made(
-    model: AnalysedModel, asked: Question, grid: Sequence[Mapping[str, float]], sharing: Sharing
+    model: AnalysedModel, asked: Question, grid: Sequence[Mapping[str, float]], workers: Workers
 ) -> tuple[Point, ...]:
     """Return the points of a grid; failed ones with the reason. Raises the error of the first point if all have failed."""
-    found: list[Any] = answers(model, asked, grid, sharing)
+    found: list[Any] = answers(model, asked, grid, workers)
     check_some_stand(found)
     problems = [x for x in found if isinstance(x, Exception)]
     if problems and len(problems) == len(found):

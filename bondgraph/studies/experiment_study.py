@@ -12,8 +12,8 @@ from ..analysis.outcome import Point
 from ..simulation.run import Wanted, simulate
 from .point_failure import kept
 from .scalar_study import STEPS
-from .sharing import Sharing
 from .steps import differentiated, made_of, varied
+from .workers import ALONE, Workers
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
@@ -34,18 +34,18 @@ class ExperimentStudy:
     def answer(self, model: AnalysedModel, point: Mapping[str, float]) -> Point | Exception:
         """Return the results at one point, or its exception, which is raised where the results are collected."""
         try:
-            return self.made(model, point, Sharing(workers=1))
+            return self.made(model, point, ALONE)
         except Exception as problem:
             return kept(problem)
 
-    def made(self, model: AnalysedModel, point: Mapping[str, float], sharing: Sharing) -> Point:
-        """Compute one point; `sharing`: the workers for the points of a Monte Carlo study in it."""
+    def made(self, model: AnalysedModel, point: Mapping[str, float], workers: Workers) -> Point:
+        """Compute one point; `workers`: the workers for the points of a Monte Carlo study in it."""
         settings = {**dict(self.settings), **point}
         studies = self._at(model, settings) if point else self.studies
         chance = next((s for s in studies if isinstance(s, MonteCarloRequest)), None)
         of = tuple(dict.fromkeys(s.role for s in studies if s.role in STEPS)) + ("simulate",) * self.simulates
         if chance is not None:  # Monte Carlo evaluates all other steps
-            found = varied(model, chance, of, self.experiment, settings, self.outputs, self.wanted, sharing)
+            found = varied(model, chance, of, self.experiment, settings, self.outputs, self.wanted, workers)
             return Point(point, analyses=((chance.role, found),))
         return self._point(model, Point(point), studies, of, settings)
 

@@ -19,8 +19,8 @@ from .distributions import Distribution, distribution
 from .indices import Indices, indices, mixed
 from .sampling import MOST_NAMES, correlation_matrix, cube, values_of
 from .scalar_study import Failed, ScalarStudy, check_steps, compilation_notes, units_of
-from .sharing import Sharing, answers
 from .tolerances import MonteCarlo, Swing
+from .workers import Workers, answers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,7 +50,7 @@ class Chance:
 
 def montecarlo(
     model: AnalysedModel, chance: Chance, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
-    wanted: Wanted, sharing: Sharing,
+    wanted: Wanted, workers: Workers,
 ) -> MonteCarlo:  # fmt: skip
     """Run the study. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if no point of the sample has a result."""
     check_steps(of, "a study with chance")
@@ -70,7 +70,7 @@ def montecarlo(
     parts.append(_tornado_points(given))
     asked = ScalarStudy(of, experiment, tuple(settings.items()), outputs, wanted)
     points = [dict(zip(names, map(float, row), strict=True)) for part in parts for row in part]
-    found = answers(model, asked, points, sharing)
+    found = answers(model, asked, points, workers)
     quantities = tuple(dict.fromkeys(n for x in found if not isinstance(x, Failed) for n in x))
     bounds = np.cumsum([len(p) for p in parts])[:-1]
     failures = {i: x.why for i, x in enumerate(found[: len(sample)]) if isinstance(x, Failed)}

@@ -10,7 +10,7 @@ from ..results.ensemble import Ensemble
 from ..results.result import Result
 from ..simulation.run import Wanted, check_wanted, simulate
 from .point_failure import check_some_stand, kept
-from .sharing import Sharing, answers
+from .workers import Workers, answers
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
@@ -34,11 +34,11 @@ class Run:
 
 def simulate_many(
     model: AnalysedModel, experiment: str | None, settings: Sequence[Mapping[str, str | float]], outputs: tuple[str, ...] | None, wanted: Wanted,
-    sharing: Sharing,
+    workers: Workers,
 ) -> Ensemble:  # fmt: skip
     """Run a model with each of several settings. Raises `UsageError` for an error common to all, `RunBroken` for a defect in all."""
     check_wanted(wanted)
     points = tuple(dict(s) for s in settings)
-    found = answers(model, Run(experiment, outputs, wanted), points, sharing)
+    found = answers(model, Run(experiment, outputs, wanted), points, workers)
     check_some_stand(found)
     return Ensemble(points, tuple(found))

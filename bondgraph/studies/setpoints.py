@@ -19,7 +19,7 @@ from ..simulation.settings import Settings
 from .experiment import made
 from .measured import OF_MODES, SIGMA, read_columns
 from .point_failure import kept
-from .sharing import Sharing
+from .workers import ALONE, Workers
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
@@ -46,7 +46,7 @@ class Held:
 
 def invert_file(
     model: AnalysedModel, file: str | os.PathLike[str], inputs: Sequence[str], experiment: str | None, settings: Settings, along: Mapping[str, Any],
-    sharing: Sharing | None = None,
+    workers: Workers | None = None,
 ) -> Outcome | FeedForward:  # fmt: skip
     """Return a table of inputs by lines, or inputs over time. `along`: as for `Model.invert` along a path. Raises as that, and OSError."""
     name = os.fspath(file)
@@ -65,7 +65,7 @@ def invert_file(
         )
     points = [dict(zip(columns, map(float, row), strict=True)) for row in np.array(list(columns.values())).T]
     held = Held(tuple(inputs), wanted, experiment, tuple(settings.items()))
-    found = made(model, held, points, sharing or Sharing(workers=1))
+    found = made(model, held, points, workers or ALONE)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in compilation.plan.report}
     swept = {n: (units | outputs)[n] for n in columns}
     return Outcome(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
     from ..simulation.run import Wanted
     from ..simulation.settings import Settings
-    from .sharing import Sharing
+    from .workers import Workers
 
 
 def made_of(
@@ -78,14 +78,14 @@ def differentiated(
 
 def varied(
     model: AnalysedModel, step: MonteCarloRequest, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
-    wanted: Wanted, sharing: Sharing,
+    wanted: Wanted, workers: Workers,
 ) -> Any:  # fmt: skip
     """Return the Monte Carlo study of the results of the other steps."""
     from .montecarlo import Chance, montecarlo
 
     vary: Mapping[str, str | Distribution] = {d.name: _distribution(d) for d in step.vary}
     chance = Chance(vary, dict(step.correlations), step.samples, step.seed, step.indices)
-    return montecarlo(model, chance, of, experiment, settings, outputs, wanted, sharing)
+    return montecarlo(model, chance, of, experiment, settings, outputs, wanted, workers)
 
 
 def _distribution(drawn: RandomParameter) -> Distribution:

@@ -14,7 +14,7 @@ from ..simulation.settings import Settings
 from .experiment import Options, made
 from .experiment_study import ExperimentStudy
 from .scalar_study import check_steps, compilation_notes, units_of
-from .sharing import Sharing
+from .workers import ALONE, Workers
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
@@ -24,7 +24,7 @@ MOST_POINTS = 1_000_000
 
 def sweep(
     model: AnalysedModel, values: Mapping[str, str | Sequence[str | float]], of: tuple[str, ...], together: bool, experiment: str | None,
-    settings: Settings, options: Options, sharing: Sharing | None = None,
+    settings: Settings, options: Options, workers: Workers | None = None,
 ) -> Outcome:  # fmt: skip
     """Compute a grid of values, or (`together`) the first of each name, the second of each and so on."""
     check_steps(of, "a sweep")
@@ -44,7 +44,7 @@ def sweep(
         experiment, tuple(settings.items()), studies, "simulate" in of, options.outputs, options.wanted
     )
     grid = [dict(zip(numbers, row, strict=True)) for row in rows]
-    points = made(model, asked, grid, sharing or Sharing(workers=1))
+    points = made(model, asked, grid, workers or ALONE)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
     notes = compilation_notes(model, experiment, settings, grid)
     return Outcome(compilation.whole_graph.name, plan.experiment, units, points, shown, notes)

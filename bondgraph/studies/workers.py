@@ -1,262 +1,224 @@
-"""Our own workers. A free worker takes the next point: this process, which is one of them, and copies of it, or threads if it cannot be copied
-(another system than Linux, other threads in it).
+"""Distribution of many points of one model to workers: those of this machine, of an executor, or of a Dask cluster.
 
-Copies share one number, the count of points taken. So no worker waits while there are points, however long single ones take, and a point is never
-assigned to a worker that may not reach it. Results come in reports of several points each, or of those of some time.
+Each point is computed independently, so that results do not depend on the worker or on the number of points. A task contains the text of the
+model; a worker compiles it once. Our own workers have it already (`local_workers.py`).
 """
 
 from __future__ import annotations
 
-import ctypes
-import mmap
 import os
-import signal
 import sys
 import threading
-import warnings
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
-from queue import SimpleQueue
-from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
+from operator import index
+from typing import TYPE_CHECKING, Any, Protocol
 
-from ..errors import RunFailed
+from ..analysed_model import AnalysedModel
+from ..errors import RunFailed, UsageError
+from .local_workers import made
+from .question import Answers, Progress, Question, key_of
 
 if TYPE_CHECKING:
-    from ..analysed_model import AnalysedModel
-    from .question import Answers, Question
+    from compiler.api import Source
 
-MOST_TOLD = 64  # most results in one report
-OFTEN = 0.25  # s: longest time between reports, unless a point takes longer
-AHEAD = 3  # reports requested in advance from each worker, so that it does not wait
-PATIENCE = 1.0  # s: a worker that has not announced its point by then may be dead
+    from .journal import Journal
 
+MOST_AT_ONCE = 64  # most points of one task
+AHEAD = 3  # number of tasks in a worker's share of the remaining points
+MOST_KEPT = 8  # most models that a worker keeps compiled
 
-class Points:
-    """Points from which every worker takes the next. `numbers`: indices of the missing points; `copied`: copies of this process take part."""
-
-    def __init__(
-        self, model: AnalysedModel, question: Question, points: Sequence[Any], numbers: Sequence[int], copied: bool
-    ) -> None:
-        self.model, self.question, self.points, self.numbers = model, question, points, numbers
-        self._taken: Any = [0, 0]  # number of points taken, and 1 when the study has ended
-        self._lock: Any = threading.Lock()
-        if copied:
-            import multiprocessing
-
-            self._taken = memoryview(mmap.mmap(-1, 16)).cast("q")
-            self._lock = multiprocessing.get_context("fork").Lock()
-
-    def taken(self, leaves: Callable[[], bool] = lambda: False) -> int | None:
-        """Take a point that no other worker computes; None if there is none, the study has ended, or the lock is not released and `leaves` is True."""
-        while not self._lock.acquire(timeout=PATIENCE):
-            if self._taken[1] or leaves():
-                return None
-        try:
-            count = int(self._taken[0])
-            if self._taken[1] or count >= len(self.numbers):
-                return None
-            self._taken[0] = count + 1
-        finally:
-            self._lock.release()
-        return self.numbers[count]
-
-    def stop(self) -> None:
-        """Let no worker take another point."""
-        self._taken[1] = 1
-
-    def answer(self, number: int) -> Any:
-        """Return the result at a point."""
-        return self.question.answer(self.model, self.points[number])
-
-    def report(self) -> Answers:
-        """Return the results at some points; empty if no point is left."""
-        found: Answers = {}
-        until = perf_counter() + OFTEN
-        while not found or (len(found) < MOST_TOLD and perf_counter() < until):
-            number = self.taken()
-            if number is None:
-                break
-            found[number] = self.answer(number)
-        return found
+_MODELS: dict[str, AnalysedModel] = {}  # models of this process
+_OWNERS: dict[str, int] = {}  # number of studies of each that run from here
+_FIRST, _OWNING = threading.Lock(), threading.Lock()
 
 
-class _Others:
-    """Workers besides this process, with their reports. A worker that has reported gets a new request at once."""
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Some points; `first` is the index of the first one."""
 
-    def __init__(self, executor: Executor, ask: Callable[[], Answers]) -> None:
-        self.executor, self.ask = executor, ask
-        self.reports: SimpleQueue[tuple[Future[Answers], bool]] = SimpleQueue()
-        self.asked = 0  # number of outstanding reports
-
-    def begin(self, count: int) -> None:
-        """Start `count` workers."""
-        with _undisturbed(), _all_or_none():
-            for _ in range(AHEAD * count):
-                self.executor.submit(self.ask).add_done_callback(self._told)
-        self.asked = AHEAD * count
-
-    def _told(self, report: Future[Answers]) -> None:
-        """Store a report and request the next one; called in a thread of the executor."""
-        more = not report.cancelled() and report.exception() is None and bool(report.result())
-        if more:
-            try:
-                self.executor.submit(self.ask).add_done_callback(self._told)
-            except RuntimeError:  # the executor is shut down, or a worker died
-                more = False
-        self.reports.put((report, more))
-
-    def told(self) -> bool:
-        """Return True if there is a report."""
-        return not self.reports.empty()
-
-    def next(self) -> Answers:
-        """Wait for the next report and return it. Raises the worker's exception, `BrokenExecutor` if a worker died."""
-        report, more = self.reports.get()
-        self.asked -= not more
-        return report.result()
-
-    def last(self) -> Iterator[Answers]:
-        """Yield the last reports after the workers were told to stop: each finishes its current point."""
-        self.executor.shutdown()
-        while not self.reports.empty():
-            report, _ = self.reports.get()
-            if report.exception() is None:
-                yield report.result()
+    key: str
+    source: Source
+    model: str | None
+    question: Question
+    first: int
+    points: tuple[Any, ...]
 
 
-def made(
-    model: AnalysedModel, question: Question, points: Sequence[Any], numbers: Sequence[int], count: int
-) -> Iterator[Answers]:
-    """Yield the results at the points with these indices, in reports, by `count` workers.
+class Submitting(Protocol):
+    """An executor of `concurrent.futures`, or a Dask client."""
 
-    The first point is computed here: then the program exists, and the other workers are copies of a process that has it. Raises `RunFailed` if a worker
-    died.
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Workers of a study.
+
+    `count`: number of our own (None: number of cores); `executor`: an external one, with the interface of `concurrent.futures`, or a Dask client;
+    `progress` is called with the number of finished points and of all; `journal` stores results.
     """
-    yield {numbers[0]: question.answer(model, points[numbers[0]])}
-    numbers = numbers[1:]
-    count = min(count, len(numbers))
-    if count <= 1:
-        yield from _reports(Points(model, question, points, numbers, False), None)
+
+    count: int | None = None
+    executor: Any = None
+    progress: Progress | None = None
+    journal: Journal | None = field(default=None, compare=False)
+
+    def checked(self) -> Workers:
+        """Return the same with an executor of the standard interface. Raises `UsageError`."""
+        count = self.count
+        if count is not None:
+            try:
+                count = index(count)
+            except TypeError:
+                raise UsageError("BR457", f"workers = {count!r}: a whole number is needed") from None
+            if count < 1:
+                raise UsageError("BR458", f"workers = {count}: at least one is needed")
+        return Workers(count, standard(self.executor), self.progress, self.journal)
+
+
+ALONE = Workers(1)  # this process computes all points
+
+
+def workers_of(given: Workers | Submitting | int | None, default: Workers) -> Workers:
+    """Return the workers of a call: as they are, or a number of our own, or those of an executor or a Dask client; `default` for None."""
+    if isinstance(given, Workers):
+        return given
+    if given is None:
+        return default
+    return Workers(executor=given) if hasattr(given, "submit") else Workers(given)
+
+
+def standard(executor: Any) -> Executor | None:
+    """Return an executor unchanged; for a Dask client its executor. Raises `UsageError`."""
+    if executor is None or isinstance(executor, Executor):
+        return executor
+    if hasattr(executor, "get_executor"):
+        made: Executor = executor.get_executor()
+        return made
+    raise UsageError(
+        "BR459",
+        f"an executor has the interface of `concurrent.futures`, or is a Dask client; this is {type(executor).__name__}",
+    )
+
+
+def answers(model: AnalysedModel, question: Question, points: Sequence[Any], workers: Workers) -> list[Any]:
+    """Return the result at each point, in order. Raises `UsageError` for invalid workers, `RunFailed` if workers died."""
+    workers = workers.checked()
+    found: Answers = {} if workers.journal is None else workers.journal.begun(model, question, points)
+    total = len(points)
+    if workers.progress is not None and found:
+        workers.progress(len(found), total)
+    try:
+        with closing(_reports(model, question, points, found, workers)) as reports:
+            for some in reports:
+                found |= some
+                if workers.journal is not None:
+                    workers.journal.add(some)
+                if workers.progress is not None:
+                    workers.progress(len(found), total)
+    except KeyboardInterrupt:  # within a run, whose partial result is not needed, or between runs
+        raise KeyboardInterrupt(f"interrupted when {len(found)} of {total} were done") from None
+    return [found[i] for i in range(total)]
+
+
+def _reports(
+    model: AnalysedModel, question: Question, points: Sequence[Any], found: Answers, workers: Workers
+) -> Generator[Answers]:
+    """Yield the missing results as soon as they are known."""
+    missing = [i for i in range(len(points)) if i not in found]
+    if not missing:
         return
-    copied = can_be_copied()
-    shared = Points(model, question, points, numbers, copied)
-    with _executor(count - 1, shared, copied) as executor:
-        others = _Others(executor, _report if copied else shared.report)
-        try:
-            others.begin(count - 1)
-            yield from _reports(shared, others)
-        except BrokenExecutor as broken:
-            shared.stop()
-            yield from others.last()
-            raise RunFailed(
-                "BR460", f"a worker died ({broken});", "with a journal, the same call goes on with what is missing"
-            ) from broken
-        except KeyboardInterrupt:  # finished results are kept
-            shared.stop()
-            yield from others.last()
-            raise
+    count = cores() if workers.count is None else workers.count
+    if workers.executor is None:
+        yield from made(model, question, points, missing, count)
+        return
+    with _ready(model) as key:
+        whole = Task(key, model.source, model.model, question, 0, tuple(points))
+        yield from _through(workers.executor, whole, _pieces(_gaps(found, len(points)), len(missing), count))
 
 
-def _reports(points: Points, others: _Others | None) -> Iterator[Answers]:
-    """Yield all reports, including those of this process, which collects the others' between its points."""
-    own: Answers = {}
-    until = perf_counter() + OFTEN
-    try:
-        while True:
-            number = points.taken() if others is None else points.taken(others.told)
-            if number is not None:
-                own[number] = points.answer(number)
-            if own and (number is None or len(own) == MOST_TOLD or perf_counter() > until):
-                told, own = own, {}
-                yield told
-                until = perf_counter() + OFTEN
-            while others is not None and others.asked and (number is None or others.told()):
-                found = others.next()
-                if found:
-                    yield found
-            if number is None:
-                return
-    except (BrokenExecutor, KeyboardInterrupt):
-        if own:
-            yield own
-        raise
+def work(task: Task) -> list[Any]:
+    """Return the results of a task, one after the other."""
+    model = _MODELS.get(task.key)
+    found: list[Any] = []
+    if model is None:
+        with _FIRST:  # one thread compiles, the others wait
+            model = _MODELS.get(task.key)
+            if model is None:
+                model, found = _begun(task)
+    return found + [task.question.answer(model, point) for point in task.points[len(found) :]]
 
 
-def can_be_copied() -> bool:
-    """Return True if copies of this process can work: with other threads locks might stay closed, and daemons may have no copies."""
-    if sys.platform != "linux" or threading.active_count() > 1:
-        return False
-    import multiprocessing
+def _begun(task: Task) -> tuple[AnalysedModel, list[Any]]:
+    """Return a worker's own model, and the first result, after which it is compiled."""
 
-    return not multiprocessing.current_process().daemon
+    model = AnalysedModel(task.source, task.model)
+    found = [task.question.answer(model, task.points[0])]
+    with _OWNING:
+        kept = [key for key in _MODELS if key not in _OWNERS]
+        for key in kept[: max(0, len(kept) - MOST_KEPT + 1)]:
+            del _MODELS[key]
+        _MODELS[task.key] = model
+    return model, found
+
+
+def _gaps(found: dict[int, Any], total: int) -> list[tuple[int, int]]:
+    """Return first and last + 1 of each range of points that are still missing."""
+    missing = [i for i in range(total) if i not in found]
+    begins = [i for i in missing if i == 0 or i - 1 in found]
+    ends = [i + 1 for i in missing if i + 1 == total or i + 1 in found]
+    return list(zip(begins, ends, strict=True))
 
 
 @contextmanager
-def _executor(count: int, points: Points, copied: bool) -> Iterator[Executor]:
-    """Provide the other workers; they have ended when the context is left."""
-    if not copied:
-        executor: Executor = ThreadPoolExecutor(count)
-    else:
-        import multiprocessing
-
-        executor = ProcessPoolExecutor(
-            count, multiprocessing.get_context("fork"), _begun_as_copy, (points, os.getpid())
-        )
+def _ready(model: AnalysedModel) -> Iterator[str]:
+    """Provide the model under a key by which tasks find it in this process, as long as a study of this text runs."""
+    key = key_of(model)
+    with _OWNING:
+        _OWNERS[key] = _OWNERS.get(key, 0) + 1
+        _MODELS.setdefault(key, model)
     try:
-        yield executor
+        yield key
     finally:
-        points.stop()
-        executor.shutdown(cancel_futures=True)
+        with _OWNING:
+            _OWNERS[key] -= 1
+            if not _OWNERS[key]:
+                del _OWNERS[key]
+                _MODELS.pop(key, None)
 
 
-_COPY: list[Points] = []  # in a copy of a process: its points
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
-def _begun_as_copy(points: Points, parent: int) -> None:
-    """Prepare a copy: it ignores Ctrl-C, which the original process handles, and ends if that is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(1, int(signal.SIGKILL))  # PR_SET_PDEATHSIG
-    if os.getppid() != parent:
-        os._exit(1)
-    _COPY[:] = [points]
+def _pieces(gaps: list[tuple[int, int]], left: int, count: int) -> list[tuple[int, int]]:
+    """Return the ranges of tasks: each at most a fraction of a worker's share of the remaining points, so that the last task does not delay the end."""
+    found = []
+    for begin, end in gaps:
+        while begin < end:
+            stop = min(begin + max(1, min(MOST_AT_ONCE, left // (AHEAD * count))), end)
+            found.append((begin, stop))
+            left -= stop - begin
+            begin = stop
+    return found
 
 
-def _report() -> Answers:
-    return _COPY[0].report()
-
-
-@contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Delay Ctrl-C while workers start: a worker interrupted in its start could not be ended."""
-    pressed: list[int] = []
-    before = signal.getsignal(signal.SIGINT) if threading.current_thread() is threading.main_thread() else None
-    if before is not None:  # None: the signal does not arrive here, or must not be delayed
-        signal.signal(signal.SIGINT, lambda number, frame: pressed.append(number))
+def _through(executor: Executor, whole: Task, pieces: list[tuple[int, int]]) -> Iterator[Answers]:
+    """Yield the results of each task, as they are finished."""
+    waiting: dict[Future[list[Any]], int] = {}
     try:
-        with warnings.catch_warnings():
-            # the only threads of the copied process are those of its linear algebra, which supports copying
-            warnings.filterwarnings("ignore", "This process .* is multi-threaded", DeprecationWarning)
-            yield
+        for begin, end in pieces:
+            waiting[executor.submit(work, replace(whole, first=begin, points=whole.points[begin:end]))] = begin
+        for done in as_completed(list(waiting)):
+            yield dict(enumerate(done.result(), waiting.pop(done)))
+    except BrokenExecutor as broken:
+        raise RunFailed(
+            "BR460", f"a worker died ({broken});", "with a journal, the same call goes on with what is missing"
+        ) from broken
     finally:
-        if before is not None:
-            signal.signal(signal.SIGINT, before)
-    if pressed:
-        signal.raise_signal(signal.SIGINT)
-
-
-@contextmanager
-def _all_or_none() -> Iterator[None]:
-    """End the processes already created if not all can be: an executor does not end processes of an incomplete start."""
-    import multiprocessing
-
-    before = set(multiprocessing.active_children())
-    try:
-        yield
-    except (OSError, RuntimeError):  # from processes, from threads
-        for process in set(multiprocessing.active_children()) - before:
-            process.terminate()
-            process.join()
-        raise
+        for future in waiting:
+            future.cancel()

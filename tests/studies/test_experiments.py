@@ -15,7 +15,7 @@ from click.testing import CliRunner
 import bondgraph
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
-from bondgraph.studies.sharing import work
+from bondgraph.studies.workers import work
 
 TEXT = """
 model Sweep {
@@ -68,7 +68,7 @@ def test_runs_and_a_sweep_agree_whoever_makes_them(model: Any) -> None:
     """In this process, in threads, and by the function that goes to a worker; against the closed form of an underdamped step."""
     here = model.run("go")
     with ThreadPoolExecutor(2) as executor:
-        there = model.run("go", executor=executor)
+        there = model.run("go", workers=executor)
     assert (here("x") == there("x")).all()
     by_call = model.sweep({"m": "1 kg, 2000 g"}, experiment="go", to="1 s")
     assert by_call("x") == pytest.approx(here("x"), rel=1e-12)
@@ -93,7 +93,7 @@ def test_jobs_can_be_sent(model: Any) -> None:
             future.set_result(pickle.loads(pickle.dumps(function(pickle.loads(pickle.dumps(job))))))
             return future
 
-    found = model.run("stiffness", executor=Sending())
+    found = model.run("stiffness", workers=Sending())
     assert found("x") == pytest.approx(model.run("stiffness")("x"), rel=1e-12)
     assert found[0].modes[0].energy == pytest.approx({"mass": 0.5, "spring": 0.5}, rel=1e-2)
 

@@ -11,7 +11,7 @@ import pytest
 import bondgraph
 from bondgraph import UsageError
 from bondgraph.results.exports import Arrays, write_arrays
-from bondgraph.studies.sharing import Sharing
+from bondgraph.studies.workers import Workers
 
 TEXT = """
 model Two {
@@ -78,7 +78,7 @@ def test_xarray(model: Any, tmp_path: Path) -> None:
     assert together["frequency 1"].dims == ("point",) and together.k.dims == ("point",)
     many = model.simulate_many([{"k": 50.0}, {"k": "1 kg"}, {"k": 100.0}], None, 0.1, 5, workers=1).to_xarray()
     assert many.x.dims == ("run", "time") and "set k" not in many and np.isnan(many.x[1]).all()
-    study = model.montecarlo({"k": "uniform(50 N/m, 150 N/m)"}, samples=8, indices=0, sharing=Sharing(workers=1))
+    study = model.montecarlo({"k": "uniform(50 N/m, 150 N/m)"}, samples=8, indices=0, workers=Workers(1))
     data = study.to_xarray()
     assert data.attrs["distribution of k"] == "uniform(50, 150)" and data["frequency 1"].dims == ("point",)
     study.write(tmp_path / "m.nc")

@@ -16,7 +16,7 @@ from bondgraph import UsageError
 from bondgraph.commands import commands
 from bondgraph.studies.indices import indices, mixed
 from bondgraph.studies.sampling import cube
-from bondgraph.studies.sharing import Sharing
+from bondgraph.studies.workers import Workers
 from tests.compiling import MODELS
 
 REST = """
@@ -39,7 +39,7 @@ model Oscillator {
   output x = spring.x
 }
 """
-ALONE = Sharing(workers=1)
+ALONE = Workers(1)
 
 
 def uniform(low: float, high: float) -> str:
@@ -77,7 +77,7 @@ def test_sobol_indices_of_ishigami() -> None:
 def test_indices_and_swings_of_rest() -> None:
     """x = F/k with sin(a) as F, and 2 a + b: a fifth of its variance is b's."""
     ends = uniform(-math.pi, math.pi)
-    found = bondgraph.load(REST).montecarlo(dict.fromkeys("ab", ends), of="equilibrium", samples=128, sharing=ALONE)
+    found = bondgraph.load(REST).montecarlo(dict.fromkeys("ab", ends), of="equilibrium", samples=128, workers=ALONE)
     assert found.quantities == ("y", "z") and found.indices is not None and found.indices.count == 128
     np.testing.assert_allclose(found("y"), np.sin(found("a")), rtol=1e-9, atol=1e-12)
     assert found.indices.first[1] == pytest.approx([0.8, 0.2], abs=0.05)
@@ -92,7 +92,7 @@ def test_frequencies_of_lognormal_stiffness_and_mass() -> None:
     model = bondgraph.load(OSCILLATOR)
     for r in (0.0, 0.7):
         found = model.montecarlo(
-            vary, samples=512, correlations={("k", "m"): r} if r else None, indices=0, sharing=ALONE
+            vary, samples=512, correlations={("k", "m"): r} if r else None, indices=0, workers=ALONE
         )
         logs = np.log(found("frequency 1"))
         middle = (math.log(100) - sk**2 / 2 + sm**2 / 2) / 2 - math.log(2 * math.pi)
@@ -104,7 +104,7 @@ def test_frequencies_of_lognormal_stiffness_and_mass() -> None:
 
 def test_runs() -> None:
     found = bondgraph.load(OSCILLATOR).montecarlo(
-        {"k": "uniform(50 N/m, 150 N/m)"}, of=("simulate", "modes"), samples=64, indices=0, to=0.3, rtol=1e-9, sharing=ALONE
+        {"k": "uniform(50 N/m, 150 N/m)"}, of=("simulate", "modes"), samples=64, indices=0, to=0.3, rtol=1e-9, workers=ALONE
     )  # fmt: skip
     assert found.quantities == ("frequency 1", "x")
     np.testing.assert_allclose(found("x"), np.cos(0.3 * np.sqrt(found("k"))), atol=1e-7)
@@ -113,7 +113,7 @@ def test_runs() -> None:
 def test_what_fails_is_counted_named_and_in_no_statistic() -> None:
     """A negative mass is refused: a fifth of the points, whose rows are out of the indices, too."""
     found = bondgraph.load(OSCILLATOR).montecarlo(
-        {"m": "uniform(-0.25 kg, 1 kg)", "k": "uniform(90 N/m, 110 N/m)"}, samples=64, indices=64, sharing=ALONE
+        {"m": "uniform(-0.25 kg, 1 kg)", "k": "uniform(90 N/m, 110 N/m)"}, samples=64, indices=64, workers=ALONE
     )  # fmt: skip
     bad = found("m") <= 0
     assert set(found.failures) == set(np.flatnonzero(bad)) and 10 < bad.sum() < 16
@@ -124,7 +124,7 @@ def test_what_fails_is_counted_named_and_in_no_statistic() -> None:
     told = found.to_json()
     assert len(told["failures"]) == bad.sum() and json.dumps(told, allow_nan=False)
     with pytest.raises(bondgraph.RunFailed, match="not one of 8 points"):
-        bondgraph.load(OSCILLATOR).montecarlo({"m": "uniform(-2 kg, -1 kg)"}, samples=8, sharing=ALONE)
+        bondgraph.load(OSCILLATOR).montecarlo({"m": "uniform(-2 kg, -1 kg)"}, samples=8, workers=ALONE)
 
 
 def test_bad_calls() -> None:
@@ -132,7 +132,7 @@ def test_bad_calls() -> None:
     vary = {"k": "uniform(50 N/m, 150 N/m)"}
     for arguments, told in (
         ({"samples": 1}, "samples = 1"), ({"indices": 100}, "power of two"), ({"indices": 2048}, "only 1000 samples"), ({"of": "rest"}, "not of `rest`"),
-        ({"settings": {"k": 3.0}}, "one of the two"), ({"sharing": Sharing(workers=0)}, "workers = 0"), ({"sharing": Sharing(executor=3)}, "this is int"),
+        ({"settings": {"k": 3.0}}, "one of the two"), ({"workers": Workers(0)}, "workers = 0"), ({"workers": Workers(executor=3)}, "this is int"),
     ):  # fmt: skip
         with pytest.raises(UsageError, match=told):
             model.montecarlo(vary, **arguments)
@@ -165,7 +165,7 @@ def test_manipulators_and_the_command(tmp_path: Path) -> None:
 def test_plots(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     vary: dict[str, Any] = {"k": "uniform(50 N/m, 150 N/m)"}
-    found = bondgraph.load(OSCILLATOR).montecarlo(vary, samples=64, sharing=ALONE)
+    found = bondgraph.load(OSCILLATOR).montecarlo(vary, samples=64, workers=ALONE)
     found.plot(tmp_path / "h.svg")
     found.plot_tornado(tmp_path / "t.svg")
     assert "frequency 1" in (tmp_path / "h.svg").read_text("utf-8") and "quantile" in (tmp_path / "t.svg").read_text(
@@ -182,7 +182,7 @@ class TestNotDetermined:
     def test_an_output_that_hardly_moves(self, size: float, mean: float) -> None:
         text = f"model A {{\n parameter a = 1, b = 1\n C c : u = q/(1 F)\n R r : u = 1 ohm*i\n 0 k\n k -> c, r\n output y = ({mean!r})*(1 + {size!r}*(a + b*a)), z = a + 2*b + c.u/(1 V)\n}}"
         vary = {"a": "uniform(0.9, 1.1)", "b": "uniform(0.9, 1.1)"}
-        found = bondgraph.load(text).montecarlo(vary, "equilibrium", samples=64, indices=64, sharing=ALONE)
+        found = bondgraph.load(text).montecarlo(vary, "equilibrium", samples=64, indices=64, workers=ALONE)
         told = found.to_json()["quantities"]
         assert [told["y"]["indices"][p]["first"] for p in "ab"] == [None, None]
         assert told["z"]["indices"]["a"]["first"] == pytest.approx(0.2, abs=0.15)
@@ -199,7 +199,7 @@ class TestNotDetermined:
         )
         text += " output y = " + "*".join(f"exp(3*{n})" for n in names) + " + c.u/(1 V)\n}"
         found = bondgraph.load(text).montecarlo(
-            dict.fromkeys(names, "normal(0, 1)"), "equilibrium", samples=samples, indices=samples, sharing=ALONE
+            dict.fromkeys(names, "normal(0, 1)"), "equilibrium", samples=samples, indices=samples, workers=ALONE
         )
         assert found.indices is not None
         wide = found.indices.total_interval[0, :, 1] - found.indices.total_interval[0, :, 0] >= 1
@@ -213,5 +213,5 @@ class TestNotDetermined:
     def test_a_run_that_moves_by_less_than_its_tolerance(self) -> None:
         text = "model A {\n parameter a = 1, b = 1\n I m : p = 1 kg*v { start v = 1 [m/s] }\n R r : F = (1 + 1e-9*a*b)*1 [N*s/m]*v\n 1 k\n k -> m, r\n output v = m.v\n}"
         vary = {"a": "uniform(0.9, 1.1)", "b": "uniform(0.9, 1.1)"}
-        found = bondgraph.load(text).montecarlo(vary, "simulate", samples=16, indices=16, to=1.0, sharing=ALONE)
+        found = bondgraph.load(text).montecarlo(vary, "simulate", samples=16, indices=16, to=1.0, workers=ALONE)
         assert found.indices is not None and np.isnan(found.indices.total).all()

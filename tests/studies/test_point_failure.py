@@ -21,6 +21,7 @@ from bondgraph.errors import (
 )
 from bondgraph.simulation import run
 from bondgraph.studies import experiment_study, point_failure, runs, scalar_study
+from bondgraph.studies.workers import Workers
 from tests.studies.test_runs import SETTINGS, TEXT
 
 BROKEN = (MemoryError("30 GB"), np.linalg.LinAlgError("singular"), OverflowError("too large"), RecursionError("deep"))
@@ -95,7 +96,7 @@ def test_what_broke_goes_from_process_to_process_and_through_a_journal(
     breaking(monkeypatch, {81.0: RunBroken("ZeroDivisionError: no, after t = 0.5 s", result)})
     for _ in range(2):
         journal = bondgraph.Journal(tmp_path / "j")
-        found = model.simulate_many(given, workers=1, journal=journal)
+        found = model.simulate_many(given, workers=Workers(1, journal=journal))
         journal.close()
         again: Any = pickle.loads(pickle.dumps(found.outcomes[1]))
         for failed in (again, found.outcomes[1]):

@@ -18,7 +18,8 @@ import pytest
 
 import bondgraph
 from bondgraph.prepared import chosen_target
-from bondgraph.studies import sharing, workers
+from bondgraph.studies import local_workers, workers
+from bondgraph.studies.workers import Workers
 from tests.compiling import MODELS
 
 TEXT = """
@@ -55,7 +56,9 @@ def test_each_is_what_it_is_by_itself(kind: str, target: str) -> None:
     if kind == "processes" and target == "numpy":
         pytest.skip("seconds")
     with executor_of(kind) as executor:
-        found = bondgraph.load(TEXT).simulate_many(SETTINGS, target=target, workers=2, executor=executor)
+        found = bondgraph.load(TEXT).simulate_many(
+            SETTINGS, target=target, workers=executor if executor is not None else 2
+        )
     assert len(found) == len(SETTINGS) and found.failures == {} and found.settings == tuple(SETTINGS)
     assert found["x"].shape == (11, 51) and found.unit("x") == "m" and len(found.time) == 51
     for number in (0, 3, 10):
@@ -141,7 +144,9 @@ def test_settings_that_decide_more_than_numbers() -> None:
 @pytest.mark.parametrize("count", [1, 2])
 def test_progress(count: int) -> None:
     told: list[tuple[int, int]] = []
-    bondgraph.load(TEXT).simulate_many(SETTINGS, workers=count, progress=lambda done, total: told.append((done, total)))
+    bondgraph.load(TEXT).simulate_many(
+        SETTINGS, workers=Workers(count, progress=lambda done, total: told.append((done, total)))
+    )
     assert [total for _, total in told] == [11] * len(told) and told[-1] == (11, 11)
     assert sorted(told) == told and len(set(told)) == len(told)
 
@@ -152,7 +157,7 @@ def test_whoever_has_threads_is_not_copied(monkeypatch: pytest.MonkeyPatch) -> N
     other = threading.Thread(target=stop.wait)
     other.start()
     try:
-        assert not workers.can_be_copied()
+        assert not local_workers.can_be_copied()
     finally:
         stop.set()
         other.join()
@@ -164,8 +169,8 @@ def test_an_interruption_ends_it() -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt, match=r"interrupted when \d+ of 220 were done"):
-        bondgraph.load(TEXT).simulate_many(SETTINGS * 20, workers=2, progress=stop)
-    assert sharing._MODELS == {}
+        bondgraph.load(TEXT).simulate_many(SETTINGS * 20, workers=Workers(2, progress=stop))
+    assert workers._MODELS == {}
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -1,244 +1,391 @@
-"""Our own workers: a free one takes the next point, and answers are reported soon. No test looks at a clock: points wait for each other."""
+"""Results do not depend on the workers: threads, processes, a Dask cluster that loses a worker, or a second attempt after a crash."""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph import UsageError
 from bondgraph.studies import workers
-from bondgraph.studies.sharing import Sharing, answers
-from bondgraph.studies.workers import Points
-from tests.studies.test_sharing import TEXT
+from bondgraph.studies.journal import SCHEMA, Journal
+from bondgraph.studies.workers import Workers, answers
 
-only_linux = pytest.mark.skipif(sys.platform != "linux", reason="workers are threads there")
-LONG = 60.0  # s, after which a point that waits fails
-CONTEXT = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
+TEXT = """
+model Oscillator {
+  parameter k: N/m = 100, m = 1 kg
+  I mass : p = m*v
+  C spring : F = k*x + 1e3 [N/m^3]*x^3
+  Se push : F = 4 N
+  push -> 1(mass, spring)
+  output x = spring.x
+}
+"""
+VARY = {"k": "uniform(50 N/m, 150 N/m)", "m": "normal(1 kg, 0.05 kg)"}
 
 
-@pytest.fixture(params=["copies", "threads"])
-def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    kind = str(request.param)
-    if kind == "copies" and not workers.can_be_copied():
-        pytest.skip("there are threads, or this system has no copies")
-    monkeypatch.setattr(workers, "can_be_copied", lambda: kind == "copies")
-    return kind
+def study(crew: Workers, samples: int = 120) -> Any:
+    return bondgraph.load(TEXT).montecarlo(VARY, of=("equilibrium", "modes"), samples=samples, indices=32, workers=crew)
+
+
+@pytest.fixture(scope="module")
+def alone() -> Any:
+    return study(Workers(1))
+
+
+def same(found: Any, alone: Any) -> bool:
+    """To the last bit."""
+    assert found.quantities == ("x", "frequency 1")
+    pairs = [(found.values, alone.values), (found.samples, alone.samples), (found.swing.ends, alone.swing.ends)]
+    pairs += [(found.indices.first, alone.indices.first), (found.indices.total_interval, alone.indices.total_interval)]
+    return all((a == b).all() and not np.isnan(a).any() for a, b in pairs)
+
+
+def test_workers_of_our_own_and_threads(alone: Any) -> None:
+    assert same(study(Workers(2)), alone)
+    with ThreadPoolExecutor(3) as executor:
+        assert same(study(Workers(executor=executor)), alone)
 
 
 @dataclass(frozen=True)
-class Asked:
-    """Calls something at each point, which knows whether this process and thread shares out the work."""
+class Counting:
+    """Notes each point that it is asked at."""
 
-    call: Callable[[int, bool], Any] = field(repr=False)
-    home: tuple[int, int] = field(default_factory=lambda: (os.getpid(), threading.get_ident()), repr=False)
+    asked: list[int] = field(default_factory=list, compare=False, repr=False)
+    until: int = 10**9
 
-    def answer(self, model: Any, point: int) -> Any:
-        return self.call(point, (os.getpid(), threading.get_ident()) == self.home)
-
-
-def found(call: Callable[[int, bool], Any], points: int, count: int, **given: Any) -> list[Any]:
-    return answers(bondgraph.load(TEXT), Asked(call), range(points), Sharing(workers=count, **given))
-
-
-@pytest.mark.parametrize("count", [2, 3])
-def test_few_points_are_made_by_all_at_once(kind: str, count: int) -> None:
-    """Behind the first as many points as workers: none of them ends before all have begun."""
-    all_are_at_one = CONTEXT.Barrier(count)
-
-    def call(point: int, here: bool) -> tuple[int, bool]:
-        if point:
-            all_are_at_one.wait(LONG)
-        return point, here
-
-    answered = found(call, count + 1, count)
-    assert [point for point, _ in answered] == list(range(count + 1))
-    assert [here for _, here in answered[1:]].count(True) == 1
-
-
-def test_others_go_on_while_this_process_is_at_a_long_point(kind: str) -> None:
-    """It is at its first until all others are made."""
-    made, points = CONTEXT.Semaphore(0), 700
-
-    def call(point: int, here: bool) -> bool:
-        if here and point:
-            assert all(made.acquire(timeout=LONG) for _ in range(points - 2))
-        elif point:
-            made.release()
-        return here
-
-    assert found(call, points, 2).count(True) == 2  # the very first, and that one
-
-
-def test_this_process_looks_between_its_points() -> None:
-    """Answers of others are passed on before the next point of this process."""
-    log: list[str] = []
-
-    class Others:
-        asked, waiting = 3, 2
-
-        def told(self) -> bool:
-            return self.waiting > 0
-
-        def next(self) -> dict[int, str]:
-            self.asked, self.waiting = self.asked - 1, max(self.waiting - 1, 0)
-            return {self.asked + 10: "theirs"}
-
-    def call(point: int, here: bool) -> str:
-        log.append(f"at {point}")
-        return "own"
-
-    shared = Points(bondgraph.load(TEXT), Asked(call), range(3), range(3), False)
-    for some in workers._reports(shared, Others()):  # type: ignore[arg-type]
-        log.append(f"told {sorted(some)}")
-    assert log == ["at 0", "told [12]", "told [11]", "at 1", "at 2", "told [0, 1, 2]", "told [10]"]
-
-
-@pytest.mark.parametrize("count", [1, 2])
-def test_what_takes_long_is_told_at_once(kind: str, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also of a few points: if each takes longer than the interval of reports, each is reported."""
-    monkeypatch.setattr(workers, "OFTEN", 0.0)
-    monkeypatch.setattr(workers, "perf_counter", iter(range(10**9)).__next__)
-    told: list[int] = []
-    assert found(lambda point, here: point, 20, count, progress=lambda done, total: told.append(done)) == [*range(20)]
-    assert told == [*range(1, 21)]
-
-
-def test_a_report_has_an_answer_as_long_as_there_are_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However late it is: a report without answers ends the work of the worker that sent it."""
-    monkeypatch.setattr(workers, "OFTEN", 0.0)
-    shared = Points(bondgraph.load(TEXT), Asked(lambda point, here: point), range(3), range(3), False)
-    assert [shared.report() for _ in range(5)] == [{0: 0}, {1: 1}, {2: 2}, {}, {}]
-
-
-def test_each_point_is_made_once(kind: str) -> None:
-    assert found(lambda point, here: point**2, 3000, 3) == [i**2 for i in range(3000)]
-
-
-def test_an_interruption_waits_for_no_more_than_a_point_and_keeps_what_is_done(kind: str, tmp_path: Path) -> None:
-    """This process is interrupted in its second point, when another has made ten and reported none yet."""
-    begun, made, points = CONTEXT.Value("q", 0), CONTEXT.Semaphore(0), 5000
-
-    def call(point: int, here: bool) -> int:
-        with begun.get_lock():
-            begun.value += 1
-        if here and point:
-            assert all(made.acquire(timeout=LONG) for _ in range(10))
+    def answer(self, model: Any, point: int) -> dict[str, float]:
+        if len(self.asked) >= self.until:
             raise KeyboardInterrupt
-        made.release()
-        if not here and begun.value > 20:
-            interrupted.wait(LONG)  # one point takes long
+        self.asked.append(point)
+        return {"square": float(point) ** 2}
+
+
+POINTS = list(range(1000))
+
+
+def made(question: Counting, path: Path, points: list[int] = POINTS) -> list[Any]:
+    journal = Journal(path)
+    try:
+        return answers(bondgraph.load(TEXT), question, points, Workers(1, journal=journal))
+    finally:
+        journal.close()
+
+
+def test_after_a_crash_nothing_is_made_twice_and_nothing_is_lost(tmp_path: Path) -> None:
+    path, asked = tmp_path / "j", list[int]()
+    for until in (300, 700):
+        with pytest.raises(KeyboardInterrupt):
+            made(replaced(asked, until), path)
+    kept = path.stat().st_size
+    found = made(replaced(asked, 10**9), path)
+    assert [x["square"] for x in found] == [float(i) ** 2 for i in POINTS]
+    assert set(asked) == set(POINTS) and len(asked) < 1000 + 2 * 64  # of each crash the task that was on its way
+    assert path.stat().st_size > kept
+    again = list[int]()
+    assert made(replaced(again, 10**9), path) == found and again == []
+
+
+def replaced(asked: list[int], until: int) -> Counting:
+    """As a question that differs in nothing that a journal looks at."""
+    found = Counting(asked)
+    object.__setattr__(found, "until", until)
+    return _Quiet(found)  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class _Quiet:
+    inner: Counting = field(repr=False)
+
+    def answer(self, model: Any, point: int) -> dict[str, float]:
+        return self.inner.answer(model, point)
+
+
+@pytest.mark.parametrize("cut", [1, 40, 500])
+def test_a_tail_that_is_not_whole_is_made_again(tmp_path: Path, cut: int) -> None:
+    path = tmp_path / "j"
+    found = made(Counting(), path)
+    content = path.read_bytes()
+    for tail in (content[:-cut], content[:-cut] + bytes(cut)):
+        path.write_bytes(tail)
+        again = Counting()
+        assert made(again, path) == found
+        assert again.asked == POINTS[-len(again.asked) :] and 0 < len(again.asked) <= 64
+        last = Counting()
+        assert made(last, path) == found and last.asked == []
+
+
+def test_a_journal_of_something_else(tmp_path: Path) -> None:
+    path = tmp_path / "j"
+    made(Counting(), path)
+    for wrong in (lambda: made(Counting(), path, POINTS[:-1]), lambda: made(Counting(until=5), path)):
+        with pytest.raises(UsageError, match="journal of another study"):
+            wrong()
+    (tmp_path / "text").write_text("model A {}")
+    with pytest.raises(UsageError, match="is no journal"):
+        made(Counting(), tmp_path / "text")
+    (tmp_path / "begun").write_bytes(SCHEMA[:5])
+    assert len(made(Counting(), tmp_path / "begun")) == 1000
+
+
+def test_a_journal_runs_nothing(tmp_path: Path) -> None:
+    """A record that would call something when it is read."""
+    import hashlib
+
+    class Evil:
+        def __reduce__(self) -> Any:
+            return os.mkdir, (str(tmp_path / "made"),)
+
+    path = tmp_path / "j"
+    made(Counting(), path)
+    content = path.read_bytes()
+    body = pickle.dumps([Evil()])
+    head = (0).to_bytes(8, "little") + len(body).to_bytes(8, "little")
+    path.write_bytes(content[: len(SCHEMA) + 32] + head + hashlib.sha256(head + body).digest() + body)
+    with pytest.raises(UsageError, match="holds what no study writes"):
+        made(Counting(), path)
+    assert not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize(
+    "name", ["subprocess.Popen", "bondgraph.studies.local_workers.ProcessPoolExecutor", "pathlib.os"]
+)
+def test_a_journal_reads_no_other_nouns(name: str) -> None:
+    """Nor those that modules of ours use."""
+    import io
+
+    from bondgraph.studies.journal import _Known
+
+    module, _, noun = name.rpartition(".")
+    with pytest.raises(pickle.UnpicklingError):
+        _Known(io.BytesIO(f"c{module}\n{noun}\n.".encode())).load()
+
+
+def test_a_journal_of_what_does_not_compile_in_a_file(tmp_path: Path) -> None:
+    """The message names the file."""
+    (tmp_path / "m.bg").write_text(
+        "model B {\n  parameter n = 2\n  Se pull : F = 1 N\n  1 top : translation\n  pull -> top\n"
+        "  for i in 1..n { R drag[i] : F = 2 [N*s/m]*v\n    top -> drag[i] }\n  output v = top.v\n}\n"
+    )
+    kept: list[list[str]] = []
+    for _ in range(2):
+        journal = Journal(tmp_path / "j")
+        many = bondgraph.load(tmp_path / "m.bg").simulate_many(
+            [{"n": 1.0}, {"n": 1.5}], to=1, points=11, workers=Workers(1, journal=journal)
+        )
+        journal.close()
+        kept.append([str(x) for x in many])
+    assert kept[0] == kept[1] and str(tmp_path / "m.bg") in kept[0][1]
+    assert list(many.failures) == [1] and type(many.failures[1]) is bondgraph.CompilationFailed
+
+
+def test_what_others_tell_pickle_is_not_in_a_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dask changes how exceptions go from process to process, for all of them."""
+    import copyreg
+
+    monkeypatch.setitem(copyreg.dispatch_table, bondgraph.RunFailed, lambda failed: (eval, ("1",)))
+    for _ in range(2):
+        journal = Journal(tmp_path / "j")
+        found = journal.begun(bondgraph.load(TEXT), Counting(), POINTS)
+        journal.add({3: bondgraph.RunFailed("at t = 1 s")})
+        journal.close()
+    assert type(found[3]) is bondgraph.RunFailed and str(found[3]) == "at t = 1 s"
+
+
+def test_what_no_journal_can_read_is_kept_in_words(tmp_path: Path) -> None:
+    class Strange(Exception):
+        """Of nobody's module."""
+
+    journal = Journal(tmp_path / "j")
+    journal.begun(bondgraph.load(TEXT), Counting(), POINTS)
+    journal.add({3: Strange("it was strange"), 4: {"square": 16.0}})
+    journal.close()
+    journal = Journal(tmp_path / "j")
+    found = journal.begun(bondgraph.load(TEXT), Counting(), POINTS)
+    journal.close()
+    assert type(found[3]) is bondgraph.RunFailed and str(found[3]) == "it was strange" and found[4] == {"square": 16.0}
+
+
+def test_one_at_a_time(tmp_path: Path) -> None:
+    pytest.importorskip("fcntl")
+    first = Journal(tmp_path / "j")
+    first.begun(bondgraph.load(TEXT), Counting(), POINTS)
+    with pytest.raises(UsageError, match="in use by another process"):
+        made(Counting(), tmp_path / "j")
+    first.close()
+    assert len(made(Counting(), tmp_path / "j")) == 1000
+
+
+def test_sweeps_and_runs_go_on_from_a_journal(tmp_path: Path) -> None:
+    """A journal can hold whole results as well, which come back unchanged."""
+    model = bondgraph.load(TEXT)
+    for _ in range(2):
+        journal = Journal(tmp_path / "runs")
+        many = model.simulate_many(
+            [{"k": 80.0 + i} for i in range(5)], None, 0.2, workers=Workers(1, journal=journal), target="numpy"
+        )
+        journal.close()
+        np.testing.assert_array_equal(many["x"][2], model.simulate(None, {"k": 82.0}, 0.2, target="numpy")["x"])
+        journal = Journal(tmp_path / "sweep")
+        found = model.sweep(
+            {"k": "80 N/m .. 90 N/m : 5"}, ("equilibrium", "modes"), workers=Workers(1, journal=journal)
+        )
+        journal.close()
+        assert found[2].modes is not None and found[2].modes[-1].energy == model.modes(settings={"k": 85.0})[-1].energy
+
+
+def test_a_dead_worker_is_told(alone: Any) -> None:
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    with (
+        ProcessPoolExecutor(1, get_context("spawn")) as executor,
+        pytest.raises(bondgraph.RunFailed, match="a worker died"),
+    ):
+        answers(bondgraph.load(TEXT), _Dying(), [0, 1], Workers(executor=executor))
+
+
+@dataclass(frozen=True)
+class _Dying:
+    def answer(self, model: Any, point: Mapping[str, float]) -> None:
+        os._exit(1)
+
+
+@dataclass(frozen=True)
+class _Elsewhere:
+    """Answer with the number of the process. If `deadly`, any process but `home` dies of it."""
+
+    home: int
+    deadly: bool = False
+
+    def answer(self, model: Any, point: int) -> int:
+        if self.deadly and os.getpid() != self.home:
+            os._exit(1)
+        time.sleep(1e-3)
+        return os.getpid()
+
+
+def _made(count: int, deadly: bool = False) -> str:
+    """Number of 200 answers made in this process, and number of processes in all, or the error.
+
+    In a process without other threads, as those of tests may have.
+    """
+    code = f"""
+import os
+import bondgraph
+from bondgraph.studies.workers import Workers, answers
+from tests.studies.test_workers import TEXT, _Elsewhere
+try:
+    found = answers(bondgraph.load(TEXT), _Elsewhere(os.getpid(), {deadly}), range(200), Workers({count}))
+    print(found.count(os.getpid()), len(set(found)))
+except bondgraph.RunFailed as failed:
+    print(failed)
+"""
+    root = Path(bondgraph.__file__).parents[1]
+    return subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True).stdout
+
+
+def test_two_who_share_out_the_same_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first to end leaves the other its model, and the last leaves nothing behind."""
+    monkeypatch.setattr(workers, "_begun", None)  # nobody compiles it again
+    models, met, ended = [bondgraph.load(TEXT) for _ in range(2)], threading.Barrier(2), threading.Event()
+    found: dict[int, list[Any]] = {}
+
+    def share(number: int, points: int) -> None:
+        with ThreadPoolExecutor(1) as executor:
+            asked = _Meeting(met, ended, number)
+            found[number] = answers(models[number], asked, range(points), Workers(executor=executor))
+        ended.set()
+
+    threads = [threading.Thread(target=share, args=given) for given in ((0, 2), (1, 300))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == {0: [0, 1], 1: [*range(300)]}
+    assert workers._MODELS == {} and workers._OWNERS == {}
+
+
+@dataclass(frozen=True)
+class _Meeting:
+    """Both begin, then the first ends; only then the other goes on."""
+
+    met: threading.Barrier = field(repr=False)
+    ended: threading.Event = field(repr=False)
+    number: int
+
+    def answer(self, model: Any, point: int) -> int:
+        if point == 0:
+            self.met.wait(60)
+        elif self.number == 1:
+            assert self.ended.wait(60)
         return point
 
-    interrupted = CONTEXT.Event()
-    plain, journal = Points.stop, bondgraph.Journal(tmp_path / "j")
 
-    def stop(self: Points) -> None:
-        plain(self)
-        interrupted.set()
-
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt) as caught:
-        patch.setattr(Points, "stop", stop)
-        patch.setattr(workers, "OFTEN", LONG)
-        found(call, points, 2, journal=journal)
-    journal.close()
-    done = begun.value - 1  # all but its own
-    assert done <= 21 and str(caught.value) == f"interrupted when {done} of {points} were done"
-    kept = journal.begun(bondgraph.load(TEXT), Asked(call), range(points))
-    journal.close()
-    assert len(kept) == done and all(answer == point for point, answer in kept.items())
+@pytest.mark.skipif(sys.platform != "linux", reason="workers are threads there")
+@pytest.mark.parametrize("count", [2, 3])
+def test_this_process_is_one_of_the_workers(count: int) -> None:
+    """Its share goes nowhere."""
+    here, processes = map(int, _made(count).split())
+    assert 0 < here < 200 and 1 < processes <= count
 
 
-def run(code: str) -> str:
-    """Output of a separate process without threads, which has to end on its own."""
-    begin = (
-        "import os, signal\nimport multiprocessing as mp\nimport bondgraph\nfrom tests.studies.test_workers import *\n"
-    )
-    root = Path(bondgraph.__file__).parents[1]
-    return subprocess.run(
-        [sys.executable, "-c", begin + code], cwd=root, capture_output=True, text=True, check=True, timeout=LONG
-    ).stdout
+@pytest.mark.skipif(sys.platform != "linux", reason="workers are threads there")
+def test_a_dead_worker_of_our_own_is_told() -> None:
+    assert "a worker died" in _made(2, deadly=True)
 
 
-@only_linux
-@pytest.mark.parametrize("number", [1, 2, 3])
-def test_ctrl_c_while_others_are_started(number: int) -> None:
-    """At the start of the first, second or third of three: none is left over, and the interpreter can end."""
-    assert (
-        run(f"""
-import multiprocessing.popen_fork as started
-plain, begun = started.Popen._launch, []
-def launch(self, what):
-    plain(self, what)
-    begun.append(1)
-    if len(begun) == {number}:
-        os.kill(os.getpid(), signal.SIGINT)
-started.Popen._launch = launch
-signal.signal(signal.SIGINT, signal.default_int_handler)
-try:
-    found(lambda point, here: point, 20, 4)
-except KeyboardInterrupt as pressed:
-    print(str(pressed).startswith("interrupted when "), mp.active_children())
-print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)
-""")
-        == "True []\nTrue\n"
-    )
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_tasks_become_smaller(count: int) -> None:
+    """A worker with one task in progress and two ahead has no more than its share of the remaining points."""
+    gaps, left = [(3, 3), (5, 1900), (2000, 2007)], 1902
+    pieces = workers._pieces(gaps, left, count)
+    assert [i for begin, end in pieces for i in range(begin, end)] == [*range(5, 1900), *range(2000, 2007)]
+    assert max(end - begin for begin, end in pieces) == workers.MOST_AT_ONCE
+    for begin, end in pieces:
+        assert end - begin == 1 or 3 * (end - begin) * count <= left
+        left -= end - begin
 
 
-@only_linux
-def test_where_not_all_can_be_started() -> None:
-    """Workers that were started are ended."""
-    assert (
-        run("""
-import multiprocessing.popen_fork as started
-plain, begun = started.Popen._launch, []
-def launch(self, what):
-    if len(begun) == 2:
-        raise BlockingIOError("no more processes")
-    plain(self, what)
-    begun.append(1)
-started.Popen._launch = launch
-try:
-    found(lambda point, here: point, 20, 4)
-except BlockingIOError as problem:
-    print(problem, len(begun), mp.active_children())
-""")
-        == "no more processes 2 []\n"
-    )
+@pytest.fixture
+def cluster() -> Iterator[Any]:
+    distributed = pytest.importorskip("distributed", reason="distributed is not installed")
+    import dask
+
+    quiet = {"distributed.worker.profile.enabled": False, "distributed.admin.system-monitor.gil.enabled": False}
+    with (
+        dask.config.set(quiet),
+        distributed.LocalCluster(
+            2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        ) as made,
+        distributed.Client(made) as client,
+    ):
+        yield client
 
 
-@only_linux
-def test_workers_end_with_this_process() -> None:
-    """None waits for work of one that was killed, and holds what is printed open."""
-    with pytest.raises(subprocess.CalledProcessError) as caught:
-        run("""
-def call(point, here):
-    if here and point:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return point
-found(call, 100, 3)
-""")
-    assert caught.value.returncode == -signal.SIGKILL
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_loses_a_worker(cluster: Any, alone: Any) -> None:
+    pids = list(cluster.run(os.getpid).values())
+    done: list[int] = []
 
+    def watch(count: int, total: int) -> None:
+        if not done:
+            os.kill(pids[0], signal.SIGKILL)
+        done.append(count)
 
-@only_linux
-def test_within_a_worker_of_others() -> None:
-    """One of `multiprocessing.Pool` must not have processes of its own."""
-    assert (
-        run("""
-def call(count):
-    return found(lambda point, here: (point, os.getpid() == mp.current_process().pid), 20, count)
-with mp.get_context("fork").Pool(1) as pool:
-    print(pool.map(call, [1, 2, None]) == [[(i, True) for i in range(20)]] * 3)
-""")
-        == "True\n"
-    )
+    assert len(pids) == 2 and same(study(Workers(executor=cluster, progress=watch)), alone)
+    assert done[-1] == 120 + 32 * 3 + 5 and sorted(set(done)) == done
+    assert pids[0] not in cluster.run(os.getpid).values()
