@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 import bondgraph
 from bondgraph.errors import RunFailed
 from bondgraph.results.result import Result
+from bondgraph.simulation.steps.compiled.coarse_run import CompiledEuler
 from tests.compiling import compiled
 
 RTOL = 1e-8
@@ -57,6 +58,16 @@ def bounces() -> Iterator[float]:
             return
         speed *= 0.8
         time += 2 * speed / 9.81
+
+
+@pytest.mark.machine_code
+def test_the_pilot_run_to_the_first_event_is_one_call(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Machine code observes the conditions, too: Python makes only the last step of each part of the run that ends before them (it made 650)."""
+    calls = []
+    step = CompiledEuler.step
+    monkeypatch.setattr(CompiledEuler, "step", lambda euler, *given: calls.append(given) or step(euler, *given))
+    assert len(run(BALL, 2).events) == 3
+    assert len(calls) <= 12
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-9])

@@ -16,6 +16,7 @@ from ..initialization.assembly import choose_rows
 from ..initialization.consistent_start import consistent_start
 from ..segments.timeline import Segment
 from ..segments.transition import PhaseTransition
+from ..start.coarse import Conditions
 from ..watch.choice import Choice
 from .complementarity import Companion, Instant
 from .events import Events, Moment
@@ -40,6 +41,10 @@ class UntilEvent:
         if (self.events.truth(self.events.roots(time, state, mode)) != said).any():
             return time
         return self.choice.look(time, state, mode)
+
+    def conditions(self, mode: Any) -> Conditions | None:
+        """Return the conditions with their truth in a mode; None if storages are examined, too."""
+        return None if self.choice else Conditions(np.asarray(mode)[self.events.places] == 1.0, self.events.strict)
 
 
 def with_modes(program: Program, first: Segment, modes: Mapping[str, float]) -> Segment:

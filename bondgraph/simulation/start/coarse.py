@@ -46,6 +46,18 @@ class Looks(Protocol):
 
     def look(self, time: float, state: Any, mode: Any) -> object | None: ...
 
+    def conditions(self, mode: Any) -> Conditions | None:
+        """Return the conditions of the program with their truth in a mode, if it observes these and nothing else; else None."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Conditions of a program: `holds` in the mode, `strict` ones do not hold at zero; shape (conditions,)."""
+
+    holds: Any
+    strict: Any
+
 
 @dataclass(frozen=True, slots=True)
 class Look:
@@ -146,7 +158,7 @@ class CoarseRun:
         first = stretches[0]
         reach = self._reach(first)
         whole, taken = stretches[-1].stop - first.start, 0
-        loop = None if choice else self._loop(reach)
+        loop = None if choice and choice.conditions(first.mode) is None else self._loop(reach)
         for stretch in stretches:
             length = stretch.stop - stretch.start
             usual = length / max(2, min(STEPS, round(STEPS * length / whole)))
@@ -154,9 +166,14 @@ class CoarseRun:
             follows = self._follows(stretch, len(stretches), whole)
             while pace.size > pace.smallest and not follows(pace.time, pace.time + pace.size):
                 pace.size *= 0.25
+            conditions = choice.conditions(stretch.mode) if choice else None
+            if loop is not None and conditions is not None:
+                loop.observe(conditions)
             while pace.time < stretch.stop and pace.taken < MOST_STEPS:
-                if loop is not None:  # all but the last step of a segment, and a failed one
-                    loop.go(self, pace, first.start, stretch.mode)
+                if loop is not None and loop.go(
+                    self, pace, first.start, stretch.mode
+                ):  # all but the last step of a segment, and a failed one
+                    return self.largest
                 if not self._further(pace, follows, stretch.mode):
                     if pace.size < pace.smallest:
                         return self._given_up(first.start, pace.time)

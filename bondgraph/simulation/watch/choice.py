@@ -43,6 +43,9 @@ class Choice:
         """Return True if there are storages that can be exchanged."""
         return len(self.rows) > 0
 
+    def conditions(self, mode: Any) -> None:
+        """Return None: storages are examined, no conditions."""
+
     def look(self, time: float, state: Any, mode: Any) -> PhaseTransition | None:
         """Return the transition that exchanges two storages after a step that ended here; None if none is needed."""
         if not len(self.rows):

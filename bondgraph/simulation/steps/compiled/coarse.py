@@ -1,6 +1,6 @@
 """Loop of the pilot run over steps of `euler.py`, in the subset that becomes machine code; same names as in `start.coarse.CoarseRun.peak`.
 
-It returns where Python must act: before the step that ends a segment, and where even the shortest step fails.
+It returns where Python must act: before the step that ends a segment, where even the shortest step fails, and where a condition no longer holds as it did.
 """
 
 from __future__ import annotations
@@ -13,12 +13,14 @@ from compiler.api import Record
 from ...start import coarse as look
 from .euler import Euler, euler
 from .sparse import ANEW, FINE, SINGULAR
+from .stepper import Function
 
 if TYPE_CHECKING:
-    from compiler.api import Floats
+    from compiler.api import Floats, Ints
 
 CAREFUL, MOST_STEPS = look.CAREFUL, look.MOST_STEPS
 AGAIN, NOTES = look.AGAIN, look.NOTES
+CROSSED = 12  # a condition has changed
 GROWN, SAME, SLIGHT = look.GROWN, look.SAME, look.SLIGHT
 
 
@@ -26,6 +28,11 @@ class Coarse(Record):
     """State of the pilot run. n states, all of them differential."""
 
     euler: Euler
+    roots: Function
+    root_count: int  # 0 where conditions do not end the run
+    root: Floats  # root_count
+    root_said: Ints  # root_count: 1 where the condition holds in the mode
+    root_strict: Ints  # root_count: 1 where it does not hold at zero
     n: int
     state: Floats  # n
     time: float
@@ -49,7 +56,7 @@ class Coarse(Record):
 
 
 def coarse(c: Coarse) -> int:
-    """Make steps; return `FINE` where Python must act, `ANEW` if the factors need another order, `SINGULAR` if no step is short enough."""
+    """Make steps; return `FINE` where Python must act, `ANEW` if the factors need another order, `SINGULAR` if no step is short enough, `CROSSED`."""
     while c.taken < MOST_STEPS:
         size = c.usual if c.taken + 1 == CAREFUL else c.size
         if c.time + 1.001 * size >= c.stop:
@@ -67,6 +74,10 @@ def coarse(c: Coarse) -> int:
                 return SINGULAR
             continue
         go_on(c, c.euler)
+        if c.root_count > 0 and has_crossed(c, c.euler):
+            return CROSSED
+        if c.reaching != 0:
+            reached(c, c.euler)
         note(c, c.euler)
     return FINE
 
@@ -78,8 +89,16 @@ def go_on(c: Coarse, e: Euler) -> None:
     for i in range(c.n):
         c.state[i] = c.found[i]
         e.largest[i] = max(e.largest[i], abs(c.found[i]))
-    if c.reaching != 0:
-        reached(c, e)
+
+
+def has_crossed(c: Coarse, e: Euler) -> bool:
+    """Return True if a condition differs from the mode."""
+    c.roots(c.time, c.state, e.inputs, e.constants, e.mode, c.root)
+    for k in range(c.root_count):
+        holds = 1 if c.root[k] < 0.0 or (c.root[k] == 0.0 and c.root_strict[k] == 0) else 0
+        if holds != c.root_said[k]:
+            return True
+    return False
 
 
 def note(c: Coarse, e: Euler) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from ...segments.timeline import mode_size
 from ...start.coarse import unit_numbers
 from ...start.kept import keeps_factors
-from .coarse import Coarse
+from .coarse import CROSSED, Coarse
 from .code import called
 from .euler import Euler
 from .factors import Factors, room_for
@@ -22,7 +22,7 @@ from .sparse import ANEW, FINE
 if TYPE_CHECKING:
     from compiler.api import Program
 
-    from ...start.coarse import CoarseRun, Pace
+    from ...start.coarse import CoarseRun, Conditions, Pace
     from ...start.motion import FreeMotion
 
 PACE = "time", "size", "taken", "usual", "smallest", "stop"
@@ -84,17 +84,13 @@ class CompiledCoarse:
         self.euler, n = euler, euler.record.n
 
         def room() -> dict[str, Any]:
-            numbers = {
-                "time": 0.0,
-                "size": 0.0,
-                "usual": 0.0,
-                "smallest": 0.0,
-                "stop": 0.0,
-                "begun": 0.0,
-                "noted": 0,
-                "taken": 0,
+            numbers = dict.fromkeys((*PACE, "begun"), 0.0) | {"noted": 0, "taken": 0, "root_count": 0, "n": n}
+            hybrid = euler.program.hybrid
+            count = 0 if hybrid is None else len(hybrid.conditions)
+            roots = {"root": np.zeros(count)} | {
+                name: np.zeros(count, dtype=np.int64) for name in ("root_said", "root_strict")
             }
-            return numbers | {"n": n} | {name: np.zeros(n) for name in ("found", "most", "modes")}
+            return numbers | roots | {name: np.zeros(n) for name in ("found", "most", "modes")}
 
         nothing, ones = np.zeros((0, 0)), np.ones(n)
         shapes, inverse, unit = (
@@ -108,17 +104,23 @@ class CompiledCoarse:
         self._record = self.values.record
         self._run = called("coarse", ctypes.c_int64, ctypes.c_void_p)
 
-    def go(self, run: CoarseRun, pace: Pace, begun: float, mode: Any) -> None:
-        """Step until Python must act; `begun`: start of the run. Updates state and magnitudes of `run`, and `pace`."""
+    def observe(self, conditions: Conditions) -> None:
+        """Return from `go` where one of these conditions changes."""
+        self._record.root_count = len(conditions.holds)
+        self.values["root_said"][:], self.values["root_strict"][:] = conditions.holds, conditions.strict
+
+    def go(self, run: CoarseRun, pace: Pace, begun: float, mode: Any) -> bool:
+        """Step until Python must act; `begun`: start of the run. Updates state and magnitudes of `run`, and `pace`. True if a condition has changed."""
         record, values, euler, order = self._record, self.values, self.euler.values, self.euler.order
         values.put({"state": run.state, "far": run.far, "until": run.until, "begun": begun, "noted": run.noted})
         euler["largest"][:], euler["mode"][:] = run.largest, mode
         for name in PACE:
             setattr(record, name, getattr(pace, name))
         order.record.tolerant = 0
-        while self._run(values.address) == ANEW:
+        while (answer := self._run(values.address)) == ANEW:
             if not order.choose(1 / self.euler.record.size, euler["scaled"]):
                 break
             order.record.tolerant = 1
         pace.time, pace.size, pace.taken = record.time, record.size, record.taken
         run.state, run.largest, run.noted = values["state"], euler["largest"].copy(), record.noted
+        return bool(answer == CROSSED)
