@@ -171,7 +171,7 @@ class EquationBuilder:
 
     def differentiated(self, target: int, of: int, span: Span, owner: str) -> None:
         """`target := d(of)/dt`, which index reduction expands."""
-        self.derivatives.append(Derivative(target, of, span, owner))
+        self.derivatives.append(Derivative(target, of, span, owner, of))
 
     def definition(self, variable: int) -> Expression | float | None:
         """Expression that computes a variable explicitly, or the value of a parameter; None otherwise."""

@@ -239,7 +239,9 @@ class _Nodes:
                 self._state(node, port, quantities[port], rates[port], own)
             else:
                 conjugate = own[Own(port, GIVEN[node.stored[port]])]
-                self.to.derivatives.append(Derivative(rates[port], quantities[port], node.span, node.name, conjugate))
+                self.to.derivatives.append(
+                    Derivative(rates[port], quantities[port], node.span, node.name, quantities[port], conjugate)
+                )
                 if port in node.starts and not self._is_zero(node.starts[port][1]):
                     self._claim(node, port, own)
         self._energy_of(node, quantities)

@@ -63,6 +63,7 @@ class Derivative:
     of: int
     span: Span
     owner: str
+    quantity: int  # `of` by its own name and unit, also where it is the same number as another variable
     conjugate: int | None = None  # effort of a displacement's storage, flow of a momentum's
 
 

@@ -79,7 +79,9 @@ class _Reduction:
         used |= needed([d.lag for d in delays if isinstance(d.lag, int)], inputs)
         used |= needed([e.period for e in events if isinstance(e.period, int)], inputs)
         claims = self._claims(used, inputs, reach)
-        dependents = tuple(Dependent(d.of, d.owner, d.conjugate) for d in system.derivatives if d.target in used)
+        dependents = tuple(
+            Dependent(d.of, d.owner, d.quantity, d.conjugate) for d in system.derivatives if d.target in used
+        )
         used |= needed([d.variable for d in dependents], reach)
         invariants = self._invariants(used, inputs, reach)
         states = [s for s in system.states if s.variable in used]
@@ -88,7 +90,7 @@ class _Reduction:
             used |= needed(extra, inputs)
         following = tuple(f for f in system.following if f.variable in used)
         if dependents:  # of which one may change places with a state that others follow
-            dependents += tuple(Dependent(f.variable, "") for f in following)
+            dependents += tuple(Dependent(f.variable, "", f.variable) for f in following)
         used |= needed([f.start for f in following if isinstance(f.start, int)], inputs)
         for storage in system.storages if self.everything else ():
             used |= needed([a for a in storage.arguments if isinstance(a, int)], inputs)

@@ -78,6 +78,7 @@ class Dependent:
 
     variable: int
     element: str  # "" for a follower of another state, which may become a state if storages change their form
+    quantity: int  # the same by its own name and unit: a law `p = f` makes `variable` that of the flow
     conjugate: int | None = None
 
 

@@ -109,7 +109,7 @@ def name_tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
     return [
         ("STATES", rows([s.variable for s in lowered.space.states])),
         ("UNKNOWNS", rows([u.variable for u in lowered.space.unknowns])),
-        ("DEPENDENTS", rows([d.variable for d in lowered.space.dependents])),
+        ("DEPENDENTS", rows([d.quantity for d in lowered.space.dependents])),
         ("OUTPUTS", outputs),
         ("INPUTS", rows(lowered.inputs)),
         ("PARAMETERS", rows(lowered.parameters)),
