@@ -15,16 +15,7 @@ if TYPE_CHECKING:
     from .algebra.affine import affine_parts
     from .algebra.derivative import NoSlope, derivative
     from .algebra.expression import (
-        Apply,
-        Expression,
-        Number,
-        Symbol,
-        call,
-        depends_on,
-        evaluate,
-        select,
-        substitute,
-        symbols,
+        Apply, Expression, Number, Symbol, call, depends_on, evaluate, select, substitute, symbols,
     )  # fmt: skip
     from .algebra.formula import Bound
     from .algebra.operators import value_of
@@ -62,21 +53,9 @@ if TYPE_CHECKING:
     from .reduction.order import blocks
     from .reduction.state_space import LinearLoop, StateSpace, Unknown
     from .scene import (
-        SOLVERS,
-        Analysis,
-        ContinuationRequest,
-        Differentiating,
-        Fitting,
-        Inverting,
-        Linearizing,
-        MonteCarloRequest,
-        Override,
-        Plan,
-        RandomParameter,
-        RunMetadata,
-        Scene,
-        Study,
-    )
+        SOLVERS, Analysis, ContinuationRequest, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan,
+        RandomParameter, RunMetadata, Scene, Study,
+    )  # fmt: skip
     from .semantics.domain_table import ELEMENT_KINDS
     from .semantics.scope import RESERVED
     from .semantics.unit import read_unit

@@ -50,9 +50,8 @@ def run(
         plan.experiment, tuple(settings.items()), plan.studies, simulates, options.outputs, options.wanted
     )
     chosen = workers or ALONE
-    alone = not left and any(
-        isinstance(s, MonteCarloRequest) for s in plan.studies
-    )  # then the workers share its own points
+    # The workers share the points of a Monte Carlo step that stands alone.
+    alone = not left and any(isinstance(s, MonteCarloRequest) for s in plan.studies)
     points = (asked.made(model, {}, chosen),) if alone else made(model, asked, grid, chosen)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
     notes = compilation_notes(model, plan.experiment, settings, grid)

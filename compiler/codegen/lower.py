@@ -318,7 +318,7 @@ def _lower_loop(result: Lowered, loop: LinearLoop, slopes: dict[int, dict[int, E
 
 def loop_slopes(
     loop: LinearLoop, matrix: Sequence[dict[int, Expression]], targets: Sequence[Expression], slopes: dict[int, dict[int, Expression]],
-    layout: Layout | None,
+    layout: BandLayout | None,
 ) -> None:  # fmt: skip
     """Enter the slopes of a linear loop's solution `targets`: A t = r, so A dt = dr - dA t, with the same matrix for every column."""
     columns = {c for e in loop.read for c in slopes.get(e, {})}

@@ -53,13 +53,9 @@ class Sides:
     """The two sides of a closing joint, and their constraint rows."""
 
     def __init__(
-        self,
-        kinematics: Kinematics,
-        recursion: Recursion,
-        result: MechanismEquations,
-        wrenches: dict[str, tuple[Vector, Vector]],
-        joint: Joint,
-    ) -> None:
+        self, kinematics: Kinematics, recursion: Recursion, result: MechanismEquations,
+        wrenches: dict[str, tuple[Vector, Vector]], joint: Joint,
+    ) -> None:  # fmt: skip
         self.kinematics, self.recursion, self.result = kinematics, recursion, result
         self.wrenches, self.joint, self.script = wrenches, joint, kinematics.script
         bodies = [kinematics.on[end] for end in (joint.first, joint.second)]

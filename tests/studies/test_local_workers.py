@@ -160,9 +160,7 @@ def test_an_interruption_waits_for_no_more_than_a_point_and_keeps_what_is_done(k
 
 def run(code: str) -> str:
     """Output of a separate process without threads, which has to end on its own."""
-    begin = (
-        "import os, signal\nimport multiprocessing as mp\nimport bondgraph\nfrom tests.studies.test_local_workers import *\n"
-    )
+    begin = "import os, signal\nimport multiprocessing as mp\nimport bondgraph\nfrom tests.studies.test_local_workers import *\n"
     root = Path(bondgraph.__file__).parents[1]
     return subprocess.run(
         [sys.executable, "-c", begin + code], cwd=root, capture_output=True, text=True, check=True, timeout=LONG

@@ -18,19 +18,10 @@ from .write import HEAD, LlvmLines, LlvmNeeds
 
 SAVING = 2  # by how much shorter the kernels must be
 LONGEST_IN_LINES = 1500  # operations and values of a module that are written one after the other
+# Functions called at every step of a run.
 HOT = frozenset(
-    {
-        "derivative",
-        "jacobian_entries",
-        "signals",
-        "solved",
-        "invariant",
-        "invariant_slopes",
-        "bends",
-        "stored_energy",
-        "roots",
-    }
-)  # called at every step of a run
+    {"derivative", "jacobian_entries", "signals", "solved", "invariant", "invariant_slopes", "bends", "stored_energy", "roots"}
+)  # fmt: skip
 
 
 def mode_size(lowered: Lowered) -> int:
