@@ -14,16 +14,14 @@ import numpy as np
 
 from compiler.api import Program
 
+from ..steps.limits import ITERATIONS, NOISE, ROUNDING, WEAK
+
 if TYPE_CHECKING:
     from ..steps.compiled.held import CompiledConstraints
 
-ITERATIONS = 20
-ROUNDING = 4e-16  # relative to the size of a constraint residual: it cannot get smaller
-NOISE = 1e-13  # relative to that size: rounding left where large positions are subtracted
 DENSE = 60  # rows up to which the linear algebra is dense
 RANK = 1e-8  # relative to the largest singular value: smaller ones count as lost rank at this pose
 NO_SLOPE = 1e-9  # relative to an angle: smaller derivatives are rounding
-WEAK = 1e-5  # smallest pivot of a Cholesky factor that is trusted
 
 
 @dataclass(frozen=True, slots=True)

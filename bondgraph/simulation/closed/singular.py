@@ -16,21 +16,16 @@ from ...errors import RunFailed
 from ...results.records import ToleranceDoubt
 from ..loops.loops import LoopSolver
 from ..segments.trajectory import SingularPose
-from .constraints import NOISE, Assembled, Constraints
+from ..steps.limits import APART, FINE, LOOK, MISSES, NEAR, NEVER, NOISE
+from .constraints import Assembled, Constraints
 from .crossing import Crossed, OnConstraints, cross
 
-LOOK = 16.0  # steps ahead within which a singular pose is crossed in one step
-NEAR = 0.3  # fraction of the time to it: longest ordinary step
-MISSES = 0.5  # fraction of the singular value: remainder of a parabola at the zero of the straight line
-APART = 1e-8  # relative size from which the residual of a redundant row counts as open
 OPEN = 1e-10  # relative size from which a residual counts as open where its derivatives vanish
 VANISHED = 1e-6  # relative to the largest: a smaller singular value counts as zero
-FINE = 1e-9  # relative tolerance below which that many steps get too short: rounding grows as a crossing gets shorter
 MOST_ROUNDED = 1e-7  # in magnitudes: a crossing with more rounding than that is not taken
 ROUNDINGS = 10.0  # tolerances of rounding that a crossing may leave: what steps leave adds up to as much
 SLIGHT = 3.0  # tolerances of rounding from which a run warns
 FALLS = 0.5  # fraction of the rounding of a longer crossing: a shorter one with more than that gains nothing
-NEVER = 1e300  # time ahead: no try yet
 SEARCH = 12
 DIFFERENCE = 1e-6
 ORDER = 1 / 6  # exponent of the step size as a function of its error, a lower bound

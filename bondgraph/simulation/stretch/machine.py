@@ -9,11 +9,11 @@ import numpy as np
 from compiler.api import Program
 
 from ...errors import StepsCollapsed
-from ..closed.singular import NEAR
 from ..segments.timeline import Segment
 from ..steps import pair
 from ..steps.compiled.advance import FINISHED, FLIP, HANDOVER, MORE, STIFF
 from ..steps.compiled.run import CompiledRadau, obstacle, steps
+from ..steps.limits import NEAR
 from ..steps.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU
 from ..steps.radau import StepFailed
 from ..watch.stuck import MOST_COMPILED, MOST_STEPS

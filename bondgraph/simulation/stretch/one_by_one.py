@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import StepsCollapsed
-from ..closed.singular import NEAR
 from ..segments.timeline import Segment
+from ..steps.limits import NEAR
 from ..steps.methods import AUTOMATIC, RADAU
 from ..steps.radau import StepFailed
 from ..watch.stuck import MOST_STEPS

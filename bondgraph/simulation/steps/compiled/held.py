@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -14,9 +14,6 @@ from .code import called
 from .forms import Laid, form_of
 from .holding import Held
 from .squares import square
-
-if TYPE_CHECKING:
-    from ...closed.constraints import Constraints
 
 _POINTER = ctypes.c_void_p
 _COUNT = ctypes.c_int64
@@ -43,10 +40,22 @@ def fields_of(program: Program, inputs: Any, constants: Any, magnitude: Any, tak
     } | squares  # fmt: skip
 
 
+class Invariants(Protocol):
+    """Constraints of a program with the values of a run; `taking`: mask of the active residuals; `magnitude` of the states (n,)."""
+
+    program: Program
+    inputs: Any
+    constants: Any
+    magnitude: Any
+    taking: Any
+
+    def __bool__(self) -> bool: ...
+
+
 class CompiledConstraints:
     """Projections and singular values at several instants; the index of the state is last, unknowns included."""
 
-    def __init__(self, constraints: Constraints) -> None:
+    def __init__(self, constraints: Invariants) -> None:
         program, taking = constraints.program, constraints.taking
         magnitude = np.ones(len(program.states.names) + len(program.unknowns.names))
         magnitude[: len(constraints.magnitude)] = constraints.magnitude

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 from compiler.api import Record
 
-from ...closed import constraints
+from .. import limits
 
 if TYPE_CHECKING:
     from compiler.api import Floats, Ints
 
-ITERATIONS, ROUNDING, NOISE = constraints.ITERATIONS, constraints.ROUNDING, constraints.NOISE
-WEAK = constraints.WEAK * constraints.WEAK  # relative to its diagonal entry: smaller pivots count as weak
+ITERATIONS, ROUNDING, NOISE = limits.ITERATIONS, limits.ROUNDING, limits.NOISE
+WEAK = limits.WEAK * limits.WEAK  # relative to its diagonal entry: smaller pivots count as weak
 DROPPED = 1e-15  # relative to its diagonal entry: round-off after cancellation
 INVERSE, SETTLED = 100, 1e-8  # inverse iterations for the smallest singular value, and relative change at their end
 FRESH = 0.3  # share of a random vector mixed into that of the last pose, so that another loop may become the weakest

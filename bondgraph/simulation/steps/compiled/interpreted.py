@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +21,12 @@ from .advance import begin, one_step
 from .along import densify
 from .between import bring_back, has_steep_states, is_unsure
 from .conserving import sample_step
-from .held import fields_of
+from .held import Invariants, fields_of
 from .holding import Held, Square
 from .in_numpy import interpreted
-from .run import FAILURES
 from .sparse import Pattern
+from .step import FAILURES
 from .stepper import Stepper
-
-if TYPE_CHECKING:
-    from ...closed.constraints import Constraints
 
 OF_STATES = ("derivative", "entries", "holds", "dependent", "sensitivities", "powers", "bends", "stored_energy")
 
@@ -37,9 +34,7 @@ OF_STATES = ("derivative", "entries", "holds", "dependent", "sensitivities", "po
 class Interpreted:
     """Steps of a method over one segment, with the interface of `run.CompiledRadau`."""
 
-    def __init__(
-        self, program: Program, values: dict[str, Any], constraints: Constraints, size: float = np.inf
-    ) -> None:
+    def __init__(self, program: Program, values: dict[str, Any], constraints: Invariants, size: float = np.inf) -> None:
         """`values`: fields of a `Stepper` at the start; `size`: of the first step."""
         values |= {name: _into(values[name]) for name in OF_STATES if values[name] is not None}
         values |= {"signals": _of_time(values["signals"]), "stop": float(values["stop"])}
@@ -205,7 +200,7 @@ def _of_time(function: Callable[..., Any]) -> Callable[..., None]:
     return call
 
 
-def _constraints(program: Program, constraints: Constraints, values: dict[str, Any]) -> Held:
+def _constraints(program: Program, constraints: Invariants, values: dict[str, Any]) -> Held:
     """Return the constraints as a record; for none, an empty one."""
     if not constraints:
         held = object.__new__(Held)

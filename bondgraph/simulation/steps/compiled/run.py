@@ -26,7 +26,7 @@ from .fields import given_at, room_of, signal_fields
 from .forms import Laid, form_of
 from .ordering import DIAGONAL, on_diagonal, ordered, room_in
 from .sparse import FINE, Pattern
-from .step import ERROR, NEWTON, ORDER, ROUND_OFF
+from .step import FAILURES, NEWTON, ORDER
 from .stepper import Stepper
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # fields that are read often
-FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 SMALL = 1e-3  # ratio of a pivot to the largest number that it divides, below which another order is chosen
 
 

@@ -32,6 +32,7 @@ LOOKS, BETWEEN = tuple(timeline.LOOKS.tolist()), tuple(timeline.BETWEEN.ravel().
 CUBIC = tuple(timeline.CUBIC.ravel().tolist())
 SEEN, UNSEEN = len(timeline.SEEN), len(timeline.LOOKS) - len(timeline.SEEN)
 NEWTON, ERROR, ROUND_OFF, ORDER = 4, 5, 6, 7  # reasons for no step; the last: the matrix needs another order
+FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 
 
 def step(s: Stepper) -> int:

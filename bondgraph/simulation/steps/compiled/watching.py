@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from math import pow
 
-from ...closed import singular
+from .. import limits
 from .holding import least
 from .stepper import Stepper
 
-LOOK_AHEAD, FINE = singular.LOOK, singular.FINE
-NEAR, MISSES, APART = singular.NEAR, singular.MISSES, singular.APART
-NEVER = singular.NEVER
+LOOK_AHEAD, FINE = limits.LOOK, limits.FINE
+NEAR, MISSES, APART = limits.NEAR, limits.MISSES, limits.APART
+NEVER = limits.NEVER
 GOES_ON, CROSS, REDUNDANT = 0, 8, 9
 
 
