@@ -280,6 +280,9 @@ class Program:
     stored_energy: Callable[[float, Array, Array, Array, Array], Array] | None = None
     # as output -> all energy that is stored, then its slopes by the states; None if the scene does not ask for it
     time_functions: TimeFunctions | None = None  # None: none has to be looked at
+    functions: Mapping[str, Callable[..., Array]] = field(
+        default_factory=dict
+    )  # all that it has, by name (see `functions.py`)
     kept: dict[object, Any] = field(init=False, default_factory=dict, repr=False)
     # results of runs that depend on the program alone, computed once; never those that depend on a run's values
 

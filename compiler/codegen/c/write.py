@@ -61,9 +61,9 @@ class _File:
         note = "All that depends on parameters alone; `constants` are the parameters."
         functions = [self._function("constants", note, constants, leaves)]
         counts = [("constants", len(constants))]
-        for name, _, doc, roots in self.writer.functions():
-            functions.append(self._function(name, doc, roots, known))
-            counts.append((name, len(roots)))
+        for row, roots in self.writer.functions:
+            functions.append(self._function(row.name, row.description(self.lowered), roots, known))
+            counts.append((row.name, len(roots)))
         support_text = c_source(list(dict.fromkeys(support.BY_OPERATOR[o] for o in sorted(self.called))))
         points = [f"static const double {n}[] = {{{', '.join(map(c_number, v))}}};" for v, n in self.arrays.items()]
         return "\n".join([self._head(counts), BEGINNING, _OWN, support_text, *points, "", *functions])

@@ -41,5 +41,6 @@ def bind(described: ProgramImage, codes: Sequence[bytes]) -> Program:
     if note is not None:
         found["mode_at"] = mode_at(note, found)
         given["hybrid"] = hybrid_of(note, found)
-    given |= {name: function for name, function in found.items() if name not in (*HYBRID, "mode_at")}
+    named = Program.__dataclass_fields__.keys() - set(HYBRID)
+    given |= {name: function for name, function in found.items() if name in named} | {"functions": found}
     return Program(**given)

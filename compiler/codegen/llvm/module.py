@@ -18,10 +18,6 @@ from .write import HEAD, LlvmLines, LlvmNeeds
 
 SAVING = 2  # by how much shorter the kernels must be
 LONGEST_IN_LINES = 1500  # operations and values of a module that are written one after the other
-# Functions called at every step of a run.
-HOT = frozenset(
-    {"derivative", "jacobian_entries", "signals", "solved", "invariant", "invariant_slopes", "bends", "stored_energy", "roots"}
-)  # fmt: skip
 
 
 def mode_size(lowered: Lowered) -> int:
@@ -50,10 +46,10 @@ class Module:
         known |= {Symbol(Leaf("input", i)): ("inputs", i) for i in range(counts["input"])}
         known |= {Symbol(Leaf("mode", i)): ("mode", i) for i in range(mode_size(self.lowered))}
         wanted = [] if self.hot else [self._constants(constants)]
-        for name, arguments, _, roots in self.writer.functions():
-            if (name in HOT) == self.hot:
-                self.functions.append((name, tuple(arguments.split(", ")), len(roots)))
-                wanted.append(_ordered(name, roots, known))
+        for row, roots in self.writer.functions:
+            if row.hot == self.hot:
+                self.functions.append((row.name, tuple(row.arguments.split(", ")), len(roots)))
+                wanted.append(_ordered(row.name, roots, known))
         parts = self._parts(wanted)
         needed = list(dict.fromkeys(support.BY_OPERATOR[o] for o in sorted(self.needs.called)))
         supporting = translate(needed if self.hot else [support.batch, *needed])

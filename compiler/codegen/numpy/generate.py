@@ -42,6 +42,7 @@ def generate_program(lowered: Lowered) -> Program:
         module.bends if lowered.bends else None,
         Delays(len(lowered.lags), module.lags, module.delayed) if lowered.lags else None,
         module.stored_energy if lowered.energy else None, time_functions_of(lowered, writer.constants),
+        {row.name: getattr(module, row.name) for row, _ in writer.functions},
     )  # fmt: skip
 
 

@@ -6,13 +6,14 @@ states and batches: every array is transposed so that its last axis comes first,
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
-from ...algebra.expression import Apply, Expression, Number, Symbol, multiply
+from ...algebra.expression import Apply, Expression, Number, Symbol
 from ...algebra.systems import SYSTEMS
 from ...errors import printable
 from ..dependence import INPUT, MODE, STATE, TIME
 from ..events import LoweredEvents
+from ..functions import FIXED, functions_of
 from ..limits import Leaf
 from ..lower import moving
 from ..lowered import Lowered
@@ -20,15 +21,13 @@ from .beginning import beginning
 from .body import NumpyLines, NumpyNeeds, number
 from .names import Identifiers
 
-FIXED, FULL = "constants", "time, state, inputs, constants, mode"
-Written = tuple[str, str, str, Sequence[Expression]]  # a function's name, arguments, description, and results
-
 
 class Writer:
     """Writer of the module."""
 
     def __init__(self, lowered: Lowered) -> None:
         self.lowered = lowered
+        self.functions = tuple(functions_of(lowered))
         self.constants = self._constant_nodes()
         self.constant_names: dict[Expression, str] = {}
         identifiers = Identifiers()
@@ -47,39 +46,9 @@ class Writer:
 
     # ------------------------------------------------------------ what is constant
     def _roots(self) -> list[Expression]:
-        lowered = self.lowered
-        roots = [
-            *lowered.rates,
-            *lowered.jacobian.values(),
-            *lowered.outputs.values(),
-            *lowered.claims,
-            *lowered.forced,
-            *lowered.dependents,
-            *lowered.energy,
-            *lowered.invariants,
-            *lowered.invariant_slopes.values(),
-            *(() if lowered.solved is None else (*lowered.solved.rates, *lowered.solved.multipliers)),
-            *lowered.sensitivities.values(),
-            *lowered.signals,
-            *lowered.bends,
-            *lowered.switches,
-            *lowered.crossings,
-            *lowered.time_roots,
-            *lowered.events.roots(),
-            *lowered.delayed,
-            *(limit.condition for limit in lowered.limits),
-            *(value.expression for limit in lowered.limits for value in limit.values),
-        ]
-        return [*roots, *self._power_nodes()]
-
-    def _power_nodes(self) -> list[Expression]:
-        space, values = self.lowered.space, self.lowered.values
-        powers = [multiply(Number(float(p.sign)), values[p.effort], values[p.flow]) for p in space.ports]
-        return [
-            *powers,
-            *(values[v] for v in space.stored.values()),
-            *(values[v] for s in space.storages for v in s.stored),
-        ]
+        """Results of all functions of more than constants, and the functions of time beside the program."""
+        changing = [x for row, results in self.functions if row.arguments != FIXED for x in results]
+        return [*changing, *self.lowered.time_roots]
 
     def _constant_nodes(self) -> list[Expression]:
         """Largest expressions of parameters alone that another expression reads."""
@@ -92,16 +61,8 @@ class Writer:
         argument_values = [
             self.lowered.values[a] for s in self.lowered.space.storages for a in s.arguments if isinstance(a, int)
         ]
-        starts = [
-            *self.lowered.starts,
-            *(n for n in self.lowered.nominals if n is not None),
-            *self.lowered.instants,
-            *self.lowered.events.starts,
-            *self.lowered.lags,
-            *self.lowered.events.periods,
-            *self.lowered.periods,
-            *argument_values,
-        ]
+        fixed = [x for row, results in self.functions if row.arguments == FIXED for x in results]
+        starts = [*fixed, *argument_values]
         for node in starts:
             if not isinstance(node, Number):
                 found[node] = None
@@ -136,7 +97,8 @@ class Writer:
         parts.append(f"DEFAULTS = ({defaults}{',' if lowered.parameters else ''})\n")
         parts.append(f"INPUT_DEFAULTS = ({input_defaults}{',' if lowered.inputs else ''})\n")
         parts.append(self._constants())
-        for name, arguments, doc, roots in self.functions():
+        for row, roots in self.functions:
+            name, arguments, doc = row.name, row.arguments, row.description(lowered)
             if name == "sensitivities":
                 parts.append(_pattern("SENSITIVITY_PATTERN", sorted(lowered.sensitivities), "dependents, states"))
             if name == "invariant_slopes":
@@ -150,85 +112,6 @@ class Writer:
         return "\n".join(
             [f'"""{_quoted(note)}"""', beginning(self.needs.operators), *([arrays] if arrays else []), *parts]
         )
-
-    def functions(self) -> Iterator[Written]:
-        """Name, arguments, description and result of each function."""
-        yield from self._equations()
-        yield from self._stored_and_held()
-        yield from self._limits_and_instants()
-        if self.lowered.events.present:
-            yield from self._event_functions()
-
-    def _equations(self) -> Iterator[Written]:
-        """Functions for the start of a run and for the equations that it solves."""
-        lowered, zero = self.lowered, Number(0.0)
-        unknowns = ", then what the unknowns make vanish" * bool(lowered.space.unknowns)
-        nominals = [x or zero for x in lowered.nominals]
-        entries = [lowered.jacobian[place] for place in sorted(lowered.jacobian)]
-        slopes = [lowered.sensitivities[place] for place in sorted(lowered.sensitivities)]
-        yield "start", FIXED, "The state at the start, from the constants.", lowered.starts
-        yield "nominal", FIXED, "Nominal magnitudes that the author gave; 0 where there is none.", nominals
-        yield "derivative", FULL, f"The rates of the states{unknowns}.", lowered.rates
-        words = "The entries of the Jacobian at PATTERN: derivatives of the rates (rows) by the states (columns)."
-        yield "jacobian_entries", FULL, words, entries
-        yield "output", FULL, "The outputs.", list(lowered.outputs.values())
-        words = "By how much the starts that the author gave to computed quantities are missed."
-        yield "claims", FULL, words, lowered.claims
-        words = "What time alone moves and a storage in derivative form differentiates: it must not jump."
-        yield "forced", FULL, words, lowered.forced
-        yield "dependent", FULL, "What storages in derivative form hold.", lowered.dependents
-        words = "Slopes of what storages in derivative form hold by the states, where they change in a run."
-        yield "sensitivities", FULL, words, slopes
-        if lowered.solved is not None:
-            roots = [*lowered.solved.rates, *lowered.solved.multipliers]
-            yield "solved", FULL, "The rates with the multipliers solved for, and then these.", roots
-
-    def _stored_and_held(self) -> Iterator[Written]:
-        """Functions for energies, constraints, and signals that a step must follow."""
-        lowered = self.lowered
-        if lowered.energy:
-            yield "stored_energy", FULL, "All energy that is stored, and its slopes by the states.", lowered.energy
-        yield "invariant", FULL, "What every state of a run keeps at zero.", lowered.invariants
-        held = [lowered.invariant_slopes[place] for place in sorted(lowered.invariant_slopes)]
-        yield "invariant_slopes", FULL, "The slopes of the invariants by the states at INVARIANT_PATTERN.", held
-        yield "signals", "time, inputs, constants, mode", "What the rates read of time alone.", lowered.signals
-        if lowered.bends:
-            yield "bends", FULL, "Zero where a law of states bends.", lowered.bends
-        words = "Power into each port, energies of mechanisms, stored quantities: for an energy balance."
-        yield "powers", FULL, words, self._power_nodes()
-
-    def _limits_and_instants(self) -> Iterator[Written]:
-        """Functions for the instants of time events and for the validity limits."""
-        lowered = self.lowered
-        limits = lowered.limits
-        words = "Known instants at which an expression of time jumps or bends."
-        yield "instants", FIXED, words, lowered.instants
-        words = "No step may be longer than any of these, or it would miss what changes with time."
-        yield "periods", FIXED, words, lowered.periods
-        yield "holds", FULL, "The truth of the limits of the model.", [limit.condition for limit in limits]
-        values = [v.expression for limit in limits for v in limit.values]
-        yield "limit_values", FULL, "What the limits of the model are about.", values
-        words = "Functions of time at whose zeros an expression jumps or bends."
-        yield "crossings", "time, constants, mode", words, lowered.crossings
-        yield "switches", "time, constants", "The truth of the conditions on time.", lowered.switches
-        if lowered.lags:
-            yield "lags", FIXED, "By how much delayed signals are late.", lowered.lags
-            yield "delayed", FULL, "What delayed signals will be.", lowered.delayed
-
-    def _event_functions(self) -> Iterator[Written]:
-        """Functions for events that depend on states."""
-        events = self.lowered.events
-        yield "mode_start", FIXED, "What only events change, at the start.", events.starts
-        roots = [item.root for item in events.located]
-        words = "Conditions on states, left side less right side: each flips where this changes sign."
-        yield "roots", FULL, words, roots
-        yield "triggers", FULL, "The truth of the conditions of events.", events.triggers
-        yield "values", FULL, "What events set.", events.values
-        yield "targets", FULL, "What is computed from states and set by events, as it is.", events.targets
-        yield "sampling", FIXED, "The periods of sampled events.", events.periods
-        yield "actives", FULL, "Whether switched junctions are on.", events.actives
-        words = "Efforts for displacements and flows for momenta, where junctions switch."
-        yield "conjugates", FULL, words, events.conjugates
 
     def _constants(self) -> str:
         body = NumpyLines(self.needs, {}, {*self.taken})
