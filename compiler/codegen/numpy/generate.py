@@ -78,11 +78,6 @@ def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], t
     )
 
 
-def write_module(lowered: Lowered) -> str:
-    """Text of the module."""
-    return _text(Writer(lowered))
-
-
 def _text(writer: Writer) -> str:
     lowered = writer.lowered
     mode = "mode_at(0.0, x, INPUT_DEFAULTS, c)" if lowered.events.present else "switches(0.0, c)"

@@ -1,0 +1,155 @@
+"""State equations to a Python module that builds functions of CasADi: for optimal control, sensitivities and its integrators."""
+
+from __future__ import annotations
+
+import keyword
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from sympy import Basic
+from sympy.core.function import AppliedUndef
+
+from ...algebra.operators import CURVES, SLOPES, Operator
+from ...errors import CompilationFailed, printable
+from ...reduction import StateSpace
+from ..errors import NumpyAlone
+from ..numpy.names import Identifiers
+from ..symbolic.formulate import formulate
+from ..symbolic.python_text import PythonPrinter, function_names, line_text, needed_lines, results_of, targets_of
+from ..symbolic.state_equations import Entry, Quantity, StateEquations
+from .c_file import refuse_hybrid
+from .target import TextTarget
+
+OTHER_NAMES = {"abs": "ca.fabs", "min": "ca.fmin", "max": "ca.fmax", "root": "_root"}
+OWN = ("derivative", "residual", "jacobian", "outputs", "start", "dae", "arguments", "ca", "t", "x", "z", "p", "u")
+SOLVE = '''def _solve(rows, right):
+    """Solution of a linear system."""
+    return ca.vertsplit(ca.solve(ca.vertcat(*(ca.horzcat(*row) for row in rows)), ca.vertcat(*right)))'''
+ROOT = '''def _root(x, n):
+    """The real number whose power n is x."""
+    return ca.if_else(ca.fmod(ca.fabs(n), 2) == 1, ca.sign(x) * ca.fabs(x) ** (1 / n), x ** (1 / n))'''
+
+
+def write(space: StateSpace, descriptions: Mapping[str, str]) -> str:
+    """Text of the module. Raises `CompilationFailed` for events, delays and tables."""
+    refuse_hybrid(space, "CasADi")
+    equations = formulate(space, descriptions)
+    for line in equations.lines:
+        called = {type(x).__name__ for result in results_of(line) for x in result.atoms(AppliedUndef)}
+        if called & (CURVES | SLOPES) and line.span is not None:
+            raise CompilationFailed([NumpyAlone(line.span, "CasADi", "Tables and noise")])
+    return _Module(equations).text()
+
+
+TARGET = TextTarget("casadi", ".py", write, usual=False)
+
+
+def _name(row: Operator) -> str:
+    return OTHER_NAMES.get(row.name, f"ca.{row.name}")
+
+
+class CasadiPrinter(PythonPrinter):
+    """Expressions of symbols of CasADi, on which `if`, `and`, `or` and `not` are functions."""
+
+    def _choice(self, x: Basic) -> str:
+        (value, condition), (otherwise, _) = x.args
+        return f"ca.if_else({', '.join(map(self.text, (condition, value, otherwise)))})"
+
+    def _print_Piecewise(self, x: Basic) -> str:
+        return self._choice(x)
+
+    def _print_And(self, x: Basic) -> str:
+        return self._joined("logic_and", x.args)
+
+    def _print_Or(self, x: Basic) -> str:
+        return self._joined("logic_or", x.args)
+
+    def _joined(self, name: str, conditions: Sequence[Basic]) -> str:
+        first, *rest = map(self.text, conditions)
+        for condition in rest:
+            first = f"ca.{name}({first}, {condition})"
+        return first
+
+    def _print_Not(self, x: Basic) -> str:
+        return f"ca.logic_not({self.text(x.args[0])})"
+
+
+class _Module:
+    """Writer of one module."""
+
+    def __init__(self, equations: StateEquations) -> None:
+        self.equations = e = equations
+        identifiers = Identifiers()
+        identifiers.taken |= {*OWN, *keyword.kwlist}
+        groups = (("x", e.states), ("z", e.unknowns), ("p", e.parameters), ("u", e.inputs))
+        self.groups: list[tuple[str, Sequence[Quantity]]] = [
+            (letter, group) for letter, group in groups if group or letter in "xp"
+        ]
+        symbols = [q.symbol for _, group in self.groups for q in group] + [
+            t for line in e.lines for t in targets_of(line)
+        ]
+        names = {e.time: "t"} | {symbol: identifiers.of(str(symbol)) for symbol in symbols}
+        self.printer, self.names = CasadiPrinter(names, function_names(_name)), names
+
+    def text(self) -> str:
+        e = self.equations
+        results = [*e.rates, *e.residuals, *e.outputs]
+        lines = [
+            text
+            for line in needed_lines(e.lines, (r.value for r in results))
+            for text in line_text(line, self.printer, "_solve")
+        ]
+        equations = "\n".join([*self._symbols(), "", *lines])
+        whole = "\n".join([equations, "", *self._functions_of_casadi()])
+        support = [text for name, text in (("_solve(", SOLVE), ("_root(", ROOT)) if name in whole]
+        return "\n\n\n".join([self._beginning(), *support, whole]) + "\n"
+
+    def _beginning(self) -> str:
+        e = self.equations
+        return (
+            f'"""{e.name}: state equations of a bond graph as functions of CasADi, in SI units.\n\n'
+            "    rates = derivative(t, x, …), with the arguments in the order of `arguments`; `jacobian` has the slopes of rates and residuals\n"
+            "    run = ca.integrator('run', 'idas' if 'alg' in dae else 'cvodes', dae, 0.0, 1.0)(x0=START, p=DEFAULTS + INPUT_DEFAULTS)\n"
+            '"""\n\nimport casadi as ca'
+        )
+
+    def _symbols(self) -> Iterator[str]:
+        e = self.equations
+        yield "t = ca.SX.sym('t')"
+        for letter, group in self.groups:
+            yield f"{letter} = ca.SX.sym({letter!r}, {len(group)})"
+            for i, q in enumerate(group):
+                words = ", ".join(w for w in (q.name, q.unit, q.description) if w)
+                yield f"{self.names[q.symbol]} = {letter}[{i}]  # {printable(words)}"
+        for heading, quantities in (("DEFAULTS", e.parameters), ("INPUT_DEFAULTS", e.inputs)):
+            yield f"{heading} = [{', '.join(_number(q.value) for q in quantities)}]"
+
+    def _functions_of_casadi(self) -> Iterator[str]:
+        e = self.equations
+        letters = ["t", *(letter for letter, _ in self.groups)]
+        moving = f"ca.vertcat({', '.join(letter for letter, group in self.groups if letter in 'xz')})"
+        yield f"arguments = [{', '.join(letters)}]"
+        yield f"ode = {self._vector(e.rates)}"
+        yield f"alg = {self._vector(e.residuals)}"
+        yield "derivative = ca.Function('derivative', arguments, [ode])"
+        if e.unknowns:
+            yield "residual = ca.Function('residual', arguments, [alg])"
+        yield f"jacobian = ca.Function('jacobian', arguments, [ca.jacobian(ca.vertcat(ode, alg), {moving})])"
+        yield f"outputs = ca.Function('outputs', arguments, [{self._vector(e.outputs)}])"
+        needed = needed_lines(e.lines, (entry.value for entry in e.starts))
+        yield from (text for line in needed for text in line_text(line, self.printer, "_solve"))
+        yield f"start = ca.Function('start', [p], [{self._vector(e.starts)}])"
+        yield "START = start(DEFAULTS)"
+        values = ", ".join(letter for letter, _ in self.groups if letter in "pu")
+        unknown = ", 'z': z, 'alg': alg" if e.unknowns else ""
+        yield f"dae = {{'t': t, 'x': x, 'p': ca.vertcat({values}), 'ode': ode{unknown}}}"
+
+    def _vector(self, entries: Iterable[Entry]) -> str:
+        return f"ca.vertcat({', '.join(self.printer.text(entry.value) for entry in entries)})"
+
+
+def _number(value: float | None) -> str:
+    return (
+        repr(float(value))
+        if value is not None and abs(value) < float("inf")
+        else f"float('{value}')".replace("None", "nan")
+    )
