@@ -182,7 +182,7 @@ def _pairs(numbers: Sequence[int]) -> list[Pair]:
     return list(dict.fromkeys(combinations(sorted(numbers), 2)))
 
 
-def _gather(value: Any, found: list[Expression]) -> None:
+def _gather(value: object, found: list[Expression]) -> None:
     """All expressions in fields, tables and lists."""
     if isinstance(value, Expression):
         found.append(value)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,11 @@ from ..algebra.systems import LEADING, SYSTEMS, banded_shape, dense
 from ..nouns import dataclass
 from .limits import Leaf
 from .tape import operands_first
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Matrix = NDArray[np.floating[Any]]
 
 MOST_FACTORS = 16  # of a power that is multiplied out
 
@@ -199,7 +204,7 @@ def _solved(operands: Sequence[Any]) -> Any:
     return _solution(matrix, full[n * n :].T[..., None])[..., 0].T
 
 
-def _solution(matrix: Any, right: Any) -> Any:
+def _solution(matrix: Matrix, right: Matrix) -> Matrix:
     try:
         return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:
@@ -227,7 +232,7 @@ def plus(*parts: Any) -> Any:
     return total
 
 
-def times(a: Any, b: Any) -> Any:
+def times(a: Matrix | None, b: Matrix | None) -> Matrix | None:
     """Product of two coefficients, with derivatives by the product rule."""
     if a is None or b is None:
         return None
@@ -238,7 +243,7 @@ def times(a: Any, b: Any) -> Any:
     return product
 
 
-def over(a: Any, b: Any) -> Any:
+def over(a: Matrix | None, b: Matrix) -> Matrix | None:
     """a/b."""
     if a is None:
         return None
@@ -251,7 +256,7 @@ def over(a: Any, b: Any) -> Any:
     return np.concatenate([np.broadcast_to(share, (1, moved.shape[1])), moved / b[:1]])
 
 
-def minus(a: Any) -> Any:
+def minus(a: Matrix | None) -> Matrix | None:
     """-a."""
     return None if a is None else -a
 
@@ -347,7 +352,7 @@ def _system(of: Expansion, step: _Step, place: int) -> Any:
     return solution
 
 
-def _filled(x: Any, depth: int, width: int) -> Any:
+def _filled(x: Matrix | None, depth: int, width: int) -> Matrix:
     full = np.zeros((depth, width))
     if x is not None:
         full[: len(x)] = x

@@ -125,7 +125,12 @@ def _names_of(narrow: Sequence[Expression], lowered: Lowered) -> tuple[str, ...]
     return tuple(names.get(node, "a signal of time") for node in narrow)
 
 
-def _put(node: Expression, leaves: Mapping[Expression, int], places: dict[Expression, int], put: Any) -> int:
+def _put(
+    node: Expression,
+    leaves: Mapping[Expression, int],
+    places: dict[Expression, int],
+    put: Callable[[str, tuple[float, ...]], int],
+) -> int:
     if isinstance(node, Number):
         return int(put("number", (node.value,)))
     if isinstance(node, Symbol):

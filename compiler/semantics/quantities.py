@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import Any
 
 from ..algebra.expression import ZERO, Number, select, substitute, symbols
 from ..algebra.formula import Bound, Formula
@@ -20,7 +19,7 @@ from .resolve import Resolver
 from .scales import scale_of
 from .scope import STATIC_ROLES, Array, InstanceEntry, Items, Pending, Scalar, Scope
 from .statement_errors import AlreadyTold, Wrong, describe, unit_hint
-from .template import Template, Typed
+from .template import Template, Typed, Value
 from .typed import ExpressionCompiler
 
 UNCHANGING_ROLES = ("parameter", "constant", "mode")  # their values are known before the run; of a mode the first one
@@ -344,7 +343,7 @@ class QuantityResolver(Resolver):
         return Integral(name, bounds[0], bounds[1], call.span)
 
     @staticmethod
-    def _dimension(value: Any) -> Dimension | None:
+    def _dimension(value: Value) -> Dimension | None:
         parts = value if isinstance(value, tuple) else (value,)
         return next((p.dimension for p in parts if p.dimension is not None), None)
 

@@ -170,7 +170,7 @@ class Resolver(ABC):
         """
         unknown: set[str] = set()
 
-        def lookup(key: Any) -> float:
+        def lookup(key: int) -> float:
             reference = bound.arguments[key]
             if isinstance(reference, Quantity):
                 value = self.quantities[reference.name].value
