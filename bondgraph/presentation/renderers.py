@@ -9,7 +9,7 @@ RENDERERS = {
     ("Equations", "latex"): "bondgraph.presentation.page.notebook:equations_latex",
     ("Equilibrium", "summary"): "bondgraph.presentation.text.analyses:equilibrium_text",
     ("FeedForward", "plot"): "bondgraph.presentation.plots.feed_forward:plot_feed_forward",
-    ("FeedForward", "summary"): "bondgraph.presentation.plots.feed_forward:feed_forward_text",
+    ("FeedForward", "summary"): "bondgraph.presentation.text.analyses:feed_forward_text",
     ("Figure", "svg"): "bondgraph.presentation.diagram.svg:svg_text",
     ("Fit", "plot"): "bondgraph.presentation.plots.studies:plot_fit",
     ("Fit", "summary"): "bondgraph.presentation.text.studies:fit_text",

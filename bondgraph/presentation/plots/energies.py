@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..text.tables import short, time_unit, visible
-from .runs import COLOURS, DASHES, check_picture, drawn
+from ..text.tables import time_unit
+from .sheet import check_picture, curve_style, drawn, heading, legend, sheet, with_grid
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ...analysis.energies import Energies
 
 MOST = 6  # most elements
@@ -23,14 +25,8 @@ def plot_energies(found: Energies, path: str | os.PathLike[str]) -> None:
     drawn(lambda: _figure(found), path)
 
 
-def _figure(found: Energies) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
-    FigureCanvasAgg(figure)
-    head = found.model if found.experiment is None else f"{found.model}: {found.experiment}"
-    figure.suptitle(visible(f"{head}, energy"), fontsize=11, parse_math=False)
+def _figure(found: Energies) -> Figure:
+    figure = sheet(f"{heading(found.model, found.experiment)}, energy", 8.0, 6.0)
     panels = figure.subplots(2, 1, sharex=True)
     sums = {
         "supplied": found.supplied,
@@ -45,19 +41,11 @@ def _figure(found: Energies) -> Any:
     scale, name = _prefix(max([float(np.abs(v).max()) for v in sums.values()], default=1.0))
     for panel, curves in ((panels[0], sums), (panels[1], {n: found.elements[n] for n in chosen})):
         for place, values in enumerate(curves.values()):
-            look = {"color": COLOURS[place % len(COLOURS)], "linestyle": DASHES[place % len(DASHES)]}
-            panel.plot(found.time * factor, values / scale, linewidth=1.4, **look)
+            panel.plot(found.time * factor, values / scale, **curve_style(place))
         panel.set_ylabel(f"energy [{name}]")
-        panel.grid(True, color="#d9d9d9", linewidth=0.6)
-        panel.spines[["top", "right"]].set_visible(False)
+        with_grid(panel)
         panel.margins(x=0.0)
-        legend = panel.legend(
-            panel.get_lines(), [str(i) for i in range(len(curves))], loc="upper left", bbox_to_anchor=(1.005, 1.02),
-            borderaxespad=0.0, frameon=False, fontsize=8,
-        )  # fmt: skip
-        for text, label in zip(legend.get_texts(), curves, strict=True):
-            text.set_parse_math(False)
-            text.set_text(short(label, 30))
+        legend(panel, curves, beside=True)
     panels[1].set_xlabel(f"time [{unit}]")
     figure.align_ylabels(panels)
     return figure

@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UsageError
-from ..text.tables import labelled, visible
-from .runs import COLOURS, DASHES, PANELS, check_picture, drawn
+from ..text.tables import labelled
+from .sheet import COLOURS, DASHES, PANELS, check_picture, drawn, heading, sheet, with_grid
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from ...analysis.branch import Branch
     from ...results.result import Result
 
@@ -32,10 +35,10 @@ def plot_phase(result: Result, path: str | os.PathLike[str], over: str) -> None:
     drawn(lambda: _phase(result.title, over, shown), path)
 
 
-def _phase(title: str, over: str, shown: dict[str, tuple[str, Any]]) -> Any:
+def _phase(title: str, over: str, shown: dict[str, tuple[str, Any]]) -> Figure:
     unit, x = shown[over]
     others = [n for n in shown if n != over][:PANELS]
-    figure, panels = _sheet(title, len(others), 3.4)
+    figure, panels = _panels(title, len(others), 3.4)
     for place, (panel, name) in enumerate(zip(panels, others, strict=True)):
         own, y = shown[name]
         panel.plot(x, y, color=COLOURS[place % len(COLOURS)], linewidth=1.3)
@@ -47,7 +50,7 @@ def _phase(title: str, over: str, shown: dict[str, tuple[str, Any]]) -> Any:
     return figure
 
 
-def _arrows(panel: Any, x: Any, y: Any, colour: str) -> None:
+def _arrows(panel: Axes, x: Any, y: Any, colour: str) -> None:
     """Draw arrows by the visible length of the curve, so that they do not gather on slow parts."""
     spans = [float(np.ptp(v)) or 1.0 for v in (x, y)]
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x) / spans[0], np.diff(y) / spans[1]))])
@@ -71,14 +74,13 @@ def plot_branch(found: Branch, path: str | os.PathLike[str], names: Sequence[str
     drawn(lambda: _branch(found, chosen[:PANELS]), path)
 
 
-def _branch(found: Branch, names: Sequence[str]) -> Any:
-    head = found.model if found.experiment is None else f"{found.model}: {found.experiment}"
-    figure, panels = _sheet(head, len(names), 2.9)
+def _branch(found: Branch, names: Sequence[str]) -> Figure:
+    figure, panels = _panels(heading(found.model, found.experiment), len(names), 2.9)
     for panel, name in zip(panels, names, strict=True):
         for line in (found, *found.others):
             _line(panel, line, name)
         for special in found.special:
-            y = special.outputs.get(name, special.states.get(name))
+            y = special.outputs[name] if name in special.outputs else special.states[name]
             panel.plot([special.value], [y], LOOKS[special.kind], color="#d55e00", markersize=6, label=special.kind)
         panel.set_ylabel(labelled(name, found.units.get(name, "1")), parse_math=False)
         handles, labels = panel.get_legend_handles_labels()
@@ -88,7 +90,7 @@ def _branch(found: Branch, names: Sequence[str]) -> Any:
     return figure
 
 
-def _line(panel: Any, found: Branch, name: str) -> None:
+def _line(panel: Axes, found: Branch, name: str) -> None:
     """Draw a line, cut where stability changes: at the special point between two points, if it was found."""
     x, y, stable = list(found.values), list(found[name]), list(found.stable)
     cuts = [i for i in range(1, len(x)) if stable[i] != stable[i - 1]]
@@ -108,16 +110,10 @@ def _line(panel: Any, found: Branch, name: str) -> None:
         )  # fmt: skip
 
 
-def _sheet(title: str, count: int, height: float) -> tuple[Any, list[Any]]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 0.9 + height * count), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(visible(title), fontsize=11, parse_math=False)
+def _panels(title: str, count: int, height: float) -> tuple[Figure, list[Axes]]:
+    figure = sheet(title, 7.0, 0.9 + height * count)
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
     for panel in panels:
-        panel.grid(True, color="#d9d9d9", linewidth=0.6)
+        with_grid(panel)
         panel.set_axisbelow(True)
-        panel.spines[["top", "right"]].set_visible(False)
     return figure, panels

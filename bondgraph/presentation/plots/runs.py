@@ -1,54 +1,25 @@
-"""Plot of a result over time, for a report: made of matplotlib's objects only, so that no figure of the caller's session changes."""
+"""Plot of a result over time."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from ...errors import MissingPackage, UsageError
-from ...files import replacing
 from ..text.tables import short, time_unit, visible
+from .sheet import PANELS, check_picture, curve_style, drawn, legend, sheet, with_grid
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from ...results.result import Result
 
     Curve = tuple[str, NDArray[np.float64]]
 
-ENDINGS = (".png", ".svg", ".pdf")
-PANELS = 6
 CURVES = 16  # most curves in one panel: a legend cannot distinguish more
-# Okabe and Ito's colours, which colour-blind readers can distinguish; the dashes distinguish them in print and show the lower one
-# of two curves that coincide, as those of symmetric models do.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#444444")
-DASHES = ((0, ()), (0, (5, 1.6)), (0, (5, 1.4, 1.2, 1.4)), (0, (1.4, 1.2)))
-# The reader's own matplotlibrc must neither turn a name into TeX nor change what a report looks like.
-STYLE = {
-    "text.usetex": False,
-    "font.family": "sans-serif",
-    "font.size": 9.0,
-    "axes.formatter.use_mathtext": True,
-    "axes.formatter.limits": (-3, 4),
-    "axes.unicode_minus": True,
-    "agg.path.chunksize": 20_000,
-    "path.simplify": True,
-    "svg.hashsalt": "bondgraph",
-    "savefig.transparent": False,
-}
-
-
-def check_picture(path: str | os.PathLike[str]) -> None:
-    """Raise `UsageError` for a file name with an unknown ending, or `MissingPackage` without matplotlib."""
-    from importlib.util import find_spec
-
-    if Path(path).suffix.lower() not in ENDINGS:
-        raise UsageError(f"a plot is written to a file that ends in {', '.join(ENDINGS)}, not to `{path}`")
-    if find_spec("matplotlib") is None:
-        raise MissingPackage('a plot needs matplotlib: pip install "bondgraph-lang[plot]"')
 
 
 def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
@@ -60,18 +31,6 @@ def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
     drawn(lambda: _figure(result), path)
 
 
-def drawn(make: Callable[[], Any], path: str | os.PathLike[str]) -> None:
-    """Make a figure in our style and write it into `path`; completely or not at all."""
-    import matplotlib
-
-    kind = Path(path).suffix.lower()[1:]
-    with matplotlib.rc_context(STYLE):
-        figure = make()
-        undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)  # equal results, equal files
-        with replacing(path) as stream:
-            figure.savefig(stream, format=kind, dpi=160, metadata=undated)
-
-
 def group_by_unit(result: Result) -> dict[str, list[Curve]]:
     """Return the curves (name, values in the unit) of each shown unit, in the order in which the units appear."""
     groups: dict[str, list[Curve]] = {}
@@ -80,18 +39,13 @@ def group_by_unit(result: Result) -> dict[str, list[Curve]]:
     return groups
 
 
-def _figure(result: Result) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+def _figure(result: Result) -> Figure:
     groups = group_by_unit(result)
     drawn = list(groups.items())[:PANELS]
     left_out = [name for _, curves in drawn for name, _ in curves[CURVES:]]
     left_out += [name for curves in list(groups.values())[PANELS:] for name, _ in curves]
     count = max(1, len(drawn))
-    figure = Figure(figsize=(8.0, 1.3 + (2.9 if count == 1 else 1.9) * count), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(visible(result.title), fontsize=11, parse_math=False)
+    figure = sheet(result.title, 8.0, 1.3 + (2.9 if count == 1 else 1.9) * count)
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
     unit, factor = time_unit(float(abs(result.time).max()) if len(result.time) else 0.0)
     for panel, (shown_unit, curves) in zip(panels, drawn, strict=False):
@@ -107,27 +61,19 @@ def _figure(result: Result) -> Any:
     return figure
 
 
-def _panel(panel: Any, time: NDArray[np.float64], unit: str, curves: Sequence[Curve]) -> None:
+def _panel(panel: Axes, time: NDArray[np.float64], unit: str, curves: Sequence[Curve]) -> None:
     for place, (_, values) in enumerate(curves):
-        look = {"color": COLOURS[place % len(COLOURS)], "linestyle": DASHES[place % len(DASHES)]}
-        alone = {"marker": "o", "markersize": 3} if len(time) == 1 else {}
-        panel.plot(time, values, linewidth=1.4, **look, **alone)
+        alone: dict[str, Any] = {"marker": "o", "markersize": 3} if len(time) == 1 else {}
+        panel.plot(time, values, **curve_style(place), **alone)
     head = short(curves[0][0], 30) if len(curves) == 1 else ""
     panel.set_ylabel(f"{head} [{visible(unit)}]".strip(), parse_math=False)
-    panel.grid(True, color="#d9d9d9", linewidth=0.6)
+    with_grid(panel)
     panel.set_axisbelow(True)
-    panel.spines[["top", "right"]].set_visible(False)
     panel.margins(x=0.0, y=0.08)
-    # The legend is beside the curves and never on them. Its texts are set afterwards: as labels, names that begin
-    # with `_` would be omitted, and `$` would begin a formula.
-    labels = [f"{place}" for place in range(len(curves))]
-    legend = panel.legend(
-        panel.get_lines(), labels, loc="upper left", bbox_to_anchor=(1.005, 1.02), borderaxespad=0.0, frameon=False,
-        handlelength=2.6, fontsize=8 if len(curves) <= 8 else 6, labelspacing=0.4 if len(curves) <= 8 else 0.2,
+    many = len(curves) > 8
+    legend(
+        panel, (name for name, _ in curves), True, handlelength=2.6, fontsize=6 if many else 8, labelspacing=0.2 if many else 0.4
     )  # fmt: skip
-    for text, (name, _) in zip(legend.get_texts(), curves, strict=True):
-        text.set_parse_math(False)
-        text.set_text(short(name, 30))
 
 
 def _left_out(names: Sequence[str]) -> str:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import UsageError
 from ..text.tables import short, visible
-from .runs import COLOURS, PANELS, check_picture, drawn
+from .sheet import COLOURS, PANELS, check_picture, drawn, heading, sheet, tell_omitted, without_frame
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from ...studies.fitted import Fit
     from ...studies.tolerances import MonteCarlo
 
@@ -32,25 +35,18 @@ def plot_tornado(found: MonteCarlo, path: str | os.PathLike[str]) -> None:
     drawn(lambda: _tornado(found), path)
 
 
-def _panels(found: MonteCarlo, what: str, height: float) -> tuple[Any, list[Any]]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+def _panels(found: MonteCarlo, what: str, height: float) -> tuple[Figure, list[Axes]]:
     count = min(len(found.quantities), PANELS)
     if not count:
         raise UsageError("there is nothing to draw: the study has no quantity")
     across = min(count, COLUMNS)
     down = -(-count // across)
-    figure = Figure(figsize=(4.2 * across + 0.6, 0.8 + height * down), layout="constrained")
-    FigureCanvasAgg(figure)
-    head = found.model if found.experiment is None else f"{found.model}: {found.experiment}"
-    figure.suptitle(visible(f"{head}, {what}"), fontsize=11, parse_math=False)
+    figure = sheet(f"{heading(found.model, found.experiment)}, {what}", 4.2 * across + 0.6, 0.8 + height * down)
     panels = list(figure.subplots(down, across, squeeze=False).flat)
     for panel in panels[count:]:
         panel.set_visible(False)
     if len(found.quantities) > count:
-        left = ", ".join(short(n, 24) for n in found.quantities[count:])
-        figure.supxlabel(f"not drawn: {left}", fontsize=7, color="#555555", parse_math=False)
+        tell_omitted(figure, found.quantities[count:], color="#555555")
     return figure, panels[:count]
 
 
@@ -59,7 +55,7 @@ def _label(found: MonteCarlo, name: str) -> tuple[str, float, float]:
     return f"{short(name, 30)}{'' if unit == '1' else f' [{visible(unit)}]'}", scale, offset
 
 
-def _histograms(found: MonteCarlo) -> Any:
+def _histograms(found: MonteCarlo) -> Figure:
     figure, panels = _panels(found, f"{len(found) - len(found.failures)} points", 2.4)
     for i, (panel, name) in enumerate(zip(panels, found.quantities, strict=False)):
         label, scale, offset = _label(found, name)
@@ -67,16 +63,16 @@ def _histograms(found: MonteCarlo) -> Any:
         column = column[np.isfinite(column)] * scale + offset
         edges = np.histogram_bin_edges(column, "fd" if np.ptp(column) > 0 else 1)
         edges = edges if len(edges) <= MOST_BINS + 1 else np.linspace(edges[0], edges[-1], MOST_BINS + 1)
-        panel.hist(column, edges, color=COLOURS[i % len(COLOURS)], edgecolor="white", linewidth=0.3)
+        panel.hist(column, edges.tolist(), color=COLOURS[i % len(COLOURS)], edgecolor="white", linewidth=0.3)
         for share in np.quantile(column, (0.025, 0.5, 0.975)):
             panel.axvline(share, color="#444444", linewidth=0.8, linestyle=(0, (4, 2)))
         panel.set_xlabel(label, parse_math=False)
         panel.set_ylabel("points")
-        panel.spines[["top", "right"]].set_visible(False)
+        without_frame(panel)
     return figure
 
 
-def _tornado(found: MonteCarlo) -> Any:
+def _tornado(found: MonteCarlo) -> Figure:
     bars = min(len(found.parameters), STRONGEST)
     low, high = (f"{100 * t:g} %" for t in found.swing.tails)
     figure, panels = _panels(found, f"each parameter from its {low} to its {high} quantile", 1.0 + 0.24 * bars)
@@ -93,7 +89,7 @@ def _tornado(found: MonteCarlo) -> Any:
         for tick in texts:
             tick.label1.set_parse_math(False)
         panel.set_xlabel(label, parse_math=False)
-        panel.spines[["top", "right"]].set_visible(False)
+        without_frame(panel)
     return figure
 
 
@@ -103,14 +99,9 @@ def plot_fit(found: Fit, path: str | os.PathLike[str]) -> None:
     drawn(lambda: _fit(found), path)
 
 
-def _fit(found: Fit) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+def _fit(found: Fit) -> Figure:
     count = min(len(found.series), PANELS)
-    figure = Figure(figsize=(8.0, 0.8 + 2.2 * count), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(visible(f"{found.model}, fitted"), fontsize=11, parse_math=False)
+    figure = sheet(f"{found.model}, fitted", 8.0, 0.8 + 2.2 * count)
     for i, panel in enumerate(figure.subplots(count, 1, squeeze=False)[:, 0]):
         one, computed = found.series[i], found.computed[i]
         rows = np.array(one.rows) + 1
@@ -120,5 +111,5 @@ def _fit(found: Fit) -> Any:
         unit = "" if one.unit == "1" else f" [{visible(one.unit)}]"
         panel.set_ylabel(f"{short(one.name, 24)}{unit}", parse_math=False)
         panel.set_xlabel("line of data (dots: measured; crosses: computed)", fontsize=8)
-        panel.spines[["top", "right"]].set_visible(False)
+        without_frame(panel)
     return figure

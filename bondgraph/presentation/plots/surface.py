@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import UsageError
-from ..text.tables import labelled, visible
-from .runs import check_picture, drawn
+from ..text.tables import labelled
+from .sheet import check_picture, drawn, heading, sheet
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ...analysis.outcome import Outcome
 
 LINES = 12
@@ -30,18 +32,13 @@ def plot_surface(found: Outcome, name: str, path: str | os.PathLike[str]) -> Non
     drawn(lambda: _figure(found, name), path)
 
 
-def _figure(found: Outcome, name: str) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+def _figure(found: Outcome, name: str) -> Figure:
     slow, fast = found.swept
     ys, xs = (np.unique(found(n)) for n in (slow, fast))
     unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
     heights = np.full((len(ys), len(xs)), np.nan)
     heights[np.searchsorted(ys, found(slow)), np.searchsorted(xs, found(fast))] = found(name) * scale + offset
-    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(visible(found.model if found.experiment is None else f"{found.model}: {found.experiment}"), fontsize=11, parse_math=False)  # fmt: skip
+    figure = sheet(heading(found.model, found.experiment), 6.4, 4.8)
     panel = figure.subplots()
     relief = panel.contourf(xs, ys, heights, LINES, cmap=COLOURS)
     panel.contour(xs, ys, heights, LINES, colors="#ffffff", linewidths=0.5)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import UsageError
 from ..text.tables import short, visible
-from .runs import COLOURS, DASHES, PANELS, check_picture, drawn
+from .sheet import PANELS, check_picture, curve_style, drawn, heading, legend, sheet, with_grid
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ...analysis.outcome import Outcome
 
 
@@ -31,19 +33,10 @@ def plot_outcome(found: Outcome, path: str | os.PathLike[str]) -> None:
     pictured.plot(path)
 
 
-def _figure(found: Outcome) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+def _figure(found: Outcome) -> Figure:
     *others, last = found.swept
     names = [n for n in found.names if n not in found.swept][:PANELS]
-    figure = Figure(figsize=(8.0, 1.0 + 2.2 * max(1, len(names))), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(
-        visible(found.model if found.experiment is None else f"{found.model}: {found.experiment}"),
-        fontsize=11,
-        parse_math=False,
-    )
+    figure = sheet(heading(found.model, found.experiment), 8.0, 1.0 + 2.2 * max(1, len(names)))
     panels = figure.subplots(max(1, len(names)), 1, sharex=True, squeeze=False)[:, 0]
     groups: dict[tuple[float, ...], list[int]] = {}
     for i, point in enumerate(found.points):
@@ -53,18 +46,12 @@ def _figure(found: Outcome) -> Any:
         column, along = found(name) * scale + offset, found(last)
         for k, rows in enumerate(groups.values()):
             order = np.array(rows)[np.argsort(along[rows], kind="stable")]
-            look = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
-            panel.plot(along[order], column[order], marker="o", markersize=3, linewidth=1.4, **look)
+            panel.plot(along[order], column[order], marker="o", markersize=3, **curve_style(k))
         panel.set_ylabel(f"{short(name, 24)}{f' [{visible(unit)}]' if unit else ''}", parse_math=False)
-        panel.grid(True, color="#d9d9d9", linewidth=0.6)
-        panel.spines[["top", "right"]].set_visible(False)
+        with_grid(panel)
     unit = found.swept[last]
     panels[-1].set_xlabel(f"{short(last, 40)}{f' [{visible(unit)}]' if unit != '1' else ''}", parse_math=False)
     if others:
-        legend = panels[0].legend(
-            panels[0].get_lines(), [str(i) for i in range(len(groups))], frameon=False, fontsize=7
-        )
-        for text, key in zip(legend.get_texts(), groups, strict=True):
-            text.set_parse_math(False)
-            text.set_text(", ".join(f"{short(n, 16)} = {v:.4g}" for n, v in zip(others, key, strict=True)))
+        settings = (", ".join(f"{short(n, 16)} = {v:.4g}" for n, v in zip(others, key, strict=True)) for key in groups)
+        legend(panels[0], settings, longest=1000, fontsize=7)
     return figure

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ...analysis.branch import Branch
     from ...analysis.equilibrium import Equilibrium
     from ...analysis.extrema import Extremum
+    from ...analysis.inversion.feed_forward import FeedForward
     from ...analysis.inversion.static import Inversion
     from ...analysis.linear import Linearization
     from ...analysis.linear_sensitivity import ResponseSensitivity
@@ -29,6 +30,7 @@ PEAKS = 5  # most peaks of a response
 SHOWN = 12  # most points of a branch
 STRONGEST = 8  # most parameters of a quantity
 SHARES = 3  # most elements of a mode
+INSTANTS = 11  # of a path
 
 
 def title(model: str, experiment: str | None, what: str) -> str:
@@ -246,3 +248,18 @@ def inversion_text(found: Inversion) -> str:
         )
     kind = "not decided" if found.stable is None else "stable" if found.stable else "unstable"
     return "\n\n".join([title(found.model, found.experiment, "inverted at rest"), aligned(rows, "<><>"), kind])
+
+
+def feed_forward_text(found: FeedForward) -> str:
+    """Return some instants of the inputs and outputs, the number of differentiations of the outputs, and notes."""
+    columns = {**found.inputs, **found.outputs}
+    rows: list[tuple[str, ...]] = [
+        ("time", *(short(n, 20) for n in columns)),
+        ("s", *(shown_unit(found.units.get(n, "1")) for n in columns)),
+    ]
+    for i in np.unique(np.linspace(0, len(found.time) - 1, INSTANTS).astype(int)):
+        rows.append((f"{found.time[i]:.6g}", *(f"{v[i]:.6g}" for v in columns.values())))
+    head = title(found.model, found.experiment, f"inverted along a path, {len(found.time)} points")
+    orders = ", ".join(f"{visible(n)} {d}" for n, d in found.degrees.items())
+    told = [f"derivatives taken: {orders}", *(visible(n) for n in found.notes)]
+    return "\n\n".join([head, aligned(rows, ">" * len(rows[0])), "\n".join(told)])

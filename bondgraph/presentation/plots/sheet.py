@@ -1,0 +1,115 @@
+"""Sheet of a plot: its style, its panels, its legends, its file.
+
+Made of matplotlib's objects only, so that no figure of the caller's session changes.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...errors import MissingPackage, UsageError
+from ...files import replacing
+from ..text.tables import short, visible
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+ENDINGS = (".png", ".svg", ".pdf")
+PANELS = 6
+# Okabe and Ito's colours, which colour-blind readers can distinguish; the dashes distinguish them in print and show the lower one
+# of two curves that coincide, as those of symmetric models do.
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#444444")
+DASHES = ((0, ()), (0, (5, 1.6)), (0, (5, 1.4, 1.2, 1.4)), (0, (1.4, 1.2)))
+# The reader's own matplotlibrc must neither turn a name into TeX nor change what a report looks like.
+STYLE = {
+    "text.usetex": False,
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "axes.formatter.use_mathtext": True,
+    "axes.formatter.limits": (-3, 4),
+    "axes.unicode_minus": True,
+    "agg.path.chunksize": 20_000,
+    "path.simplify": True,
+    "svg.hashsalt": "bondgraph",
+    "savefig.transparent": False,
+}
+
+
+def check_picture(path: str | os.PathLike[str]) -> None:
+    """Raise `UsageError` for a file name with an unknown ending, or `MissingPackage` without matplotlib."""
+    from importlib.util import find_spec
+
+    if Path(path).suffix.lower() not in ENDINGS:
+        raise UsageError(f"a plot is written to a file that ends in {', '.join(ENDINGS)}, not to `{path}`")
+    if find_spec("matplotlib") is None:
+        raise MissingPackage('a plot needs matplotlib: pip install "bondgraph-lang[plot]"')
+
+
+def drawn(make: Callable[[], Figure], path: str | os.PathLike[str]) -> None:
+    """Make a figure in our style and write it into `path`; completely or not at all."""
+    import matplotlib
+
+    kind = Path(path).suffix.lower()[1:]
+    with matplotlib.rc_context(STYLE):
+        figure = make()
+        undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)  # equal results, equal files
+        with replacing(path) as stream:
+            figure.savefig(stream, format=kind, dpi=160, metadata=undated)
+
+
+def sheet(title: str, width: float, height: float) -> Figure:
+    """Return an empty figure with a title; width and height in inches."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(visible(title), fontsize=11, parse_math=False)
+    return figure
+
+
+def heading(model: str, experiment: str | None) -> str:
+    """Return `Model: experiment`."""
+    return model if experiment is None else f"{model}: {experiment}"
+
+
+def curve_style(place: int) -> dict[str, Any]:
+    """Return colour, dashes and width of a panel's curve at this place."""
+    return {"color": COLOURS[place % len(COLOURS)], "linestyle": DASHES[place % len(DASHES)], "linewidth": 1.4}
+
+
+def with_grid(panel: Axes) -> None:
+    """Draw a light grid, without the upper and the right border."""
+    panel.grid(True, color="#d9d9d9", linewidth=0.6)
+    without_frame(panel)
+
+
+def without_frame(panel: Axes) -> None:
+    """Remove the upper and the right border."""
+    panel.spines[["top", "right"]].set_visible(False)
+
+
+def legend(panel: Axes, names: Iterable[str], beside: bool = False, longest: int = 30, **options: Any) -> None:
+    """Name the lines of a panel, `beside` it if they would lie below the legend.
+
+    The texts are set afterwards: as labels, names that begin with `_` would be omitted, and `$` would begin a formula.
+    """
+    names = list(names)
+    if beside:
+        options |= {"loc": "upper left", "bbox_to_anchor": (1.005, 1.02), "borderaxespad": 0.0}
+    made = panel.legend(
+        panel.get_lines(), [str(i) for i in range(len(names))], **({"frameon": False, "fontsize": 8} | options)
+    )
+    for text, name in zip(made.get_texts(), names, strict=True):
+        text.set_parse_math(False)
+        text.set_text(short(name, longest))
+
+
+def tell_omitted(figure: Figure, names: Iterable[str], **options: Any) -> None:
+    """Name below a figure what is not drawn."""
+    told = ", ".join(short(name, 24) for name in names)
+    figure.supxlabel(f"not drawn: {told}", fontsize=7, parse_math=False, **options)
