@@ -19,14 +19,14 @@ from ..events import behind_the_run, event_variables
 from .partials import inputs_of, partials, size_of
 from .state_equations import (
     Entry,
-    Equation,
-    Event,
+    EventEquations,
     Indicator,
     Line,
     LinearSystem,
+    NamedSymbol,
     Partials,
-    Quantity,
-    Reset,
+    ResetEquation,
+    SolvedEquation,
     StateEquations,
 )
 
@@ -87,7 +87,7 @@ class _Formulation:
             if unnamed and uses[step.target] == 1 and step.target not in roots and size_of(right) <= SMALL:
                 self.inlined[step.target] = right
             else:
-                self.lines.append(Equation(self.symbol(step.target), right, step.span, step.owner))
+                self.lines.append(SolvedEquation(self.symbol(step.target), right, step.span, step.owner))
 
     def _loop(self, loop: LinearLoop) -> None:
         matrix = tuple(tuple(self.symbol(e) for e in row) for row in loop.matrix)
@@ -95,7 +95,7 @@ class _Formulation:
         targets = tuple(self.symbol(t) for t in loop.targets)
         owner = f"loop of {', '.join(loop.members)}"
         if len(targets) == 1:
-            self.lines.append(Equation(targets[0], quotient(right[0], matrix[0][0]), loop.span, owner))
+            self.lines.append(SolvedEquation(targets[0], quotient(right[0], matrix[0][0]), loop.span, owner))
         else:
             self.lines.append(LinearSystem(targets, matrix, right, loop.span, owner))
 
@@ -142,9 +142,9 @@ class _Formulation:
             tuple(self.symbol(v) for v in computed),
         )  # fmt: skip
 
-    def _quantities(self, numbers: Iterable[int]) -> tuple[Quantity, ...]:
-        def quantity(number: int, v: Variable) -> Quantity:
-            return Quantity(self.symbol(number), v.name, v.unit, v.value, self.descriptions.get(v.name, ""))
+    def _quantities(self, numbers: Iterable[int]) -> tuple[NamedSymbol, ...]:
+        def quantity(number: int, v: Variable) -> NamedSymbol:
+            return NamedSymbol(self.symbol(number), v.name, v.unit, v.value, self.descriptions.get(v.name, ""))
 
         return tuple(quantity(n, self.space.variables[n]) for n in numbers)
 
@@ -165,11 +165,11 @@ class _Formulation:
                 unit = self.space.variables[item.velocity].unit
                 yield Entry(f"rate of {item.name}", self.symbol(item.velocity), unit, item.span)
 
-    def _events(self) -> Iterator[Event]:
+    def _events(self) -> Iterator[EventEquations]:
         for event in self.space.events:
-            resets = tuple(Reset(self.symbol(s.target), self.symbol(s.value), s.words) for s in event.settings)
+            resets = tuple(ResetEquation(self.symbol(s.target), self.symbol(s.value), s.words) for s in event.settings)
             period = None if event.period is None else self.symbol(event.period)
-            yield Event(event.words, self.symbol(event.condition), resets, period, event.span)
+            yield EventEquations(event.words, self.symbol(event.condition), resets, period, event.span)
 
     def _indicators(self) -> Iterator[Indicator]:
         """Conditions behind rates, residuals and events; those on parameters alone change nothing during a run."""

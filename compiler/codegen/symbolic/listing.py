@@ -11,7 +11,7 @@ from sympy import Basic
 from ...source import Span
 from .partials import size_of
 from .python_text import PythonPrinter, needed_lines, read_by
-from .state_equations import Entry, Equation, Line, LinearSystem, StateEquations
+from .state_equations import Entry, Line, LinearSystem, SolvedEquation, StateEquations
 
 CLOSED = 40  # operations up to which intermediate results are substituted
 MARGIN = 72  # column at which short lines have their comment
@@ -57,10 +57,10 @@ def listing(equations: StateEquations) -> Iterator[str]:
 def _closed(line: Line, known: dict[Basic, Basic]) -> Line | None:
     """The line over what is kept; None if it is small, and then part of what reads it."""
     replaced = {symbol: known[symbol] for symbol in read_by(line) if symbol in known}
-    if isinstance(line, Equation):
+    if isinstance(line, SolvedEquation):
         right = line.right.xreplace(replaced)
         if size_of(right) > CLOSED:
-            return Equation(line.target, right, line.span, line.owner)
+            return SolvedEquation(line.target, right, line.span, line.owner)
         known[line.target] = right
         return None
     matrix = tuple(tuple(x.xreplace(replaced) for x in row) for row in line.matrix)
@@ -68,7 +68,7 @@ def _closed(line: Line, known: dict[Basic, Basic]) -> Line | None:
 
 
 def _line(line: Line, printer: PythonPrinter) -> str:
-    if isinstance(line, Equation):
+    if isinstance(line, SolvedEquation):
         return _row(f"{line.target} = {printer.text(line.right)}", line.span, line.owner)
     matrix = "; ".join(" ".join(map(printer.text, row)) for row in line.matrix)
     targets, right = ", ".join(map(str, line.targets)), ", ".join(map(printer.text, line.right))

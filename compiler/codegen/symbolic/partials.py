@@ -17,7 +17,7 @@ from ...reduction import LinearLoop, StateSpace
 from ...reduction.order import needed
 from ..lower import loop_slopes, partial
 from ..order import in_order
-from .state_equations import Equation, Line, LinearSystem, Partials
+from .state_equations import Line, LinearSystem, Partials, SolvedEquation
 
 Slopes = dict[int, dict[int, Expression]]  # variable -> column -> nonzero derivative, over variables
 LARGE = 24  # operations from which on a nested expression gets a line of its own
@@ -124,7 +124,7 @@ class _Lines:
 
     def _line(self, node: Expression, name: str) -> None:
         target = self.fresh(name)
-        self.lines.append(Equation(target, self._sympy(node), None, ""))
+        self.lines.append(SolvedEquation(target, self._sympy(node), None, ""))
         self.known[node], self.sizes[node] = target, 0
 
     def _solve(self, system: Expression) -> None:

@@ -15,7 +15,7 @@ from ...algebra.operators import OPERATORS, SLOPES, Operator
 from ...algebra.sympy_form import sympy_name
 from ...errors import printable
 from ...source import Span
-from .state_equations import Equation, Line, LinearSystem
+from .state_equations import Line, LinearSystem, SolvedEquation
 
 WIDTH = 110  # characters of a line of code; a comment may stand beyond
 LONGEST_LAW = 70  # characters of the author's line in a comment
@@ -148,12 +148,14 @@ def needed_lines(lines: Sequence[Line], results: Iterable[Basic]) -> list[Line]:
 
 def targets_of(line: Line) -> tuple[Symbol, ...]:
     """Symbols that a line computes."""
-    return (line.target,) if isinstance(line, Equation) else line.targets
+    return (line.target,) if isinstance(line, SolvedEquation) else line.targets
 
 
 def results_of(line: Line) -> tuple[Basic, ...]:
     """Expressions on the right side of a line."""
-    return (line.right,) if isinstance(line, Equation) else (*(x for row in line.matrix for x in row), *line.right)
+    return (
+        (line.right,) if isinstance(line, SolvedEquation) else (*(x for row in line.matrix for x in row), *line.right)
+    )
 
 
 def read_by(line: Line) -> set[Symbol]:

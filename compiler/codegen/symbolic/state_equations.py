@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class NamedSymbol:
     """A named scalar: its symbol, the author's name, SI unit, default value, and description."""
 
     symbol: Symbol
@@ -24,7 +24,7 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
-class Equation:
+class SolvedEquation:
     """`target = right`, and the line of the text that caused it."""
 
     target: Symbol
@@ -44,11 +44,11 @@ class LinearSystem:
     owner: str
 
 
-Line = Equation | LinearSystem
+Line = SolvedEquation | LinearSystem
 
 
 @dataclass(frozen=True, slots=True)
-class Reset:
+class ResetEquation:
     """`target := value` of an event; the target is a state, a discrete variable, or computed from states."""
 
     target: Symbol
@@ -57,12 +57,12 @@ class Reset:
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class EventEquations:
     """`when condition` or `every period`, with its resets."""
 
     words: str
     condition: Basic
-    resets: tuple[Reset, ...]
+    resets: tuple[ResetEquation, ...]
     period: Basic | None
     span: Span
 
@@ -103,11 +103,11 @@ class StateEquations:
 
     name: str
     time: Symbol
-    parameters: tuple[Quantity, ...]
-    inputs: tuple[Quantity, ...]
-    states: tuple[Quantity, ...]
-    unknowns: tuple[Quantity, ...]
-    discretes: tuple[Quantity, ...]
+    parameters: tuple[NamedSymbol, ...]
+    inputs: tuple[NamedSymbol, ...]
+    states: tuple[NamedSymbol, ...]
+    unknowns: tuple[NamedSymbol, ...]
+    discretes: tuple[NamedSymbol, ...]
     lines: tuple[Line, ...]
     constant: frozenset[Symbol]  # targets of lines that depend on parameters alone
     rates: tuple[Entry, ...]
@@ -119,7 +119,7 @@ class StateEquations:
     constraints: tuple[Entry, ...]  # zero along a run: positions, then velocities
     requirements: tuple[Entry, ...]  # conditions of validity
     indicators: tuple[Indicator, ...]
-    events: tuple[Event, ...]
+    events: tuple[EventEquations, ...]
     switches: tuple[Entry, ...]  # conditions under which switched junctions are on
     delays: tuple[tuple[Entry, Basic], ...]  # undelayed signal and lag of each delayed input
     partials: Partials  # of rates and residuals by states and unknowns

@@ -15,7 +15,7 @@ from ..errors import NumpyAlone
 from ..numpy.names import Identifiers
 from ..symbolic.formulate import formulate
 from ..symbolic.python_text import PythonPrinter, function_names, line_text, needed_lines, results_of, targets_of
-from ..symbolic.state_equations import Entry, Quantity, StateEquations
+from ..symbolic.state_equations import Entry, NamedSymbol, StateEquations
 from .c_file import refuse_hybrid
 from .target import TextTarget
 
@@ -37,7 +37,7 @@ def write(space: StateSpace, descriptions: Mapping[str, str]) -> str:
         called = {type(x).__name__ for result in results_of(line) for x in result.atoms(AppliedUndef)}
         if called & (CURVES | SLOPES) and line.span is not None:
             raise CompilationFailed([NumpyAlone(line.span, "CasADi", "Tables and noise")])
-    return _Module(equations).text()
+    return _CasadiModule(equations).text()
 
 
 TARGET = TextTarget("casadi", ".py", write, usual=False)
@@ -73,7 +73,7 @@ class CasadiPrinter(PythonPrinter):
         return f"ca.logic_not({self.text(x.args[0])})"
 
 
-class _Module:
+class _CasadiModule:
     """Writer of one module."""
 
     def __init__(self, equations: StateEquations) -> None:
@@ -81,7 +81,7 @@ class _Module:
         identifiers = Identifiers()
         identifiers.taken |= {*OWN, *keyword.kwlist}
         groups = (("x", e.states), ("z", e.unknowns), ("p", e.parameters), ("u", e.inputs))
-        self.groups: list[tuple[str, Sequence[Quantity]]] = [
+        self.groups: list[tuple[str, Sequence[NamedSymbol]]] = [
             (letter, group) for letter, group in groups if group or letter in "xp"
         ]
         symbols = [q.symbol for _, group in self.groups for q in group] + [

@@ -23,7 +23,7 @@ from ..symbolic.python_text import (
     read_by,
     targets_of,
 )
-from ..symbolic.state_equations import Entry, Line, Partials, Quantity, StateEquations
+from ..symbolic.state_equations import Entry, Line, NamedSymbol, Partials, StateEquations
 from .target import TextTarget
 
 OWN = (
@@ -38,13 +38,13 @@ WIDE = 60  # if no entry has more characters
 
 def write(space: StateSpace, descriptions: Mapping[str, str]) -> str:
     """Text of the module."""
-    return _Module(formulate(space, descriptions)).text()
+    return _NumpyModule(formulate(space, descriptions)).text()
 
 
 TARGET = TextTarget("numpy", ".py", write)
 
 
-class _Module:
+class _NumpyModule:
     """Writer of one module."""
 
     def __init__(self, equations: StateEquations) -> None:
@@ -230,14 +230,14 @@ class _Module:
         text: list[str] = []
         if read & self.constant:
             text.append("c = constants(p)")
-        groups: Sequence[tuple[str, Sequence[Quantity]]] = (("x", e.states), ("m", e.discretes), ("u", e.inputs))
+        groups: Sequence[tuple[str, Sequence[NamedSymbol]]] = (("x", e.states), ("m", e.discretes), ("u", e.inputs))
         for letter, group in groups:
             text += self._unpacked(letter, group, read)
         if read & {q.symbol for q in e.unknowns}:
             text += self._unpacked("z", e.unknowns, read)
         return text + [part for line in own for part in line_text(line, self.printer, "np.linalg.solve")]
 
-    def _unpacked(self, letter: str, group: Sequence[Quantity], read: set[Basic]) -> list[str]:
+    def _unpacked(self, letter: str, group: Sequence[NamedSymbol], read: set[Basic]) -> list[str]:
         names = [self.names[q.symbol] if q.symbol in read else "_" for q in group]
         if all(name == "_" for name in names):
             return []
