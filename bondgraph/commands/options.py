@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 if TYPE_CHECKING:
     from .. import Model
@@ -26,11 +27,25 @@ outputs_option = click.option(
     metavar="NAME",
     help="Only this output (several times: these); what they do not need is left out.",
 )
+
+
+def _a_name(context: click.Context, parameter: click.Parameter, value: str) -> str:
+    """Return the name of an experiment; refuse one without letters on the command line, which would be taken for none said."""
+    if not value.strip() and context.get_parameter_source("experiment") is ParameterSource.COMMANDLINE:
+        raise click.BadParameter("an experiment has a name; leave the option out for the one that is taken then")
+    return value
+
+
 experiment_option = click.option(
-    "-e", "--experiment", default="", metavar="NAME", help="Which experiment (`none` for none); the first if left out."
+    "-e",
+    "--experiment",
+    default="",
+    callback=_a_name,
+    metavar="NAME",
+    help="Which experiment (`none` for none); the first if left out.",
 )
 analysed_option = click.option(
-    "-e", "--experiment", default="none", metavar="NAME", help="With what this experiment sets and starts; none if left out."
+    "-e", "--experiment", default="none", callback=_a_name, metavar="NAME", help="With what this experiment sets and starts; none if left out."
 )  # fmt: skip
 settings_option = click.option(
     "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Set a parameter (`a=171 um`) or an input."

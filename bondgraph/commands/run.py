@@ -96,7 +96,7 @@ def command(
         native.announce = lambda text: click.echo(f"note: {text}", err=True)
         chosen, asked = load(file, model), None if experiment == "none" else experiment
         given = settings_by_name(settings)
-        analyses = _make_ready(chosen, asked, given, tuple(outputs) or None, energy, target)
+        analyses = _make_ready(chosen, asked, given, tuple(outputs) or None, energy, target, journal)
         arguments: dict[str, Any] = {
             "settings": given, "to": to, "points": points, "rtol": rtol, "atol": atol,
             "energy": energy, "outputs": tuple(outputs) or None, "target": target, "solver": solver, "bandwidth": bandwidth,
@@ -127,14 +127,20 @@ def command(
 
 
 def _make_ready(
-    model: Model, experiment: str | None, given: dict[str, str], outputs: tuple[str, ...] | None, energy: bool, target: str | None
+    model: Model, experiment: str | None, given: dict[str, str], outputs: tuple[str, ...] | None, energy: bool, target: str | None,
+    journal: str | None,
 ) -> bool:  # fmt: skip
     """Compile before the run, and turn on garbage collection for later objects; return True if the experiment also has analyses."""
-    from ..prepared import chosen_target
+    from ..prepared import chosen_target, many_runs
     from ..simulation.settings import settle
 
     chosen = chosen_target(target)
-    plan = model.prepared(settle(model, experiment, given, outputs, energy, chosen).scene, energy, chosen).plan
+    scene = settle(model, experiment, given, outputs, energy, chosen).scene
+    plan = model.prepared(scene, energy, chosen).plan
+    if journal is not None and not plan.studies and many_runs(plan, scene) is None:
+        raise click.UsageError(
+            "--journal keeps the points of experiments with many runs; this is one run, which --out keeps"
+        )
     if not gc.isenabled():  # otherwise the caller controls it
         gc.freeze()
         gc.enable()

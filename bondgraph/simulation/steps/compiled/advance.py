@@ -88,7 +88,7 @@ def begin(s: Stepper) -> None:
     d0 = sqrt(d0) / sqrt(float(s.n))
     d1 = sqrt(d1) / sqrt(float(s.n))
     h0 = 1e-6 * span if d0 < 1e-5 or d1 * span < 1e-5 else 0.01 * max(d0, 1.0) / d1
-    h0 = min(h0, span) if isfinite(h0) else 1e-6 * span
+    h0 = min(h0, span) if isfinite(h0) and h0 > 0.0 else 1e-6 * span
     for i in range(s.n):
         s.new[i] = s.state[i] + h0 * s.rate[i] if i < s.differential else s.state[i]
     rates(s, s.time + h0, s.new, s.f)
