@@ -32,8 +32,9 @@ if TYPE_CHECKING:
     from .codegen.series import TaylorSeries
     from .codegen.tape import Tape
     from .codegen.text.targets import target_of, text_targets
-    from .driver import Compilation, examine
-    from .driver import check as check_source
+    from .compilation import Compilation
+    from .examination import examine
+    from .examination import check as check_source
     from .equations.sharing import dependent_rates
     from .equations.system import Assignment, EquationSystem, PowerPort, Storage
     from .errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, render

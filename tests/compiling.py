@@ -11,8 +11,9 @@ import numpy as np
 from bondgraph.simulation.closed.constraints import Constraints
 from bondgraph.simulation.segments.timeline import Segment
 from bondgraph.simulation.start.nominal import nominal_magnitudes
-from compiler.driver import Compilation, check
+from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed, Diagnostic
+from compiler.examination import check
 from compiler.graph.network import Bond, BondGraph, Node
 from compiler.scene import Override, Scene
 from compiler.source import Source, Span

@@ -18,7 +18,7 @@ from compiler.codegen.llvm import support
 from compiler.codegen.lowered import Lowered
 from compiler.codegen.order import operations_in_order
 from compiler.codegen.tape import Tape
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from compiler.scene import Scene
 from compiler.source import Source
 

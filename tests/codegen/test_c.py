@@ -14,7 +14,7 @@ import pytest
 
 import bondgraph
 from compiler.codegen.c.write import write_c
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.codegen.test_native import FUNCTIONS, somewhere
 from tests.codegen.test_tables import LAWS, SPRINGS

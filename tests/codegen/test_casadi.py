@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed
 from tests.codegen.test_module import compiled_model, every_model
 from tests.codegen.test_numpy_text import module_of, values

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bondgraph.simulation.segments.timeline import segments
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from compiler.scene import Scene
 from compiler.source import Source
 from compiler.syntax import tree

@@ -8,7 +8,7 @@ import pytest
 from compiler.codegen.llvm import module
 from compiler.codegen.llvm.generate import Described, bind, generate_code
 from compiler.codegen.program import Program
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from compiler.native.machine import object_code
 from tests.benchmarks import large_models
 from tests.compiling import MODELS, compiled

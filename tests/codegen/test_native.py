@@ -18,7 +18,7 @@ from compiler.codegen.lower import lower
 from compiler.codegen.lowered import Lowered
 from compiler.codegen.numpy import generate_program as reference_program
 from compiler.codegen.program import Program
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.codegen.test_tables import LAWS, SPRINGS
 from tests.compiling import compiled

@@ -20,7 +20,7 @@ from bondgraph.prepared import chosen_target
 from compiler.codegen.lower import lower
 from compiler.codegen.numpy import generate_program
 from compiler.codegen.program import Program
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from tests.codegen.test_module import OSCILLATOR, compiled_model, every_model, imported
 from tests.codegen.test_tables import LAWS, SPRINGS
 from tests.compiling import MODELS, compiled

@@ -11,7 +11,8 @@ from types import FrameType
 
 import pytest
 
-from compiler.driver import Compilation, check
+from compiler.compilation import Compilation
+from compiler.examination import check
 from compiler.scene import Scene
 from compiler.source import Source
 from tests.benchmarks import large_models

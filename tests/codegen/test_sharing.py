@@ -8,7 +8,7 @@ import pytest
 
 from compiler.algebra import derivative as room
 from compiler.codegen import lower
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from compiler.equations import laws
 from compiler.graph.network import Element
 from tests.compiling import MODELS, compiled

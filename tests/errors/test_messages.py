@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from compiler.driver import check
 from compiler.errors import Diagnostic, printable, render
+from compiler.examination import check
 from compiler.source import Source
 from tests.compiling import LIBRARY
 from tests.conftest import Golden

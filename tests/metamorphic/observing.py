@@ -13,7 +13,7 @@ import numpy as np
 from bondgraph.model import Model
 from bondgraph.simulation.segments.timeline import segments
 from bondgraph.simulation.start.nominal import nominal_magnitudes
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed
 from compiler.reduction.state_space import LinearLoop, StateSpace
 from compiler.scene import Scene

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from compiler.algebra.expression import Number, Symbol
 from compiler.algebra.formula import Bound, Formula
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from compiler.graph.elements import Kind
 from compiler.graph.mechanism import NOTHING, ORIGIN, UPRIGHT, Body, Frame, Inertia, Joint, Mechanism, Vector
 from compiler.graph.network import (

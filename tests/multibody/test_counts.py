@@ -11,7 +11,7 @@ import pytest
 
 from compiler.algebra.expression import MINUS_ONE, Apply
 from compiler.codegen.dependence import PARAMETER
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from tests.compiling import MODELS, Running, compiled
 from tests.multibody.drawing import Drawing
 

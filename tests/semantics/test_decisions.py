@@ -10,7 +10,7 @@ import pytest
 import bondgraph
 from bondgraph.errors import RunFailed
 from bondgraph.simulation.segments.timeline import segments
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed
 from tests.compiling import Running, compiled, mistake, mistakes
 

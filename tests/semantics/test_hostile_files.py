@@ -19,7 +19,7 @@ import pytest
 from click.testing import CliRunner
 
 from bondgraph.commands import commands
-from compiler.driver import check
+from compiler.examination import check
 from compiler.semantics.load import MAXIMUM_FILES
 from compiler.semantics.resolve import MAXIMUM_MISTAKES
 from compiler.source import Source

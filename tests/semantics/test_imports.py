@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from compiler.driver import Compilation, check
+from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed, Diagnostic
+from compiler.examination import check
 from compiler.scene import Scene
 from compiler.semantics.load import project_folder
 from compiler.source import Source

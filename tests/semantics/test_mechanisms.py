@@ -12,7 +12,7 @@ import pytest
 import bondgraph
 from compiler.algebra.expression import evaluate
 from compiler.algebra.formula import Bound
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from compiler.graph.inertia import inertia_notes, principal_moments
 from compiler.graph.mechanism import Body, Frame, Joint, Mechanism, domain_of, freedoms_of, reactions_of
 from compiler.graph.network import MechanismNode, Quantity, Reading

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from compiler.driver import check
 from compiler.errors import CompilationFailed, render
+from compiler.examination import check
 from compiler.source import Source
 from tests.compiling import LIBRARY, ROOT, compiled
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from compiler.driver import check
+from compiler.examination import check
 from compiler.source import Source
 
 WRONG = "model Broken {\n  port a: translation\n  I m : p = 1 kg*v\n  m m m\n  a -> m\n}\n"

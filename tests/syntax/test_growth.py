@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from compiler.driver import check
+from compiler.examination import check
 from compiler.source import Source
 from compiler.syntax import parse
 from compiler.syntax.format import format_text

@@ -9,7 +9,7 @@ import numpy as np
 
 from compiler.algebra.expression import Expression, Number, Symbol, substitute
 from compiler.algebra.formula import Bound
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from compiler.graph.mechanism import Body, Joint
 from compiler.graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Own, Quantity, Reading
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, assume, given, settings
 
 import bondgraph
-from compiler.driver import Compilation
+from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed
 from compiler.source import Source
 from compiler.syntax import parse, tree

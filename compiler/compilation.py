@@ -1,9 +1,8 @@
-"""The pipeline, stage by stage. Each stage is a type, and each can be requested separately."""
+"""Stages of one scene, each kept once it is computed, and the choices that a scene leaves open: forms of storages, switches, what cancels."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -28,6 +27,7 @@ from .graph.switch import off_at_the_start, switch_off
 from .graph.valves import Valve, switched_gaps, with_gaps
 from .memory import uncollected
 from .nouns import dataclass
+from .pipeline import Request, derive
 from .reduction import (
     Certificate,
     StateSpace,
@@ -40,11 +40,11 @@ from .reduction import (
 )
 from .reduction.errors import DerivativeWithoutEnd, SingularLoop
 from .scene import Plan, RunMetadata, Scene
-from .semantics import Built, build_graph, check_parts, is_part
+from .semantics import Built, build_graph, is_part
 from .semantics.errors import TooLongRow
 from .semantics.units_or_names import ambiguous_products, unit_notes
 from .source import Source, Span
-from .syntax import SyntaxTree, parse, parse_what_can_be_read
+from .syntax import SyntaxTree, parse
 
 if TYPE_CHECKING:
     from .codegen.llvm.described import ProgramImage
@@ -154,9 +154,7 @@ class Compilation:
         while wishes := derivative_wishes(graph, but=self._changed):
             try:
                 with uncollected():
-                    causal = assign_causality(graph)
-                    equations = derive_equations(causal, self.zeros, self._free, self._changed)
-                    reduced = reduce_equations(equations, self.everything, graph.span, self.scene.opened)
+                    found = derive(graph, self._request)
             except CompilationFailed as failed:
                 endless = [d.element for d in failed.diagnostics if isinstance(d, DerivativeWithoutEnd)]
                 if len(endless) < len(failed.diagnostics):
@@ -164,9 +162,13 @@ class Compilation:
                 ending = [n for n in wishes if n in endless] or wishes
                 graph, given_way = preferring(graph, dict.fromkeys(ending)), given_way + tuple(ending)
             else:
-                self.__dict__.update(causal=causal, equations=equations, _reduced=reduced)
+                self.__dict__.update(causal=found.causal, equations=found.equations, _reduced=found.reduced)
                 return given_way
         return given_way
+
+    @property
+    def _request(self) -> Request:
+        return Request(self.zeros, self._free, self._changed, self.everything, self.scene.opened)
 
     @property
     def _changed(self) -> frozenset[str]:
@@ -234,14 +236,12 @@ class Compilation:
         """The number of singular loops with these wishes, which are kept if there are none; many where it has no equations."""
         graph = preferring(self._wished, {**dict.fromkeys(self.given_way), **wishes})
         try:
-            causal = assign_causality(graph)
-            equations = derive_equations(causal, self.zeros, self._free, self._changed)
-            reduced = reduce_equations(equations, self.everything, graph.span, self.scene.opened)
-            refuse_singular_loops(reduced, equations, self.scene.free)
+            found = derive(graph, self._request)
+            refuse_singular_loops(found.reduced, found.equations, self.scene.free)
         except CompilationFailed as failed:
             own = all(isinstance(d, SingularLoop) for d in failed.diagnostics)
             return len(failed.diagnostics) if own else MANY
-        self.__dict__.update(graph=graph, causal=causal, equations=equations, _reduced=reduced)
+        self.__dict__.update(graph=graph, causal=found.causal, equations=found.equations, _reduced=found.reduced)
         return 0
 
     @cached_property
@@ -356,7 +356,7 @@ class Compilation:
             with uncollected():
                 yield
         except RecursionError:
-            raise CompilationFailed([_too_long(self.tree)]) from None
+            raise CompilationFailed([too_long(self.tree)]) from None
 
     def native(self, compile_: Callable[[str, int], bytes]) -> tuple[ProgramImage, tuple[bytes, ...]]:
         """The program as data and machine code. `compile_` makes object code of LLVM's text, at an optimization level."""
@@ -399,73 +399,7 @@ def standing(item: Diagnostic, stands: Mapping[str, Span]) -> Diagnostic:
     return replace(item, stands=tuple((stands[p], f"`{p}` stands here") for p in paths if p in stands))
 
 
-def check(source: Source, model: str | None = None, library: Path | None = None) -> tuple[Diagnostic, ...]:
-    """Return all errors of a text: each of its models separately, then the main model up to its equations."""
-    return examine(source, model, library)[0]
-
-
-def examine(
-    source: Source, model: str | None = None, library: Path | None = None
-) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
-    """Return the errors of a text; if there are none, also the certificate of the main model, if there is one."""
-    with uncollected():
-        return _examine(source, model, library)
-
-
-def _examine(
-    source: Source, model: str | None, library: Path | None
-) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
-    certificate: Certificate | None = None
-    tree, mistakes = parse_what_can_be_read(source)
-    broken = frozenset[str]() if tree is None else _models_with(mistakes, tree)
-    if tree is None or (mistakes and not broken):
-        return CompilationFailed(mistakes).diagnostics, None
-    try:
-        parts = check_parts(tree, library, model, broken)
-    except CompilationFailed as failed:  # a limit was passed
-        return CompilationFailed([*mistakes, *failed.diagnostics]).diagnostics, None
-    except RecursionError:
-        return (_too_long(tree),), None
-    found = [*mistakes, *parts.diagnostics]
-    if not found:
-        compilation = Compilation(source, Scene(model, None), library)
-        compilation.__dict__["tree"] = tree
-        if parts.built is not None:
-            compilation.__dict__["_built"] = parts.built
-        try:
-            if not compilation.is_part:
-                compilation.look_at_laws()
-                certificate = compilation.certificate
-        except CompilationFailed as failed:
-            found = [d for d in failed.diagnostics if model is not None or not tree.models or d.code not in PART_ONLY]
-        except RecursionError:
-            found = [_too_long(tree)]
-    return (CompilationFailed(found).diagnostics, None) if found else ((), certificate)
-
-
-_NO_BRACES = re.compile(r'"[^"\n]*"|#[^\n]*')  # texts and comments: braces in them open nothing
-
-
-def _models_with(mistakes: Sequence[Diagnostic], tree: SyntaxTree) -> frozenset[str]:
-    """Models with a line that cannot be parsed; none if such a line is outside of all models, where it defines the meaning of names."""
-    found = set()
-    for place in [d.span.start for d in mistakes]:
-        before = [m for m in tree.models.values() if m.span.start <= place]
-        if not before:
-            return frozenset()
-        home = max(before, key=lambda m: m.span.start)
-        text = _NO_BRACES.sub("", tree.source.text[home.span.start : place])
-        if text.count("{") <= text.count("}"):
-            return frozenset()
-        found.add(home.name)
-    return frozenset(found)
-
-
-def _too_long(tree: SyntaxTree) -> Diagnostic:
+def too_long(tree: SyntaxTree) -> Diagnostic:
     """Diagnostic for a model that is nested more deeply than Python's recursion limit."""
     model = list(tree.models.values())[-1]
     return TooLongRow(model.name_span, model.name)
-
-
-# Several models to choose from are no mistake of a file of parts.
-PART_ONLY = frozenset({"BG132"})

@@ -1,0 +1,88 @@
+"""Examination of a text: the errors of each of its models, and the certificate of the main one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .errors import CompilationFailed, Diagnostic
+from .memory import uncollected
+from .reduction import (
+    Certificate,
+)
+from .scene import Scene
+from .semantics import check_parts
+from .source import Source
+from .syntax import SyntaxTree, parse_what_can_be_read
+
+if TYPE_CHECKING:
+    pass
+
+from .compilation import Compilation, too_long
+
+# Several models to choose from are no mistake of a file of parts.
+PART_ONLY = frozenset({"BG132"})
+
+
+def check(source: Source, model: str | None = None, library: Path | None = None) -> tuple[Diagnostic, ...]:
+    """Return all errors of a text: each of its models separately, then the main model up to its equations."""
+    return examine(source, model, library)[0]
+
+
+def examine(
+    source: Source, model: str | None = None, library: Path | None = None
+) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
+    """Return the errors of a text; if there are none, also the certificate of the main model, if there is one."""
+    with uncollected():
+        return _examine(source, model, library)
+
+
+def _examine(
+    source: Source, model: str | None, library: Path | None
+) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
+    certificate: Certificate | None = None
+    tree, mistakes = parse_what_can_be_read(source)
+    broken = frozenset[str]() if tree is None else _models_with(mistakes, tree)
+    if tree is None or (mistakes and not broken):
+        return CompilationFailed(mistakes).diagnostics, None
+    try:
+        parts = check_parts(tree, library, model, broken)
+    except CompilationFailed as failed:  # a limit was passed
+        return CompilationFailed([*mistakes, *failed.diagnostics]).diagnostics, None
+    except RecursionError:
+        return (too_long(tree),), None
+    found = [*mistakes, *parts.diagnostics]
+    if not found:
+        compilation = Compilation(source, Scene(model, None), library)
+        compilation.__dict__["tree"] = tree
+        if parts.built is not None:
+            compilation.__dict__["_built"] = parts.built
+        try:
+            if not compilation.is_part:
+                compilation.look_at_laws()
+                certificate = compilation.certificate
+        except CompilationFailed as failed:
+            found = [d for d in failed.diagnostics if model is not None or not tree.models or d.code not in PART_ONLY]
+        except RecursionError:
+            found = [too_long(tree)]
+    return (CompilationFailed(found).diagnostics, None) if found else ((), certificate)
+
+
+_NO_BRACES = re.compile(r'"[^"\n]*"|#[^\n]*')  # texts and comments: braces in them open nothing
+
+
+def _models_with(mistakes: Sequence[Diagnostic], tree: SyntaxTree) -> frozenset[str]:
+    """Models with a line that cannot be parsed; none if such a line is outside of all models, where it defines the meaning of names."""
+    found = set()
+    for place in [d.span.start for d in mistakes]:
+        before = [m for m in tree.models.values() if m.span.start <= place]
+        if not before:
+            return frozenset()
+        home = max(before, key=lambda m: m.span.start)
+        text = _NO_BRACES.sub("", tree.source.text[home.span.start : place])
+        if text.count("{") <= text.count("}"):
+            return frozenset()
+        found.add(home.name)
+    return frozenset(found)
