@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from click.testing import CliRunner
 
+import bondgraph
 from bondgraph.commands import commands
 from compiler.graph.units import UNITS
 from tests.compiling import compiled
@@ -112,3 +113,17 @@ def test_a_line_that_reads_an_earlier_one(first: str, second: str, named: str) -
 )  # fmt: skip
 def test_lines_that_mean_the_same_either_way(first: str, second: str) -> None:
     assert notes(SAMPLED.replace("FIRST", first).replace("SECOND", second)) == ()
+
+
+@pytest.mark.parametrize("count", range(2, 14))
+def test_a_chain_of_samples_is_told_and_delays_by_one_each(count: int) -> None:
+    """Each line of an `every` sees what was before it: the last of n is n - 1 samples late, and each that reads another one says so."""
+    names = ", ".join(f"m{i} = 0" for i in range(count))
+    lines = "\n    ".join(["m0 = m0 + 1", *(f"m{i} = m{i - 1}" for i in range(1, count))])
+    text = f"model Q {{\n  mode {names}\n  every 1 s {{ {lines} }}\n  output last = m{count - 1}\n}}\n"
+    found = notes(text)
+    assert len(found) == count - 1
+    for i in range(1, count):
+        assert any(f"line {3 + i}, `m{i} = …`, does not see `m{i - 1}` of line {2 + i}" in note for note in found)
+    result = bondgraph.load(text).simulate(to=8.5, points=3, target="numpy")
+    assert result.final("last") == max(0, 9 - (count - 1))
