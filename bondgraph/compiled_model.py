@@ -50,9 +50,12 @@ class RunKeywords(TypedDict, total=False):
 class CompiledModel:
     """One model of a text, compiled at its first use. Raises `CompilationFailed` with all errors."""
 
-    def __init__(self, source: Source, model: str | None = None) -> None:
+    def __init__(
+        self, source: Source, model: str | None = None, extra_outputs: Mapping[str, str] | None = None
+    ) -> None:
         self.source = source
         self.model = model
+        self.extra_outputs = tuple((extra_outputs or {}).items())
         self._compilations: dict[tuple[Scene, bool], Compilation] = {}
         self._prepared: dict[tuple[Scene, bool, str], Prepared] = {}
 
@@ -166,7 +169,9 @@ class CompiledModel:
     ) -> Scene:
         """Return a run's scene: an experiment ("": the first, None: none), settings (texts are expressions with units, numbers SI)."""
         overrides = tuple(_override(name, value) for name, value in (settings or {}).items())
-        return api.Scene(self.model, experiment, overrides, frozenset(free), names_of(outputs))
+        return api.Scene(
+            self.model, experiment, overrides, frozenset(free), names_of(outputs), extra_outputs=self.extra_outputs
+        )
 
 
 def source_of(path_or_text: str | Path) -> Source:

@@ -48,6 +48,9 @@ class Scene:
     overrides: tuple[Override, ...] = ()
     free: frozenset[str] = frozenset()
     outputs: tuple[str, ...] | None = None
+    extra_outputs: tuple[
+        tuple[str, str], ...
+    ] = ()  # name -> expression of the model that is an output in this scene alone
     preferences: tuple[
         tuple[str, str], ...
     ] = ()  # storage -> integral or derivative, chosen again in the middle of a run

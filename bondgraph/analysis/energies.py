@@ -79,16 +79,15 @@ def energies(
     plan = made.plan
     if plan.sweeps or (plan.stop is None and to is None):
         raise UsageError("BR203", "energy over time is that of one simulation:", "name an experiment that makes one")
-    flat = write_text(made.whole_graph).rstrip()
-    graph = CompiledModel(source_of(flat)).compilation().whole_graph
+    flat = source_of(write_text(made.whole_graph))
+    graph = CompiledModel(flat).compilation().whole_graph
     wanted = {
         n.name: n
         for n in graph.nodes
         if isinstance(n, Element) and n.kind.value in letters("source", "storage", "loss")
     }
     names = {name: f"work_of_element_{i}" for i, name in enumerate(wanted)}
-    lines = [f"  output {names[n]} = integral({_power(e)}, 0 J)" for n, e in wanted.items()]
-    powered = CompiledModel(source_of("\n".join([flat.removesuffix("}"), *lines, "}"])))
+    powered = CompiledModel(flat, extra_outputs={names[n]: f"integral({_power(e)}, 0 J)" for n, e in wanted.items()})
     start, stop = plan.start, plan.stop if to is None else to
     assert stop is not None
     if start or plan.equilibrium:

@@ -12,7 +12,7 @@ from ..graph.network import BondGraph
 from ..nouns import dataclass
 from ..scene import Plan, Scene
 from ..source import Source, Span
-from ..syntax import SyntaxTree, tree
+from ..syntax import SyntaxTree, parse_expression, tree
 from .domain_table import slot_defaults, wall_items
 from .elaborate import Elaborator
 from .errors import (
@@ -47,6 +47,7 @@ def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -
     loader = Loader(library)
     file = loader.load(syntax)
     definition = choose_model(file, scene.model, loader.diagnostics)
+    definition = _with_outputs(definition, scene.extra_outputs)
     opened = _Opened.of(definition, scene, loader.diagnostics, False, Known())
     built = opened.built()
     if opened.elaborator.diagnostics:
@@ -54,6 +55,20 @@ def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -
     others = [scope for scope in loader.files.values() if scope is not file]
     sheets = [sheet.source for scope in (file, *others) for sheet in scope.sheets.values()]
     return replace(built, files=(*(scope.source for scope in others), *sheets))
+
+
+def _with_outputs(definition: ModelDefinition, outputs: Sequence[tuple[str, str]]) -> ModelDefinition:
+    """Return a model with more outputs at its end. Raises `CompilationFailed` for a text that is no expression."""
+    if not outputs:
+        return definition
+    items = []
+    for name, text in outputs:
+        source = Source(f"output {name}", text)
+        span = Span(source, 0, len(text))
+        items.append(tree.Item(span, name, None, None, parse_expression(source), None))
+    model = definition.model
+    statement = tree.Quantities(items[0].span, "output", tuple(items))
+    return replace(definition, model=replace(model, statements=(*model.statements, statement)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,13 +29,11 @@ def poses_at(model: CompiledModel, experiment: str | None, at: str | float) -> t
 
     from ...simulation.run import Wanted, simulate
 
-    flat = write_text(model.compilation(Scene(model.model, experiment)).whole_graph).rstrip()
-    graph = CompiledModel(source_of(flat)).compilation().whole_graph
+    flat = CompiledModel(source_of(write_text(model.compilation(Scene(model.model, experiment)).whole_graph)))
+    graph = flat.compilation().whole_graph
     wanted = [(m, body.name, part) for m in mechanisms(graph) for body in m.bodies for part in parts(m)]
-    lines = [f"  output pose_of_body_{i} = {m.name}.{body}.{part}" for i, (m, body, part) in enumerate(wanted)]
-    names = tuple(f"pose_of_body_{i}" for i in range(len(wanted)))
-    posed = CompiledModel(source_of("\n".join([flat.removesuffix("}"), *lines, "}"])))
-    run = simulate(posed, None, {}, names, Wanted(at, 2))
+    names = tuple(f"{m.name}.{body}.{part}" for m, body, part in wanted)
+    run = simulate(flat, None, {}, names, Wanted(at, 2))
     values: dict[tuple[str, str], list[float]] = {}
     for name, (mechanism, body, _) in zip(names, wanted, strict=True):
         values.setdefault((mechanism.name, body), []).append(float(run[name][-1]))

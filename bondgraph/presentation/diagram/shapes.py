@@ -74,14 +74,12 @@ def _found(model: CompiledModel, experiment: str | None) -> PosedModes:
     from ...analysis.modes import modes as modes_at
     from ...analysis.operating_point import Asked, operating_point
 
-    flat = write_text(model.compilation(Scene(model.model, experiment)).whole_graph).rstrip()
-    graph = CompiledModel(source_of(flat)).compilation().whole_graph
+    flat = CompiledModel(source_of(write_text(model.compilation(Scene(model.model, experiment)).whole_graph)))
+    graph = flat.compilation().whole_graph
     wanted = [(m.name, body.name, part) for m in mechanisms(graph) for body in m.bodies for part in parts(m)]
-    names = {key: f"pose_of_body_{i}" for i, key in enumerate(wanted)}
-    lines = [f"  output {output} = {'.'.join(key)}" for key, output in names.items()]
-    posed = CompiledModel(source_of("\n".join([flat.removesuffix("}"), *lines, "}"])))
-    rest = equilibrium(operating_point(posed, Asked(outputs=tuple(names.values()))))
-    modes = [m for m in modes_at(operating_point(posed, Asked())) if m.frequency > 0]
+    names = {key: ".".join(key) for key in wanted}
+    point = operating_point(flat, Asked(outputs=tuple(names.values())))
+    rest, modes = equilibrium(point), [m for m in modes_at(point) if m.frequency > 0]
     return PosedModes(graph, names, rest.outputs, modes)
 
 
