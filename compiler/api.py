@@ -9,7 +9,7 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .kept import keep_on
+from .persistent_cache import keep_on
 
 if TYPE_CHECKING:
     from .algebra.affine import affine_parts
@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from .graph.mechanism import Body, Joint, Mechanism, freedoms_of
     from .graph.network import BondGraph, Element, Junction, MechanismNode, Quantity, Reading
     from .graph.network import Node as GraphNode
-    from .kept import CacheBackend
-    from .memory import uncollected
+    from .persistent_cache import CacheBackend
+    from .garbage_collection import uncollected
     from .native.arrays import Floats, Ints, Numbers, Record
     from .native.kinds import INTS, Fields, Handed, record_of
     from .native.machine import MachineCode, address_of, object_code, processor

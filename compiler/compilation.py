@@ -10,22 +10,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .causality import CausalGraph, assign_causality
+from .codegen.common_factors import with_shared_products
 from .codegen.identity import identity
 from .codegen.lower import lower, moving
 from .codegen.lowered import Lowered
-from .codegen.products import with_shared_products
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations, notes
 from .equations.companion import companion, companion_inputs
 from .equations.products import integrands
 from .errors import CompilationFailed, Diagnostic
-from .graph.later import over_arguments
+from .garbage_collection import uncollected
 from .graph.network import BondGraph, Element
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
+from .graph.run_time_parameters import over_arguments
 from .graph.samples import sample_notes
 from .graph.switch import off_at_the_start, switch_off
 from .graph.valves import Valve, switched_gaps, with_gaps
-from .memory import uncollected
 from .nouns import dataclass
 from .pipeline import Request, derive
 from .reduction import (
@@ -47,7 +47,7 @@ from .source import Source, Span
 from .syntax import SyntaxTree, parse
 
 if TYPE_CHECKING:
-    from .codegen.llvm.described import ProgramImage
+    from .codegen.llvm.program_image import ProgramImage
 
 MOST_TIES = 60  # storages whose derivative form is tried where a loop is singular
 MANY = 1_000_000  # more loops than any model has

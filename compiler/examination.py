@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .errors import CompilationFailed, Diagnostic
-from .memory import uncollected
+from .garbage_collection import uncollected
 from .reduction import (
     Certificate,
 )

@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from .causality import CausalGraph, assign_causality
+from .codegen.common_factors import with_shared_products
 from .codegen.lower import lower
-from .codegen.products import with_shared_products
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations
 from .graph.network import BondGraph

@@ -14,8 +14,8 @@ from typing import NamedTuple
 from ..algebra.derivative import derivative
 from ..algebra.expression import Expression, Number, Symbol, evaluate, substitute, symbols
 from ..errors import ValuesNeeded
-from ..graph.later import behind
 from ..graph.network import BondGraph, Element, Law, Named, Own, Quantity, Reference
+from ..graph.run_time_parameters import behind
 from ..nouns import dataclass
 from .laws import solved
 

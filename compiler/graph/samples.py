@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .later import behind
 from .network import Action, BondGraph, Event, Quantity, Reading
+from .run_time_parameters import behind
 
 
 def sample_notes(graph: BondGraph) -> Iterator[str]:

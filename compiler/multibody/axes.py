@@ -14,8 +14,8 @@ from collections.abc import Sequence
 
 from ..algebra.expression import ZERO, Expression, Number, add, multiply
 from ..nouns import dataclass
+from .rotations import AxialTurn
 from .tree import Link
-from .turns import AxialTurn
 from .vectors import Vector, dot
 
 Basis = tuple[tuple[float, float, float], ...]  # rows; world = basis * own, in the drawing

@@ -14,10 +14,20 @@ from ..algebra.expression import ZERO, Expression, Symbol, add, call, divide, mu
 from ..graph.mechanism import PLANAR_POSE, POSE, Joint
 from ..nouns import dataclass
 from .kinematics import Kinematics
+from .marker import Placed
 from .motion import PortMotion
-from .placed import Placed
 from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
-from .turns import HALF, NO_TURN, AxialTurn, Quaternion, Turn, composed, conjugate, of_quaternion, quaternion_product
+from .rotations import (
+    HALF,
+    NO_TURN,
+    AxialTurn,
+    Quaternion,
+    Turn,
+    composed,
+    conjugate,
+    of_quaternion,
+    quaternion_product,
+)
 from .vectors import NULL, UNIT, Vector, cross, dot, minus, negated, plus, scaled
 
 

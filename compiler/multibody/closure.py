@@ -15,10 +15,10 @@ from ..graph.mechanism import COUPLINGS, POSE, Joint, reactions_of
 from .coordinates import is_turning
 from .errors import ClosedLoop
 from .kinematics import Kinematics
-from .leaves import Leaves
+from .loop_coordinates import Leaves
+from .loop_frames import LoopCoordinate, Row, Sides
 from .motion import MechanismEquations, PortMotion
 from .recursion import Recursion
-from .sides import LoopCoordinate, Row, Sides
 from .tree import loop_of
 from .vectors import NULL, Vector
 

@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 from ..algebra.expression import ONE, ZERO, Expression, Symbol, add, call, divide, multiply
 from ..graph.mechanism import Body, Joint
 from ..nouns import dataclass
+from .assignment_emitter import Script
 from .rotation_vectors import turned_by_rates
-from .script import Script
+from .rotations import HALF, Quaternion, conjugate, of_quaternion, of_rotation_vector, quaternion_product
 from .tree import Link
-from .turns import HALF, Quaternion, conjugate, of_quaternion, of_rotation_vector, quaternion_product
 from .vectors import Vector, negated
 
 

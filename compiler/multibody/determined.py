@@ -14,11 +14,11 @@ from collections.abc import Mapping, Sequence
 
 from ..algebra.expression import Expression
 from ..nouns import dataclass
+from .assignment_emitter import Script
+from .fictitious_inertia import Lent
 from .kinematics import Kinematics
-from .massless import Lent
-from .moving import Moving
+from .link_state import Moving
 from .recursion import PLACES, Recursion
-from .script import Script
 from .values import SampleValues
 from .vectors import UNIT
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ..algebra.expression import ZERO, Expression, add, multiply, negate
 from .kinematics import Kinematics
-from .moving import Moving
+from .link_state import Moving
 from .recursion import Recursion
-from .turns import HALF
+from .rotations import HALF
 from .vectors import applied, cross, dot, is_null, minus, plus
 
 

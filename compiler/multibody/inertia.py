@@ -7,8 +7,8 @@ from ..graph.mechanism import Body
 from ..nouns import dataclass
 from .axes import to_own
 from .kinematics import Kinematics
-from .moving import Moving
-from .turns import AxialTurn, of_rotation_vector
+from .link_state import Moving
+from .rotations import AxialTurn, of_rotation_vector
 from .vectors import NO_MATRIX, NULL, Matrix, Vector, dot, is_null, minus, plus, scaled, summed
 
 Square = list[list[Expression]]  # 6 x 6: torque and force by the rates of spin and velocity; symmetric

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, multiply, negate
 from ..graph.mechanism import GROUND, NOTHING, ORIGIN, Body, Inertia, Joint, Mechanism
+from .assignment_emitter import Script
 from .axes import ANYWHERE, WORLD, AxisBranch, Basis, branches, numbers, snapped, to_own, turned_to
 from .coordinates import Coordinate, Coordinates
-from .moving import Moving
-from .script import Script
+from .link_state import Moving
+from .rotations import TWO, AnyTurn, AxialTurn, Turn, about, of_quaternion, of_rotation_vector, unit
 from .tree import Link, Step, Tree, ends_of
-from .turns import TWO, AnyTurn, AxialTurn, Turn, about, of_quaternion, of_rotation_vector, unit
 from .vectors import NULL, UNIT, Vector, applied, cross, is_null, minus, negated, plus, scaled
 
 TURNING = frozenset({"hinge", "screw"})

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 from ..algebra.expression import Expression, Number, multiply
 from ..graph.mechanism import GROUND, Mechanism
+from .assignment_emitter import Script
 from .axes import to_own, to_world
 from .joints import Links
-from .moving import Moving
-from .placed import Placed
-from .script import Script
+from .link_state import Moving
+from .marker import Placed
+from .rotations import NO_TURN, Turn, about, composed
 from .tree import Tree
-from .turns import NO_TURN, Turn, about, composed
 from .vectors import NULL, Vector, cross, is_null, minus, plus, scaled
 
 

@@ -6,18 +6,18 @@ from collections.abc import Mapping, Set
 
 from ..algebra.expression import ZERO, Expression, add, multiply
 from ..graph.mechanism import Joint, Mechanism
+from .assignment_emitter import EquationWriter, Script
 from .chords import Chords
 from .closure import Closure
 from .determined import survey
 from .energy import energy
-from .idle_turns import idle_turns
+from .fictitious_inertia import lent_around
+from .idle_rotations import idle_turns
 from .kinematics import Kinematics
-from .massless import lent_around
 from .motion import MechanismEquations, PortMotion
 from .ports import PortWriter
 from .reactions import reaction
 from .recursion import PLACES, Recursion
-from .script import EquationWriter, Script
 from .starts import claim_starts, claimed_parts
 from .tree import Tree, bonded_joints, is_weld, spanning_tree
 from .vectors import Vector

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from ..algebra.expression import ZERO, Expression, Symbol, negate
 from ..graph.mechanism import GROUND, PLANAR_POSE, POSE, Body, Frame
 from .kinematics import Kinematics
+from .link_state import Moving
+from .marker import Placed
 from .motion import MechanismEquations, PortMotion
-from .moving import Moving
-from .placed import Placed
 from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
-from .turns import NO_TURN, AxialTurn, Turn, composed, of_rotation_vector
+from .rotations import NO_TURN, AxialTurn, Turn, composed, of_rotation_vector
 from .vectors import UNIT, Vector, scaled
 
 

@@ -19,8 +19,8 @@ from .coordinates import is_turning
 from .errors import NothingMoves
 from .inertia import LinkInertia, Square, link_inertia
 from .kinematics import Kinematics
-from .moving import Moving
-from .placed import Placed
+from .link_state import Moving
+from .marker import Placed
 from .vectors import NULL, Matrix, Vector, cross, is_null, negated, plus, summed
 
 Row = list[Expression]  # of six

@@ -9,8 +9,8 @@ axis is not determined, r has no rate. A body that turns freely has `attitude` i
 from __future__ import annotations
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, add, call, divide, multiply, negate, select
-from .script import Script
-from .turns import HALF, TWO, Quaternion
+from .assignment_emitter import Script
+from .rotations import HALF, TWO, Quaternion
 from .vectors import Vector, cross, plus, scaled
 
 SLIGHT = Number(1e-4)  # tan^2 of half the angle below which the series are exact to round-off

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from ..graph.mechanism import Body, Frame, Joint, Mechanism
+from .assignment_emitter import Script
 from .motion import MechanismEquations
-from .script import Script
 from .tree import Tree
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..algebra.expression import Expression, Number, evaluate, symbols
-from .script import Script
+from .assignment_emitter import Script
 
 
 class SampleValues:

@@ -16,9 +16,9 @@ from ..algebra.formula import Bound, Formula, bind
 from ..algebra.interpolate import OutsideTable
 from ..errors import CompilationFailed, Diagnostic, ValuesNeeded
 from ..graph.domains import DOMAINS, Domain
-from ..graph.later import behind
 from ..graph.mechanism import domain_of
 from ..graph.network import TIME, Named, Quantity, Reading
+from ..graph.run_time_parameters import behind
 from ..graph.units import ONE, SECOND, Dimension, Scale
 from ..scene import Override
 from ..source import Span

@@ -16,7 +16,7 @@ from dataclasses import field, fields
 from itertools import pairwise
 
 from ..errors import CompilationFailed, InternalError
-from ..memory import uncollected
+from ..garbage_collection import uncollected
 from ..nouns import dataclass
 from ..source import Source, Span
 from .hidden import without_hidden

@@ -9,8 +9,8 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from ..errors import CompilationFailed, Diagnostic
-from ..kept import kept
-from ..memory import uncollected
+from ..garbage_collection import uncollected
+from ..persistent_cache import kept
 from ..source import Source, Span
 from .build import Builder
 from .errors import ForeignFile, TooLarge

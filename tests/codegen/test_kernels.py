@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from compiler.codegen.llvm import module
-from compiler.codegen.llvm.generate import Described, bind, generate_code
+from compiler.codegen.llvm.bind import bind
+from compiler.codegen.llvm.generate import generate_code
+from compiler.codegen.llvm.program_image import ProgramImage
 from compiler.codegen.program import Program
 from compiler.compilation import Compilation
 from compiler.native.machine import object_code
@@ -72,7 +74,7 @@ def test_of_large_networks_too(kind: str, monkeypatch: pytest.MonkeyPatch) -> No
         np.testing.assert_array_equal(one, other)
 
 
-def code_of(text: str) -> tuple[Described, list[str], list[int]]:
+def code_of(text: str) -> tuple[ProgramImage, list[str], list[int]]:
     texts: list[str] = []
 
     def keeping(part: str, level: int) -> bytes:

@@ -7,10 +7,10 @@ import math
 import pytest
 
 from compiler.algebra.expression import MINUS_ONE, Expression, operations
+from compiler.codegen.common_factors import with_shared_products
 from compiler.codegen.limits import Leaf
 from compiler.codegen.lower import count_operations, lower
 from compiler.codegen.lowered import Lowered
-from compiler.codegen.products import with_shared_products
 from compiler.codegen.tape import Tape
 from tests.compiling import MODELS, compiled
 

@@ -8,7 +8,7 @@ from typing import Any
 import lark
 import pytest
 
-import compiler.kept as kept_module
+import compiler.persistent_cache as kept_module
 from compiler.syntax.read import Reader
 from compiler.syntax.table import STARTS, ParserTable, make_table
 from compiler.syntax.word import Word

@@ -9,8 +9,8 @@ import numpy as np
 
 from ...native.machine import MachineCode
 from ..program import HYBRID, Native, Program, hybrid_of
-from .described import ProgramImage
 from .evaluate import dense, functions, hand_over, mode_at
+from .program_image import ProgramImage
 
 
 def bind(described: ProgramImage, codes: Sequence[bytes]) -> Program:

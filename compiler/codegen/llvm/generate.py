@@ -12,8 +12,8 @@ from ..numpy.write import Writer
 from ..program import NameTable, Program, TimeFunctions
 from ..time_functions import time_functions_of
 from .bind import bind
-from .described import KernelRows, ProgramImage
 from .module import Module
+from .program_image import KernelRows, ProgramImage
 
 Compile = Callable[[str, int], bytes]
 

@@ -12,9 +12,9 @@ from ...algebra.expression import Apply, Expression, Symbol
 from ...native.values import float_text
 from ...nouns import dataclass
 from ..limits import Leaf
+from ..loop_rolling import ARRAYS, Kernel, KernelCollection, KernelSchedule, Place, read
 from ..lowered import Lowered
-from ..shapes import ARRAYS, Kernel, KernelCollection, KernelSchedule, Place, read
-from .described import KernelRows
+from .program_image import KernelRows
 from .write import HEAD, LlvmLines, LlvmNeeds
 
 ON_THE_STACK = 4096  # numbers in between that a function keeps on the stack; more come from the heap

@@ -12,8 +12,8 @@ from ..lowered import Lowered
 from ..numpy.write import Writer
 from ..order import operations_in_order
 from . import support
-from .described import KernelRows
 from .kernels import Kernels, OrderedFunction
+from .program_image import KernelRows
 from .write import HEAD, LlvmLines, LlvmNeeds
 
 SAVING = 2  # by how much shorter the kernels must be

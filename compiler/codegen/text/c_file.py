@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from ...errors import CompilationFailed
 from ...reduction import StateSpace
 from ..c.write import write_c
+from ..common_factors import with_shared_products
 from ..errors import NumpyAlone
 from ..lower import lower
-from ..products import with_shared_products
 from .target import TextTarget
 
 

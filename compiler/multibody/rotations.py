@@ -12,7 +12,7 @@ from typing import Protocol
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, add, call, divide, multiply, negate
 from ..nouns import dataclass
-from .script import Script
+from .assignment_emitter import Script
 from .vectors import UNIT, Matrix, Vector, applied, product, scaled, summed, transposed
 
 HALF, TWO = Number(0.5), Number(2.0)

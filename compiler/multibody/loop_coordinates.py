@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from ..algebra.expression import ONE, ZERO, Expression, Symbol, call, divide, multiply, negate
 from ..errors import InternalError
+from .loop_frames import LoopCoordinate, Row, Sides
 from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
-from .sides import LoopCoordinate, Row, Sides
-from .turns import AxialTurn, Quaternion, conjugate, quaternion_product
+from .rotations import AxialTurn, Quaternion, conjugate, quaternion_product
 from .vectors import NULL, UNIT, Vector, cross, dot, minus, negated, scaled
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..nouns import dataclass
-from .turns import Turn
+from .rotations import Turn
 from .vectors import Vector
 
 

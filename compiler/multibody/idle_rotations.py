@@ -20,12 +20,12 @@ from ..graph.mechanism import COUPLINGS, GROUND, SPANS, Body
 from ..nouns import dataclass
 from .axes import to_own
 from .coordinates import is_turning
+from .fictitious_inertia import measured
 from .kinematics import Kinematics
-from .massless import measured
-from .moving import Moving
+from .link_state import Moving
 from .recursion import Recursion
+from .rotations import unit
 from .tree import bonded_joints
-from .turns import unit
 from .values import Elsewhere, SampleValues
 from .vectors import UNIT, Matrix, Vector, minus
 

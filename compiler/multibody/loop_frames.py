@@ -15,10 +15,10 @@ from ..nouns import dataclass
 from .axes import snapped
 from .errors import RodWithoutLength
 from .kinematics import Kinematics
+from .marker import Placed
 from .motion import MechanismEquations
-from .placed import Placed
 from .recursion import Recursion
-from .turns import AxialTurn, unit
+from .rotations import AxialTurn, unit
 from .vectors import NULL, UNIT, Vector, cross, dot, is_null, minus, negated, plus, scaled
 
 TWO, HALF = Number(2.0), Number(0.5)

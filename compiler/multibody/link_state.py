@@ -6,11 +6,11 @@ from dataclasses import field
 
 from ..algebra.expression import ZERO, Expression
 from ..nouns import dataclass
+from .assignment_emitter import Script
 from .axes import AxisBranch, Basis
 from .coordinates import Attitude, Coordinate
-from .script import Script
+from .rotations import AxialTurn, Turn
 from .tree import Link
-from .turns import AxialTurn, Turn
 from .vectors import NULL, Vector
 
 Spatial = tuple[Vector, Vector]  # about the point of reference: spin and velocity, or torque and force
