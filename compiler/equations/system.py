@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from ..algebra.expression import Expression, Number, Symbol, substitute
 from ..algebra.formula import Bound, Formula
 from ..errors import Diagnostic
+from ..graph.elements import OF_NODE, Kind
 from ..nouns import dataclass
 from ..source import Span
 
@@ -142,6 +143,11 @@ class PowerPort:
     effort: int
     flow: int
     sign: int
+
+    @property
+    def group(self) -> str:
+        """Group of its element: "source", "storage", "loss" or "transducer"."""
+        return OF_NODE[Kind(self.kind)].group
 
 
 @dataclass(frozen=True, slots=True)
