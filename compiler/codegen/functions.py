@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from ..algebra.expression import Expression, Number, multiply
+from ..algebra.expression import Expression, Number, add, multiply
 from ..nouns import dataclass
 from .events import LoweredEvents
 from .lowered import Lowered
@@ -49,6 +49,19 @@ def _powers(lowered: Lowered) -> Results:
     ]
 
 
+def _power_balance(lowered: Lowered) -> Results | None:
+    """Sums of the ports' powers; None if the program has no powers, or a mechanism, whose power is not that of its ports alone."""
+    space, values = lowered.space, lowered.values
+    if not space.ports or space.stored:
+        return None
+
+    def total(group: str, sign: float) -> Expression:
+        ports = [p for p in space.ports if p.group == group]
+        return add(*(multiply(Number(sign * p.sign), values[p.effort], values[p.flow]) for p in ports))
+
+    return total("source", -1.0), total("loss", 1.0), total("storage", 1.0)
+
+
 def _of_events(results: Callable[[LoweredEvents], Results]) -> Callable[[Lowered], Results | None]:
     return lambda lowered: results(lowered.events) if lowered.events.present else None
 
@@ -76,6 +89,8 @@ _ROWS = (
     ProgramFunction("signals", "What the rates read of time alone.", lambda low: low.signals, "time, inputs, constants, mode", hot=True),
     ProgramFunction("bends", "Zero where a law of states bends.", lambda low: low.bends or None, hot=True),
     ProgramFunction("powers", "Power into each port, energies of mechanisms, stored quantities: for an energy balance.", _powers),
+    ProgramFunction("power_balance", "Power that sources supply, that resistors dissipate, and that storages take: the first is the sum of the others.",
+                    _power_balance),
     # Instants of time events, and validity limits
     ProgramFunction("instants", "Known instants at which an expression of time jumps or bends.", lambda low: low.instants, FIXED),
     ProgramFunction("periods", "No step may be longer than any of these, or it would miss what changes with time.", lambda low: low.periods, FIXED),
