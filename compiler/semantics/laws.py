@@ -39,6 +39,10 @@ class CompiledLaw:
     lists: tuple[tuple[tree.PathSyntax, int], ...]  # lists that it reads, with their lengths
 
 
+def _wrong(span: Span, what: str, hint: str) -> Wrong:
+    return Wrong(WrongLaw(span, what, hint))
+
+
 def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dict[str, OwnVariable]:
     """Map from each way in which a law may write its own variables to the variable."""
     own: dict[str, OwnVariable] = {}
@@ -70,12 +74,10 @@ def compile_law(
     row = ELEMENTS[declaration.kind]
     kind = row.letters
     if not isinstance(definition, tree.LawSyntax):
-        raise Wrong(
-            WrongLaw(
-                declaration.span,
-                f"`{declaration.kind} {name}` has no law",
-                f"Write it after a colon, as in `{declaration.kind} {name} : {row.example}`.",
-            )
+        raise _wrong(
+            declaration.span,
+            f"`{declaration.kind} {name}` has no law",
+            f"Write it after a colon, as in `{declaration.kind} {name} : {row.example}`.",
         )
     own = own_variables(kind, ports, row.variables + row.remembered)
     forbidden = own_variables(kind, ports, "".join(v for v in "efqp" if v not in row.variables + row.remembered))
@@ -123,7 +125,7 @@ def _remembered(declaration: tree.Declaration, name: str, law: Law, ports: int) 
     found = tuple(v for v in row.remembered if v in used)
     if ports > 1 or not found:
         what = "has more than one port" if ports > 1 else "reads neither its displacement nor its momentum"
-        raise Wrong(WrongLaw(declaration.span, f"`{name}` {what}", row.ports_advice))
+        raise _wrong(declaration.span, f"`{name}` {what}", row.ports_advice)
     slots = {Own(0, v): Symbol(law.arity + i) for i, v in enumerate(found)}
 
     def put(symbol: Symbol) -> Expression:
@@ -154,7 +156,7 @@ def _stored(kind: str, name: str, law: Law, ports: list[str], span: Span) -> tup
                 "both its displacement and its momentum" if variables else "neither its displacement nor its momentum"
             )
             hint = f"A port of an IC stores one of them: write `{port}.q` or `{port}.p`."
-            raise Wrong(WrongLaw(span, f"The law of `{name}` uses, of its port `{port}`, {what}", hint))
+            raise _wrong(span, f"The law of `{name}` uses, of its port `{port}`, {what}", hint)
         found += variables
     return tuple(found)
 
@@ -170,28 +172,22 @@ def _energy(
 ) -> Expression:
     row = ELEMENTS[kind]
     if not row.stored:
-        raise Wrong(
-            WrongLaw(
-                definition.span,
-                f"`{name}` is {declaration.kind}: only C, I and IC store energy",
-                "Write its law as an equation.",
-            )
+        raise _wrong(
+            definition.span,
+            f"`{name}` is {declaration.kind}: only C, I and IC store energy",
+            "Write its law as an equation.",
         )
     if len(definition.equations) != 1:
-        raise Wrong(
-            WrongLaw(
-                definition.span, f"`{name}` has an energy and further equations", "The energy alone gives all efforts."
-            )
+        raise _wrong(
+            definition.span, f"`{name}` has an energy and further equations", "The energy alone gives all efforts."
         )
     typed = compiler.scalar(definition.equations[0].right)
     for symbol in symbols(typed.expression):
         if isinstance(symbol.key, Own) and symbol.key.variable not in row.stored:
-            raise Wrong(
-                WrongLaw(
-                    definition.span,
-                    f"The energy of `{name}` reads `{symbol.key.variable}`",
-                    f"An energy is a function of what is stored, its {row.stored_words}, alone.",
-                )
+            raise _wrong(
+                definition.span,
+                f"The energy of `{name}` reads `{symbol.key.variable}`",
+                f"An energy is a function of what is stored, its {row.stored_words}, alone.",
             )
     true_power = all(d.typed and d.name != "pseudothermal" for d in ports.values())
     if true_power and typed.dimension not in (None, JOULE):
@@ -201,12 +197,10 @@ def _energy(
             )
         )
     if not any(isinstance(s.key, Own) for s in symbols(typed.expression)):
-        raise Wrong(
-            WrongLaw(
-                definition.span,
-                f"The energy of `{name}` does not depend on its own {row.stored_words}",
-                "It would give no effort.",
-            )
+        raise _wrong(
+            definition.span,
+            f"The energy of `{name}` does not depend on its own {row.stored_words}",
+            "It would give no effort.",
         )
     return typed.expression
 
@@ -231,12 +225,10 @@ def _check_names(
             generic = words if row.sides else variable.variable
             raise Wrong(NameClash(path.span, words, name, str(role), generic))
         if words in forbidden and scope.find(path.head) is None:
-            raise Wrong(
-                WrongLaw(
-                    path.span,
-                    f"The law of `{declaration.kind} {name}` uses `{words}`; {row.letters} relates {row.relates}",
-                    row.advice.format(words),
-                )
+            raise _wrong(
+                path.span,
+                f"The law of `{declaration.kind} {name}` uses `{words}`; {row.letters} relates {row.relates}",
+                row.advice.format(words),
             )
 
 
@@ -260,26 +252,22 @@ def _check_form(
         return
     expected = 1 if transducer else ports - row.gives_heat
     if len(equations) != expected:
-        raise Wrong(
-            WrongLaw(
-                span,
-                f"`{name}` has {len(equations)} equation{'s' * (len(equations) != 1)}; {kind} with {ports} port{'s' * (ports != 1)} needs {expected}",
-                "Equations are separated by commas."
-                if len(equations) < expected
-                else "One equation for each port says it all; leave the others out.",
-            )
+        raise _wrong(
+            span,
+            f"`{name}` has {len(equations)} equation{'s' * (len(equations) != 1)}; {kind} with {ports} port{'s' * (ports != 1)} needs {expected}",
+            "Equations are separated by commas."
+            if len(equations) < expected
+            else "One equation for each port says it all; leave the others out.",
         )
     used = [_own(left) | _own(right) for left, right in equations]
     if row.given:
         for (left, right), _ in zip(equations, used, strict=True):
             if not (isinstance(left, Symbol) and isinstance(left.key, Own) and not _own(right)):
                 letter = "effort" if row.given == "e" else "flow"
-                raise Wrong(
-                    WrongLaw(
-                        span,
-                        f"The law of the source `{name}` must give its {letter}",
-                        f"Write `{'F = …' if row.given == 'e' else 'v = …'}` with what it gives on the right.",
-                    )
+                raise _wrong(
+                    span,
+                    f"The law of the source `{name}` must give its {letter}",
+                    f"Write `{'F = …' if row.given == 'e' else 'v = …'}` with what it gives on the right.",
                 )
         return
     if transducer:
@@ -292,12 +280,10 @@ def _check_form(
             wanted = {Own(port, variable)} if ports == 1 else {Own(port, v) for v in row.variables}
             if not any(wanted & u for u in used):
                 words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}[variable]
-                raise Wrong(
-                    WrongLaw(
-                        span,
-                        f"The law of `{name}` does not use the {words} of its port{f' number {port + 1}' * (ports > 1)}",
-                        "A source gives an effort or flow by itself; C relates e and q, I relates f and p, R relates e and f.",
-                    )
+                raise _wrong(
+                    span,
+                    f"The law of `{name}` does not use the {words} of its port{f' number {port + 1}' * (ports > 1)}",
+                    "A source gives an effort or flow by itself; C relates e and q, I relates f and p, R relates e and f.",
                 )
 
 
@@ -312,32 +298,26 @@ def _check_transducer(
     }
     if used not in pairs[kind]:
         usage = "`omega1 = 20*omega2` or `M2 = 20*M1`" if kind == "TF" else "`u1 = K*omega2` or `M2 = K*i1`"
-        raise Wrong(
-            WrongLaw(
-                span,
-                f"The law of `{name}` must relate {'two efforts or two flows' if kind == 'TF' else 'the effort of one side and the flow of the other'}",
-                f"For example {usage}; power gives the other equation.",
-            )
+        raise _wrong(
+            span,
+            f"The law of `{name}` must relate {'two efforts or two flows' if kind == 'TF' else 'the effort of one side and the flow of the other'}",
+            f"For example {usage}; power gives the other equation.",
         )
     rest = equation[0] - equation[1]
     for own in used:
         parts = affine_parts(rest, Symbol(own))
         if parts is None:
-            raise Wrong(
-                WrongLaw(
-                    span,
-                    f"The law of `{name}` is not linear in its variables",
-                    "A transducer passes power on: one side is a ratio times the other. The ratio may depend on anything else with MTF or MGY.",
-                )
+            raise _wrong(
+                span,
+                f"The law of `{name}` is not linear in its variables",
+                "A transducer passes power on: one side is a ratio times the other. The ratio may depend on anything else with MTF or MGY.",
             )
         rest = parts[1]
     if rest != ZERO:
-        raise Wrong(
-            WrongLaw(
-                span,
-                f"The law of `{name}` has a part that does not vanish with its variables",
-                "It would create energy; put a source beside it.",
-            )
+        raise _wrong(
+            span,
+            f"The law of `{name}` has a part that does not vanish with its variables",
+            "It would create energy; put a source beside it.",
         )
 
 
