@@ -13,7 +13,7 @@ from ..rendering import text_of
 LARGEST = 1e6  # most symbols and operations of one state equation in sympy
 
 
-class Equations(dict[str, Any]):
+class SymbolicEquations(dict[str, Any]):
     """Equations in sympy by name: rates of states, residuals of unknowns. Notebooks typeset this mapping."""
 
     def __init__(self, equations: Mapping[str, Any], rates: bool) -> None:
@@ -25,19 +25,19 @@ class Equations(dict[str, Any]):
         return text_of(self, "latex", self.rates) if self else None
 
 
-def state_equations(space: StateSpace) -> Equations:
+def state_equations(space: StateSpace) -> SymbolicEquations:
     """Return state -> right-hand side in sympy, over parameters, inputs, `time`, states and the unknowns of nonlinear loops.
 
     Assignments are substituted, in causal order; a linear loop is solved symbolically for its cut variables.
     """
     value = symbolic_values(space)
-    return Equations({space.variables[s.variable].name: value(s.rate) for s in space.states}, rates=True)
+    return SymbolicEquations({space.variables[s.variable].name: value(s.rate) for s in space.states}, rates=True)
 
 
-def algebraic_equations(space: StateSpace) -> Equations:
+def algebraic_equations(space: StateSpace) -> SymbolicEquations:
     """Return unknown of a nonlinear loop -> an expression in sympy that vanishes, over the same symbols as in `state_equations`."""
     value = symbolic_values(space)
-    return Equations({space.variables[u.variable].name: value(u.residual) for u in space.unknowns}, rates=False)
+    return SymbolicEquations({space.variables[u.variable].name: value(u.residual) for u in space.unknowns}, rates=False)
 
 
 def symbolic_values(space: StateSpace) -> Callable[[int | float], Any]:

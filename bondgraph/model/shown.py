@@ -13,7 +13,7 @@ from ..errors import UsageError
 if TYPE_CHECKING:
     from compiler.api import StateSpace
 
-    from ..analysis.symbolic import Equations
+    from ..analysis.symbolic import SymbolicEquations
     from ..presentation.diagram.figure import Figure
 
 STAGES = ("syntax", "graph", "causality", "equations", "reduction", "state_equations", "code", "text")
@@ -70,7 +70,7 @@ class Shown(AnalysedModel):
 
         return picture(self) or None
 
-    def state_equations(self) -> Equations:
+    def state_equations(self) -> SymbolicEquations:
         """Return the state equations in sympy: a mapping from state to the right-hand side, over parameters, states and inputs.
 
         Linear loops are solved symbolically. Unknowns of nonlinear loops remain, and `algebraic_equations` determines them.
@@ -80,7 +80,7 @@ class Shown(AnalysedModel):
         with api.uncollected():
             return state_equations(self.with_inputs().state_space)
 
-    def algebraic_equations(self) -> Equations:
+    def algebraic_equations(self) -> SymbolicEquations:
         """Return the equations of nonlinear loops in sympy: a mapping from unknown to an expression that vanishes; often empty."""
         from ..analysis.symbolic import algebraic_equations
 

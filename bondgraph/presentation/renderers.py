@@ -6,7 +6,7 @@ RENDERERS = {
     ("Branch", "plot"): "bondgraph.presentation.plots.phase:plot_branch",
     ("Branch", "summary"): "bondgraph.presentation.text.analyses:branch_text",
     ("Energies", "plot"): "bondgraph.presentation.plots.energies:plot_energies",
-    ("Equations", "latex"): "bondgraph.presentation.page.notebook:equations_latex",
+    ("SymbolicEquations", "latex"): "bondgraph.presentation.page.notebook:equations_latex",
     ("Equilibrium", "summary"): "bondgraph.presentation.text.analyses:equilibrium_text",
     ("FeedForward", "plot"): "bondgraph.presentation.plots.feed_forward:plot_feed_forward",
     ("FeedForward", "summary"): "bondgraph.presentation.text.analyses:feed_forward_text",

@@ -70,9 +70,9 @@ def test_equations() -> None:
 def test_many_equations_are_cut() -> None:
     import sympy
 
-    from bondgraph.analysis.symbolic import Equations
+    from bondgraph.analysis.symbolic import SymbolicEquations
 
-    shown = Equations({f"x{i}": sympy.Symbol("y$_{}") for i in range(100)}, rates=True)._repr_latex_()
+    shown = SymbolicEquations({f"x{i}": sympy.Symbol("y$_{}") for i in range(100)}, rates=True)._repr_latex_()
     assert "and 60 more" in shown and shown.count("$") == 2 + 40 and shown.count(r"\$") == 40
 
 

@@ -14,7 +14,7 @@ from ...quantities import behind
 from ..equilibrium import units_of
 from ..operating_point import Asked, OperatingPoint, operating_point
 from .drives import Drive, drives_of
-from .equations import Equations
+from .equations import InversionEquations
 from .feed_forward import NEAR, FeedForward, within_limits
 from .motion import Ends, motion
 from .path import Path, is_plain, path_of
@@ -63,7 +63,7 @@ def invert_along(
     search = Search(point, [point.program.outputs.names.index(n) for n in path.names], drives)
     if not along.moving:
         search = rest_with(point, path.first, drives)
-    equations = Equations(search.point, path.names, search.drives)
+    equations = InversionEquations(search.point, path.names, search.drives)
     notes = _smooth_enough(path, equations, along)
     times = np.linspace(along.start, along.stop, along.points)
     degree = max(equations.degrees)
@@ -86,7 +86,7 @@ def _refuse_jumps(point: OperatingPoint, along: Along) -> None:
             )
 
 
-def _smooth_enough(path: Path, equations: Equations, along: Along) -> list[str]:
+def _smooth_enough(path: Path, equations: InversionEquations, along: Along) -> list[str]:
     """Return notes on jumps of the path. Raises `UsageError` where an inverse would need impulses."""
     notes = []
     for jump in path.jumps(equations.degrees, along.moving):
@@ -102,7 +102,7 @@ def _smooth_enough(path: Path, equations: Equations, along: Along) -> list[str]:
     return notes
 
 
-def _ends(search: Search, path: Path, equations: Equations, along: Along) -> Ends:
+def _ends(search: Search, path: Path, equations: InversionEquations, along: Along) -> Ends:
     first = np.concatenate([search.point.state, search.strengths])
     if not equations.free:
         return Ends(first, None)
@@ -120,7 +120,7 @@ def _ends(search: Search, path: Path, equations: Equations, along: Along) -> End
 
 
 def _told(
-    search: Search, equations: Equations, path: Path, wanted: Mapping[str, Any], asked: Asked, found: Any, along: Along,
+    search: Search, equations: InversionEquations, path: Path, wanted: Mapping[str, Any], asked: Asked, found: Any, along: Along,
     notes: list[str], model: CompiledModel,
 ) -> FeedForward:  # fmt: skip
     point, program = search.point, search.point.program

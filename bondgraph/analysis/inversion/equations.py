@@ -39,7 +39,7 @@ class Evaluated:
     rate_slopes: Any
 
 
-class Equations:
+class InversionEquations:
     """Equations with outputs prescribed. `degrees`: relative degree of each output. Columns are states, unknowns, strengths."""
 
     def __init__(self, point: OperatingPoint, outputs: Sequence[str], drives: Sequence[Drive]) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunFailed
-from .equations import Equations, Evaluated, never_apart
+from .equations import Evaluated, InversionEquations, never_apart
 
 ITERATIONS = 25
 CLOSE = 1e-13  # relative to the magnitudes: size of the last step
@@ -59,7 +59,7 @@ class Ends:
     last: Any | None
 
 
-def motion(equations: Equations, times: Any, wanted: Wanted, ends: Ends) -> Motion:
+def motion(equations: InversionEquations, times: Any, wanted: Wanted, ends: Ends) -> Motion:
     """Return the states and strengths at `times` with which the outputs follow `wanted`. Raises `RunFailed`."""
     solver = _Solver(equations, np.asarray(times, dtype=float), wanted, ends)
     found = solver.solve()
@@ -68,7 +68,7 @@ def motion(equations: Equations, times: Any, wanted: Wanted, ends: Ends) -> Moti
 
 
 class _Solver:
-    def __init__(self, equations: Equations, times: Any, wanted: Wanted, ends: Ends) -> None:
+    def __init__(self, equations: InversionEquations, times: Any, wanted: Wanted, ends: Ends) -> None:
         self.equations, self.ends = equations, ends
         self.steps = None if equations.free == 0 else np.diff(times)
         if self.steps is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...errors import MissingPackage, UsageError
 from ...files import replacing, write_text
@@ -13,6 +13,9 @@ from ..text.tables import visible
 from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
 from .styles import GROUND, MARKS, STYLES, Style
 from .svg import svg_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 ENDINGS = (".svg", ".png", ".pdf")
 INCH = 96.0  # px
@@ -59,7 +62,7 @@ def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
             page.savefig(stream, format=kind, dpi=INCH * SCALE, metadata=undated)
 
 
-def _draw(axes: Any, shape: Shape, group: Group) -> None:
+def _draw(axes: Axes, shape: Shape, group: Group) -> None:
     from matplotlib import patches
 
     look = STYLES[shape.look]

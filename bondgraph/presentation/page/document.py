@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -116,10 +116,9 @@ def _equations(model: AnalysedModel, sources: list[Source]) -> Html:
     )
 
 
-def _or_problem(made: Any) -> Html:
+def _or_problem(made: Callable[[], Html]) -> Html:
     """Return the result of `made`, or the error message."""
     try:
-        found: Html = made()
-        return found
+        return made()
     except (CompilationFailed, UsageError, RunFailed) as problem:
         return tag("pre", str(problem))

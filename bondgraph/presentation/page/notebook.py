@@ -14,6 +14,9 @@ from .certificate import problems_markup
 from .markup import Html, tag
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ...analysed_model import AnalysedModel
     from ...results.result import Result
 
@@ -81,7 +84,7 @@ def result_html(result: Result) -> Html:
     return tag("div", tag("strong", short(result.title)), f", {span}", tag("table", heads, *rows), *more, *notes)
 
 
-def _curve(time: Any, values: Any) -> Html:
+def _curve(time: NDArray[np.float64], values: NDArray[np.float64]) -> Html:
     """Return values over time as a small picture in the colour of the surrounding text."""
     import numpy as np
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from compiler.api import Compilation, CompilationFailed, StrokeReason, blocks, dependences, render
 
-from .tables import columns, counted, visible
+from .tables import columns, counted, place_of, visible
 
 if TYPE_CHECKING:
-    from compiler.api import CausalGraph, Dependence, Diagnostic, EquationSystem, Span
+    from compiler.api import CausalGraph, Dependence, Diagnostic, EquationSystem
 
 SCHEMA = "bondgraph-causality/1"
 FLOWS = {"C": "flow", "I": "effort", "IC": "other variable"}
@@ -148,7 +147,7 @@ def _stroke(causal: CausalGraph, bond: int) -> StrokeRow:
         why = f"follows at {owner} from {_arrow(causal, reason.bond)}"
     else:
         why = f"{owner}: {reason.because.value}"
-    return StrokeRow(_arrow(causal, bond), names[effort], names[1 - effort], why, _place(ends.span))
+    return StrokeRow(_arrow(causal, bond), names[effort], names[1 - effort], why, place_of(ends.span))
 
 
 def _arrow(causal: CausalGraph, bond: int) -> str:
@@ -163,10 +162,6 @@ def _end(causal: CausalGraph, end: Any) -> str:
     return f"{node.name}.{ports[end.port].name}" if ports and ports[end.port].name else str(node.name)
 
 
-def _place(span: Span) -> str:
-    return f"{PurePath(span.source.name).name}:{span.line}"
-
-
 # ---------------------------------------------------------------- storages in derivative form
 
 
@@ -177,9 +172,9 @@ def _derivative(causal: CausalGraph, item: Dependence) -> DerivativeRow:
     name = _end(causal, item.port)
     why, advice = _dependence(name, node, None if forcing is None else forcing, item.because)
     return DerivativeRow(
-        name, _place(node.span), None if forcing is None else forcing.name,
-        None if forcing is None else _place(forcing.span), why,
-        tuple((_arrow(causal, b), _place(graph.bonds[b].span)) for b in item.bonds), advice,
+        name, place_of(node.span), None if forcing is None else forcing.name,
+        None if forcing is None else place_of(forcing.span), why,
+        tuple((_arrow(causal, b), place_of(graph.bonds[b].span)) for b in item.bonds), advice,
     )  # fmt: skip
 
 
@@ -198,7 +193,7 @@ def _dependence(name: str, node: Any, forcing: Any, because: StrokeReason) -> tu
             "the ring of junctions around it leaves no other strokes",
             f"put a small {parting} between `{name}` and the ring.",
         )
-    other = f"`{forcing.name}` ({_place(forcing.span)})"
+    other = f"`{forcing.name}` ({place_of(forcing.span)})"
     if because is StrokeReason.SOURCE:
         return (
             f"{other} decides its {variable} at once",
@@ -244,11 +239,11 @@ def _loops(causal: CausalGraph, system: EquationSystem) -> Iterator[LoopRow]:
             if first is not None and first.implicit:
                 name = system.variables[first.target].name
                 yield LoopRow(
-                    (first.owner,), ((name, first.owner, _place(first.span)),), 1, _implicit(first.owner, name)
+                    (first.owner,), ((name, first.owner, place_of(first.span)),), 1, _implicit(first.owner, name)
                 )
             continue
         cycle = _shortest_cycle(sorted(block), inputs)
-        rows = tuple((system.variables[v].name, assigned[v].owner, _place(assigned[v].span)) for v in cycle)
+        rows = tuple((system.variables[v].name, assigned[v].owner, place_of(assigned[v].span)) for v in cycle)
         members = tuple(dict.fromkeys(owner for _, owner, _ in rows))
         yield LoopRow(members, rows, len(block), _loop_advice(_junctions(causal, numbers, members)))
 

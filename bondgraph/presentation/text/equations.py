@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import PurePath
 from typing import Any
 
 from compiler.api import LinearLoop, StateSpace, Unknown, to_sympy
 
-from .tables import visible
+from .tables import place_of, visible
 
 
 def equations_text(space: StateSpace, latex: bool) -> str:
@@ -29,7 +28,7 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
     unknowns = {u.residual: u for u in space.unknowns}
     rows: list[tuple[str, str]] = []
     for step in space.steps:
-        place = f"{PurePath(step.span.source.name).name}:{step.span.line}"
+        place = place_of(step.span)
         if isinstance(step, LinearLoop):
             names = ", ".join(space.variables[t].name for t in step.targets)
             matrix = "; ".join(" ".join(str(symbol(e)) for e in row) for row in step.matrix)
@@ -44,7 +43,7 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
     for state in space.states:
         rate = space.variables[state.rate].name
         start = f"{state.start:.12g}" if isinstance(state.start, float) else space.variables[state.start].name
-        place = f"{PurePath(state.span.source.name).name}:{state.span.line}"
+        place = place_of(state.span)
         rows.append((f"d/dt {space.variables[state.variable].name} = {rate}", f"{place} starts at {start}"))
     width = min(72, max((len(r[0]) for r in rows), default=0))
     for text, place in rows:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from compiler.api import Compilation, cost
 
 from ...results.truncation import frequency_text
-from .tables import columns, counted, short, visible
+from .tables import columns, counted, place_of, short, visible
 
 if TYPE_CHECKING:
-    from compiler.api import Certificate, Cost, Lowered, Span
+    from compiler.api import Certificate, Cost, Lowered
 
 SCHEMA = "bondgraph-explanation/1"
 SHOWN = 10  # most lines of the table of expensive lines
@@ -58,7 +57,7 @@ class RunExplanation:
             },
             "functions": dict(count.functions), "conditions": list(self.conditions), "bends": self.bends,
             "bandwidth": self.bandwidth,
-            "lines": [{"place": _place(x.span), "owners": list(x.owners), "operations": x.operations} for x in count.lines],
+            "lines": [{"place": place_of(x.span), "owners": list(x.owners), "operations": x.operations} for x in count.lines],
         }  # fmt: skip
 
     def text(self) -> str:
@@ -112,7 +111,7 @@ class RunExplanation:
     def _expensive(self) -> Iterator[str]:
         whole = max(1, self.cost.rates)
         rows = [
-            (f"{100 * x.operations / whole:3.0f} %", f"{_place(x.span)}", _some(x.owners))
+            (f"{100 * x.operations / whole:3.0f} %", f"{place_of(x.span)}", _some(x.owners))
             for x in self.cost.lines[:SHOWN]
         ]
         yield from (f"  {line}" for line in columns(rows))
@@ -134,7 +133,7 @@ def _conditions(lowered: Lowered) -> dict[str, None]:
     """Return the lines of conditions on states, each once; those of `when` are reported as events."""
     told = {(e.span.source.name, e.span.line) for e in lowered.space.events}
     notes = (item.note for item in lowered.events.located)
-    return {f"`{n.owner}` ({_place(n.span)})": None for n in notes if (n.span.source.name, n.span.line) not in told}
+    return {f"`{n.owner}` ({place_of(n.span)})": None for n in notes if (n.span.source.name, n.span.line) not in told}
 
 
 def _left_out(compilation: Compilation) -> Iterator[OmittedNode]:
@@ -142,7 +141,7 @@ def _left_out(compilation: Compilation) -> Iterator[OmittedNode]:
     for node in compilation.whole_graph.nodes:
         if node.name not in kept:
             yield OmittedNode(
-                node.name, _place(node.span), tuple(_zeros_behind(compilation, getattr(node, "arguments", ())))
+                node.name, place_of(node.span), tuple(_zeros_behind(compilation, getattr(node, "arguments", ())))
             )
 
 
@@ -162,10 +161,6 @@ def _zeros_behind(compilation: Compilation, references: Iterable[Any]) -> dict[s
         else:
             found[name] = None
     return found
-
-
-def _place(span: Span) -> str:
-    return f"{PurePath(span.source.name).name}:{span.line}"
 
 
 def _some(names: Sequence[str]) -> str:

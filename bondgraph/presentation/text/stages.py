@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from pathlib import PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from compiler.api import Compilation, Mechanism, MechanismNode, write_text
 
-from .tables import visible
+from .tables import place_of, visible
+
+if TYPE_CHECKING:
+    from compiler.api import BondGraph
 
 
 def stage_text(compilation: Compilation, stage: str) -> str:
@@ -18,10 +20,6 @@ def stage_text(compilation: Compilation, stage: str) -> str:
         "code": _code, "text": _text,
     }  # fmt: skip
     return "\n".join(visible(line) for text in writers[stage](compilation) for line in text.split("\n"))
-
-
-def _place(span: Any) -> str:
-    return f"{PurePath(span.source.name).name}:{span.line}"
 
 
 def _syntax(compilation: Compilation) -> Iterator[str]:
@@ -53,7 +51,7 @@ def _syntax(compilation: Compilation) -> Iterator[str]:
         yield from walk(statement, "", 0)
 
 
-def _end(graph: Any, end: Any) -> str:
+def _end(graph: BondGraph, end: Any) -> str:
     node = graph.nodes[end.node]
     ports = getattr(node, "ports", None)
     name = ports[end.port].name if ports else ""
@@ -69,38 +67,38 @@ def _graph(compilation: Compilation) -> Iterator[str]:
         listed = ", ".join(f"{p.name}: {p.domain}" if p.name else p.domain for p in ports) or getattr(
             node, "domain", ""
         )
-        yield f"  {node.kind.value} {node.name} ({listed})  # {_place(node.span)} {node.definition}"
+        yield f"  {node.kind.value} {node.name} ({listed})  # {place_of(node.span)} {node.definition}"
         if isinstance(node, MechanismNode):
             yield from _parts(node.mechanism)
     for bond in graph.bonds:
-        yield f"  {_end(graph, bond.tail)} -> {_end(graph, bond.head)} : {bond.domain}  # {_place(bond.span)}"
+        yield f"  {_end(graph, bond.tail)} -> {_end(graph, bond.head)} : {bond.domain}  # {place_of(bond.span)}"
     for named in graph.quantities.values():
         value = f" = {named.value!r}" if named.value is not None else ""
-        yield f"  {named.role} {named.name} [{named.unit}]{value}  # {_place(named.span)}"
+        yield f"  {named.role} {named.name} [{named.unit}]{value}  # {place_of(named.span)}"
     for named in graph.outputs.values():
-        yield f"  reported {named.name} [{named.unit}]  # {_place(named.span)}"
+        yield f"  reported {named.name} [{named.unit}]  # {place_of(named.span)}"
     for required in graph.requirements:
         owner = f" of {required.name}" if required.name else ""
-        yield f"  required{owner}: {required.words}  # {_place(required.span)} {required.text}".rstrip()
+        yield f"  required{owner}: {required.words}  # {place_of(required.span)} {required.text}".rstrip()
     for event in graph.events:
         word, owner = "when" if event.period is None else "every", f" of {event.name}" if event.name else ""
         sets = ", ".join(action.words for action in event.actions)
-        yield f"  {word} {event.words}{owner}: sets {sets}  # {_place(event.span)}"
+        yield f"  {word} {event.words}{owner}: sets {sets}  # {place_of(event.span)}"
     for switch in graph.switches:
-        yield f"  switched {switch.junction}  # {_place(switch.span)}"
+        yield f"  switched {switch.junction}  # {place_of(switch.span)}"
 
 
 def _parts(mechanism: Mechanism) -> Iterator[str]:
     """Yield bodies, frames and joints, with the degrees of freedom of each joint."""
     yield f"    {'planar' if mechanism.planar else 'spatial'}: {len(mechanism.bodies)} bodies, {len(mechanism.joints)} joints"
     for body in mechanism.bodies:
-        yield f"    body {body.name}  # {_place(body.span)}"
+        yield f"    body {body.name}  # {place_of(body.span)}"
     for frame in mechanism.frames:
-        yield f"    frame {frame.name} : {frame.body}  # {_place(frame.span)}"
+        yield f"    frame {frame.name} : {frame.body}  # {place_of(frame.span)}"
     for joint in mechanism.joints:
         leaves = f" ({', '.join(joint.freedoms)})" if joint.freedoms else ""
         locked = " locked" if joint.locked else ""
-        yield f"    {joint.kind} {joint.name} : {joint.first} to {joint.second}{leaves}{locked}  # {_place(joint.span)}"
+        yield f"    {joint.kind} {joint.name} : {joint.first} to {joint.second}{leaves}{locked}  # {place_of(joint.span)}"
 
 
 def _causality(compilation: Compilation) -> Iterator[str]:
@@ -134,13 +132,13 @@ def _equations(compilation: Compilation) -> Iterator[str]:
         right = to_sympy(assignment.expression, symbol)
         if assignment.implicit:
             solved_for = f"solved for {system.variables[assignment.target].name}"
-            yield f"  0 = {right}  # {_place(assignment.span)} {assignment.owner}, {solved_for}"
+            yield f"  0 = {right}  # {place_of(assignment.span)} {assignment.owner}, {solved_for}"
             continue
-        yield f"  {system.variables[assignment.target].name} = {right}  # {_place(assignment.span)} {assignment.owner}"
+        yield f"  {system.variables[assignment.target].name} = {right}  # {place_of(assignment.span)} {assignment.owner}"
     for item in system.derivatives:
-        yield f"  {system.variables[item.target].name} = d/dt {system.variables[item.of].name}  # {_place(item.span)} {item.owner}"
+        yield f"  {system.variables[item.target].name} = d/dt {system.variables[item.of].name}  # {place_of(item.span)} {item.owner}"
     for state in system.states:
-        yield f"  d/dt {system.variables[state.variable].name} = {system.variables[state.rate].name}  # {_place(state.span)}"
+        yield f"  d/dt {system.variables[state.variable].name} = {system.variables[state.rate].name}  # {place_of(state.span)}"
 
 
 def _reduction(compilation: Compilation) -> Iterator[str]:

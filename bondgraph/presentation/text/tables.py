@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from ...results.result import extremes
@@ -11,6 +12,8 @@ from ...results.result import extremes
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from compiler.api import Span
 
     from ...results.records import EnergyBalance
     from ...results.result import Result
@@ -55,6 +58,11 @@ def short(name: str, longest: int = LONGEST_NAME) -> str:
         return name
     half = (longest - 5) // 2
     return f"{name[:half]} ... {name[-half:]}"
+
+
+def place_of(span: Span) -> str:
+    """Return `file:line`."""
+    return f"{PurePath(span.source.name).name}:{span.line}"
 
 
 def labelled(name: str, unit: str) -> str:
