@@ -163,9 +163,18 @@ def read_by(line: Line) -> set[Symbol]:
     return {symbol for x in results_of(line) for symbol in x.free_symbols}
 
 
-def line_text(line: Line, printer: PythonPrinter, solve: str) -> list[str]:
-    """The text of a line. `solve` is the function for linear systems."""
-    place = cited(line.span, line.owner)
+def lines_text(lines: Iterable[Line], printer: PythonPrinter, solve: str) -> list[str]:
+    """The text of lines. `solve` is the function for linear systems. Of lines with one cause the first cites it."""
+    text: list[str] = []
+    before = ""
+    for line in lines:
+        place = cited(line.span, line.owner)
+        text += _line_text(line, printer, solve, "" if place == before else place)
+        before = place
+    return text
+
+
+def _line_text(line: Line, printer: PythonPrinter, solve: str, place: str) -> list[str]:
     if isinstance(line, LinearSystem):
         rows = [text for row in line.matrix for text in filled(f"[{', '.join(map(printer.text, row))}],")]
         *names, last = filled(", ".join(printer.names[t] for t in line.targets))

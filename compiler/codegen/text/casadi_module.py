@@ -14,7 +14,7 @@ from ...reduction import StateSpace
 from ..errors import NumpyAlone
 from ..numpy.names import Identifiers
 from ..symbolic.formulate import formulate
-from ..symbolic.python_text import PythonPrinter, function_names, line_text, needed_lines, results_of, targets_of
+from ..symbolic.python_text import PythonPrinter, function_names, lines_text, needed_lines, results_of, targets_of
 from ..symbolic.state_equations import Entry, NamedSymbol, StateEquations
 from .c_file import refuse_hybrid
 from .target import TextTarget
@@ -93,11 +93,7 @@ class _CasadiModule:
     def text(self) -> str:
         e = self.equations
         results = [*e.rates, *e.residuals, *e.outputs]
-        lines = [
-            text
-            for line in needed_lines(e.lines, (r.value for r in results))
-            for text in line_text(line, self.printer, "_solve")
-        ]
+        lines = lines_text(needed_lines(e.lines, (r.value for r in results)), self.printer, "_solve")
         equations = "\n".join([*self._symbols(), "", *lines])
         whole = "\n".join([equations, "", *self._functions_of_casadi()])
         support = [text for name, text in (("_solve(", SOLVE), ("_root(", ROOT)) if name in whole]
@@ -136,7 +132,7 @@ class _CasadiModule:
         yield f"jacobian = ca.Function('jacobian', arguments, [ca.jacobian(ca.vertcat(ode, alg), {moving})])"
         yield f"outputs = ca.Function('outputs', arguments, [{self._vector(e.outputs)}])"
         needed = needed_lines(e.lines, (entry.value for entry in e.starts))
-        yield from (text for line in needed for text in line_text(line, self.printer, "_solve"))
+        yield from lines_text(needed, self.printer, "_solve")
         yield f"start = ca.Function('start', [p], [{self._vector(e.starts)}])"
         yield "START = start(DEFAULTS)"
         values = ", ".join(letter for letter, _ in self.groups if letter in "pu")

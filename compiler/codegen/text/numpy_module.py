@@ -18,7 +18,7 @@ from ..symbolic.python_text import (
     cited,
     filled,
     function_names,
-    line_text,
+    lines_text,
     needed_lines,
     read_by,
     targets_of,
@@ -134,7 +134,7 @@ class _NumpyModule:
         e = self.equations
         if self.constant:
             lines = [line for line in e.lines if self.constant & {*targets_of(line)}]
-            body = [text for line in lines for text in line_text(line, self.printer, "np.linalg.solve")]
+            body = lines_text(lines, self.printer, "np.linalg.solve")
             yield _function(
                 "constants",
                 "p",
@@ -235,7 +235,7 @@ class _NumpyModule:
             text += self._unpacked(letter, group, read)
         if read & {q.symbol for q in e.unknowns}:
             text += self._unpacked("z", e.unknowns, read)
-        return text + [part for line in own for part in line_text(line, self.printer, "np.linalg.solve")]
+        return text + lines_text(own, self.printer, "np.linalg.solve")
 
     def _unpacked(self, letter: str, group: Sequence[NamedSymbol], read: set[Basic]) -> list[str]:
         names = [self.names[q.symbol] if q.symbol in read else "_" for q in group]
