@@ -7,12 +7,12 @@ import pytest
 from tests.architecture import structure
 
 # Files, and folders (a file at the top of a package is one), that lie on a cycle of imports of any kind.
-FILES_ON_CYCLES = {"bondgraph": 74, "compiler": 0}
-FOLDERS_ON_CYCLES = {"bondgraph": 11, "compiler": 0}
+FILES_ON_CYCLES = {"bondgraph": 11, "compiler": 0}
+FOLDERS_ON_CYCLES = {"bondgraph": 3, "compiler": 0}
 FILES_THAT_IMPORT_THE_MODEL = 3
-FUNCTIONS_OF_MORE_THAN_SEVEN_PARAMETERS = 52
-SHARE_OF_BARE_ANY = {"bondgraph": 0.224, "compiler": 0.02}
-CLASSES_OF_ONE_NAME = 23
+FUNCTIONS_OF_MORE_THAN_SEVEN_PARAMETERS = 45
+SHARE_OF_BARE_ANY = {"bondgraph": 0.216, "compiler": 0.02}
+CLASSES_OF_ONE_NAME = 19
 DOCSTRINGS_THAT_OPEN_WITH_A_QUESTION = 0
 LINES = 77_300
 
