@@ -96,6 +96,7 @@ class _Loop:
         self.rounds: set[str] = set()  # indices of loops within
         self.written: set[tuple[str, str]] = set()  # arrays and their indices
         self.read: set[tuple[str, str]] = set()
+        self.masks = 0
         self.pure = all(isinstance(n, ast.Assign) and isinstance(n.targets[0], ast.Name) for n in node.body[:-1])
         self.statements = self._block(node.body, None)
         self._check_apart()
@@ -115,6 +116,16 @@ class _Loop:
 
     def _statement(self, node: ast.stmt, mask: ast.expr | None) -> list[ast.stmt]:
         match node:
+            case ast.Assign(
+                targets=[ast.Name() | ast.Attribute() as last],
+                value=ast.IfExp(test=ast.UnaryOp(ast.Not(), ast.Compare(part, [ast.LtE()], [_])), orelse=same),
+            ) if ast.unparse(last) == ast.unparse(same) and mask is None and self._varies(part):
+                most = ast.Call(_name_of("np.maximum.reduce"), [self._array(part)], [ast.keyword("initial", same)])
+                return [ast.Assign([last], _called("float", most))]
+            case ast.Assign(targets=[ast.Subscript() as target]) if self._varies(target.slice) and not self._is_shifted(
+                target.slice
+            ):
+                return self._scatter(target, node.value, mask)
             case ast.Assign(targets=[ast.Subscript() as target]):
                 return self._put(target, self._array(node.value), mask)
             case ast.Assign(targets=[ast.Name(id=name)]):
@@ -141,13 +152,33 @@ class _Loop:
     def _if(self, node: ast.If, mask: ast.expr | None) -> list[ast.stmt]:
         if not self._varies(node.test):
             return [ast.If(node.test, self._block(node.body, mask), self._block(node.orelse, mask))]
-        test = self._array(node.test)
-        both = test if mask is None else ast.BinOp(mask, ast.BitAnd(), test)
-        found = self._block(node.body, both)
-        if node.orelse:
-            other: ast.expr = ast.UnaryOp(ast.Invert(), test)
-            found += self._block(node.orelse, other if mask is None else ast.BinOp(mask, ast.BitAnd(), other))
-        return found
+        found: list[ast.stmt] = []
+
+        def masked(test: ast.expr) -> ast.expr:
+            """Return the name of a condition, which is evaluated before what depends on it changes its values."""
+            self.masks += 1
+            name = f"mask_{self.masks}"
+            both = test if mask is None else ast.BinOp(mask, ast.BitAnd(), test)
+            found.append(ast.Assign([ast.Name(name, ast.Store())], both))
+            return ast.Name(name, ast.Load())
+
+        holds = masked(self._array(node.test))
+        fails = masked(ast.UnaryOp(ast.Invert(), self._array(node.test))) if node.orelse else None
+        found += self._block(node.body, holds)
+        return found if fails is None else found + self._block(node.orelse, fails)
+
+    def _scatter(self, target: ast.Subscript, value: ast.expr, mask: ast.expr | None) -> list[ast.stmt]:
+        """Return the assignment to elements of which several rounds may write one: the largest or smallest value, or one that reads none of them."""
+        base, text = target.value, ast.unparse(target)
+        match value:
+            case ast.Call(func=ast.Name(id=order), args=[same, other]) if (
+                order in _REDUCED and ast.unparse(same) == text and mask is None
+            ):
+                place = self._place(target, self.written)
+                return [ast.Expr(_called(_REDUCED[order].replace("reduce", "at"), base, place, self._array(other)))]
+        if ast.unparse(base) in ast.unparse(value):
+            raise _StaysAsItIs
+        return self._put(target, self._array(value), mask)
 
     def _put(self, target: ast.Subscript, value: ast.expr, mask: ast.expr | None) -> list[ast.stmt]:
         place = self._place(target, self.written)
@@ -174,9 +205,9 @@ class _Loop:
         """Return the assignment to a name: the largest or smallest value so far, a fact if it holds anywhere, or an array within the loop."""
         match value:
             case ast.Call(func=ast.Name(id=order), args=[ast.Name(id=same), other]) if (
-                order in _REDUCED and same == name
+                order in _REDUCED and same == name and name not in self.local
             ):
-                if name in self.local or not self._varies(other):
+                if not self._varies(other):
                     raise _StaysAsItIs
                 rest = [ast.keyword("where", mask)] if mask is not None else []
                 whole = self._array(other)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -14,12 +13,10 @@ from compiler.api import Program
 from ..closed.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments.timeline import Segment, always, follower, signals_on
-from ..steps.factorise import Shifted, is_large, once, sparse
-from .kept import KeptFactors, keeps_factors
 from .motion import LARGEST, FreeMotion, along, free_motion
 
 if TYPE_CHECKING:
-    from ..steps.compiled.coarse_run import CompiledCoarse, CompiledEuler
+    from ..steps.compiled.coarse_run import CompiledCoarse
 
 STEPS = 60  # steps of the pilot run
 MOST_STEPS = 600  # most steps, where its Newton iteration needs shorter ones
@@ -133,25 +130,9 @@ class CoarseRun:
         self.far, self.until = np.zeros(NOTES), np.zeros((NOTES, len(state)))
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
-        self.keeping, self.kept = keeps_factors(program), KeptFactors()
-        self.compiled = self._compiled()
-
-    @cached_property
-    def shifted(self) -> Shifted:
-        """Linear systems of steps that are not made in machine code."""
-        kind = sparse if is_large(len(self.state), len(self.rows)) else once
-        return kind(self.rows, self.columns, self.differential)
-
-    def _compiled(self) -> CompiledEuler | None:
-        """Steps in machine code, if the program is native; else None."""
-        if self.program.native is None:
-            return None
         from ..steps.compiled.coarse_run import CompiledEuler
-        from ..steps.compiled.run import obstacle
 
-        return (
-            None if obstacle(self.program) else CompiledEuler(self.program, self.inputs, self.constants, self.smallest)
-        )
+        self.compiled = CompiledEuler(program, inputs, constants, self.smallest)
 
     def peak(self, stretches: Sequence[Segment], choice: Looks | None) -> Any:
         """Return the largest magnitudes on the way, as far as the pilot run gets."""
@@ -200,7 +181,7 @@ class CoarseRun:
             jacobian = self._on_constraints(first, basis)
         else:
             return None
-        reach = None if jacobian is None else free_motion(jacobian, self.compiled is not None)
+        reach = None if jacobian is None else free_motion(jacobian, self.program.native is not None)
         if jacobian is None or reach is None:
             return None
         slope = self.eliminated.rates(first.start, self.state, *fixed)[:count]
@@ -221,8 +202,8 @@ class CoarseRun:
         return reach.fastest > 0 and not reach.is_slower_than(STIFFER * reach.fastest, found)
 
     def _loop(self, reach: Callable[[Any], Any] | None) -> CompiledCoarse | None:
-        """Return the loop over steps in machine code, if the steps need no projection; else None."""
-        if self.compiled is None or self.constraints or not self.differential.all():
+        """Return the loop over steps of the source, if the steps need no projection; else None."""
+        if self.constraints or not self.differential.all():
             return None
         from ..steps.compiled.coarse_run import CompiledCoarse
 
@@ -303,45 +284,8 @@ class CoarseRun:
 
     def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
         """Return the state at the end of a step; None if Newton's method fails."""
-        program, fixed = self.program, (self.inputs, self.constants, mode)
-        x = begin
-        if len(program.unknowns.names):
-            x = self._guess(time, begin, mode)
-        if self.compiled is not None:
-            return self.compiled.step(begin, x, self.largest, (time, size), mode)
-        if self.keeping:
-            found = self.kept.step(
-                begin, size, lambda y: self.eliminated.rates(time, y, *fixed), self._own_share, CLOSE
-            )
-            if found is not None:
-                return found
-            self.kept.size = 0.0
-        before, slight = np.inf, np.inf
-        for _ in range(NEWTON_ITERATIONS):
-            slope = self.eliminated.rates(time, x, *fixed)
-            entries = self.eliminated.entries(time, x, *fixed)
-            if not (np.isfinite(slope).all() and np.isfinite(entries).all()):
-                return None
-            moved = np.maximum(self.largest, np.abs(size * np.where(self.differential, slope, 0.0)))
-            scale = self._scale(moved, np.abs(size * entries))
-            unit = np.where(self.differential, scale, 1.0)
-            rest = slope - np.where(self.differential, (x - begin) / size, 0.0)
-            try:
-                factors = self.shifted(1 / size, entries * scale[self.columns] / unit[self.rows])
-                if self.keeping:
-                    self.kept.keep(size, factors, scale, entries)
-                step = factors.solve(rest / unit)
-            except (np.linalg.LinAlgError, RuntimeError, ValueError):
-                return None
-            change = step * scale
-            norm, slight = self._share(x, change, np.abs(size * entries))
-            if not np.isfinite(norm) or (norm > 2 * before and slight > CLOSE):
-                return None
-            x = x + change
-            if norm <= CLOSE or norm > 2 * before:
-                return x
-            before = norm
-        return x if slight <= CLOSE else None
+        x = self._guess(time, begin, mode) if len(self.program.unknowns.names) else begin
+        return self.compiled.step(begin, x, self.largest, (time, size), mode)
 
     def _guess(self, time: float, begin: Any, mode: Any) -> Any:
         """Return the state at the start of a step, with the unknowns of loops for the end of the step if they are near the known ones.
@@ -358,39 +302,3 @@ class CoarseRun:
     def _peers(self, sizes: Any) -> Any:
         """Return for every state the largest value of its unit."""
         return largest_of_unit(self.kinds, sizes)
-
-    def _own_share(self, x: Any, change: Any, gain: Any) -> float:
-        return self._share(x, change, gain)[0]
-
-    def _share(self, x: Any, change: Any, gain: Any) -> tuple[float, float]:
-        """Return the largest relative change of a state, and the same with states at least a small fraction of their unit's largest.
-
-        Rounding of larger states does not count. Scales of the linear algebra are not suitable here: they follow the derivatives, which vanish where the
-        iteration ends.
-        """
-        moving = np.zeros(len(x))
-        np.maximum.at(moving, self.rows, gain * np.abs(x + change)[self.columns])
-        whole = np.maximum(np.maximum(self.largest, ROUNDING * moving), np.maximum(np.abs(x), np.abs(x + change)))
-        whole = np.maximum(whole, self.smallest)
-        slight = np.maximum(whole, PEERS * self._peers(np.where(self.differential, whole, 0.0)))
-        shares = [np.abs(change) / np.where(size > 0, size, 1.0) for size in (whole, slight)]
-        own, among = (float(share[self.differential].max(initial=0.0)) for share in shares)
-        return own, among
-
-    def _scale(self, moved: Any, gain: Any) -> Any:
-        """Return positive magnitudes for a step: a state that has not moved yet gets the value to which the others bring it, link by link.
-
-        A fixed number, however small, would be large in some units and overflow in others.
-        """
-        scale = np.array(moved)
-        for _ in range(len(scale)):
-            still = scale == 0
-            if not still.any():
-                break
-            reached = np.zeros(len(scale))
-            np.maximum.at(reached, self.rows, gain * scale[self.columns])
-            if not reached[still].any():
-                break
-            scale[still] = reached[still]
-        scale[scale == 0] = 1.0
-        return np.maximum(scale, SMALLEST_RATIO * scale.max())

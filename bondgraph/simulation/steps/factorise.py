@@ -54,31 +54,6 @@ class _Sparse:
         return self.factors.solve(right * self.scale)
 
 
-@dataclass(frozen=True, slots=True)
-class _Once:
-    matrix: Any
-    scale: Any
-
-    def solve(self, right: Any) -> Any:
-        return np.linalg.solve(self.matrix, right * self.scale)
-
-
-def once(rows: Any, columns: Any, differential: Any) -> Shifted:
-    """Return a function from shift and entries of a Jacobian at (rows, columns) to a dense matrix that is used once, by numpy alone.
-
-    Raises LinAlgError at its use, if it is singular.
-    """
-    diagonal = np.diag(differential.astype(float))
-
-    def shifted(shift: complex, entries: Any) -> Factorised:
-        matrix = diagonal * shift
-        matrix[rows, columns] -= entries
-        scale = _row_scale(matrix)
-        return _Once(matrix * scale[:, None], scale)
-
-    return shifted
-
-
 def _row_scale(matrix: Any) -> Any:
     largest = np.abs(matrix).max(axis=1, initial=0.0)
     return np.divide(1.0, largest, out=np.ones(len(largest)), where=(largest > 0) & np.isfinite(largest))
@@ -96,14 +71,14 @@ def dense(matrix: Any) -> Dense | None:
 
 def sparse(rows: Any, columns: Any, differential: Any) -> Shifted:
     """Return a function from shift and entries to the factors of a large matrix with few entries. It raises RuntimeError if the matrix is singular."""
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import splu
-
     count = len(differential)
     numbers = np.flatnonzero(differential)
     all_rows, all_columns = np.concatenate([rows, numbers]), np.concatenate([columns, numbers])
 
     def shifted(shift: complex, entries: Any) -> Factorised:
+        from scipy.sparse import csc_array
+        from scipy.sparse.linalg import splu
+
         values = np.concatenate([-entries, np.full(len(numbers), shift)])
         matrix = csc_array((values, (all_rows, all_columns)), shape=(count, count))
         matrix.sum_duplicates()

@@ -1,21 +1,23 @@
-"""Pilot run in machine code: one step of it, and its loop."""
+"""Pilot run: one step of it, and its loop, in machine code or as Python where there is none."""
 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...segments.timeline import mode_size
 from ...start.coarse import unit_numbers
-from ...start.kept import keeps_factors
-from .coarse import CROSSED, Coarse
+from ..factorise import is_large
+from .coarse import CROSSED, Coarse, coarse
 from .code import called
-from .euler import Euler
+from .euler import Euler, euler
 from .factors import Factors, room_for
 from .fields import is_sparse
-from .forms import Laid, form_of
+from .in_numpy import interpreted
+from .plain import Unordered, record_for
 from .run import Ordered
 from .sparse import ANEW, FINE
 
@@ -27,6 +29,11 @@ if TYPE_CHECKING:
 
 PACE = "time", "size", "taken", "usual", "smallest", "stop"
 SMALL = 0.0  # pivots beside what they divide; scales change from one iteration to the next and say little
+
+
+def keeps_factors(program: Program) -> bool:
+    """Return True if the pilot run of a program reuses factors: one with many states and no loop unknowns."""
+    return not program.unknowns.names and is_large(len(program.states.names), len(program.pattern[0]))
 
 
 def _room(program: Program, constants: Any) -> dict[str, Any]:
@@ -49,7 +56,8 @@ class CompiledEuler:
 
     def __init__(self, program: Program, inputs: Any, constants: Any, smallest: Any) -> None:
         rows, columns = program.pattern
-        self.program, self.order = program, Ordered(program, SMALL)
+        self.program = program
+        self.order = Unordered(program) if program.native is None else Ordered(program, SMALL)
         given = {
             "inputs": inputs,
             "constants": constants,
@@ -58,9 +66,15 @@ class CompiledEuler:
             "pattern": self.order.values,
             "smallest": smallest,
         }
-        self.values = Laid(form_of(Euler, program, "", lambda: _room(program, constants)), given)
+        self.values = record_for(Euler, program, lambda: _room(program, constants), given)
         self.record = self.values.record
-        self._step = called("euler", ctypes.c_int64, ctypes.c_void_p)
+        self._step = self.function(euler)
+
+    def function(self, source: Callable[..., int]) -> Callable[..., int]:
+        """Return a function of the source, as machine code if there is any."""
+        if self.program.native is None:
+            return interpreted(source, self.record.n, self.record.sparse)
+        return called(source.__name__, ctypes.c_int64, ctypes.c_void_p)  # type: ignore[no-any-return]
 
     def step(self, start: Any, guess: Any, largest: Any, at: tuple[float, float], mode: Any) -> Any:
         """Return the state at the end of a step, or None if it fails; `at`: time of the end, and size of the step."""
@@ -80,12 +94,12 @@ class CompiledEuler:
 class CompiledCoarse:
     """Loop over these steps, for a program whose states are all differential and without constraints."""
 
-    def __init__(self, euler: CompiledEuler, motion: FreeMotion | None) -> None:
-        self.euler, n = euler, euler.record.n
+    def __init__(self, steps: CompiledEuler, motion: FreeMotion | None) -> None:
+        self.euler, n = steps, steps.record.n
 
         def room() -> dict[str, Any]:
             numbers = dict.fromkeys((*PACE, "begun"), 0.0) | {"noted": 0, "taken": 0, "root_count": 0, "n": n}
-            hybrid = euler.program.hybrid
+            hybrid = steps.program.hybrid
             count = 0 if hybrid is None else len(hybrid.conditions)
             roots = {"root": np.zeros(count)} | {
                 name: np.zeros(count, dtype=np.int64) for name in ("root_said", "root_strict")
@@ -97,12 +111,12 @@ class CompiledCoarse:
             (nothing, nothing, ones) if motion is None else (motion.amplitudes, motion.inverse, motion.scale)
         )
         given = {
-            "euler": euler.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
+            "euler": steps.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
             "inverse_im": inverse.imag.ravel(), "unit": unit, **dict.fromkeys(("state", "far", "until"), ones),
         }  # fmt: skip
-        self.values = Laid(form_of(Coarse, euler.program, "", room), given)
+        self.values = record_for(Coarse, steps.program, room, given)
         self._record = self.values.record
-        self._run = called("coarse", ctypes.c_int64, ctypes.c_void_p)
+        self._run = steps.function(coarse)
 
     def observe(self, conditions: Conditions) -> None:
         """Return from `go` where one of these conditions changes."""
@@ -112,7 +126,7 @@ class CompiledCoarse:
     def go(self, run: CoarseRun, pace: Pace, begun: float, mode: Any) -> bool:
         """Step until Python must act; `begun`: start of the run. Updates state and magnitudes of `run`, and `pace`. True if a condition has changed."""
         record, values, euler, order = self._record, self.values, self.euler.values, self.euler.order
-        values.put({"state": run.state, "far": run.far, "until": run.until, "begun": begun, "noted": run.noted})
+        values.put({"state": run.state, "far": run.far, "until": run.until.ravel(), "begun": begun, "noted": run.noted})
         euler["largest"][:], euler["mode"][:] = run.largest, mode
         for name in PACE:
             setattr(record, name, getattr(pace, name))

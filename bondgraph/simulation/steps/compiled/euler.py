@@ -1,4 +1,4 @@
-"""One step of the pilot run by implicit Euler, in the subset that becomes machine code; same names as in `start.coarse.CoarseRun`."""
+"""One step of the pilot run by implicit Euler, in the subset that becomes machine code."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from compiler.api import Record
 
 from ...start import coarse as look
-from ...start import kept
 from .factors import Factors, back, eliminate
 from .sparse import FINE, SINGULAR, Pattern, real_back, real_factors
 from .stepper import Function
@@ -19,7 +18,9 @@ if TYPE_CHECKING:
 NEWTON_ITERATIONS = look.NEWTON_ITERATIONS
 CLOSE, ROUNDING, SMALLEST_RATIO, PEERS = look.CLOSE, look.ROUNDING, look.SMALLEST_RATIO, look.PEERS
 INFINITE = float("inf")
-KEPT_ITERATIONS, FAR, SHRINKS = kept.KEPT_ITERATIONS, kept.FAR, kept.SHRINKS
+KEPT_ITERATIONS = 8  # iterations with factors of an earlier step
+FAR = 2.1  # largest ratio of step sizes; it includes the half steps that check a whole one for overshoot
+SHRINKS = 0.4  # largest ratio of successive changes with which these factors are used
 
 
 class Euler(Record):
@@ -96,7 +97,11 @@ def euler(e: Euler) -> int:
 
 
 def with_kept_factors(e: Euler) -> int:
-    """Compute the same with the factors of an earlier step: see `start.kept.KeptFactors.step`."""
+    """Compute the same with the factors of an earlier step, if they converge fast. A single change, however small, does not show that.
+
+    With factors of a step g times as long, slow components move g times too far and stiff ones as far as they should: each change is multiplied by
+    2/(1 + g) (as with BDF, Petzold 1983), so that both are missed by the same fraction.
+    """
     relaxed = 2.0 / (1.0 + e.kept / e.size)
     before = INFINITE
     for turn in range(KEPT_ITERATIONS):
@@ -104,6 +109,7 @@ def with_kept_factors(e: Euler) -> int:
         for i in range(e.n):
             if not isfinite(e.slope[i]):
                 return SINGULAR
+        for i in range(e.n):
             e.slope[i] = (e.slope[i] - (e.x[i] - e.start[i]) / e.size) / e.scale[i]
         real_back(e.pattern, e.slope)
         for i in range(e.n):

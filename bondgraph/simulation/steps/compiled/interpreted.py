@@ -14,7 +14,6 @@ import numpy as np
 from compiler.api import Program
 
 from .. import ends, pair, radau
-from ..factorise import sparse
 from ..methods import ENERGY, RADAU
 from ..radau import StepFailed
 from .advance import begin, one_step
@@ -24,7 +23,7 @@ from .conserving import sample_step
 from .held import Invariants, fields_of
 from .holding import Held, Square
 from .in_numpy import interpreted
-from .sparse import Pattern
+from .plain import Unordered, into
 from .step import FAILURES
 from .stepper import Stepper
 
@@ -36,12 +35,12 @@ class Interpreted:
 
     def __init__(self, program: Program, values: dict[str, Any], constraints: Invariants, size: float = np.inf) -> None:
         """`values`: fields of a `Stepper` at the start; `size`: of the first step."""
-        values |= {name: _into(values[name]) for name in OF_STATES if values[name] is not None}
+        values |= {name: into(values[name]) for name in OF_STATES if values[name] is not None}
         values |= {"signals": _of_time(values["signals"]), "stop": float(values["stop"])}
         values |= {
             "closed": _constraints(program, constraints, values),
             "redundant": 0,
-            "pattern": _pattern(program, bool(values["sparse"])),
+            "pattern": Unordered(program).record,
         }
         self.record = Stepper(**values)
         self._run(begin)
@@ -175,21 +174,11 @@ def sampled(solver: Any, times: Any) -> Any:
     known = SimpleNamespace(**{name: getattr(solver, name) for name in names})
     known.dense_known, known.dense = 0, np.zeros(7 * known.n)
     known.si, known.energies = np.zeros(known.n), np.zeros(1 + known.n)
-    known.stored_energy = _into(solver.program.stored_energy)
+    known.stored_energy = into(solver.program.stored_energy)
     found = np.empty((len(times), known.n))
     for time, row in zip(np.asarray(times).tolist(), found, strict=True):
         sample_step(known, time, row)  # type: ignore[arg-type]
     return found
-
-
-def _into(function: Callable[..., Any]) -> Callable[..., None]:
-    """Wrap a function of a program for the call by the steps: values go into an argument."""
-
-    def call(time: float, state: Any, inputs: Any, constants: Any, mode: Any, out: Any) -> None:
-        found = function(time, state, inputs, constants, mode)
-        out[: len(found)] = found
-
-    return call
 
 
 def _of_time(function: Callable[..., Any]) -> Callable[..., None]:
@@ -209,20 +198,9 @@ def _constraints(program: Program, constraints: Invariants, values: dict[str, An
     fields = fields_of(program, values["inputs"], values["constants"], values["magnitude"], constraints.taking)
     fields |= {name: _square(fields[name]) for name in ("positions", "speeds")}
     functions = {"invariant": program.invariant, "invariant_slopes": program.invariant_slopes, "solved": program.solved}
-    fields |= {name: None if function is None else _into(function) for name, function in functions.items()}
+    fields |= {name: None if function is None else into(function) for name, function in functions.items()}
     return Held(**fields | {"mode": values["mode"], "place": np.array(fields["place"], dtype=int)})
 
 
 def _square(fields: Mapping[str, Any]) -> Square:
     return Square(**{name: np.array(value) if isinstance(value, list) else value for name, value in fields.items()})
-
-
-def _pattern(program: Program, large: bool) -> Pattern | None:
-    """Return a pattern without an order of pivots, which SuperLU chooses; None for a system that is not large."""
-    if not large:
-        return None
-    pattern = object.__new__(Pattern)
-    pattern.n = len(program.states.names) + len(program.unknowns.names)
-    rows, columns = program.pattern
-    vars(pattern)["shifted_by"] = sparse(rows, columns, np.arange(pattern.n) < len(program.states.names))
-    return pattern
