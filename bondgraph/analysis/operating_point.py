@@ -394,7 +394,7 @@ def _delayed(made: Prepared) -> str:
 
 def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = None) -> OperatingPoint:
     """Return the same for a compiled model; `values` are set at the beginning."""
-    from ..simulation.leg import Leg
+    from ..simulation.leg import Leg, PhaseOptions
 
     try:
         program, plan = made.program, made.plan
@@ -408,7 +408,8 @@ def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = No
     if program.delays is not None:
         raise UsageError(_delayed(made))
     with np.errstate(all="ignore"):
-        leg = Leg(made, plan, np.array([begins, begins + AHEAD]), 1e-6, None, False, None, values)
+        options = PhaseOptions(plan, 1e-6, None, False, values or {})
+        leg = Leg(made, np.array([begins, begins + AHEAD]), options)
         if leg.begins_without != leg.off:
             raise UsageError(
                 "BR219", "junctions go on or off at the very start (`active`): no linear analysis is made there"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ from .start.coarse import Looks
 from .start.nominal import Magnitudes, least_tolerances, nominal_magnitudes
 from .steps.methods import AUTOMATIC
 from .stretch.integrate import integrate
+from .stretch.stepper import PhaseProblem
 from .watch.choice import Choice
 from .watch.validity import Watch
 
@@ -42,38 +43,45 @@ MOST_SETTLING = 400  # most iterations between delayed signals and an initializa
 SETTLED = 1e-14  # relative change of delayed signals that counts as rounding
 
 
+@dataclass(frozen=True, slots=True)
+class PhaseOptions:
+    """Options that all phases of a run have in common; `energy`: the balance is wanted; `values`: parameters set when the run begins."""
+
+    plan: Plan
+    rtol: float
+    atol: float | None
+    energy: bool
+    values: Mapping[str, float] = field(default_factory=dict)
+    solver: str = AUTOMATIC
+    bandwidth: float | None = None  # Hz
+    parts: int = 1  # of each segment
+
+
 class Leg:
     """State of one phase of a run: one program with one choice of states."""
 
     def __init__(
         self,
         compilation: Prepared,
-        plan: Plan,
         instants: Any,
-        rtol: float,
-        atol: float | None,
-        energy: bool,
-        begin: PhaseTransition | None,
-        values: Mapping[str, float] | None = None,
-        solver: str = AUTOMATIC,
-        off: tuple[str, ...] = (),
-        bandwidth: float | None = None,
-        parts: int = 1,
+        options: PhaseOptions,
+        begin: PhaseTransition | None = None,
         companion: Companion | None = None,
         modes: Mapping[str, float] | None = None,
         smooth: dict[Program, Timeline] | None = None,
     ) -> None:
-        self.solver, self.parts = solver, parts
+        """`companion`, `modes`: of the ideal valves; `smooth`: segments of the programs of the run so far."""
+        self.solver, self.parts = options.solver, options.parts
+        self.bandwidth = options.bandwidth
         self.companion, self.modes_at_start = companion, modes or {}  # modes of the ideal valves
-        self.compilation, self.plan, self.begin = compilation, plan, begin
-        self.set = values or {}  # parameters set when a run begins
-        self.off = self.begins_without = off  # junctions that are off: now, and before any event acts
+        self.compilation, self.plan, self.begin = compilation, options.plan, begin
+        self.set = options.values  # parameters set when a run begins
         hybrid = compilation.program.hybrid
         self.off = compilation.compilation.off if hybrid is not None and hybrid.junctions else ()
         self.begins_without = self.off  # before any event acts
         self.history = None if compilation.program.delays is None else self._history(compilation.program)
         self.program = program = compilation.program if self.history is None else self.history.program
-        self.instants, self.rtol, self.atol, self.energy = instants, rtol, atol, energy
+        self.instants, self.rtol, self.atol, self.energy = instants, options.rtol, options.atol, options.energy
         self.inputs = np.array(program.input_defaults, dtype=float)
         self.constraints = self._constraints(program)
         start = instants[0] if begin is None else begin.time
@@ -86,7 +94,6 @@ class Leg:
         if self.history is not None and begin is None:
             self._settle_history(self.history, start)
         self.looked_from = self.state  # state from which a pilot run starts
-        self.bandwidth = bandwidth
         self.leaving: Leaving | None = None  # modal truncation at the bandwidth
         self.left_out: TruncationReport | None = None
         self.parameters, self.constants = self.constraints.parameters, self.constraints.constants
@@ -94,7 +101,7 @@ class Leg:
         self.notes: tuple[str, ...] = ()
         self.doubts: tuple[ToleranceDoubt, ...] = ()  # about tolerances
         self.trajectory = Trajectory(np.empty((0, 0)))
-        self.watch = Watch(program, self.constants, self.inputs, rtol)
+        self.watch = Watch(program, self.constants, self.inputs, self.rtol)
         self.held: dict[str, Any] | None = (
             None  # stored quantities at the end of the phase before, later those at the end of this phase
         )
@@ -300,11 +307,9 @@ class Leg:
 
             events.measure(first.values)
             saved = None if self.history is None else self.history.saved()
-            largest = pilot(
-                self.program, self.constants, self.inputs, self.state, self.stretches, first.values,
-                replace(events, on=dict(events.on), log=[], companion=None if self.companion is None else self.companion.ahead()), self.off, self.constraints,
-                self.history,
-            )  # fmt: skip
+            companion = None if self.companion is None else self.companion.ahead()
+            copied = replace(events, on=dict(events.on), log=[], companion=companion)
+            largest = pilot(self._problem(copied, None), self.state, self.stretches, first.values)
             if self.history is not None and saved is not None:
                 self.history.restore(saved)
             first = found_with(UntilEvent(events, self._choice()), np.maximum(largest, self._peaks(names)))
@@ -318,6 +323,14 @@ class Leg:
         storages = frozenset(self.compilation.facts.storages)
         return Choice(self.program, self.constants, self.inputs, storages, self.begin)
 
+    def _problem(self, events: Events | None, choice: Choice | None) -> PhaseProblem:
+        """Return the integration of this phase, with its events or a copy of them."""
+        return PhaseProblem(
+            self.program, self.constants, self.inputs, self.instants, self._tolerances,
+            self._powers if self.energy else None, self.watch, self.constraints, choice, self.compilation.certificate.linear,
+            events, self.off, self.history, self.solver, self.leaving,
+        )  # fmt: skip
+
     def go(self) -> None:
         """Integrate and evaluate the outputs, up to the end or to the instant from which other states should be integrated.
 
@@ -329,11 +342,7 @@ class Leg:
         self.trajectory.settled = settled
         self.leaving = self._leaving()
         try:
-            integrate(
-                program, self.constants, self.inputs, self.state, self.stretches, self.instants, self._tolerances,
-                self._powers if self.energy else None, self.watch, self.choice, self.compilation.certificate.linear,
-                self.constraints, self.events, self.off, self.history, self.trajectory, self.solver, self.leaving,
-            )  # fmt: skip
+            integrate(self._problem(self.events, self.choice), self.state, self.stretches, self.trajectory)
         except RateNotFinite as failed:
             from .watch.finite import cause_of
 

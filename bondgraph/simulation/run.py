@@ -19,7 +19,7 @@ from ..prepared import chosen_target, many_runs
 from ..quantities import behind
 from ..results.records import EnergyBalance, LimitLeft
 from ..results.result import Result
-from .leg import Leg
+from .leg import Leg, PhaseOptions
 from .segments.transition import PhaseTransition
 from .settings import Settings, refused_with_values, settle, with_zeros
 from .steps.methods import chosen_solver
@@ -141,8 +141,8 @@ def run(
     if atol is not None:
         _checked("atol", atol, *ATOL)
     bandwidth = plan.bandwidth if wanted.bandwidth is None else hertz(wanted.bandwidth)
-    run = Run(made, scene, values, plan, stop, count, rtol, atol, energy, solver, began, bandwidth)
-    run.parts = wanted.parts
+    options = PhaseOptions(plan, rtol, atol, energy, values, solver, bandwidth, wanted.parts)
+    run = Run(made, scene, options, stop, count, began)
     if start is not None:
         from .resume import resumed
 
@@ -200,14 +200,11 @@ class Run:
     """One run: its phases so far, and the beginning of the next one."""
 
     def __init__(
-        self, made: Callable[[Scene, bool], Prepared], scene: Scene, values: Mapping[str, float], plan: Plan, stop: float, count: int,
-        rtol: float, atol: float | None, energy: bool, solver: str, began: float, bandwidth: float | None = None,
+        self, made: Callable[[Scene, bool], Prepared], scene: Scene, options: PhaseOptions, stop: float, count: int, began: float
     ) -> None:  # fmt: skip
-        self.made, self.scene, self.values, self.plan, self.stop = made, scene, values, plan, stop
-        self.bandwidth = bandwidth
-        self.parts = 1
-        self.rtol, self.atol, self.energy, self.solver, self.began = rtol, atol, energy, solver, began
-        self.instants = np.linspace(plan.start, stop, count)
+        self.made, self.scene, self.options, self.stop, self.began = made, scene, options, stop, began
+        self.plan, self.values, self.energy = options.plan, options.values, options.energy
+        self.instants = np.linspace(self.plan.start, stop, count)
         self.legs: list[Leg] = []
         self.leg: Leg | None = None  # the phase that is being integrated
         self.begin: PhaseTransition | None = None
@@ -228,8 +225,7 @@ class Run:
             )
             try:
                 leg = Leg(
-                    self.made(chosen, self.energy), self.plan, left, self.rtol, self.atol, self.energy, begin, self.values,
-                    self.solver, bandwidth=self.bandwidth, parts=self.parts, companion=companion, modes=modes, smooth=smooth,
+                    self.made(chosen, self.energy), left, self.options, begin, companion, modes, smooth
                 )  # fmt: skip
             except RunFailed:
                 if legs or modes or begin is not None or companion is None or not companion.valves:
@@ -334,7 +330,7 @@ class Run:
         told = () if lacking is None else (lacking.sentence({column.name: column.unit for column in columns}),)
         found = Result(
             program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
-            sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.rtol, clock.perf_counter() - self.began,
+            sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.options.rtol, clock.perf_counter() - self.began,
             balance, _warnings(legs), legs[0].compilation.certificate,
             tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs)])),
             tuple(o for leg in legs for o in leg.occurrences), stopped, end, lacking,

@@ -8,19 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Program
-
 from ...errors import RunFailed, StepsCollapsed
-from ..closed.constraints import Constraints
-from ..events.events import Events, Moment
-from ..events.history import History
+from ..events.events import Moment
 from ..events.locate import Flip, RootsAt, StateAt, first_flip
 from ..segments.timeline import Segment, mode_after, with_time_of
 from ..segments.trajectory import Tolerances, Trajectory
 from ..segments.transition import PhaseTransition
-from ..watch.choice import Choice
 from ..watch.validity import Watch
 from .segment_integrator import SegmentIntegrator
+from .stepper import PhaseProblem
 
 PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a pilot run
 CLOSE = 1e-8  # fraction of the run: a zero crossing this soon after collapsed steps is their cause
@@ -31,29 +27,25 @@ HARMLESS = 0.01  # in units of the tolerance: largest difference of two laws tha
 class EventIntegrator(SegmentIntegrator):
     """Integrator over segments that events end."""
 
-    events: Events
-    off: tuple[str, ...] = ()  # junctions that are off in this program
-    switched = False  # True if others are off now
-    most_events = MOST_EVENTS
+    def __init__(self, problem: PhaseProblem, into: Trajectory | None = None) -> None:
+        super().__init__(problem, into)
+        assert problem.events is not None
+        self.events, self.off = problem.events, problem.off
+        self.switched = False  # True if other junctions are off now
+        self.most_events = MOST_EVENTS
+        self.linear = problem.is_exact and not len(problem.events.places)
+        self.remember(problem.history)
 
-    @classmethod
-    def through(
-        cls, events: Events, off: tuple[str, ...], fixed: tuple[Any, ...], state: Any, stretches: Sequence[Segment],
-        choice: Choice | None, linear: bool, history: History | None, solver: str,
-    ) -> Trajectory:  # fmt: skip
+    def through(self, state: Any, stretches: Sequence[Segment]) -> Trajectory:
         """Integrate as `integrate`, from event to event."""
-        stepper = cls(*fixed)
-        stepper.events, stepper.off, stepper.choice, stepper.solver = events, off, choice, solver
-        stepper.linear = linear and not stepper.constraints and history is None and not len(events.places)
-        stepper.remember(history)
         x = np.array(state, dtype=float)
         for number, stretch in enumerate(stretches):
             if number:
-                stepper.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
-            x = stepper.run_with_events(stretch, x, not number)
-            if stepper.result.handover is not None:
-                return stepper.done(x, stepper.mode)
-        return stepper.done(stepper.finish(stretches[-1], x), stepper.mode)
+                self.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
+            x = self.run_with_events(stretch, x, not number)
+            if self.result.handover is not None:
+                return self.done(x, self.mode)
+        return self.done(self.finish(stretches[-1], x), self.mode)
 
     def run_with_events(self, stretch: Segment, x: Any, first: bool) -> Any:
         """Integrate one segment, from event to event; return the state at its end. `first`: its mode is that of the start."""
@@ -250,18 +242,23 @@ class EventIntegrator(SegmentIntegrator):
         return bool((np.abs(two - one) <= HARMLESS * self.tolerances.relative * most).all())
 
 
-def pilot(
-    program: Program, constants: Any, inputs: Any, state: Any, stretches: Sequence[Segment], magnitude: Any, events: Events,
-    off: tuple[str, ...], constraints: Constraints, history: History | None,
-) -> Any:  # fmt: skip
+def pilot(problem: PhaseProblem, state: Any, stretches: Sequence[Segment], magnitude: Any) -> Any:
     """Return the largest magnitudes of states and unknowns in a pilot run through the events, as far as this program goes."""
+    program, constants, inputs = problem.program, problem.constants, problem.inputs
     tolerances = Tolerances(PILOT, PILOT * magnitude, magnitude, np.zeros(len(state), dtype=bool))
-    watch = Watch(program, constants, inputs, PILOT)
     stepper = EventIntegrator(
-        program, constants, inputs, np.array([stretches[-1].stop]), lambda: tolerances, None, watch, constraints
+        replace(
+            problem,
+            instants=np.array([stretches[-1].stop]),
+            tolerances=lambda: tolerances,
+            powers=None,
+            watch=Watch(program, constants, inputs, PILOT),
+            choice=None,
+            linear=False,
+            solver="radau",
+            leaving=None,
+        )
     )
-    stepper.events, stepper.off, stepper.solver = events, off, "radau"
-    stepper.remember(history)
     stepper.most_steps, stepper.most_events = PILOT_STEPS, PILOT_EVENTS
     x = np.array(state, dtype=float)
     try:

@@ -6,6 +6,7 @@ States are divided by their magnitudes before the solver gets them, which keeps 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Protocol, Union
@@ -31,6 +32,7 @@ from ..watch.validity import Watch
 
 if TYPE_CHECKING:
     from ..closed.singular import Watcher
+    from ..events.events import Events
     from ..events.history import History
     from ..events.locate import Flip, RootsAt, StateAt
     from ..steps.compiled.interpreted import Interpreted
@@ -55,26 +57,46 @@ class ModeTruncation(Protocol):
         """Return True if a segment is to be cut after so many steps."""
 
 
+@dataclass(frozen=True, slots=True)
+class PhaseProblem:
+    """Integration of one phase, in SI.
+
+    `tolerances` need a pilot run, so they are found on use. `powers` are integrated along the solution, outside the error control. `watch` checks
+    each accepted step. `linear`: the rates are affine in the states. `off`: junctions that are off in this program. `solver`: one of
+    `methods.SOLVERS`. `leaving`: modal truncation at a bandwidth.
+    """
+
+    program: Program
+    constants: Any
+    inputs: Any
+    instants: Any
+    tolerances: Callable[[], Tolerances]
+    powers: Powers | None
+    watch: Watch
+    constraints: Constraints
+    choice: Choice | None = None
+    linear: bool = False
+    events: Events | None = None
+    off: tuple[str, ...] = ()
+    history: History | None = None
+    solver: str = AUTOMATIC
+    leaving: ModeTruncation | None = None
+
+    @property
+    def is_exact(self) -> bool:
+        """Return True if the matrix exponential may integrate it, as far as laws, constraints and delays decide that."""
+        exact = self.linear and self.solver in (AUTOMATIC, "exponential")
+        return exact and not self.constraints and self.history is None
+
+
 class Stepper:
     """State of an integration over successive smooth segments: the requested results so far, and services common to all methods."""
 
-    def __init__(
-        self,
-        program: Program,
-        constants: Any,
-        inputs: Any,
-        instants: Any,
-        tolerances: Callable[[], Tolerances],
-        powers: Powers | None,
-        watch: Watch,
-        constraints: Constraints,
-        into: Trajectory | None = None,
-    ) -> None:
-        self.watch, self.constraints = watch, constraints
-        self.choice: Choice | None = None
-        self.leaving: ModeTruncation | None = None
+    def __init__(self, problem: PhaseProblem, into: Trajectory | None = None) -> None:
+        program, constants, instants = problem.program, problem.constants, problem.instants
+        self.watch, self.constraints = problem.watch, problem.constraints
+        self.choice, self.leaving, self.solver = problem.choice, problem.leaving, problem.solver
         self.linear = False
-        self.solver = AUTOMATIC  # the requested solver
         self.steps, self.most_steps = 0, MOST_STEPS  # steps in all segments
         self.mode: Any = None  # mode at the end of the last segment
         self.history: History | None = None  # history of delayed signals
@@ -83,8 +105,8 @@ class Stepper:
         self.reached = -np.inf  # end of the last call of `run`
         self.flip: Flip | None = None  # zero crossing that ended the last segment early
         self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
-        self.program, self.constants, self.inputs = program, constants, inputs
-        self.instants, self.powers, self._tolerances = instants, powers, tolerances
+        self.program, self.constants, self.inputs = program, constants, problem.inputs
+        self.instants, self.powers, self._tolerances = instants, problem.powers, problem.tolerances
         self.whole = float(instants[-1] - instants[0])  # length of the run, s
         self.traffic = 0.0  # energy turnover: absolute work at all ports so far
         self.position = 0  # index of the next instant to be reported
