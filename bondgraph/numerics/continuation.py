@@ -39,7 +39,7 @@ class Rows(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Path:
+class SolutionPath:
     """Values of all rows at a share of the path, and their derivatives by the share."""
 
     at: Callable[[float], Any]
@@ -61,7 +61,7 @@ class Followed:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class TangentFrame:
     """Derivatives at a point of the path, the independent rows among them, the free directions, and the tangent."""
 
     slopes: Any
@@ -76,12 +76,12 @@ class Frame:
         return float(np.linalg.slogdet(matrix)[0]), float(values.min(initial=np.inf))
 
 
-def straight(begin: Any, end: Any) -> Path:
+def straight(begin: Any, end: Any) -> SolutionPath:
     """Return the path on which all rows change proportionally."""
-    return Path(lambda s: begin + s * (end - begin), lambda _: end - begin)
+    return SolutionPath(lambda s: begin + s * (end - begin), lambda _: end - begin)
 
 
-def follow(rows: Rows, z: Any, path: Path) -> Followed:
+def follow(rows: Rows, z: Any, path: SolutionPath) -> Followed:
     """Return the solution at s = 1 that continues z, which solves the rows at s = 0; or the point at which the path ends before."""
     share, size = 0.0, FIRST
     z = polished(rows, z, path.at(0.0))
@@ -137,7 +137,9 @@ def shortest(slopes: Any, miss: Any) -> Any:
     return step
 
 
-def _step(rows: Rows, z: Any, path: Path, share: float, size: float, here: Frame) -> tuple[Any, Frame, float] | None:
+def _step(
+    rows: Rows, z: Any, path: SolutionPath, share: float, size: float, here: TangentFrame
+) -> tuple[Any, TangentFrame, float] | None:
     """Return the next point of the path, its frame, and the measure of its bend; None if the step is too long."""
     ahead = 1.0 if share + size >= 1.0 else share + size
     predicted = z + size * here.tangent
@@ -156,11 +158,11 @@ def _step(rows: Rows, z: Any, path: Path, share: float, size: float, here: Frame
     return found, there, moves[0] / moved if moved > 0 else 0.0
 
 
-def _frame(rows: Rows, z: Any, pull: Any, before: Frame | None = None) -> Frame:
+def _frame(rows: Rows, z: Any, pull: Any, before: TangentFrame | None = None) -> TangentFrame:
     """Return the frame at a point of the path; `pull`: the derivatives of the rows along the path."""
     slopes = rows.slopes(z)
     independent, free = split(slopes, 0 if before is None else len(before.rows))
-    return Frame(slopes, independent, free, shortest(slopes, pull))
+    return TangentFrame(slopes, independent, free, shortest(slopes, pull))
 
 
 def split(slopes: Any, least: int = 0, small: float = RANK) -> tuple[Any, Any]:

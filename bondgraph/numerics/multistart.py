@@ -19,7 +19,7 @@ MIXTURES = 48
 FAR = 200  # number of guesses over many decades
 
 
-class Equations(Protocol):
+class SquareSystem(Protocol):
     """As many equations as unknowns, for many points at once: z has shape (…, n), and so has the residual; the matrix (…, n, n)."""
 
     @property
@@ -56,7 +56,7 @@ def far_guesses(count: int) -> Any:
     return random.choice((-1, 1), shape) * 10 ** random.uniform(-3, 6, shape)
 
 
-def arrivals(equations: Equations, guesses: Any) -> Any:
+def arrivals(equations: SquareSystem, guesses: Any) -> Any:
     """Return the points to which Newton's method, damped by halving, converges; guesses that do not converge are dropped."""
     z, done = np.array(guesses, dtype=float), []
     value = equations.residual(z)
@@ -73,7 +73,7 @@ def arrivals(equations: Equations, guesses: Any) -> Any:
     return done
 
 
-def _steps(equations: Equations, z: Any, value: Any) -> tuple[Any, Any, Any, Any]:
+def _steps(equations: SquareSystem, z: Any, value: Any) -> tuple[Any, Any, Any, Any]:
     """Return Newton's steps, with the scales of the rows, for the guesses that have one."""
     matrix = equations.matrix(z) * equations.magnitude
     scale = np.abs(matrix).max(axis=-1, initial=0.0)
@@ -86,7 +86,7 @@ def _steps(equations: Equations, z: Any, value: Any) -> tuple[Any, Any, Any, Any
     return z, value, scale, step
 
 
-def _damped(equations: Equations, z: Any, value: Any, scale: Any, step: Any) -> tuple[Any, Any]:
+def _damped(equations: SquareSystem, z: Any, value: Any, scale: Any, step: Any) -> tuple[Any, Any]:
     """Return the guesses after a step; each step is halved until the residual falls, otherwise its guess is dropped."""
     norm = np.linalg.norm(value / scale, axis=1)
     moved, found = np.full_like(z, np.nan), np.full_like(value, np.nan)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .events.complementarity import Companion
     from .events.events import Events
     from .events.history import History
-    from .events.impulse import Jump
+    from .events.impulse import StorageJump
 
 
 ROUNDED = 3.0  # tolerances of rounding in a step from which a run warns
@@ -88,7 +88,7 @@ class Leg:
         course = self._timeline(program, (start, float(instants[-1])), {} if smooth is None else smooth)
         self.stretches, self.timed = course.segments, course.notes
         self.events: Events | None = None
-        self.jumps: tuple[Jump, ...] = ()  # of stored quantities, where junctions went on or off
+        self.jumps: tuple[StorageJump, ...] = ()  # of stored quantities, where junctions went on or off
         self.known = dict(begin.magnitudes) if begin is not None else {}  # magnitudes by name
         self.state, self.start_notes = self._start(program, compilation, self.constraints, self.stretches)
         if self.history is not None and begin is None:

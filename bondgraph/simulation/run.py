@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..prepared import Prepared
     from ..results.truncation import TruncationReport
     from .events.complementarity import Companion
-    from .events.impulse import Jump
+    from .events.impulse import StorageJump
     from .segments.timeline import Timeline
 
 DEFAULT_RTOL = 1e-6
@@ -372,7 +372,7 @@ def _with_earlier(begin: PhaseTransition, before: PhaseTransition | None, leg: L
 
 def _impulses(legs: Sequence[Leg]) -> Iterator[str]:
     """Yield a note on each stored quantity that jumped where junctions went on or off, at its first instant."""
-    told: dict[str, tuple[Jump, float, int]] = {}
+    told: dict[str, tuple[StorageJump, float, int]] = {}
     for leg in legs:
         for jump in leg.jumps:
             first, time, count = told.get(jump.name, (jump, leg.stretches[0].start, 0))

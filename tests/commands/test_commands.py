@@ -169,9 +169,9 @@ def test_an_interrupted_run_is_written_up_to_there(tmp_path: Path) -> None:
     path.write_text("plain model Long {\n output x = integral(y, 1)\n output y = integral(3*(1 - x^2)*y - x, 0)\n}\n")
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "import bondgraph.simulation.stretch.stepper as i; was = i.Stepper.keep\n"
+        "import bondgraph.simulation.stretch.stepper as i; was = i.IntegrationState.keep\n"
         "def keep(self, *a, **k):\n was(self, *a, **k)\n if self.steps == 60: signal.raise_signal(signal.SIGINT)\n"
-        "i.Stepper.keep = keep\nfrom bondgraph.commands import main; main()"
+        "i.IntegrationState.keep = keep\nfrom bondgraph.commands import main; main()"
     )
     arguments = ["run", str(path), "--to", "1e5", "--points", "1000001", "--target", "numpy", "--out", str(out)]
     found = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)

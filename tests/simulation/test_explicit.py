@@ -12,7 +12,7 @@ import pytest
 import bondgraph
 from bondgraph.errors import UsageError
 from bondgraph.simulation.steps import pair
-from bondgraph.simulation.stretch.stepper import Stepper
+from bondgraph.simulation.stretch.stepper import IntegrationState
 from tests.compiling import MODELS
 
 PAIR, RADAU = "Dormand-Prince 8", "Radau IIA 5"
@@ -61,7 +61,7 @@ def test_the_order_of_steps_and_of_the_polynomial_between(monkeypatch: pytest.Mo
     ends, inside = [], []
     for size in (0.5, 0.25):
         monkeypatch.setattr(
-            Stepper,
+            IntegrationState,
             "remember",
             lambda stepper, history, size=size: stepper.__dict__.update(longest=size, history=None),
         )

@@ -13,7 +13,7 @@ import pytest
 import bondgraph
 from bondgraph.errors import UsageError
 from bondgraph.simulation.steps import exponential, rodas
-from bondgraph.simulation.stretch.stepper import Stepper
+from bondgraph.simulation.stretch.stepper import IntegrationState
 from tests.compiling import MODELS
 from tests.published.test_stiff_problems import PUBLISHED
 
@@ -100,7 +100,7 @@ def test_the_order_of_steps_and_between_them(monkeypatch: pytest.MonkeyPatch) ->
     errors = []
     for size in (0.0625, 0.03125):
         monkeypatch.setattr(
-            Stepper,
+            IntegrationState,
             "remember",
             lambda stepper, history, size=size: stepper.__dict__.update(longest=size, history=None),
         )

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..segments.timeline import Segment
 from .leave import Removal
-from .split import GROWN, Flow, Modes, Split, several, split
+from .split import GROWN, PlaceModes, ScaledDynamics, Split, several, split
 
 # Fractions of a run at which modes are computed after its start; they are no simple fractions of a period of the slow motion.
 PLACES = (0.31, 0.67, 1.0)
@@ -40,7 +40,7 @@ class Way:
 
     times: Any
     states: Any
-    modes: Modes
+    modes: PlaceModes
 
     def __len__(self) -> int:
         return len(self.times)
@@ -48,13 +48,13 @@ class Way:
     def __getitem__(self, places: Any) -> Way:
         return Way(self.times[places], self.states[places], self.modes[places])
 
-    def moved(self, flow: Flow, by: Any) -> tuple[Any, Any, Any, Any]:
+    def moved(self, flow: ScaledDynamics, by: Any) -> tuple[Any, Any, Any, Any]:
         """Return times, modes, states in SI and scaled states for displacements `by` (k, m, n) of the states."""
         k, m, n = by.shape
         scaled, places = self.states[:, None, :n] / flow.magnitude + by, np.repeat(np.arange(k), m)
         return self.times[places], self.modes[places], self.states[places], scaled.reshape(k * m, n)
 
-    def outputs(self, flow: Flow, by: Any) -> Any:
+    def outputs(self, flow: ScaledDynamics, by: Any) -> Any:
         """Return the outputs (k, m, outputs) at states displaced by `by` (k, m, n)."""
         return flow.outputs(*self.moved(flow, by)).reshape(*by.shape[:2], -1)
 
@@ -142,7 +142,9 @@ def ways_of(removals: Sequence[Removal], instants: Any, states: Any, pieces: Seq
         yield Way(times, np.concatenate(reached), modes[np.maximum(numbers, 0)])
 
 
-def followed(flow: Flow, removal: Removal, way: Way, part: float = 1.0, before: Ringing | None = None) -> Ringing:
+def followed(
+    flow: ScaledDynamics, removal: Removal, way: Way, part: float = 1.0, before: Ringing | None = None
+) -> Ringing:
     """Return the modes of an oscillation at places from the start of a way to its end, or to the place at which they are not recognised.
 
     `part`: fraction of the run that the way covers; `before`: oscillation of the preceding way, which continues on this one.
@@ -204,7 +206,14 @@ def _with(removal: Removal, before: Ringing) -> Split | None:
 
 
 def _recognised(
-    flow: Flow, rate: float, way: Way, place: int, usual: Split | str | None, vectors: Any, duals: Any, gone: Any
+    flow: ScaledDynamics,
+    rate: float,
+    way: Way,
+    place: int,
+    usual: Split | str | None,
+    vectors: Any,
+    duals: Any,
+    gone: Any,
 ) -> Split | None:
     """Return the split at a place of a way if it contains all modes that still ring; None otherwise.
 
@@ -226,7 +235,7 @@ def _found(at: Split, vectors: Any, duals: Any) -> Any:
     return np.abs(((at.dual @ vectors) * (duals @ at.right).T).sum(axis=0)) >= KNOWN
 
 
-def _between(flow: Flow, way: Way, places: Any, rates: Any) -> tuple[Any, Any]:
+def _between(flow: ScaledDynamics, way: Way, places: Any, rates: Any) -> tuple[Any, Any]:
     """Return instants from the start to the last place, and the eigenvalues there (f, p); more instants where decay rates change."""
     apart, span = np.ptp(rates.real, axis=0), places[-1] - places[0]
     if not (apart > STEADY * np.maximum(np.abs(rates.real).max(axis=0), 1 / max(span, TINY))).any() or len(way) <= len(
@@ -262,7 +271,7 @@ def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
     return right, dual, rates
 
 
-def amplitudes(flow: Flow, ringing: Ringing) -> Any:
+def amplitudes(flow: ScaledDynamics, ringing: Ringing) -> Any:
     """Largest amplitude in each output (outputs,) over the places, with all modes at their largest at once.
 
     For an output that is not linear (a power) the even part is added: its largest value for any phase of a mode, if it grows with the square.

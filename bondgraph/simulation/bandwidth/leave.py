@@ -16,11 +16,11 @@ from ...errors import RunFailed
 from ...results.truncation import frequency_text
 from ..segments.timeline import Segment
 from .inputs import content
-from .settle import Settled, second, settled
-from .split import Flow, Split, one
+from .settle import SlowState, second, settled
+from .split import ScaledDynamics, Split, one
 
 if TYPE_CHECKING:
-    from ..stretch.stepper import Solver, Stepper
+    from ..stretch.stepper import IntegrationState, Solver
 
 SEEN = 1.0  # in units of the tolerance: a larger oscillation shortens steps
 # Largest fraction of the removed part that may remain; above, the motion is driven and no free oscillation. The second holds within a segment.
@@ -39,7 +39,7 @@ class Removal:
     mode: Any
     before: Any
     after: Any
-    found: Settled
+    found: SlowState
     rate: float  # modes beyond this rate are fast, 1/s
 
 
@@ -51,7 +51,7 @@ class Leaving:
 
     def __init__(self, bandwidth: float, span: float, restart: Callable[[Any], None]) -> None:
         self.bandwidth, self.span, self.restart = bandwidth, span, restart
-        self.flow: Flow | None = None
+        self.flow: ScaledDynamics | None = None
         self.removals: list[Removal] = []
         self.looks: list[float] = []  # instants at which the eigenvalues were examined
         self.faster = 0  # number of oscillating modes faster than the bandwidth
@@ -62,19 +62,19 @@ class Leaving:
         self.pause = AFTER  # number of steps of a segment after which it is examined
         self._began, self._counted = 0.0, 0
 
-    def begin(self, stepper: Stepper, stretch: Segment, x: Any) -> Any:
+    def begin(self, stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
         """Return the state without its fast oscillations. x: in SI, with its unknowns."""
         self.pause, self._began, self._counted = AFTER, stretch.start, 0
         first = self.flow is None
         if self.flow is None:
-            self.flow = Flow(stepper)
+            self.flow = ScaledDynamics(stepper)
         self.above = max(
             self.above, content(stepper.program, stepper.inputs, stepper.constants, stretch, self.bandwidth)
         )
         found = self._found(stretch.start, x, stretch.mode, LEFT)
         if isinstance(found, str):
             self.reasons.setdefault(found, stretch.start)
-        if not isinstance(found, Settled):
+        if not isinstance(found, SlowState):
             return x
         after = self._whole(stepper, stretch, x, found)
         if first and (found.split.envelope(found.removed) > LOUD).any():
@@ -85,7 +85,7 @@ class Leaving:
             _ask(stepper, self.flow.magnitude, self.removals[-1])
         return after
 
-    def cuts(self, stepper: Stepper, solver: Solver, steps: int, stretch: Segment) -> bool:
+    def cuts(self, stepper: IntegrationState, solver: Solver, steps: int, stretch: Segment) -> bool:
         """Return True if a segment is to be cut after so many steps, because a fast oscillation there shortens them."""
         if steps < self.pause or solver.finished:
             return False
@@ -97,9 +97,9 @@ class Leaving:
             return False
         self.pause = 2 * steps
         x = stepper.held(time, solver.state * stepper.tolerances.magnitude, stretch.mode)
-        return isinstance(self._found(time, x, stretch.mode, LEFT_LATER), Settled)
+        return isinstance(self._found(time, x, stretch.mode, LEFT_LATER), SlowState)
 
-    def _found(self, time: float, x: Any, mode: Any, left: float) -> Settled | str | None:
+    def _found(self, time: float, x: Any, mode: Any, left: float) -> SlowState | str | None:
         """Return the slow motion at a state; None if nothing need be removed, or the reason as text if removal is not possible."""
         flow = self.flow
         assert flow is not None
@@ -132,14 +132,14 @@ class Leaving:
         rate = rates[np.argmax(rates.real)]
         return f"a motion of {frequency_text(abs(rate) / (2 * np.pi))} grows, so it is followed"
 
-    def _whole(self, stepper: Stepper, stretch: Segment, x: Any, found: Settled) -> Any:
+    def _whole(self, stepper: IntegrationState, stretch: Segment, x: Any, found: SlowState) -> Any:
         """Return the slow state in SI, on all constraints, with its unknowns."""
         assert self.flow is not None
         states = np.concatenate([found.state * self.flow.magnitude, x[self.flow.count :]])
         return stepper.held(stretch.start, states, stretch.mode)
 
 
-def _ask(stepper: Stepper, magnitude: Any, removal: Removal) -> None:
+def _ask(stepper: IntegrationState, magnitude: Any, removal: Removal) -> None:
     """Check the requirements of the model over the first period of the removed oscillation; ignore instants at which loops have no solution."""
     at, count = removal.found.split, len(removal.found.removed)
     parts = (at.right * (at.dual @ removal.found.removed)).T * magnitude
@@ -154,6 +154,6 @@ def _ask(stepper: Stepper, magnitude: Any, removal: Removal) -> None:
         stepper.watch.look(removal.time + np.linspace(0.0, turn, IN_A_TURN), removal.mode, state_at, tables=False)
 
 
-def _size(flow: Flow, change: Any) -> float:
+def _size(flow: ScaledDynamics, change: Any) -> float:
     """Return the norm of a change in units of the tolerance, as the integrators measure their errors."""
     return float(np.linalg.norm(change / flow.allowed) / max(1, len(change)) ** 0.5)

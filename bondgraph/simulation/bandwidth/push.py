@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .along import Ringing, Way
-from .split import Flow
+from .split import ScaledDynamics
 
 IN_A_TURN, LEAST = 3, 48  # instants with forcing: per period of the slow motion, and at least in all
 ROOM = 2_000_000  # most numbers in their matrices
@@ -45,7 +45,7 @@ class Fine:
     places: Any
 
 
-def kept(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> Any:
+def kept(flow: ScaledDynamics, ringings: Sequence[tuple[Way, Ringing]]) -> Any:
     """Upper bound, per output (outputs,), on the shift of the slow solution by the truncated oscillations, over all ways.
 
     0 where it is surely below the tolerance, NaN where it is not known.
@@ -68,7 +68,7 @@ def kept(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> Any:
     return largest
 
 
-def _seen(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> bool:
+def _seen(flow: ScaledDynamics, ringings: Sequence[tuple[Way, Ringing]]) -> bool:
     """Return True if the effect of all oscillations together may exceed the tolerance."""
     bound = 0.0
     for way, ringing in ringings:
@@ -78,7 +78,7 @@ def _seen(flow: Flow, ringings: Sequence[tuple[Way, Ringing]]) -> bool:
     return False
 
 
-def _answer(flow: Flow, fine: Fine, ringing: Ringing, held: Any) -> tuple[Any, Any]:
+def _answer(flow: ScaledDynamics, fine: Fine, ringing: Ringing, held: Any) -> tuple[Any, Any]:
     """Return the shift of the slow solution at the end (n,), and its largest effect on each output; `held`: the shift at the start."""
     slow, static = (np.array([getattr(at, part) for at in ringing.splits])[fine.places] for part in ("slow", "inverse"))
     each = _pushes(flow, fine.way, fine.shapes + fine.later)
@@ -100,7 +100,7 @@ def _answer(flow: Flow, fine: Fine, ringing: Ringing, held: Any) -> tuple[Any, A
     return found[-1], np.abs(values[:, 0] - values[:, 1]).max(axis=0)
 
 
-def _bound(flow: Flow, ringing: Ringing, rest: float) -> float:
+def _bound(flow: ScaledDynamics, ringing: Ringing, rest: float) -> float:
     """Upper bound, in units of the tolerance, on the effect of one oscillation, computed from the places alone.
 
     Assumes forcing of one sign for the whole run, and shapes that change as fast as the slow motion; both are carried from state to state as far
@@ -124,7 +124,7 @@ def _bound(flow: Flow, ringing: Ringing, rest: float) -> float:
         return float((reached * np.exp(growth * rest) / flow.allowed).max())
 
 
-def _fine(flow: Flow, way: Way, ringing: Ringing, run: float) -> Fine:
+def _fine(flow: ScaledDynamics, way: Way, ringing: Ringing, run: float) -> Fine:
     """Return the oscillation at enough instants up to the last place, while it rings; `run`: length of the whole run in s."""
     last = int(np.searchsorted(way.times, ringing.way.times[-1]))
     span = float(way.times[-1] - way.times[0])
@@ -176,7 +176,7 @@ def _through(resolvents: Any, changes: Any) -> Any:
     return (resolvents @ changes.transpose(2, 1, 0)).transpose(2, 1, 0)
 
 
-def _pushes(flow: Flow, way: Way, shapes: Any) -> Any:
+def _pushes(flow: ScaledDynamics, way: Way, shapes: Any) -> Any:
     """Return the mean of the rates over the phases of each mode, minus the rates without it (k, p, n)."""
     count, n, modes = shapes.shape
     ways = (shapes.transpose(0, 2, 1)[:, :, None, :] * PHASES[:, None]).real.reshape(count, 4 * modes, n)

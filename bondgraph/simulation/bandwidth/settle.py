@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .split import Flow, Split, one
+from .split import ScaledDynamics, Split, one
 
 ROUNDS = 3  # number of splits, each at the state that the previous one led to
 ITERATIONS = 12
@@ -23,7 +23,7 @@ LOOK = 0.01  # radians of the fastest motion: time step of difference quotients
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class SlowState:
     """Result of a projection onto the slow manifold.
 
     `state` (n,) over the magnitudes of the flow, the part `removed` from the earlier state, the `split` there; `rest`: remaining error of the
@@ -36,7 +36,9 @@ class Settled:
     rest: Any
 
 
-def settled(flow: Flow, first: Split, time: float, state: Any, mode: Any, bandwidth: float) -> Settled | str:
+def settled(
+    flow: ScaledDynamics, first: Split, time: float, state: Any, mode: Any, bandwidth: float
+) -> SlowState | str:
     """Return the slow motion near a state in SI, with its unknowns; or the reason as text why there is none."""
     before = state[: flow.count] / flow.magnitude
     here, now, times, near = before, first, np.array([time]), state[None]
@@ -57,10 +59,10 @@ def settled(flow: Flow, first: Split, time: float, state: Any, mode: Any, bandwi
     thrice = now.inverse @ now.inverse @ now.inverse
     here = here - thrice @ _third(flow, now, time, here, mode, state)
     last = thrice @ _third(flow, now, time, here, mode, state)
-    return Settled(here, before - here, now, np.abs(rest) + np.abs(last))
+    return SlowState(here, before - here, now, np.abs(rest) + np.abs(last))
 
 
-def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> tuple[Any, Any, float]:
+def _iterated(flow: ScaledDynamics, at: Split, time: float, here: Any, mode: Any, near: Any) -> tuple[Any, Any, float]:
     """Return the state whose fast part of x'' vanishes, the last change of the iteration, and the ratio of the second change to the first."""
     twice = at.inverse @ at.inverse
     sizes: list[float] = []
@@ -76,19 +78,21 @@ def _iterated(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: An
     return here, change, sizes[1] / sizes[0] if len(sizes) > 1 and sizes[0] else 0.0
 
 
-def second(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
+def second(flow: ScaledDynamics, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
     """Return the second time derivative at a state over the magnitudes; `near`: a state in SI with its unknowns."""
     return _next(flow, at, time, here, mode, near)[1]
 
 
-def _next(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any, matrix: Any = None) -> tuple[Any, Any]:
+def _next(
+    flow: ScaledDynamics, at: Split, time: float, here: Any, mode: Any, near: Any, matrix: Any = None
+) -> tuple[Any, Any]:
     """Return the first two time derivatives. `matrix`: the Jacobian there, if it differs from that of `at`."""
     ahead = LOOK / float(np.abs(at.values).max())
     rate, later = (flow.rate(t, mode, near, here) for t in (time, time + ahead))
     return rate, (at.matrix if matrix is None else matrix) @ rate + (later - rate) / ahead
 
 
-def _third(flow: Flow, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
+def _third(flow: ScaledDynamics, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
     """Return the third time derivative."""
     ahead = LOOK / float(np.abs(at.values).max())
     rate, now = _next(flow, at, time, here, mode, near)

@@ -18,7 +18,7 @@ import numpy as np
 from ..loops.loops import Eliminated
 
 if TYPE_CHECKING:
-    from ..stretch.stepper import Stepper
+    from ..stretch.stepper import IntegrationState
 
 LARGEST = 200  # most states for which all eigenvectors are computed
 TOLD_APART = 1e-8  # least singular value of the products of left and right unit vectors, for modes to be separable
@@ -75,14 +75,14 @@ class Split:
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class PlaceModes:
     """Discrete modes at k places: `numbers` (k,) are indices into `kinds`."""
 
     kinds: tuple[Any, ...]
     numbers: Any
 
-    def __getitem__(self, places: Any) -> Modes:
-        return Modes(self.kinds, self.numbers[places])
+    def __getitem__(self, places: Any) -> PlaceModes:
+        return PlaceModes(self.kinds, self.numbers[places])
 
     def each(self, function: Callable[[Any, Any, Any], Any], times: Any, states: Any) -> Any:
         """Evaluate a function of times, states and one mode, once per mode for all places with that mode."""
@@ -93,24 +93,24 @@ class Modes:
         return np.concatenate(values)[np.argsort(np.concatenate(places), kind="stable")]
 
 
-def one(mode: Any, count: int = 1) -> Modes:
-    """Return `Modes` with the same mode at `count` places."""
-    return Modes((mode,), np.zeros(count, dtype=int))
+def one(mode: Any, count: int = 1) -> PlaceModes:
+    """Return `PlaceModes` with the same mode at `count` places."""
+    return PlaceModes((mode,), np.zeros(count, dtype=int))
 
 
-def several(modes: Sequence[Any]) -> Modes:
-    """Return `Modes` from one mode per place; equal modes are stored once."""
+def several(modes: Sequence[Any]) -> PlaceModes:
+    """Return `PlaceModes` from one mode per place; equal modes are stored once."""
     kinds = {np.asarray(mode).tobytes(): mode for mode in modes}
     if len(kinds) == 1:
         return one(modes[0], len(modes))
     numbers = {key: number for number, key in enumerate(kinds)}
-    return Modes((*kinds.values(),), np.array([numbers[np.asarray(mode).tobytes()] for mode in modes]))
+    return PlaceModes((*kinds.values(),), np.array([numbers[np.asarray(mode).tobytes()] for mode in modes]))
 
 
-class Flow:
+class ScaledDynamics:
     """Program as a function that gives the rates of scaled states (states over `magnitude` (n,)), with any unknowns of its loops solved."""
 
-    def __init__(self, stepper: Stepper) -> None:
+    def __init__(self, stepper: IntegrationState) -> None:
         self.stepper, self.program = stepper, stepper.program
         self.count = len(self.program.states.names)
         self.magnitude = stepper.tolerances.magnitude[: self.count]
@@ -123,7 +123,7 @@ class Flow:
         found: Any = self.stepper.tolerances.absolute[: self.count] / self.magnitude
         return found
 
-    def whole(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
+    def whole(self, times: Any, modes: PlaceModes, near: Any, scaled: Any) -> Any:
         """Return states and unknowns in SI.
 
         `scaled` (k, n) at `times` (k,), with one mode per place; `near` (k, …): states whose unknowns are an initial guess.
@@ -138,7 +138,7 @@ class Flow:
             state = self.stepper.loops.solve(time, np.concatenate([state, near[self.count :]]), mode)
         return self.program.derivative(time, state, *self.fixed, mode)[: self.count] / self.magnitude
 
-    def rates(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
+    def rates(self, times: Any, modes: PlaceModes, near: Any, scaled: Any) -> Any:
         """Return the rates at several instants (k, n)."""
 
         def at(times: Any, states: Any, mode: Any) -> Any:
@@ -146,7 +146,7 @@ class Flow:
 
         return modes.each(at, times, self.whole(times, modes, near, scaled))[:, : self.count] / self.magnitude
 
-    def outputs(self, times: Any, modes: Modes, near: Any, scaled: Any) -> Any:
+    def outputs(self, times: Any, modes: PlaceModes, near: Any, scaled: Any) -> Any:
         """Return the outputs (k, outputs)."""
 
         def at(times: Any, states: Any, mode: Any) -> Any:
@@ -154,7 +154,7 @@ class Flow:
 
         return modes.each(at, times, self.whole(times, modes, near, scaled))
 
-    def matrices(self, times: Any, modes: Modes, states: Any) -> Any:
+    def matrices(self, times: Any, modes: PlaceModes, states: Any) -> Any:
         """Return the Jacobians (k, n, n) of the rates with the unknowns eliminated. `states`: in SI, with their unknowns. Raises `LinAlgError`."""
 
         def entries(times: Any, states: Any, mode: Any) -> Any:
@@ -170,7 +170,7 @@ class Flow:
             found = found - whole[:, :n, n:] @ np.linalg.solve(below[:, :, n:], below[:, :, :n])
         return found * self.magnitude / self.magnitude[:, None]
 
-    def splits(self, times: Any, states: Any, modes: Modes, bandwidth: float) -> list[Split | str]:
+    def splits(self, times: Any, states: Any, modes: PlaceModes, bandwidth: float) -> list[Split | str]:
         """Return, for each state in SI, the split at a bandwidth in Hz, or the reason as text why the fast motions are not separable."""
         if not len(times):
             return []

@@ -15,7 +15,7 @@ from ..watch.crawling import elements_of
 from .along import ALIKE, Ringing, Way, amplitudes, followed, ways_of
 from .leave import Leaving, Removal
 from .push import kept
-from .split import STEADY, Flow
+from .split import STEADY, ScaledDynamics
 
 if TYPE_CHECKING:
     from compiler.api import Program
@@ -50,7 +50,7 @@ def left_out_of(
 
 
 def _estimated(
-    removals: Sequence[Removal], flow: Flow, instants: Any, states: Any, pieces: Sequence[Segment]
+    removals: Sequence[Removal], flow: ScaledDynamics, instants: Any, states: Any, pieces: Sequence[Segment]
 ) -> tuple[Any, Any, list[str]]:
     """Return the largest amplitude of the oscillation per output, its largest effect on the slow solution (outputs,), and further remarks."""
     lacking = np.zeros(len(flow.program.outputs.names))
@@ -109,7 +109,7 @@ def _reasons(leaving: Leaving) -> list[str]:
 
 
 @dataclass(eq=False)
-class _Known:
+class _NamedMode:
     """A truncated mode, with its right and left vectors at its last removal."""
 
     told: FastMode
@@ -120,9 +120,9 @@ class _Known:
         return bool(abs((left @ self.right) * (self.left @ right)) > ALIKE)
 
 
-def _modes(flow: Flow, removals: Sequence[Removal]) -> tuple[FastMode, ...]:
+def _modes(flow: ScaledDynamics, removals: Sequence[Removal]) -> tuple[FastMode, ...]:
     """Return the truncated modes, those of one removal slowest first; a mode removed several times is reported as at its first removal."""
-    names, known = flow.program.states.names, list[_Known]()
+    names, known = flow.program.states.names, list[_NamedMode]()
     for removal in removals:
         at, before = removal.found.split, list(known)  # modes of one removal are distinct
         shares = np.abs(at.dual @ removal.found.removed) * np.linalg.norm(at.right, axis=0)
@@ -138,7 +138,7 @@ def _modes(flow: Flow, removals: Sequence[Removal]) -> tuple[FastMode, ...]:
             )
             old = next((k for k in before if k.is_in(right, left) or k.told.is_like(told)), None)
             if old is None:
-                known.append(_Known(told, right, left))
+                known.append(_NamedMode(told, right, left))
             else:
                 before.remove(old)
                 old.right, old.left = right, left

@@ -38,7 +38,7 @@ WAYS = 4  # number of directions along which derivatives must vanish
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class SingularPoint:
     """A singular point near the motion."""
 
     state: Any
@@ -62,7 +62,7 @@ class Watcher:
         self.ahead = np.inf  # extrapolated time until the singular value vanishes
         self.behind = np.inf
         self.comes = False  # True if it seems to vanish there, without a minimum before
-        self.point: Point | None = None  # the singular point found ahead
+        self.point: SingularPoint | None = None  # the singular point found ahead
         self.tried = np.inf  # time ahead at the last failed try to cross
         self.left = np.inf  # rounding of the last tries
 
@@ -185,7 +185,9 @@ class Watcher:
         self.passed.append(replace(pose, rounding=crossed.error) if crossed.error > SLIGHT * tolerance else pose)
         return crossed
 
-    def _point_ahead(self, function: OnConstraints, time: float, scaled: Any, state: Any, mode: Any) -> Point | None:
+    def _point_ahead(
+        self, function: OnConstraints, time: float, scaled: Any, state: Any, mode: Any
+    ) -> SingularPoint | None:
         """Return a singular point near the extrapolated motion, which costs much less than integrating to it; None if there is none."""
         constraints, count = self.constraints, self.constraints.count
         rates = function(time, scaled)
@@ -203,7 +205,7 @@ class Watcher:
         positions = self.constraints.positions
         return float(np.linalg.norm((one - other)[positions] / self.constraints.reach[positions]))
 
-    def _pose(self, crossed: Crossed, ahead: Point, state: Any, mode: Any) -> SingularPose | None:
+    def _pose(self, crossed: Crossed, ahead: SingularPoint, state: Any, mode: Any) -> SingularPose | None:
         """Return the singular pose on a crossing; None if there is none. `ahead`: the singular point that was expected."""
         low, high = crossed.start, crossed.start + crossed.size
         for narrowing in range(NARROWINGS):
@@ -218,7 +220,7 @@ class Watcher:
         time = float(times[best])
         start, here, end = self._on(crossed, np.array([crossed.start, time, crossed.start + crossed.size]), state)
         near = ASIDE * self._apart(start, end)
-        found: Point | None = ahead
+        found: SingularPoint | None = ahead
         if self._apart(ahead.state, here) > near:
             found = self._point(time, here, mode)
         if found is None or self._apart(found.state, here) > near:
@@ -231,7 +233,7 @@ class Watcher:
         unknowns = np.broadcast_to(state[count:], (len(times), len(state) - count))
         return np.concatenate([crossed.at(times) * self.constraints.reach, unknowns], axis=1)
 
-    def _point(self, time: float, state: Any, mode: Any) -> Point | None:
+    def _point(self, time: float, state: Any, mode: Any) -> SingularPoint | None:
         """Return the singular point nearest to a state, by Gauss-Newton: residuals closed, derivatives of the lost constraints zero.
 
         The derivatives are examined along a few of the directions that change only the lost residuals: the derivative of the Jacobian along a direction
@@ -271,7 +273,7 @@ class Watcher:
         names = np.array(constraints.program.invariants.names[: constraints.gaps])[constraints.taking]
         share = np.abs(gone).max(axis=1)
         joints = dict.fromkeys(n.rpartition(".")[0] for n in names[share > 0.1])
-        return Point(state, lost, tuple(joints))
+        return SingularPoint(state, lost, tuple(joints))
 
     @staticmethod
     def _still(across: Any) -> Any:

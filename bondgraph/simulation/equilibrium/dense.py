@@ -25,7 +25,7 @@ STEADY = 1e-7  # relative to the terms in a rate: a smaller change along a motio
 PLACES = (-1.7, 0.6, 3.1)  # along a motion, in magnitudes of the state that moves most: the rates are compared there
 
 
-class Search:
+class EquilibriumSearch:
     """Rates and their derivatives by the states, with the unknowns of loops solved for."""
 
     def __init__(self, program: Program, constraints: Constraints, inputs: Any, first: Segment) -> None:

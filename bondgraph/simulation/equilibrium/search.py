@@ -19,7 +19,7 @@ from ...errors import RunFailed
 from ..closed.constraints import Constraints
 from ..segments.timeline import Segment
 from ..steps.factorise import is_large
-from .dense import CLOSE, Search
+from .dense import CLOSE, EquilibriumSearch
 
 STEPS = 400
 GROWTH = 2.0
@@ -33,7 +33,7 @@ def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: 
 
 
 @np.errstate(all="ignore")  # a trial may lead to where a law has no value
-def found_by(search: Search, state: Any) -> Any:
+def found_by(search: EquilibriumSearch, state: Any) -> Any:
     """Return the equilibrium that a given search reaches from a state. Raises `RunFailed`."""
     count = search.count
     x, slope, jacobian = search.at(np.array(state))
@@ -70,11 +70,11 @@ def found_by(search: Search, state: Any) -> Any:
     raise search.no_rest(slope)
 
 
-def _search(program: Program, constraints: Constraints, inputs: Any, first: Segment) -> Search:
+def _search(program: Program, constraints: Constraints, inputs: Any, first: Segment) -> EquilibriumSearch:
     """Return a dense search, or a sparse one for a large model. Directions left by loop joints are dense in any case."""
     rows, _ = program.pattern
     if not constraints and is_large(len(program.states.names), len(rows)):
         from .sparse import SparseSearch
 
         return SparseSearch(program, constraints, inputs, first)
-    return Search(program, constraints, inputs, first)
+    return EquilibriumSearch(program, constraints, inputs, first)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunFailed
-from .dense import CLOSE, SINGULAR, Search
+from .dense import CLOSE, SINGULAR, EquilibriumSearch
 from .steady import unread_states
 
 OFF = 1e-10  # relative to the largest entries: size of the perturbation
@@ -24,11 +24,11 @@ NOTHING = 1e-12  # entry of a unit vector that counts as rounding of zero
 POWERS = 32  # power iterations for the largest eigenvalue
 
 
-class SparseSearch(Search):
+class SparseSearch(EquilibriumSearch):
     """Search with sparse Jacobians, stored by columns."""
 
     def at(self, full: Any) -> tuple[Any, Any, Any]:
-        """Return the same as `Search.at`."""
+        """Return the same as `EquilibriumSearch.at`."""
         from scipy.sparse import csc_array
 
         full = self.loops.solve(self.time, full, self.mode)
@@ -76,13 +76,13 @@ class SparseSearch(Search):
         return float(np.exp(grown / POWERS))
 
     def euler(self, slope: Any, jacobian: Any, size: float) -> Any:
-        """Return the same as `Search.euler`."""
+        """Return the same as `EquilibriumSearch.euler`."""
         from scipy.sparse import eye_array
 
         return self._factors((eye_array(self.count) / size - jacobian).tocsc()).solve(slope)
 
     def _least(self, slope: Any, jacobian: Any, noise: Any) -> Any:
-        """Return the same as `Search._least`; rates that no change can cancel, and conserved quantities, come from the two null spaces."""
+        """Return the same as `EquilibriumSearch._least`; rates that no change can cancel, and conserved quantities, come from the two null spaces."""
         rows = _largest(jacobian, 1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
             return np.full(len(slope), np.inf)

@@ -20,7 +20,7 @@ from ..start.coarse import Conditions
 from ..watch.choice import Choice
 from .complementarity import Companion, Instant
 from .events import Events, Moment
-from .impulse import Jump, after_impulse
+from .impulse import StorageJump, after_impulse
 
 if TYPE_CHECKING:
     from ...prepared import Prepared
@@ -99,7 +99,7 @@ def continued(
     begin: PhaseTransition,
     horizon: float,
     companion: Companion | None,
-) -> tuple[Events, Moment, tuple[Jump, ...]]:
+) -> tuple[Events, Moment, tuple[StorageJump, ...]]:
     """Return the events of a run that goes on in this program, the hybrid state at that instant, and the jumps there."""
     program = constraints.program
     names, hybrid = program.states.names, program.hybrid
@@ -115,7 +115,7 @@ def continued(
     known = np.array([begin.magnitudes.get(n) or begin.peaks.get(n, 0.0) for n in (*names, *program.unknowns.names)])
     events.measure(np.where(known > 0, known, events.magnitude))
     mode = events.guess(Moment(first.start, full, mode))
-    jumps: tuple[Jump, ...] = ()
+    jumps: tuple[StorageJump, ...] = ()
     if hybrid.junctions:
         full, jumps = after_impulse(
             constraints, first.start, full, mode, begin.stored, {**begin.peaks, **begin.magnitudes}
@@ -127,8 +127,8 @@ def continued(
 
 
 def _through_integrals(
-    program: Program, full: Any, begin: PhaseTransition, companion: Companion, storages: tuple[Jump, ...]
-) -> tuple[Any, tuple[Jump, ...]]:
+    program: Program, full: Any, begin: PhaseTransition, companion: Companion, storages: tuple[StorageJump, ...]
+) -> tuple[Any, tuple[StorageJump, ...]]:
     """Return the state with the contribution of an impulse to the integrals of the model, and their jumps. `storages`: jumps of stored quantities."""
     if not any(n in companion.integrals for n in program.states.names):
         return full, ()
@@ -141,7 +141,7 @@ def _through_integrals(
         before = float(full[place])
         full[place] += jump
         if full[place] != before:
-            jumps.append(Jump(name, program.states.units[place], before, float(full[place])))
+            jumps.append(StorageJump(name, program.states.units[place], before, float(full[place])))
     return full, tuple(jumps)
 
 

@@ -69,7 +69,7 @@ class Instant:
 
 
 @dataclass(frozen=True, slots=True)
-class Network:
+class CompanionNetwork:
     """A companion program with the values of this run."""
 
     program: Program
@@ -100,7 +100,7 @@ class Companion:
         self.integrals = {i.name: i for i in facts.integrals}
         self.mechanisms = tuple(f"{name}." for name in facts.mechanisms)
         self.made, self.values, self.horizon, self.conditioned = made, values, horizon, conditioned
-        self.networks: dict[tuple[str, ...], Network] = {}
+        self.networks: dict[tuple[str, ...], CompanionNetwork] = {}
         self.instants: list[float] = []  # the start, and the switching instants of valves
         self.stored: dict[str, float] = {}  # by name: last known values of stored quantities
         self.against: tuple[float, frozenset[bytes]] = (np.nan, frozenset())  # sets refuted at an instant
@@ -303,7 +303,9 @@ class Companion:
             size = 1e-4 * max(float(np.abs(waves).max()), 1e-300)
         return on[: len(self.valves)], self._outputs(network, at, (states, mode), (step, z, waves[None]))[0]
 
-    def _outputs(self, network: Network, at: Instant, where: tuple[Any, Any], values: tuple[float, float, Any]) -> Any:
+    def _outputs(
+        self, network: CompanionNetwork, at: Instant, where: tuple[Any, Any], values: tuple[float, float, Any]
+    ) -> Any:
         """Return the outputs of the companion for rows of waves, shape (rows, outputs)."""
         program, constraints = network.program, network.constraints
         (state, mode), (step, z, rows) = where, values
@@ -321,7 +323,7 @@ class Companion:
                 states[row] = loops.solve(at.time + step, states[max(row - 1, 0)], mode)
         return np.asarray(program.output(times, states, inputs, constraints.constants, mode))
 
-    def _network(self, off: tuple[str, ...]) -> Network:
+    def _network(self, off: tuple[str, ...]) -> CompanionNetwork:
         """Return the companion with these junctions off (no two-terminal switches), compiled at the first use."""
         off = tuple(name for name in off if name not in self.gaps)
         if off not in self.networks:
@@ -333,10 +335,10 @@ class Companion:
             constraints = Constraints(program, parameters, inputs, np.ones(len(program.states.names)))
             places = {n: i for i, n in enumerate(program.inputs.names)}
             curved = tuple(n.removeprefix(JUMP) for n in program.inputs.names if n.startswith(JUMP))
-            self.networks[off] = Network(program, constraints, places, [], made.certificate.linear, curved)
+            self.networks[off] = CompanionNetwork(program, constraints, places, [], made.certificate.linear, curved)
         return self.networks[off]
 
-    def _impedance(self, network: Network, at: Instant) -> float:
+    def _impedance(self, network: CompanionNetwork, at: Instant) -> float:
         """Return the impedance of the waves: geometric mean of the network's impedances at the valves over a long step."""
         z, count = 1.0, len(self.gaps)
         step = 1e-3 * self.horizon
@@ -353,7 +355,7 @@ class Companion:
                 break
         return z
 
-    def _state(self, network: Network, at: Instant, step: float) -> tuple[Any, Any]:
+    def _state(self, network: CompanionNetwork, at: Instant, step: float) -> tuple[Any, Any]:
         """Return the state and the mode of a companion program at an instant."""
         program, constraints = network.program, network.constraints
         state = np.array(program.start(constraints.constants), dtype=float)

@@ -17,7 +17,7 @@ from compiler.api import Program
 
 from ...errors import RunFailed
 from ..closed.constraints import Constraints
-from ..equilibrium.dense import Search
+from ..equilibrium.dense import EquilibriumSearch
 from ..equilibrium.search import equilibrium, found_by
 from ..segments.timeline import Segment
 from .events import Events, Moment
@@ -85,7 +85,7 @@ def sampled_settings(program: Program, constraints: Constraints) -> tuple[tuple[
     return tuple(result)
 
 
-class SampledSearch(Search):
+class SampledSearch(EquilibriumSearch):
     """Rates of states and of sampled values; a full state is states, sampled values, unknowns of loops."""
 
     def __init__(
@@ -114,7 +114,7 @@ class SampledSearch(Search):
         return np.concatenate([full[: self.states], full[self.count :]]), mode
 
     def at(self, full: Any) -> tuple[Any, Any, Any]:
-        """Return the same as `Search.at`, by differences."""
+        """Return the same as `EquilibriumSearch.at`, by differences."""
         full = self._kept(full)
         state, mode = self.split(full)
         if self.unread is None:
@@ -142,7 +142,7 @@ class SampledSearch(Search):
         return full, rates, jacobian
 
     def rates(self, full: Any) -> Any:
-        """Return the rates as `Search.rates`: a sampled value approaches its successor within a period."""
+        """Return the rates as `EquilibriumSearch.rates`: a sampled value approaches its successor within a period."""
         state, mode = self.split(full)
         fixed = (*self.fixed[:2], mode)
         own = np.array(self.program.derivative(self.time, state, *fixed))[: self.states]
@@ -152,16 +152,16 @@ class SampledSearch(Search):
         return rates
 
     def not_finite(self, slope: Any, full: Any) -> RunFailed:
-        """Return the same as `Search.not_finite`."""
+        """Return the same as `EquilibriumSearch.not_finite`."""
         bad = ", ".join(f"`{self.names[i]}`" for i in np.flatnonzero(~np.isfinite(slope))[:4])
         return RunFailed(f"at t = {self.time:.9g} s the rate of {bad} is not finite")
 
     def drivers(self, place: int) -> str:
-        """Return the same as `Search.drivers`."""
+        """Return the same as `EquilibriumSearch.drivers`."""
         return super().drivers(place) if place < self.states else "it is set anew at each sample"
 
     def cancels(self, full: Any, slope: Any) -> bool:
-        """Return False: `Search.cancels` is not applied to samples."""
+        """Return False: `EquilibriumSearch.cancels` is not applied to samples."""
         return False
 
     def _kept(self, full: Any) -> Any:

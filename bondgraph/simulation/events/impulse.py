@@ -27,7 +27,7 @@ SEEN = 1e-9  # relative to the magnitudes: least change that counts as a jump
 
 
 @dataclass(frozen=True, slots=True)
-class Jump:
+class StorageJump:
     """Content of a storage before and after an impulse."""
 
     name: str
@@ -38,7 +38,7 @@ class Jump:
 
 def after_impulse(
     constraints: Constraints, time: float, full: Any, mode: Any, stored: Mapping[str, float], peaks: Mapping[str, float]
-) -> tuple[Any, tuple[Jump, ...]]:  # fmt: skip
+) -> tuple[Any, tuple[StorageJump, ...]]:  # fmt: skip
     """Return the state after the impulse from the stored quantities before, with unknowns, and the jumps. Raises `RunFailed`."""
     program = constraints.program
     names = (*program.states.names, *program.dependents.names)
@@ -57,7 +57,7 @@ def after_impulse(
     x = _balanced(held, x, old, size, time)
     after = held.stored(x)
     jumped = np.flatnonzero(np.abs(after - old) > SEEN * size)
-    return held.full(x), tuple(Jump(names[i], units[i], float(old[i]), float(after[i])) for i in jumped)
+    return held.full(x), tuple(StorageJump(names[i], units[i], float(old[i]), float(after[i])) for i in jumped)
 
 
 @dataclass(frozen=True, slots=True)

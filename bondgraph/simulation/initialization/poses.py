@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunFailed
-from ...numerics.continuation import Followed, Path, follow, newton, split
+from ...numerics.continuation import Followed, SolutionPath, follow, newton, split
 from ...quantities import behind
 from ..closed.constraints import Constraints
 
@@ -36,7 +36,7 @@ Claims = Callable[[Any], Any]  # states (…, n) -> the rows of `Program.claims`
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class GivenCoordinates:
     """A coordinate with a start value: name and place in the text, unit, and index of its state or initial equation."""
 
     name: str
@@ -60,7 +60,7 @@ class PoseProblem:
     places: Any  # indices of the coordinates among the states
     size: Any  # unit of change of each coordinate
     length: float  # length of the mechanism, m
-    given: tuple[Given, ...]
+    given: tuple[GivenCoordinates, ...]
 
     def state(self, z: Any) -> Any:
         """Return all states, with coordinates z."""
@@ -129,7 +129,7 @@ def posed(problem: PoseProblem) -> tuple[Any, str | None]:
     z = problem.drawn
     if problem.missed(z) > CLOSED:
         opened = alone.values(z)
-        closed = follow(alone, z, Path(lambda s: (1.0 - s) * opened, lambda _: -opened))
+        closed = follow(alone, z, SolutionPath(lambda s: (1.0 - s) * opened, lambda _: -opened))
         if not closed.arrived or problem.missed(closed.z) > CLOSED:
             raise RunFailed(_open(problem, closed.z))
         z = closed.z
@@ -200,7 +200,7 @@ def _said(problem: PoseProblem, row: int) -> float:
     return abs(problem.given[row].value) / float(problem.units()[row])
 
 
-def _path(problem: PoseProblem, z: Any) -> Path:
+def _path(problem: PoseProblem, z: Any) -> SolutionPath:
     """Return the path of all given coordinates, proportional from their values to their start values; an attitude turns about one axis."""
     begin = problem.values(z)
     begin[: problem.gaps] = 0.0
@@ -220,7 +220,7 @@ def _path(problem: PoseProblem, z: Any) -> Path:
         low, high = max(share - DIFFERENCE, 0.0), min(share + DIFFERENCE, 1.0)
         return (at(high) - at(low)) / (high - low)
 
-    return Path(at, slope)
+    return SolutionPath(at, slope)
 
 
 def _attitudes(problem: PoseProblem) -> list[list[int]]:
@@ -298,7 +298,7 @@ def _rank(slopes: Any) -> int:
 
 
 # ---------------------------------------------------------------- words
-def _names(given: Sequence[Given]) -> str:
+def _names(given: Sequence[GivenCoordinates]) -> str:
     names = list(
         dict.fromkeys(
             g.name.rpartition(".attitude.")[0] + ".attitude" if ".attitude." in g.name else g.name for g in given
@@ -307,7 +307,7 @@ def _names(given: Sequence[Given]) -> str:
     return ", ".join(f"`{n}`" for n in names[:6]) + ("…" if len(names) > 6 else "")
 
 
-def _shown(item: Given, value: float) -> str:
+def _shown(item: GivenCoordinates, value: float) -> str:
     """Return a value with its unit as text: angles in degrees too."""
     if item.unit == "m":
         return f"{value:.9g} m"
@@ -395,7 +395,7 @@ def pose_problem(
     begin[list(space.moved)] = -row[claimed : claimed + len(space.moved)]
     names, units = constraints.program.states.names, constraints.program.states.units
     given = [
-        Given(names[p], space.states[p].span.line, units[p], state=i, value=float(state[p]))
+        GivenCoordinates(names[p], space.states[p].span.line, units[p], state=i, value=float(state[p]))
         for i, p in enumerate(places)
         if space.states[p].given
     ]
@@ -405,7 +405,9 @@ def pose_problem(
         claim = space.claims[i]
         unit = space.variables[claim.variable].unit
         given.append(
-            Given(claim.element, claim.span.line, unit, claim=i, value=float(first[number] - first[i]), read=number)
+            GivenCoordinates(
+                claim.element, claim.span.line, unit, claim=i, value=float(first[number] - first[i]), read=number
+            )
         )
     given.sort(key=lambda g: g.line)
     size, length = _sizes(constraints, (*at, full), places, given, claims)
@@ -413,7 +415,7 @@ def pose_problem(
 
 
 def _sizes(
-    constraints: Constraints, at: tuple[float, Any, Any], places: Any, given: Sequence[Given], claims: Claims
+    constraints: Constraints, at: tuple[float, Any, Any], places: Any, given: Sequence[GivenCoordinates], claims: Claims
 ) -> tuple[Any, float]:
     """Return the unit of change of each coordinate (a radian for an angle, the mechanism's length for a length), and that length in m.
 

@@ -90,7 +90,7 @@ class OneFunction:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Zeros:
     """The zeros of a function."""
 
     cuts: Any  # rising instants at which its sign changes, or at which an interval of zeros begins or ends
@@ -98,7 +98,7 @@ class Found:
     touched: float | None  # first instant at which it falls to zero and rises again
 
 
-def crossings(function: OneFunction) -> Found:
+def crossings(function: OneFunction) -> Zeros:
     """Return the instants at which a function changes its sign inside its segments. Raises `Undecided`."""
     with np.errstate(all="ignore"):
         pieces = _signed(function, _pieces(function))
@@ -108,7 +108,7 @@ def crossings(function: OneFunction) -> Found:
         found = [_located(function, pieces, changes), *_in_clusters(function, pieces)]
         beside = (pieces.right[:-1] != pieces.left[1:]) & (pieces.right[:-1] != UNKNOWN) & (pieces.left[1:] != UNKNOWN)
         found.append(pieces.low[1:][beside & (pieces.stretch[1:] == pieces.stretch[:-1])])
-    return Found(distinct(np.concatenate(found)), _hidden_for_long(function, pieces), _touched(pieces))
+    return Zeros(distinct(np.concatenate(found)), _hidden_for_long(function, pieces), _touched(pieces))
 
 
 def _touched(pieces: Pieces) -> float | None:

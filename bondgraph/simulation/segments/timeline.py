@@ -17,7 +17,7 @@ from ...errors import RunFailed
 from ...numerics.roots import crossing
 
 if TYPE_CHECKING:
-    from .crossings import Found
+    from .crossings import Zeros
     from .resolution import Resolution
 
 GRID = 256  # places of a short segment at which signals are sampled
@@ -166,7 +166,7 @@ def _searched(
     )
 
 
-def _notes(program: Program, function: TimeFunction, found: Found) -> Iterator[str]:
+def _notes(program: Program, function: TimeFunction, found: Zeros) -> Iterator[str]:
     """Yield notes for the user on a condition on time: equality to rounding, or truth at single instants only."""
     if function.condition and found.hidden is not None:
         first, last = found.hidden

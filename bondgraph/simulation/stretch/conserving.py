@@ -15,7 +15,7 @@ from .reference import interpreted
 if TYPE_CHECKING:
     from ..steps.compiled.interpreted import Interpreted
     from ..steps.compiled.run import CompiledRadau
-    from .stepper import Stepper
+    from .stepper import IntegrationState
 
 SCOUT = 1000  # steps of an adaptive pilot run
 FIRST = 3  # number of its first steps, which are small and not counted
@@ -26,7 +26,7 @@ FAR = 10.0  # factor by which magnitudes count as wrong
 LOST = 1e-9  # relative to the powers between storages: loss of a lossless model by rounding
 
 
-def equal_steps(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> float:
+def equal_steps(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> float:
     """Return the size of all steps of a segment: that of the short steps of an adaptive method. Raises `NotLossless`, `RunFailed`."""
     times, states = _looked_ahead(stepper, stretch, x, compiled)
     for _ in range(ROUNDS):
@@ -42,7 +42,7 @@ def equal_steps(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> f
     return span / float(np.ceil(span / (SHARE * np.quantile(usual, SMALL))))
 
 
-def _looked_ahead(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> tuple[Any, Any]:
+def _looked_ahead(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> tuple[Any, Any]:
     """Return the ends of some explicit steps of a pilot run, and the states there."""
     magnitude = stepper.tolerances.magnitude
     times, states = [stretch.start], [x]
@@ -63,7 +63,7 @@ def _looked_ahead(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) ->
     return np.array(times), np.array(states)
 
 
-def _measured(stepper: Stepper, states: Any) -> bool:
+def _measured(stepper: IntegrationState, states: Any) -> bool:
     """Return True, and reduce the magnitudes, if states stay far below those of the coarse run, which is inaccurate in a long run.
 
     A lossless motion returns to where it was, so its beginning gives better magnitudes.
@@ -78,7 +78,7 @@ def _measured(stepper: Stepper, states: Any) -> bool:
     return True
 
 
-def _check_lossless(stepper: Stepper, stretch: Segment, times: Any, states: Any) -> None:
+def _check_lossless(stepper: IntegrationState, stretch: Segment, times: Any, states: Any) -> None:
     """Raise `NotLossless` if the stored energy changes at a state of the run; also `RunFailed` or `UsageError` if there is none to conserve."""
     program, fixed = stepper.program, (stepper.inputs, stepper.constants, stretch.mode)
     assert program.stored_energy is not None

@@ -13,7 +13,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ..events.locate import StateAt
-    from .stepper import Stepper
+    from .stepper import IntegrationState
 
 NEAR = 1e-3  # fraction of the remaining part: distance of the states of a difference quotient
 PLACES = (0.5, 1.0)  # fractions of the remaining part at which rates are evaluated
@@ -23,7 +23,7 @@ ALLOWED = 1.0  # in units of the tolerance: error of the states if the derivativ
 SHORTEST = 2.0**14  # units in the last place of a time: a shorter part gives no difference quotient
 
 
-def is_sure(stepper: Stepper, start: float, stop: float, mode: Any, states_at: StateAt) -> bool:
+def is_sure(stepper: IntegrationState, start: float, stop: float, mode: Any, states_at: StateAt) -> bool:
     """Return True if the dense output of a step satisfies the equations from its start up to the event that cuts it."""
     size, count = stop - start, len(stepper.program.states.names)
     if size < SHORTEST * np.spacing(max(abs(start), abs(stop))):

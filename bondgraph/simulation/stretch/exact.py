@@ -12,13 +12,13 @@ from ..steps import exponential
 from ..watch.stuck import not_finite
 
 if TYPE_CHECKING:
-    from .stepper import Stepper
+    from .stepper import IntegrationState
 
 LEFT = (0.0, 1e-6, 1e-3, 1e-2, 0.1)  # fractions of the segment that remain before its end
 LOOKED_AT = 4097  # places of a segment that are searched for values that are not finite
 
 
-def exactly(stepper: Stepper, stretch: Segment, x: Any) -> Any | None:
+def exactly(stepper: IntegrationState, stretch: Segment, x: Any) -> Any | None:
     """Integrate a segment as `run`, from state x; return None if it cannot be done this way."""
     form = exponential.linear_form(stepper.program, stepper.inputs, stepper.constants, stretch, stepper.whole)
     if form is None:
@@ -48,7 +48,7 @@ def exactly(stepper: Stepper, stretch: Segment, x: Any) -> Any | None:
     return states[-1]
 
 
-def check_driven(stepper: Stepper, stretch: Segment, x: Any) -> None:
+def check_driven(stepper: IntegrationState, stretch: Segment, x: Any) -> None:
     """Raise `RateNotFinite` at the first instant at which a driving signal has no value, to rounding: no other solver would help then."""
     times: Any = np.linspace(stretch.start, stretch.stop, LOOKED_AT)
     fixed = (stepper.inputs, stepper.constants, stretch.mode)
@@ -74,7 +74,7 @@ def check_driven(stepper: Stepper, stretch: Segment, x: Any) -> None:
 
 
 def _work(
-    stepper: Stepper, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
+    stepper: IntegrationState, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
 ) -> tuple[tuple[Any, float], bool]:
     """Return the work of a segment with the energy turnover, and True if the quadrature is fine enough."""
     assert stepper.powers is not None
@@ -89,7 +89,7 @@ def _work(
 
 
 def _look(
-    stepper: Stepper, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
+    stepper: IntegrationState, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
 ) -> None:
     """Check the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
     if stepper.program.limits:

@@ -22,7 +22,7 @@ from .poses import beyond, chosen_anew
 
 if TYPE_CHECKING:
     from ..segments.trajectory import Tolerances
-    from .stepper import Stepper
+    from .stepper import IntegrationState
 
 
 def obstacle_of(program: Program) -> str | None:
@@ -31,14 +31,14 @@ def obstacle_of(program: Program) -> str | None:
     return f" ({found})" if found else None
 
 
-def explicit_trial(stepper: Stepper, stretch: Segment, x: Any, most: int) -> tuple[dict[str, int], bool, bool]:
+def explicit_trial(stepper: IntegrationState, stretch: Segment, x: Any, most: int) -> tuple[dict[str, int], bool, bool]:
     """Make up to `most` explicit steps without keeping them; return evaluations, True if stability limits the steps, True if the end was reached."""
     solver = explicit_scout(stepper, stretch, x)
     answer = solver.advance(most)
     return solver.evaluations, answer == STIFF, answer == FINISHED
 
 
-def explicit_scout(stepper: Stepper, stretch: Segment, x: Any) -> CompiledRadau:
+def explicit_scout(stepper: IntegrationState, stretch: Segment, x: Any) -> CompiledRadau:
     """Return DOP853 from the start of a segment, for single steps that are not kept."""
     solver = _solver(stepper, stretch, x, EXPLICIT)
     solver.values["limit_count"] = solver.values["root_count"] = 0
@@ -47,7 +47,7 @@ def explicit_scout(stepper: Stepper, stretch: Segment, x: Any) -> CompiledRadau:
 
 
 def native_integrator(
-    stepper: Stepper, machine: InMachineCode | None, stretch: Segment, x: Any, method: int, size: float
+    stepper: IntegrationState, machine: InMachineCode | None, stretch: Segment, x: Any, method: int, size: float
 ) -> InMachineCode:
     """Return the integrator of the segments so far, where it fits the next one, or a new one. `size`: of all steps, for a method with equal steps."""
     if machine is None or method == ENERGY or machine.tolerances is not stepper.tolerances:
@@ -56,7 +56,7 @@ def native_integrator(
     return machine
 
 
-def _solver(stepper: Stepper, stretch: Segment, x: Any, method: int) -> CompiledRadau:
+def _solver(stepper: IntegrationState, stretch: Segment, x: Any, method: int) -> CompiledRadau:
     """Return a solver for a segment with steps only: no events, limits or outputs attached yet."""
     solver = CompiledRadau(
         stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch, x, stepper.longest,
@@ -66,7 +66,7 @@ def _solver(stepper: Stepper, stretch: Segment, x: Any, method: int) -> Compiled
     return solver
 
 
-def _automatic(stepper: Stepper, method: int) -> int:
+def _automatic(stepper: IntegrationState, method: int) -> int:
     """Return 1 if another method may take over, else 0."""
     return int(stepper.solver == AUTOMATIC and method == EXPLICIT)
 
@@ -74,7 +74,7 @@ def _automatic(stepper: Stepper, method: int) -> int:
 class InMachineCode:
     """Native integrator over successive segments; the data set up for the first segment serves all."""
 
-    def __init__(self, stepper: Stepper, stretch: Segment, x: Any, method: int, size: float) -> None:
+    def __init__(self, stepper: IntegrationState, stretch: Segment, x: Any, method: int, size: float) -> None:
         self.stepper, self.stretch, self.first = stepper, stretch, stepper.position
         self.tolerances: Tolerances = stepper.tolerances
         self.noted = False  # True while the checkpoint before the last step is stored

@@ -18,7 +18,7 @@ from ..steps.radau import StepFailed
 from .reference import interpreted
 
 if TYPE_CHECKING:
-    from .stepper import Stepper
+    from .stepper import IntegrationState
 
 # Phase of the fastest mode in a segment, in radians, for which an explicit method needs no more than about fifty steps.
 EASY = 300.0
@@ -30,7 +30,7 @@ TRIAL = 60  # trial steps
 ENOUGH = 64  # most discrete modes examined: others are assumed to be like most of them
 
 
-def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
+def method_of(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> int:
     """Return the method that goes on from state x. Raises `UsageError` where the requested one is not possible."""
     explicit = _obstacle_to_explicit(stepper)
     if stepper.solver == "explicit" and explicit:
@@ -65,7 +65,7 @@ def method_of(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int
     return known[key]
 
 
-def _by_spectrum(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
+def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> int:
     """Return the method that fits the eigenvalues on a segment."""
     rates = _spectrum(stepper, stretch, x)
     if rates is None:
@@ -79,14 +79,14 @@ def _by_spectrum(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> 
     return _tried(stepper, stretch, x, compiled)
 
 
-def _obstacle_to_explicit(stepper: Stepper) -> str:
+def _obstacle_to_explicit(stepper: IntegrationState) -> str:
     """Return the reason why an explicit method is not possible; empty if it is."""
     if stepper.constraints:
         return "closed loops hold its states on constraints"
     return "the unknowns of its algebraic loops are found with each step" if len(stepper.program.unknowns.names) else ""
 
 
-def _check_rodas(stepper: Stepper, states: int, compiled: bool) -> None:
+def _check_rodas(stepper: IntegrationState, states: int, compiled: bool) -> None:
     """Raise `UsageError` for models that are not possible with a method that needs exact derivatives and solves once per stage."""
     if stepper.constraints:
         obstacle = "closed loops hold its states on constraints"
@@ -99,7 +99,7 @@ def _check_rodas(stepper: Stepper, states: int, compiled: bool) -> None:
     raise UsageError(f"Rodas5P cannot step through this model: {obstacle}; leave the solver to choose, or name `radau`")
 
 
-def _check_conserving(stepper: Stepper, obstacle: str) -> None:
+def _check_conserving(stepper: IntegrationState, obstacle: str) -> None:
     """Raise `UsageError` for models that are not possible with an energy-conserving method."""
     if stepper.program.hybrid is not None:
         obstacle = "events change what it stores"
@@ -111,7 +111,7 @@ def _check_conserving(stepper: Stepper, obstacle: str) -> None:
         raise UsageError(f"no method keeps the energy of this model: {obstacle}; leave the solver to choose")
 
 
-def _spectrum(stepper: Stepper, stretch: Segment, x: Any) -> Any:
+def _spectrum(stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
     """Return the eigenvalues at a state; for a large model a bound of the fastest one; None if there are none."""
     program, magnitude = stepper.program, stepper.tolerances.magnitude
     fixed = (stepper.inputs, stepper.constants, stretch.mode)
@@ -131,7 +131,7 @@ def _spectrum(stepper: Stepper, stretch: Segment, x: Any) -> Any:
         return None
 
 
-def _tried(stepper: Stepper, stretch: Segment, x: Any, compiled: bool) -> int:
+def _tried(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> int:
     """Return the method chosen by some trial steps of the explicit one, which are not kept."""
     try:
         if compiled:

@@ -22,11 +22,11 @@ from .reference import interpreted
 
 if TYPE_CHECKING:
     from ..steps.compiled.interpreted import Interpreted
-    from .stepper import Stepper
+    from .stepper import IntegrationState
 
 
-def one_by_one(stepper: Stepper, stretch: Segment, x: Any, method: int, size: float, target: str) -> Any:
-    """Integrate as `Stepper.run` from its first step.
+def one_by_one(stepper: IntegrationState, stretch: Segment, x: Any, method: int, size: float, target: str) -> Any:
+    """Integrate as `IntegrationState.run` from its first step.
 
     `size`: of all steps, for a method with equal steps; `target`: the name of this integrator in the result.
     """
@@ -36,7 +36,9 @@ def one_by_one(stepper: Stepper, stretch: Segment, x: Any, method: int, size: fl
 class OneByOne:
     """Interpreted integrator over one segment, with access to its last step."""
 
-    def __init__(self, stepper: Stepper, stretch: Segment, x: Any, method: int, size: float, target: str) -> None:
+    def __init__(
+        self, stepper: IntegrationState, stretch: Segment, x: Any, method: int, size: float, target: str
+    ) -> None:
         self.stepper, self.stretch, self.target = stepper, stretch, target
         self.steps = 0
         self.method = method

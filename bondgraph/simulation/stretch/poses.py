@@ -11,10 +11,10 @@ from ..segments.transition import PhaseTransition
 
 if TYPE_CHECKING:
     from ..closed.crossing import Crossed
-    from .stepper import Stepper
+    from .stepper import IntegrationState
 
 
-def chosen_anew(stepper: Stepper, time: float, state: Any, mode: Any, step: float) -> bool:
+def chosen_anew(stepper: IntegrationState, time: float, state: Any, mode: Any, step: float) -> bool:
     """Return True if the phase must end here because other constraints should be active from now on: the next phase selects them."""
     if stepper.choice is None or not stepper.singular.other_rows(time, state, mode, step):
         return False
@@ -22,7 +22,7 @@ def chosen_anew(stepper: Stepper, time: float, state: Any, mode: Any, step: floa
     return True
 
 
-def beyond(stepper: Stepper, crossed: Crossed, state: Any, stretch: Segment) -> Any:
+def beyond(stepper: IntegrationState, crossed: Crossed, state: Any, stretch: Segment) -> Any:
     """Return the state after a crossing, and store the run's data on it. `state`: before."""
     magnitude, count = stepper.tolerances.magnitude, stepper.constraints.count
 

@@ -11,11 +11,11 @@ from ..steps.methods import EXPLICIT
 
 if TYPE_CHECKING:
     from ..steps.compiled.interpreted import Interpreted
-    from .stepper import Stepper
+    from .stepper import IntegrationState
 
 
 def interpreted(
-    stepper: Stepper, stretch: Segment, x: Any, method: int = EXPLICIT, size: float = np.inf
+    stepper: IntegrationState, stretch: Segment, x: Any, method: int = EXPLICIT, size: float = np.inf
 ) -> Interpreted:
     """Return a method that runs in Python, from the start of a segment; `size` of the first step, or of all, if the method needs that."""
     from ..steps.compiled.fields import fields_at

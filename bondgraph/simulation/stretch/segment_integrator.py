@@ -10,13 +10,13 @@ from ...errors import UsageError
 from ..segments.timeline import Segment
 from ..steps.methods import ENERGY
 from .stateless import without_states
-from .stepper import Stepper
+from .stepper import IntegrationState
 
 if TYPE_CHECKING:
     from .machine import InMachineCode
 
 
-class SegmentIntegrator(Stepper):
+class SegmentIntegrator(IntegrationState):
     """Integrator over successive smooth segments, with the requested results."""
 
     machine: InMachineCode | None = None  # the native integrator, from its first segment on

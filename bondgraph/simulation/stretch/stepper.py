@@ -50,10 +50,10 @@ class ModeTruncation(Protocol):
     def pause(self) -> int:
         """Number of steps of a segment after which it is examined."""
 
-    def begin(self, stepper: Stepper, stretch: Segment, x: Any) -> Any:
+    def begin(self, stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
         """Return the state without its fast oscillations."""
 
-    def cuts(self, stepper: Stepper, solver: Solver, steps: int, stretch: Segment) -> bool:
+    def cuts(self, stepper: IntegrationState, solver: Solver, steps: int, stretch: Segment) -> bool:
         """Return True if a segment is to be cut after so many steps."""
 
 
@@ -89,7 +89,7 @@ class PhaseProblem:
         return exact and not self.constraints and self.history is None
 
 
-class Stepper:
+class IntegrationState:
     """State of an integration over successive smooth segments: the requested results so far, and services common to all methods."""
 
     def __init__(self, problem: PhaseProblem, into: Trajectory | None = None) -> None:

@@ -24,7 +24,7 @@ SHARE = 0.05  # least share of an element, relative to the largest
 
 
 @dataclass(frozen=True, slots=True)
-class Mode:
+class LimitingMode:
     """One eigenmode of a model at the current state: its rate in 1/s, and the elements with the largest shares in it."""
 
     rate: complex
@@ -40,7 +40,7 @@ class Mode:
 
 def limiting_mode(
     context: SegmentContext, time: float, x: Any, mode: Any, step: float, driven: Any = None
-) -> Mode | None:
+) -> LimitingMode | None:
     """Return the mode that limits steps of this length; None if no mode is distinct from the others.
 
     `driven`: the error of the last step, in units of its tolerance, which is largest where that mode moves.
@@ -66,7 +66,7 @@ def limiting_mode(
     chosen = int(np.argmax(np.where(held, moved * turns, -1.0)))
     slower = (np.abs(rates) > 0) & (np.abs(rates) * APART < np.abs(rates[chosen]))
     elements = elements_of(program.states.names, np.abs(right[:, chosen] * left[chosen]))
-    return Mode(complex(rates[chosen]), elements, not slower.any())
+    return LimitingMode(complex(rates[chosen]), elements, not slower.any())
 
 
 def notes_of(context: SegmentContext, solver: LastStep, steps: int, mode: Any, explicit: bool) -> list[str]:
@@ -91,7 +91,7 @@ def elements_of(names: Sequence[str], shares: Any) -> tuple[str, ...]:
     return tuple(name for name in order[:NAMED] if by_element[name] >= SHARE * by_element[order[0]])
 
 
-def advice(mode: Mode, explicit: bool) -> str:
+def advice(mode: LimitingMode, explicit: bool) -> str:
     """Return advice on a mode that limits the steps."""
     if explicit:
         return "it holds an explicit method by stability alone: name `radau`, or leave the solver to choose"
