@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from ..results.ensemble import Ensemble
     from ..results.result import Result
     from ..studies.distributions import Distribution
-    from ..studies.experiment import Options
     from ..studies.fit_problem import Sought
     from ..studies.fitted import Fit
     from ..studies.measured import Measurements
+    from ..studies.options import Options
     from ..studies.tolerances import MonteCarlo
     from ..studies.workers import Submitting, Workers
 
@@ -208,6 +208,6 @@ class Model(Shown, AnalysedModel):
 
 def _options(to: str | float | None, points: int | None, keywords: Mapping[str, Any]) -> Options:
     """Return the options of a call. Raises TypeError for a keyword that there is not."""
-    from ..studies.experiment import Options
+    from ..studies.options import Options
 
     return Options(to, points, **{**keywords, "outputs": names_of(keywords.get("outputs"))})

@@ -37,7 +37,8 @@ class Computing:
 
     def outcome(self, file: str, experiment: str) -> Outcome:
         """Return the outcome of an experiment; "": of the model at equilibrium."""
-        from ..studies.experiment import Options, run
+        from ..studies.experiment import run
+        from ..studies.options import Options
         from ..studies.sweep import sweep
 
         key = file, experiment

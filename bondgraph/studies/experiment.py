@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from compiler.api import MonteCarloRequest
 
 from ..analysis.outcome import Outcome, Point
-from ..simulation.run import Wanted
 from ..simulation.settings import Settings
 from .experiment_study import ExperimentStudy
+from .options import Options
 from .point_failure import check_some_stand, why
 from .question import Question
 from .scalar_study import compilation_notes
@@ -20,18 +19,6 @@ from .workers import ALONE, Workers, answers
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
-
-
-@dataclass(frozen=True, slots=True)
-class Options(Wanted):
-    """Options of a call for the runs of an experiment, as for `Model.simulate`."""
-
-    outputs: tuple[str, ...] | None = None
-
-    @property
-    def wanted(self) -> Wanted:
-        """Options of the runs."""
-        return Wanted(**{f.name: getattr(self, f.name) for f in fields(Wanted)})
 
 
 def run(

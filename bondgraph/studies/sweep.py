@@ -11,8 +11,9 @@ from compiler.api import Study
 from ..analysis.outcome import Outcome
 from ..errors import UsageError
 from ..simulation.settings import Settings
-from .experiment import Options, made
+from .experiment import made
 from .experiment_study import ExperimentStudy
+from .options import Options
 from .scalar_study import check_steps, compilation_notes, units_of
 from .workers import ALONE, Workers
 

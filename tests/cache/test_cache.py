@@ -190,7 +190,19 @@ def test_a_run_of_the_manipulator_loads_little(kernels: Path) -> None:
         *HEAVY,
     }
     stages = {".".join(m.split(".")[:2]) for m in loaded if m.startswith("compiler.")}
-    known = ("algebra", "certificate", "codegen", "errors", "kept", "native", "nouns", "scene", "source", "source_file")
+    known = (
+        "algebra",
+        "api",
+        "certificate",
+        "codegen",
+        "errors",
+        "native",
+        "nouns",
+        "persistent_cache",
+        "scene",
+        "source",
+        "source_file",
+    )
     assert stages <= {
         f"compiler.{m}" for m in known
     }  # algebra: ranges of functions of time, between whose zeros a run is cut

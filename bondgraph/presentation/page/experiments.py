@@ -9,7 +9,8 @@ from compiler.api import CompilationFailed, Experiment
 
 from ...errors import MissingPackage, RunFailed, UsageError
 from ...prepared import many_runs
-from ...studies.experiment import Options, run
+from ...studies.experiment import run
+from ...studies.options import Options
 from ..text.tables import short, visible
 from .markup import Html, table, tag
 from .numbers import packed

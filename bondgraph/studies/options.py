@@ -1,0 +1,19 @@
+"""Options of a call for the runs of an experiment; a single run loads this file alone of the studies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from ..simulation.run import Wanted
+
+
+@dataclass(frozen=True, slots=True)
+class Options(Wanted):
+    """Options of a call for the runs of an experiment, as for `Model.simulate`."""
+
+    outputs: tuple[str, ...] | None = None
+
+    @property
+    def wanted(self) -> Wanted:
+        """Options of the runs."""
+        return Wanted(**{f.name: getattr(self, f.name) for f in fields(Wanted)})
