@@ -18,6 +18,7 @@ from compiler.api import Leaf, NoSlope, Tape
 
 from ..errors import RunFailed, UsageError
 from ..prepared import Prepared
+from .singular_slopes import departure, slopes_from_beside
 from .told import named
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class Slopes:
     tape: Tape
     rows: Any
     columns: Any
+    guarded: bool  # one of them has conditions of its own, as at a root of zero and at a kink
 
 
 class OperatingPoint:
@@ -203,7 +205,25 @@ class OperatingPoint:
         bad = np.flatnonzero(~np.isfinite(found).all(axis=1))
         if len(bad):
             raise self._without_slope((*self.program.states.names, *self.program.unknowns.names)[bad[0]])
-        return found
+        known, infinite = slopes_from_beside(self._jacobian_beside, found)
+        if len(infinite):
+            names = (*self.program.states.names, *self.program.unknowns.names)
+            raise self._without_slope(names[infinite[0] // self.all])
+        return known
+
+    def _jacobian_beside(self, side: float, distance: float) -> Any:
+        state, mode = self._beside(side, distance)
+        return self.program.jacobian(self.time, state, self.inputs, self.constants, mode)
+
+    def _beside(self, side: float, distance: float) -> tuple[Any, Any]:
+        """State at a distance from the point, and its mode."""
+        size = magnitudes(self.constraints, self.state)
+        state = self.state + side * departure(size, distance)
+        if self.program.hybrid is None or not self.program.hybrid.conditions:
+            return state, self.mode
+        from ..simulation.events.events import Events, Moment
+
+        return state, Events(self.constraints, size, AHEAD).guess(Moment(self.time, state, self.mode))
 
     def _without_slope(self, name: str) -> RunFailed:
         return RunFailed("BR215", f"`{name}` has no finite slope at this state (t = {self.time:.9g} s)")
@@ -220,9 +240,26 @@ class OperatingPoint:
         values, numbers = np.array(slopes.tape.values(self.lookup), dtype=float), slopes.rows
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
-            name = self.compilation.state_space.variables[variables[numbers[bad[0]]]].name
-            raise self._without_slope(name)
+            raise self._without_slope(self.compilation.state_space.variables[variables[numbers[bad[0]]]].name)
+        if slopes.guarded:
+            values, bad = slopes_from_beside(lambda side, distance: self._slopes_beside(slopes, side, distance), values)
+            if len(bad):
+                raise self._without_slope(self.compilation.state_space.variables[variables[numbers[bad[0]]]].name)
         return csr_array((values, (numbers, slopes.columns)), shape=(len(variables), self.all + len(self.by)))
+
+    def _slopes_beside(self, slopes: Slopes, side: float, distance: float) -> list[float]:
+        """Return the slopes at a distance from the point, with inputs and parameters moved as well."""
+        state, mode = self._beside(side, distance)
+
+        def moved(leaf: Leaf) -> float:
+            if leaf.role == "state":
+                return float(state[leaf.position])
+            if leaf.role == "mode":
+                return float(mode[leaf.position])
+            here = self.lookup(leaf)
+            return here + side * distance * (abs(here) or 1.0) if leaf.role in ("input", "parameter") else here
+
+        return slopes.tape.values(moved)
 
     def slopes_of(self, variables: tuple[int, ...]) -> Slopes:
         """Return the same as expressions, with their places."""
@@ -230,11 +267,11 @@ class OperatingPoint:
         if found is None:
             rows = [self.lowered.slopes.get(v, {}) for v in variables]
             columns = [*range(self.all), *(self.all + self.by.index(self._name(v)) for v in self.lowered.by)]
+            tape = Tape([x for row in rows for x in row.values()])
             found = self.made.kept[variables] = Slopes(
-                Tape([x for row in rows for x in row.values()]),
-                np.repeat(np.arange(len(rows)), [len(row) for row in rows]),
-                np.array([columns[c] for row in rows for c in row], dtype=int),
-            )
+                tape, np.repeat(np.arange(len(rows)), [len(row) for row in rows]),
+                np.array([columns[c] for row in rows for c in row], dtype=int), tape.has("select"),
+            )  # fmt: skip
         return found
 
     def tape(self, word: str, roots: Callable[[], Sequence[Expression]]) -> Tape:
@@ -420,6 +457,14 @@ def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = No
         elif asked.state not in ("equilibrium", "start"):
             raise UsageError("BR220", f"a state is `equilibrium`, `start` or values by name; not `{asked.state}`")
     return OperatingPoint(made, leg.constraints, state, mode, begins, asked.by, values).check_limits()
+
+
+def magnitudes(constraints: Constraints, state: Any) -> Any:
+    """Return magnitudes of states and unknowns, (n + m,); 1 where none is known."""
+    count = len(constraints.program.states.names)
+    sizes = np.abs(state)
+    sizes[:count] = np.maximum(sizes[:count], constraints.magnitude[:count])
+    return np.where(sizes > 0, sizes, 1.0)
 
 
 def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:

@@ -38,6 +38,10 @@ class Tape:
         self._forward: dict[frozenset[Leaf], list[_Moved]] = {}
         self._between: list[Step] = []  # to the partial derivatives of operators, for all directions
 
+    def has(self, operator: str) -> bool:
+        """True if a root contains this operator."""
+        return any(isinstance(node, Apply) and node.operator == operator for node in self._nodes)
+
     def values(self, lookup: Lookup) -> list[float]:
         """Values of the roots at a point; NaN for a root without a value there."""
         known = self._known(lookup)
