@@ -420,7 +420,7 @@ class Leg:
         if self.events is not None:
             from .events.bounds import notes_on_bounds
 
-            self.notes += notes_on_bounds(self.program)
+            self.notes += notes_on_bounds(self.program, self.events.crowded)
         if self.constraints and len(self.trajectory.states):
             from .closed.singular import doubts_of, told_of
 

@@ -38,6 +38,7 @@ class Overlooked:
 
     zero: NDArray[np.float64]
     unseen: NDArray[np.float64]
+    reach: NDArray[np.float64]  # widths of the conditions' own ranges; 0 without one
     widths: NDArray[np.float64]  # ranges of all narrow operations, for the halves of the part
 
 
@@ -70,6 +71,7 @@ class Bounds:
             bounds = ranges.over(low, high, mode, spans)
             values = ranges.values(times, mode, states)
         zero, unseen = np.zeros((2, self.count), dtype=bool)
+        reach = np.zeros(self.count)
         widths = np.array([float(np.ravel(b)[0]) - float(np.ravel(a)[0]) for a, b in bounds])
         largest = np.array([max(abs(float(np.ravel(x)[0])) for x in pair) for pair in bounds])
         shown = np.array([np.ptp(v) if np.ndim(v) else 0.0 for v in values])
@@ -81,9 +83,10 @@ class Bounds:
             least, most = (float(np.ravel(x)[0]) for x in bounds[place])
             number, last = condition.number, place + 1 + len(condition.narrow)
             zero[number] = least <= floor[number] and most >= -floor[number]
+            reach[number] = most - least
             unseen[number] = hides[place + 1 : last].any()
             place = last
-        return Overlooked(zero, unseen, widths)
+        return Overlooked(zero, unseen, reach, widths)
 
     def _spans(self, states: NDArray[np.float64]) -> Any:
         """Return lower and upper bounds of the polynomials through the states at the places, pairs of arrays (1,)."""
@@ -104,12 +107,12 @@ def bounds_of(
     return Bounds(program, inputs, constants, count)
 
 
-def notes_on_bounds(program: Program) -> tuple[str, ...]:
-    """Return a note for each condition that may be narrow and has no bounds."""
+def notes_on_bounds(program: Program, crowded: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Return a note for each condition that may be narrow and has no bounds, or, in `crowded`, too many parts to be searched."""
     functions, hybrid = program.time_functions, program.hybrid
     if functions is None or hybrid is None:
         return ()
-    blind = [hybrid.conditions[c.number] for c in functions.conditions if c.place < 0]
+    blind = [hybrid.conditions[c.number] for c in functions.conditions if c.place < 0 or crowded[c.number]]
     return tuple(
         f"a condition on states of `{c.owner}` ({PurePath(c.span.source.name).name}:{c.span.line}) has no bounds within a step: a change that lasts "
         "for a small part of a step may have been missed"

@@ -26,6 +26,8 @@ LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defin
 NARROWEST = 2.0**-44  # smallest part, as a fraction of the interval searched, for conditions with narrow peaks
 SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump or a kink lies at one of its places
 NEWTON = 4  # iterations for the extremum of a polynomial
+CONSTANT = 1e-13  # of the largest range of an indicator in a run: a smaller one is rounding
+MOST_HIDDEN = 1000  # most parts that are halved for a peak that their places do not show
 MOST_PARTS = 1 << 15  # most parts of the interval searched
 
 StateAt = Callable[[Any, bool], Any]  # instants (k,), True to solve loops exactly -> states (k, n)
@@ -54,7 +56,7 @@ def first_flip(
     smallest = max(SMALLEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
     least = max(NARROWEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
     waiting: list[tuple[float, float, Any]] = [(start, stop, None)]
-    count = 0
+    count = halved = 0
     rounding: Any = None  # rounding of the indicators: smaller changes are ignored
     while waiting:
         low, high, widths = waiting.pop()
@@ -62,25 +64,31 @@ def first_flip(
         times[[0, -1]] = low, high
         seen = Interpolants.through(roots(times, False))
         near = ~seen.far(events.floor) | _wrong(events, seen.values[1:], said).any(axis=0)
-        hidden, bounded = np.zeros_like(near), None
+        hidden, moves, bounded = np.zeros_like(near), np.zeros_like(near), None
         if events.bounds is not None:
             bounded = events.bounds.over((low, high), times, state_at(times, False), mode, events.floor, widths)
-            hidden, widths = bounded.zero & (bounded.unseen | ~seen.converged), bounded.widths
+            events.reach = np.maximum(events.reach, np.where(np.isfinite(bounded.reach), bounded.reach, 0.0))
+            moves = np.asarray(bounded.zero, dtype=bool) & ~(bounded.reach <= CONSTANT * events.reach)
+            hidden, widths = moves & (bounded.unseen | ~seen.converged), bounded.widths
+            if halved > MOST_HIDDEN:
+                events.crowded |= hidden
+                hidden[:] = False
         if not near.any() and not hidden.any():
             continue
         count += 1
         if count > MOST_PARTS:
-            raise RunFailed(_unresolved(events, low, np.flatnonzero(near & ~seen.converged)))
+            raise RunFailed(_unresolved(events, low, np.flatnonzero((near & ~seen.converged) | hidden)))
         on_grid = ON_GRID @ seen.coefficients
         dips = seen.dips(on_grid, low == start)
-        if bounded is not None:
-            hidden |= bounded.zero & dips.any(axis=0) & ~_wrong(events, on_grid, said).any(axis=0)
+        if bounded is not None and halved <= MOST_HIDDEN:
+            hidden |= moves & dips.any(axis=0) & ~_wrong(events, on_grid, said).any(axis=0)
         unsure = near & (~seen.converged | (dips.any(axis=0) & (seen.error > EXACT * seen.variation)))
         if unsure.any() and high - low > smallest:
             if rounding is None:
                 rounding = events.noise(Moment(high, state_at(times[-1:], False)[0], mode), seen.values[-1])
             unsure &= seen.variation > rounding
         if (unsure.any() and high - low > smallest) or (hidden.any() and high - low > least):
+            halved += not (unsure.any() and high - low > smallest)
             middle = 0.5 * (low + high)
             waiting += [(middle, high, widths), (low, middle, widths)]
             continue
