@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 FAR, NEAR = 1e-6, 1e-10  # distances from the point, in magnitudes
-GROWTH = 1.05  # of a slope from the farther to the nearer distance: a power law of exponent 0.995 grows by 1.05
+GROWTH = 1.5  # of a slope from the farther to the nearer distance: a power law of exponent 0.95 grows by 1.6
+ROUNDING = 1e-8  # of the largest slope: smaller ones may grow by rounding
 SAME = 1e-4  # relative difference of slopes that are one
 Array = Any
 
@@ -34,8 +35,12 @@ def slopes_from_beside(beside: Callable[[float, float], Any], here: Array) -> tu
         if all((other == here).all() for other in near):
             return here, np.array([], dtype=int)
         far = [np.asarray(beside(side, FAR), dtype=float) for side in (1.0, -1.0)]
+        least = ROUNDING * np.nanmax(np.abs(here), initial=0.0)
         grows = [
-            np.isfinite(n) & (np.abs(n) > GROWTH * np.abs(f)) & (np.abs(n) > GROWTH * np.abs(here))
+            np.isfinite(n)
+            & (np.abs(n) > least)
+            & (np.abs(n) > GROWTH * np.abs(f))
+            & (np.abs(n) > GROWTH * np.abs(here))
             for n, f in zip(near, far, strict=True)
         ]
         one, other = near
