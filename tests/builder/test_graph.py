@@ -433,7 +433,7 @@ def test_a_bandwidth_is_a_step_of_an_experiment() -> None:
     g.experiment("quick", "1 s", bandwidth="50 kHz")
     g.experiment("number", "1 s", bandwidth=5e4)
     assert "    bandwidth 50 kHz\n" in g.text()
-    told = [g.model().simulate(name).left_out for name in ("quick", "number")]
+    told = [g.model().simulate(name).truncation for name in ("quick", "number")]
     assert told[0] is not None and told[0].bandwidth == 5e4 and told[0] == told[1]
 
 

@@ -210,7 +210,7 @@ HARMLESS = {
 def test_no_text_leaves_its_place(spot: str, text: str) -> None:
     expected, g = Graph("M"), Graph("M")
     before = shape(g.text())
-    assert before == [("Model", 0)]
+    assert before == [("ModelSyntax", 0)]
     spots(expected)[spot](HARMLESS.get(spot, "a"))
     call = spots(g)[spot]
     before = shape(g.text())
