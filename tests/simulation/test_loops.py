@@ -160,7 +160,9 @@ def rectified(volts: float) -> bondgraph.Result:
 def test_diodes_at_loose_tolerances(target: str, volts: float, rtol: float) -> None:
     """A diode that conducts no more has a slope of nothing: by its old one unknowns seemed to be solved, 100 tolerances off, and no step led on."""
     if target == "numpy" and (volts, rtol) == (325, 1e-4):
-        pytest.skip("interpreted steps refuse this one by name: LAPACK's pivots leave Newton's iteration at other places")
+        pytest.skip(
+            "interpreted steps refuse this one by name: LAPACK's pivots leave Newton's iteration at other places"
+        )
     settings = {"V": volts}
     found = bondgraph.load(MAINS).simulate(settings=settings, to=0.1, rtol=rtol, solver="radau", target=target)
     right = rectified(volts)
