@@ -18,7 +18,7 @@ _WORKING: set[str] = set()  # processors for which code has been compiled here
 _CHILD = """
 import sys
 sys.path.insert(0, {root!r})
-from compiler.native.machine import object_code
+from compiler.jit.machine import object_code
 text = sys.stdin.buffer.read().decode("utf-8")
 sys.stdout.buffer.write(object_code(text, {level}))
 """

@@ -45,12 +45,12 @@ if TYPE_CHECKING:
     from .graph.network import Node as GraphNode
     from .persistent_cache import CacheBackend
     from .garbage_collection import uncollected
-    from .native.arrays import Floats, Ints, Numbers, Record
-    from .native.kinds import INTS, Fields, Handed, record_of
-    from .native.machine import MachineCode, address_of, object_code, processor
-    from .native.machine import available as native_available
-    from .native.translate import translate
-    from .native.vectorise import Vectorised
+    from .jit.arrays import Floats, Ints, Numbers, Record
+    from .jit.kinds import INTS, Fields, Handed, record_of
+    from .jit.machine import MachineCode, address_of, object_code, processor
+    from .jit.machine import available as native_available
+    from .jit.translate import translate
+    from .jit.vectorise import Vectorised
     from .reduction.order import blocks
     from .reduction.state_space import LinearLoop, StateSpace, Unknown
     from .scene import (
@@ -66,8 +66,8 @@ if TYPE_CHECKING:
     from .syntax import parse_expression, parse_law
     from .syntax.format import format_text
     from .syntax.tree import Experiment, Literal, Negative, PathSyntax
-    from .writing import write_text
-    from .writing.literals import bond_lines, braces, number_text
+    from .unparse import write_text
+    from .unparse.literals import bond_lines, braces, number_text
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from .nouns import dataclass
+from .fast_dataclass import dataclass
 
 SCHEMA = "bondgraph-certificate/1"
 LISTED = 12  # names on one line of text

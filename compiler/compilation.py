@@ -19,6 +19,7 @@ from .equations import EquationSystem, derive_equations, notes
 from .equations.companion import companion, companion_inputs
 from .equations.products import integrands
 from .errors import CompilationFailed, Diagnostic
+from .fast_dataclass import dataclass
 from .garbage_collection import uncollected
 from .graph.network import BondGraph, Element
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
@@ -26,7 +27,6 @@ from .graph.run_time_parameters import over_arguments
 from .graph.samples import sample_notes
 from .graph.switch import off_at_the_start, switch_off
 from .graph.valves import Valve, switched_gaps, with_gaps
-from .nouns import dataclass
 from .pipeline import Request, derive
 from .reduction import (
     Certificate,

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import field, fields
 from typing import ClassVar
 
-from .nouns import dataclass
+from .fast_dataclass import dataclass
 from .source import Span
 
 

@@ -12,9 +12,9 @@ from .codegen.common_factors import with_shared_products
 from .codegen.lower import lower
 from .codegen.program import Program
 from .equations import EquationSystem, derive_equations
+from .fast_dataclass import dataclass
 from .graph.network import BondGraph
 from .graph.prune import known_zeros, prune
-from .nouns import dataclass
 from .reduction import StateSpace, reduce_equations
 from .scene import Scene
 from .semantics import build_graph

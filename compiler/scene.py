@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING
 
-from .nouns import dataclass
+from .fast_dataclass import dataclass
 from .source import Span
 
 if TYPE_CHECKING:

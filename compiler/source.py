@@ -9,7 +9,7 @@ from bisect import bisect_right
 from dataclasses import field
 from pathlib import Path
 
-from .nouns import dataclass
+from .fast_dataclass import dataclass
 
 MAXIMUM_BYTES = 32_000_000  # of one file, before it is read
 _COMMENT = re.compile(r"#[^\n]*")

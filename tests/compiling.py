@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bondgraph.simulation.closed.constraints import Constraints
+from bondgraph.simulation.constraints.constraints import Constraints
 from bondgraph.simulation.segments.timeline import Segment
 from bondgraph.simulation.start.nominal import nominal_magnitudes
 from compiler.compilation import Compilation

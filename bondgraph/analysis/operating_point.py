@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from ..compiled_model import CompiledModel
     from ..results.records import LimitLeft
-    from ..simulation.closed.constraints import Constraints
+    from ..simulation.constraints.constraints import Constraints
     from .following import Follower
 
 RANK = 1e-9  # relative to the largest: a smaller pivot shows a dependent constraint
@@ -94,7 +94,7 @@ class OperatingPoint:
 
     def elsewhere(self, given: Mapping[str, float], state: Any) -> OperatingPoint:
         """Return the point at other values of parameters or inputs, with the nearest state on constraints and loops. Raises `RunFailed`."""
-        from ..simulation.closed.constraints import Constraints
+        from ..simulation.constraints.constraints import Constraints
         from ..simulation.loops.loops import LoopSolver
 
         old = self.constraints
@@ -171,9 +171,9 @@ class OperatingPoint:
     @property
     def left(self) -> tuple[LimitLeft, ...]:
         """Requirements of the model violated here. Raises `RunFailed` for a table that is read outside its range."""
-        from ..simulation.watch.validity import Watch
+        from ..simulation.monitors.validity import ValidityMonitor
 
-        watch = Watch(self.program, self.constants, self.inputs, LIMITS)
+        watch = ValidityMonitor(self.program, self.constants, self.inputs, LIMITS)
         watch.look(np.array([self.time]), self.mode, lambda times: np.repeat(self.state[None], len(times), axis=0))
         return watch.warnings
 
@@ -431,7 +431,7 @@ def _delayed(made: Prepared) -> str:
 
 def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = None) -> OperatingPoint:
     """Return the same for a compiled model; `values` are set at the beginning."""
-    from ..simulation.leg import Leg, PhaseOptions
+    from ..simulation.phase import Phase, PhaseOptions
 
     try:
         program, plan = made.program, made.plan
@@ -446,7 +446,7 @@ def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = No
         raise UsageError(_delayed(made))
     with np.errstate(all="ignore"):
         options = PhaseOptions(plan, 1e-6, None, False, values or {})
-        leg = Leg(made, np.array([begins, begins + AHEAD]), options)
+        leg = Phase(made, np.array([begins, begins + AHEAD]), options)
         if leg.begins_without != leg.off:
             raise UsageError(
                 "BR219", "junctions go on or off at the very start (`active`): no linear analysis is made there"

@@ -17,7 +17,7 @@ import numpy as np
 from compiler.api import Compilation, InternalError, Symbol, derivative, evaluate, letters
 
 from ..errors import UsageError
-from ..simulation.watch.energy import stored_change
+from ..simulation.monitors.energy import stored_change
 from .point import values_at
 from .structure import Network, StoragePort, network
 

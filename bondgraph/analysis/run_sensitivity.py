@@ -117,8 +117,8 @@ class Flow:
     """States and their derivatives along the segments of a run."""
 
     def __init__(self, made: Any, asked: Asked, instants: Array, values: Mapping[str, float], rtol: float) -> None:
-        from ..simulation.leg import Leg, PhaseOptions
         from ..simulation.loops.loops import LoopSolver
+        from ..simulation.phase import Phase, PhaseOptions
 
         program = made.program
         if program.hybrid is not None or program.delays is not None:
@@ -135,7 +135,7 @@ class Flow:
         span = np.concatenate([[self.begins], instants[instants > self.begins]])
         if len(span) < 2:
             raise UsageError("BR241", "a run has an end after its start")
-        self.leg = Leg(made, span, PhaseOptions(replace(made.plan, tolerances={}), 1e-6, None, False, values))
+        self.leg = Phase(made, span, PhaseOptions(replace(made.plan, tolerances={}), 1e-6, None, False, values))
         self.n, self.k, self.size = len(program.states.names), len(asked.by), len(self.leg.state)
         self.loops = LoopSolver(
             program, self.leg.constants, self.leg.inputs, np.where(self.leg.state != 0, np.abs(self.leg.state), 1.0)

@@ -25,7 +25,7 @@ from compiler.api import Diagnostic, Source, bond_lines, braces, check_source
 from ..compiled_model import LIBRARY, CompiledModel
 from ..errors import UsageError
 from ..model import Model
-from ..simulation.steps.methods import chosen_solver
+from ..simulation.integrators.methods import chosen_solver
 from .argument_checks import Value, description_of, is_one_number, literal_of, mapping_of, path_of, unit_of, value_of
 from .elements import Elements
 from .mechanism import Mechanism

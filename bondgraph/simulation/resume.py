@@ -104,7 +104,7 @@ def _same(a: float, b: float) -> bool:
 def joined(before: Result, after: Result) -> Result:
     """Return both results as one."""
     from ..results.truncation import joined as both
-    from .watch.energy import added
+    from .monitors.energy import added
 
     kept = before.time <= (after.time[0] if len(after.time) else np.inf)
     evaluations: Mapping[str, int] = {

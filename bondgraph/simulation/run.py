@@ -19,11 +19,11 @@ from ..prepared import chosen_target, many_runs
 from ..quantities import behind
 from ..results.records import EnergyBalance, LimitLeft
 from ..results.result import Result
-from .leg import Leg, PhaseOptions
+from .integrators.methods import chosen_solver
+from .monitors.state_selection import WORST
+from .phase import Phase, PhaseOptions
 from .segments.transition import PhaseTransition
 from .settings import Settings, refused_with_values, settle, with_zeros
-from .steps.methods import chosen_solver
-from .watch.choice import WORST
 
 if TYPE_CHECKING:
     from compiler.api import Plan, Program, Scene
@@ -205,8 +205,8 @@ class Run:
         self.made, self.scene, self.options, self.stop, self.began = made, scene, options, stop, began
         self.plan, self.values, self.energy = options.plan, options.values, options.energy
         self.instants = np.linspace(self.plan.start, stop, count)
-        self.legs: list[Leg] = []
-        self.leg: Leg | None = None  # the phase that is being integrated
+        self.legs: list[Phase] = []
+        self.leg: Phase | None = None  # the phase that is being integrated
         self.begin: PhaseTransition | None = None
         self.begins_now: PhaseTransition | None = None  # transition into the next phase
         self.before: Result | None = None  # the result from which this run goes on
@@ -224,7 +224,7 @@ class Run:
                 self.scene if preferences == self.scene.preferences else replace(self.scene, preferences=preferences)
             )
             try:
-                leg = Leg(
+                leg = Phase(
                     self.made(chosen, self.energy), left, self.options, begin, companion, modes, smooth
                 )  # fmt: skip
             except RunFailed:
@@ -342,13 +342,13 @@ class Run:
         return joined(self.before, found)
 
 
-def _balance(legs: Sequence[Leg]) -> EnergyBalance | None:
-    from .watch.energy import added
+def _balance(legs: Sequence[Phase]) -> EnergyBalance | None:
+    from .monitors.energy import added
 
     return added([leg.balance for leg in legs if leg.balance is not None])
 
 
-def _left_out(legs: Sequence[Leg], balance: EnergyBalance | None) -> TruncationReport | None:
+def _left_out(legs: Sequence[Phase], balance: EnergyBalance | None) -> TruncationReport | None:
     """Return the joined truncation report of all phases, with the removed energy; None if nothing was truncated."""
     from ..results.truncation import joined
 
@@ -357,12 +357,12 @@ def _left_out(legs: Sequence[Leg], balance: EnergyBalance | None) -> TruncationR
         found = joined(found, leg.left_out)
     if found is None or balance is None:
         return found
-    from .watch.energy import LEFT_OUT
+    from .monitors.energy import LEFT_OUT
 
     return replace(found, energy=sum(e.dissipated for e in balance.elements if e.name == LEFT_OUT))
 
 
-def _with_earlier(begin: PhaseTransition, before: PhaseTransition | None, leg: Leg) -> PhaseTransition:
+def _with_earlier(begin: PhaseTransition, before: PhaseTransition | None, leg: Phase) -> PhaseTransition:
     """Return a handover completed by data of earlier programs: a state that is constant in one program may move in the next."""
     if before is not None:
         begin = replace(begin, stored={**before.stored, **begin.stored}, peaks={**before.peaks, **begin.peaks})
@@ -370,7 +370,7 @@ def _with_earlier(begin: PhaseTransition, before: PhaseTransition | None, leg: L
     return replace(begin, magnitudes=leg.known, past=past)
 
 
-def _impulses(legs: Sequence[Leg]) -> Iterator[str]:
+def _impulses(legs: Sequence[Phase]) -> Iterator[str]:
     """Yield a note on each stored quantity that jumped where junctions went on or off, at its first instant."""
     told: dict[str, tuple[StorageJump, float, int]] = {}
     for leg in legs:
@@ -402,7 +402,7 @@ def _check_choice(
         )
 
 
-def _warnings(legs: Sequence[Leg]) -> tuple[LimitLeft, ...]:
+def _warnings(legs: Sequence[Phase]) -> tuple[LimitLeft, ...]:
     """Return each violated limit once, at its first instant, and the first doubt about tolerances."""
     first: dict[tuple[str, str, str], LimitLeft] = {}
     for item in (w for leg in legs for w in (*leg.doubts, *leg.watch.warnings)):
@@ -410,7 +410,7 @@ def _warnings(legs: Sequence[Leg]) -> tuple[LimitLeft, ...]:
     return tuple(first.values())
 
 
-def _solver(program: Program, legs: Sequence[Leg]) -> str:
+def _solver(program: Program, legs: Sequence[Phase]) -> str:
     if program.states.names:
         return " and ".join(dict.fromkeys(name for leg in legs for name in leg.trajectory.solvers))
     return "Newton" if program.unknowns.names else "none"

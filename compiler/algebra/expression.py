@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from typing import Any, TypeGuard
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from .operators import CONDITIONS, OPERATORS, value_of
 
 

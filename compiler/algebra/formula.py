@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from .expression import Expression, Symbol, substitute, symbols
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, Literal
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from . import interpolate
 
 REALS = (-math.inf, math.inf)

@@ -13,10 +13,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..errors import CompilationFailed
+from ..fast_dataclass import dataclass
 from ..graph.elements import STORAGES, Kind
 from ..graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Port
 from ..multibody.tree import drivable
-from ..nouns import dataclass
 from .conflict import bond_to_itself, conflict_of, no_strokes
 from .errors import StrokeConflict
 from .laws import has_start, is_linear, wants_effort, written_effort, written_stored

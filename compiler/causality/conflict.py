@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from ..fast_dataclass import dataclass
 from ..graph.elements import Kind
 from ..graph.network import Element, Junction
-from ..nouns import dataclass
 from ..source import Span
 from .errors import StrokeConflict
 from .strokes import Contradiction, Stroke, StrokeReason, Strokes

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ..fast_dataclass import dataclass
 from ..graph.elements import STORAGES, Kind
 from ..graph.network import BondEnd, Element, Junction
-from ..nouns import dataclass
 from .assign import CausalGraph
 from .strokes import DEMANDS, StrokeReason
 

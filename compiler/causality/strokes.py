@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from enum import Enum
 
+from ..fast_dataclass import dataclass
 from ..graph.elements import Kind
 from ..graph.network import BondEnd, BondGraph, Element, Junction
-from ..nouns import dataclass
 
 TAIL, HEAD = 0, 1
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 from ..algebra.expression import MINUS_ONE, Apply, Expression
 from ..algebra.systems import shape_of
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from ..source import Span
 from .dependence import INPUT, MODE, STATE, TIME
 from .lowered import Lowered

@@ -12,7 +12,7 @@ from dataclasses import field
 
 from ..algebra.expression import Expression, Symbol
 from ..equations.system import EventRow
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from ..reduction import LinearLoop, StateSpace
 from ..reduction.order import needed
 from ..source import Span

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from ..algebra.expression import Expression, Number, add, multiply
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from .events import LoweredEvents
 from .lowered import Lowered
 

@@ -15,7 +15,7 @@ from ..algebra.interpolate import MARGIN, one_way
 from ..algebra.table import domain, is_table
 from ..equations.system import Argument, Assignment, Validity, Variable
 from ..errors import CompilationFailed
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from .errors import EvenPower, TableTurnsBack
 from .program import LimitNote
 

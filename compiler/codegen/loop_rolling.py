@@ -19,7 +19,7 @@ from typing import NamedTuple
 from ..algebra.expression import MINUS_ONE, Apply, Expression, Number, Symbol
 from ..algebra.operators import CURVES, SLOPES
 from ..algebra.systems import LEADING, SYSTEMS, size_of
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 
 Place = tuple[str, int]  # an array and an index in it
 LONGEST_TREE, LONG_TREE = 40, 12  # operations in a tree; and in one that ends with the value of a law

@@ -13,7 +13,7 @@ from ..algebra.expression import (
 )
 from ..algebra.table import is_table
 from ..errors import ValuesNeeded
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from ..reduction import StateSpace
 from ..source import Span
 from .dependence import EVENT, INPUT, MODE, STATE, dependence_of, dependences_of

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from ..source import Span
 
 Array = Any  # a numpy array; this module loads no numpy

@@ -18,7 +18,7 @@ from ..algebra.expression import ONE, Apply, Expression, Number, Symbol, symbols
 from ..algebra.intervals import plain
 from ..algebra.operators import CONDITIONS
 from ..algebra.systems import LEADING, SYSTEMS, banded_shape, dense
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from .limits import Leaf
 from .tape import operands_first
 

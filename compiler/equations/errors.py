@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..errors import Diagnostic
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

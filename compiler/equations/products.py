@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from ..algebra.derivative import NoSlope, derivative
 from ..algebra.expression import Expression, Number, Symbol, substitute, symbols
 from ..algebra.formula import Bound
+from ..fast_dataclass import dataclass
 from ..graph.elements import OF_NODE, SOURCES
 from ..graph.network import BondGraph, Element, Own, Quantity, Reading
-from ..nouns import dataclass
 from .naming import port_name
 
 GIVEN = {kind: OF_NODE[kind].given for kind in SOURCES}

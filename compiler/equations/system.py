@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from ..algebra.expression import Expression, Number, Symbol, substitute
 from ..algebra.formula import Bound, Formula
 from ..errors import Diagnostic
+from ..fast_dataclass import dataclass
 from ..graph.elements import OF_NODE, Kind
-from ..nouns import dataclass
 from ..source import Span
 
 Argument = int | float  # a variable by number, or a number

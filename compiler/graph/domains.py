@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from .units import AMPERE, KELVIN, METRE, MOLE, NEWTON, ONE, PASCAL, SECOND, VOLT, WATT, Dimension
 
 EFFORT, FLOW, DISPLACEMENT, MOMENTUM = "e", "f", "q", "p"

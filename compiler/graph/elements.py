@@ -10,7 +10,7 @@ from enum import Enum
 from itertools import groupby
 from typing import Literal
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 
 
 class Kind(Enum):

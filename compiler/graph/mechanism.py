@@ -10,7 +10,7 @@ from dataclasses import field
 
 from ..algebra.expression import ONE, ZERO
 from ..algebra.formula import Bound, Formula
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from ..source import Span
 from .domains import COMPONENT_DOMAINS
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ..algebra.expression import Expression
 from ..algebra.formula import Bound
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from ..source import Span
 from .elements import Kind
 from .mechanism import Mechanism

@@ -8,7 +8,7 @@ from dataclasses import field
 from fractions import Fraction
 from functools import lru_cache
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 

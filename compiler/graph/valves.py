@@ -17,7 +17,7 @@ from fractions import Fraction
 
 from ..algebra.expression import ONE, ZERO, Number, evaluate, substitute
 from ..algebra.formula import Bound, Formula
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from ..source import Span
 from .elements import Kind
 from .network import Bond, BondEnd, BondGraph, Element, Event, Junction, Own, Quantity, Reading, Switch

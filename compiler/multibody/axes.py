@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 
 from ..algebra.expression import ZERO, Expression, Number, add, multiply
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from .rotations import AxialTurn
 from .tree import Link
 from .vectors import Vector, dot

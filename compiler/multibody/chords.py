@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from ..algebra.expression import ZERO, Expression, Symbol, add, call, divide, multiply
+from ..fast_dataclass import dataclass
 from ..graph.mechanism import PLANAR_POSE, POSE, Joint
-from ..nouns import dataclass
 from .kinematics import Kinematics
 from .marker import Placed
 from .motion import PortMotion

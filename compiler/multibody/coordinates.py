@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..algebra.expression import ONE, ZERO, Expression, Symbol, add, call, divide, multiply
+from ..fast_dataclass import dataclass
 from ..graph.mechanism import Body, Joint
-from ..nouns import dataclass
 from .assignment_emitter import Script
 from .rotation_vectors import turned_by_rates
 from .rotations import HALF, Quaternion, conjugate, of_quaternion, of_rotation_vector, quaternion_product

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..algebra.expression import Expression
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from .assignment_emitter import Script
 from .fictitious_inertia import Lent
 from .kinematics import Kinematics

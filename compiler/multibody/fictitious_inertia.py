@@ -22,8 +22,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import frexp, inf
 
+from ..fast_dataclass import dataclass
 from ..graph.mechanism import COUPLINGS, GROUND, SPANS, Joint
-from ..nouns import dataclass
 from .kinematics import Kinematics
 from .recursion import Recursion
 from .tree import Tree

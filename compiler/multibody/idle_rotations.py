@@ -16,8 +16,8 @@ from collections.abc import Mapping, Sequence, Set
 from math import cos, hypot, sin
 
 from ..algebra.expression import ZERO, Expression, Number, add, multiply
+from ..fast_dataclass import dataclass
 from ..graph.mechanism import COUPLINGS, GROUND, SPANS, Body
-from ..nouns import dataclass
 from .axes import to_own
 from .coordinates import is_turning
 from .fictitious_inertia import measured

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..algebra.expression import ZERO, Expression, add, multiply, negate
+from ..fast_dataclass import dataclass
 from ..graph.mechanism import Body
-from ..nouns import dataclass
 from .axes import to_own
 from .kinematics import Kinematics
 from .link_state import Moving

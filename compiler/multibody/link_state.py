@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import field
 
 from ..algebra.expression import ZERO, Expression
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from .assignment_emitter import Script
 from .axes import AxisBranch, Basis
 from .coordinates import Attitude, Coordinate

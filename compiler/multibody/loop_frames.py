@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, add, call, divide, multiply, negate, select
+from ..fast_dataclass import dataclass
 from ..graph.mechanism import Joint
-from ..nouns import dataclass
 from .axes import snapped
 from .errors import RodWithoutLength
 from .kinematics import Kinematics

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from .rotations import Turn
 from .vectors import Vector
 

@@ -6,7 +6,7 @@ from dataclasses import field
 
 from ..algebra.expression import Expression
 from ..errors import Diagnostic
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ import math
 from typing import Protocol
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, add, call, divide, multiply, negate
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from .assignment_emitter import Script
 from .vectors import UNIT, Matrix, Vector, applied, product, scaled, summed, transposed
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence, Set
 
+from ..fast_dataclass import dataclass
 from ..graph.mechanism import GROUND, POSE, Body, Joint, Mechanism
-from ..nouns import dataclass
 from .joint_order import Ranks, joint_ranks
 
 CHORDS = frozenset({"free", "distance"})

@@ -21,7 +21,7 @@ from ..equations.system import (
     Validity,
     Variable,
 )
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from ..source import Span
 
 Entry = int | float  # a variable by number, or a number

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from ..algebra.formula import Bound
 from ..errors import CompilationFailed, Diagnostic
+from ..fast_dataclass import dataclass
 from ..graph.network import BondGraph
-from ..nouns import dataclass
 from ..scene import Plan, Scene
 from ..source import Source, Span
 from ..syntax import SyntaxTree, parse_expression, tree

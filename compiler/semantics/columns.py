@@ -16,8 +16,8 @@ from fractions import Fraction
 from pathlib import Path
 
 from ..errors import CompilationFailed
+from ..fast_dataclass import dataclass
 from ..graph.units import ONE, Dimension, Scale
-from ..nouns import dataclass
 from ..source import Source, Span
 from ..syntax import parse_expression, tree
 from .errors import WrongColumn

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 from ..algebra.expression import call
 from ..algebra.formula import bind
+from ..fast_dataclass import dataclass
 from ..graph.mechanism import COUPLINGS, GROUND, NOTHING, ORIGIN, SPANS, UPRIGHT, Body, Frame, Joint, Vector
 from ..graph.units import METRE, ONE
-from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .bodies import part_named

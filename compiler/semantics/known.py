@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import field
 
+from ..fast_dataclass import dataclass
 from ..graph.network import Law
 from ..graph.units import Scale
-from ..nouns import dataclass
 from ..syntax import tree
 from .laws import CompiledLaw
 from .port_domains import DomainTable

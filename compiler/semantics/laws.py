@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 
 from ..algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, substitute, symbols
 from ..algebra.odd_roots import with_odd_roots
+from ..fast_dataclass import dataclass
 from ..graph.domains import Domain
 from ..graph.elements import ELEMENTS
 from ..graph.network import Law, Own
 from ..graph.units import JOULE
-from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .domain_table import paths_of

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from ..algebra.expression import ZERO, Symbol
 from ..algebra.formula import Bound, bind
+from ..fast_dataclass import dataclass
 from ..graph.domains import Domain
 from ..graph.elements import ELEMENTS, Kind
 from ..graph.network import (
@@ -22,7 +23,6 @@ from ..graph.network import (
     Reading,
     Switch,
 )
-from ..nouns import dataclass
 from ..syntax import tree
 from .connect import Connector
 from .elaborate import Elaborator

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..algebra.formula import Bound
+from ..fast_dataclass import dataclass
 from ..graph.mechanism import ATTITUDE, NOTHING, ORIGIN, Vector
 from ..graph.units import METRE, ONE, Dimension
-from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .conditions import known_or_later, not_zero

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import field
 
 from ..errors import Diagnostic
+from ..fast_dataclass import dataclass
 from ..graph.domains import DOMAINS, GENERIC, Domain
-from ..nouns import dataclass
 from ..source import Span
 from .errors import DomainConflict
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import field
 from pathlib import Path
 
+from ..fast_dataclass import dataclass
 from ..graph.domains import Domain
 from ..graph.network import Reference
 from ..graph.units import Dimension
-from ..nouns import dataclass
 from ..source import Source, Span
 from ..syntax import tree
 from .port_domains import DomainTable

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from ..source import Source, Span
 from .errors import WrongColumn
 from .statement_errors import Wrong

@@ -11,11 +11,11 @@ from dataclasses import field, replace
 from typing import TypeVar
 
 from ..algebra.formula import Bound
+from ..fast_dataclass import dataclass
 from ..graph.domains import DOMAINS
 from ..graph.mechanism import Body, Frame, Joint
 from ..graph.network import Element, Integral, MechanismNode, Named, Node, Quantity, Reading
 from ..graph.units import ONE
-from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .elaborate import Elaborator

@@ -7,7 +7,7 @@ from dataclasses import field
 from functools import partial
 from typing import Any
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from ..syntax import tree
 from .elaborate import Elaborator
 from .errors import DuplicateName, UnknownAttribute, WrongExperiment

@@ -11,8 +11,8 @@ from itertools import pairwise
 from ..algebra.expression import Apply, Expression, Number, divide, evaluate
 from ..algebra.interpolate import OutsideTable
 from ..algebra.table import KINDS, noise, table
+from ..fast_dataclass import dataclass
 from ..graph.units import ONE
-from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .columns import read_column

@@ -8,9 +8,9 @@ from functools import lru_cache
 
 from ..algebra.expression import Apply, Expression, Number, Symbol, divide, multiply, negate, substitute, symbols
 from ..algebra.formula import Bound, Formula
+from ..fast_dataclass import dataclass
 from ..graph.network import Own, Reference
 from ..graph.units import ONE, Dimension
-from ..nouns import dataclass
 from ..source import Span
 from ..syntax import tree
 from .errors import DimensionMismatch

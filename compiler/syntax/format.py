@@ -16,8 +16,8 @@ from dataclasses import field, fields
 from itertools import pairwise
 
 from ..errors import CompilationFailed, InternalError
+from ..fast_dataclass import dataclass
 from ..garbage_collection import uncollected
-from ..nouns import dataclass
 from ..source import Source, Span
 from .hidden import without_hidden
 from .parse import MAXIMUM_SIZE, parse, read_words

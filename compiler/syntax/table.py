@@ -9,7 +9,7 @@ from __future__ import annotations
 from sys import intern
 from typing import Any
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 
 STARTS = ("start", "alone", "alone_law")
 END = "$END"  # end of the text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from ..nouns import dataclass
+from ..fast_dataclass import dataclass
 from ..source import Source, Span
 
 

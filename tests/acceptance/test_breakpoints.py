@@ -7,7 +7,7 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import RunFailed
-from bondgraph.simulation.steps import exponential
+from bondgraph.simulation.integrators import exponential
 
 PUSHED = """
 model Pushed {{

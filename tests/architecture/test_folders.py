@@ -108,7 +108,7 @@ def test_codes_of_errors(path: Path) -> None:
         "equations": "4",
         "reduction": "5",
         "codegen": "6",
-        "writing": "7",
+        "unparse": "7",
     }
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.ClassDef):

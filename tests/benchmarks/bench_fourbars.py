@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import bondgraph
-from bondgraph.simulation import leg
+from bondgraph.simulation import phase
 
 try:
     from tests.benchmarks.peers_fourbars import PinocchioRow, exudyn_run
@@ -70,18 +70,18 @@ def ours(loops: int, tolerance: float) -> tuple[Any, float]:
     """The run from where the mechanism is put together, the choice of magnitudes included."""
     model = bondgraph.load(PUBLISHED / "iftomm_A02_N_fourbar.bg")
     spent: list[float] = []
-    original = leg.Leg.go
+    original = phase.Phase.go
 
-    def timed(self: leg.Leg) -> None:
+    def timed(self: phase.Phase) -> None:
         began = time.perf_counter()
         original(self)
         spent.append(time.perf_counter() - began)
 
-    leg.Leg.go = timed  # type: ignore[method-assign]
+    phase.Phase.go = timed  # type: ignore[method-assign]
     try:
         result = model.simulate(settings={"N": str(loops)}, rtol=tolerance, points=2)
     finally:
-        leg.Leg.go = original  # type: ignore[method-assign]
+        phase.Phase.go = original  # type: ignore[method-assign]
     return [result.final(n) for n in ("x", "y", "vx", "vy")], sum(spent)
 
 

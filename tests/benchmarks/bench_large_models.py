@@ -31,8 +31,8 @@ sys.path[:0] = [str(ROOT)]
 
 import bondgraph  # noqa: E402
 from bondgraph.errors import RunFailed  # noqa: E402
-from bondgraph.simulation import leg  # noqa: E402
-from bondgraph.simulation.steps.compiled import run as compiled  # noqa: E402
+from bondgraph.simulation import phase  # noqa: E402
+from bondgraph.simulation.integrators.compiled import run as compiled  # noqa: E402
 from tests.benchmarks import large_models  # noqa: E402
 
 RESULTS = HERE / "results"
@@ -113,7 +113,7 @@ class Clock:
         self.whole = self.stepping = self.ordering = 0.0
         self.fill = 0
         for owner, name, word in (
-            (leg.Leg, "__init__", "whole"), (leg.Leg, "go", "whole"), (compiled.CompiledRadau, "advance", "stepping"),
+            (phase.Phase, "__init__", "whole"), (phase.Phase, "go", "whole"), (compiled.CompiledRadau, "advance", "stepping"),
         ):  # fmt: skip
             self._time(owner, name, word)
         choose = compiled.Ordered.choose

@@ -19,13 +19,13 @@ import numpy as np
 import bondgraph
 from bondgraph.analysis.symbolic import state_equations
 from bondgraph.prepared import Prepared
-from bondgraph.simulation.steps.compiled import run as compiled
-from bondgraph.simulation.steps.compiled.advance import advance, begin
-from bondgraph.simulation.steps.compiled.euler import euler
-from bondgraph.simulation.stretch import machine
+from bondgraph.simulation.integration import native_integrator
+from bondgraph.simulation.integrators.compiled import run as compiled
+from bondgraph.simulation.integrators.compiled.advance import advance, begin
+from bondgraph.simulation.integrators.compiled.pilot_step import euler
 from compiler.codegen.c.write import write_c
 from compiler.codegen.llvm.evaluate import _Many
-from compiler.native.c_source import BEGINNING, c_source
+from compiler.jit.c_source import BEGINNING, c_source
 
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = ROOT / "models" / "manipulator.bg"
@@ -202,15 +202,15 @@ def by_scipy(model: bondgraph.Model, magnitude: Any) -> Any:
 def magnitudes(model: bondgraph.Model) -> Any:
     """Magnitudes to which the tolerances of the run are relative."""
     found: list[Any] = []
-    original = machine.in_machine_code
+    original = native_integrator.in_machine_code
 
     def look(stepper: Any, stretch: Any, x: Any) -> Any:
         found.append(stepper.tolerances.magnitude)
         return original(stepper, stretch, x)
 
-    machine.in_machine_code = look  # type: ignore[method-assign]
+    native_integrator.in_machine_code = look  # type: ignore[method-assign]
     model.simulate(target="native")
-    machine.in_machine_code = original  # type: ignore[method-assign]
+    native_integrator.in_machine_code = original  # type: ignore[method-assign]
     return found[0]
 
 

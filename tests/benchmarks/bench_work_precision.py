@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bondgraph.simulation.steps.compiled import run as compiled
+from bondgraph.simulation.integrators.compiled import run as compiled
 from tests.benchmarks import ngspice, peers, rumoca
 from tests.benchmarks.peers import Done
 from tests.benchmarks.scenes import POINTS, SCENES, Scene

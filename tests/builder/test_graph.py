@@ -16,7 +16,7 @@ from compiler.errors import CompilationFailed
 from compiler.source import Source
 from compiler.syntax.format import format_text
 from tests.compiling import MODELS, ROOT
-from tests.writing.same_graph import Same, same_motion
+from tests.unparse.same_graph import Same, same_motion
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 

@@ -9,7 +9,7 @@ import pytest
 import bondgraph
 from bondgraph import Graph
 from bondgraph.errors import UsageError
-from tests.writing.same_graph import Same
+from tests.unparse.same_graph import Same
 
 TEXT = """
 model Robot {

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.simulation.steps import exponential
+from bondgraph.simulation.integrators import exponential
 from compiler.causality import CausalGraph, StrokeReason
 from tests.compiling import compiled
 

@@ -14,7 +14,7 @@ from compiler.algebra.expression import Apply, Expression, Number, Symbol
 from compiler.algebra.systems import LEAST, SYSTEMS, band_of, entries_of, shape_of, solutions
 from compiler.codegen.cost import _operations
 from compiler.codegen.limits import Leaf
-from compiler.codegen.llvm import support
+from compiler.codegen.llvm import runtime
 from compiler.codegen.lowered import Lowered
 from compiler.codegen.order import operations_in_order
 from compiler.codegen.tape import Tape
@@ -33,7 +33,7 @@ def banded_matrix(count: int, lower: int, upper: int, seed: int = 1) -> np.ndarr
 
 
 def banded(full: np.ndarray, right: np.ndarray, lower: int, upper: int) -> np.ndarray:
-    """`support.banded`, as plain Python."""
+    """`runtime.banded`, as plain Python."""
     count, width = len(full), lower + upper + 1
     entries = np.zeros(count * width + count)
     for i in range(count):
@@ -42,14 +42,14 @@ def banded(full: np.ndarray, right: np.ndarray, lower: int, upper: int) -> np.nd
     entries[count * width :] = right
     out = np.zeros(count)
     with np.errstate(all="ignore"):
-        support.banded(count, lower, upper, entries, np.zeros(support.room(count, lower, upper)), out)
+        runtime.banded(count, lower, upper, entries, np.zeros(runtime.room(count, lower, upper)), out)
     return out
 
 
 def dense(full: np.ndarray, right: np.ndarray) -> np.ndarray:
     count, out = len(full), np.zeros(len(full))
     with np.errstate(all="ignore"):
-        support.solve(count, np.concatenate([full.ravel(), right]), np.zeros(2 * count**2 + 6 * count), out)
+        runtime.solve(count, np.concatenate([full.ravel(), right]), np.zeros(2 * count**2 + 6 * count), out)
     return out
 
 

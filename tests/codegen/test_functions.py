@@ -8,7 +8,7 @@ import pytest
 from compiler.codegen.c.write import write_c
 from compiler.codegen.llvm.generate import generate_program as native_program
 from compiler.codegen.numpy.generate import generate_program as numpy_program
-from compiler.native.machine import available
+from compiler.jit.machine import available
 from tests.compiling import compiled
 
 TEXT = """model Circuit {

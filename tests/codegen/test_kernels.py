@@ -11,7 +11,7 @@ from compiler.codegen.llvm.generate import generate_code
 from compiler.codegen.llvm.program_image import ProgramImage
 from compiler.codegen.program import Program
 from compiler.compilation import Compilation
-from compiler.native.machine import object_code
+from compiler.jit.machine import object_code
 from tests.benchmarks import large_models
 from tests.compiling import MODELS, compiled
 

@@ -10,8 +10,8 @@ import pytest
 import bondgraph
 from compiler.algebra import interpolate
 from compiler.algebra.operators import SLOPES
-from compiler.codegen.numpy.beginning import beginning
 from compiler.codegen.numpy.generate import load_module
+from compiler.codegen.numpy.runtime import beginning
 from tests.codegen.test_jacobian import differences
 from tests.compiling import Running, compiled, numbers, refused
 

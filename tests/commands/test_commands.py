@@ -169,7 +169,7 @@ def test_an_interrupted_run_is_written_up_to_there(tmp_path: Path) -> None:
     path.write_text("plain model Long {\n output x = integral(y, 1)\n output y = integral(3*(1 - x^2)*y - x, 0)\n}\n")
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "import bondgraph.simulation.stretch.stepper as i; was = i.IntegrationState.keep\n"
+        "import bondgraph.simulation.integration.integration_state as i; was = i.IntegrationState.keep\n"
         "def keep(self, *a, **k):\n was(self, *a, **k)\n if self.steps == 60: signal.raise_signal(signal.SIGINT)\n"
         "i.IntegrationState.keep = keep\nfrom bondgraph.commands import main; main()"
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.simulation.closed.constraints import DENSE, Least
+from bondgraph.simulation.constraints.constraints import DENSE, Least
 
 GEARED = """model M {{
   multibody m : {kind} {{

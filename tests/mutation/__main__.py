@@ -24,11 +24,10 @@ sys.path.insert(0, str(ROOT))
 FOLDERS = ("compiler", "bondgraph/simulation", "bondgraph/analysis")
 # Tests of a room beside those in the folder of its name: machine code does not pass through Python's lines, and texts of stages belong to several rooms.
 BESIDE = {
-    "codegen": ("native",),
+    "codegen": ("jit",),
     "syntax": ("semantics",),
     "graph": ("graphs", "semantics"),
-    "unparse": ("writing",),
-    "jit": ("native", "codegen"),
+    "jit": ("codegen",),
 }
 LIMIT = 600  # seconds for the tests of one mutant
 

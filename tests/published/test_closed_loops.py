@@ -180,7 +180,7 @@ def test_bars_that_are_almost_equal_have_no_singular_pose(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("rank", [1e-7, 1e-9, 1e-10])
 def test_thresholds_of_rank_change_nothing(rank: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    from bondgraph.simulation.closed import constraints, singular
+    from bondgraph.simulation.constraints import constraints, singular
     from bondgraph.simulation.initialization import assembly
 
     monkeypatch.setattr(constraints, "RANK", rank)

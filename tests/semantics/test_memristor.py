@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from compiler.writing import write_text
+from compiler.unparse import write_text
 from tests.compiling import compiled, mistakes
 
 CHARGE = """model Cell {

@@ -9,10 +9,10 @@ import pytest
 
 import bondgraph
 from compiler.errors import CompilationFailed
-from compiler.writing import write_text
+from compiler.unparse import write_text
 from tests.compiling import Running, compiled, mistakes, outputs_of
 
-LEG = """model Leg {
+LEG = """model Phase {
   port foot: translation
   parameter k: N/m = 7, r: N*s/m = 2
   C spring : F = k*x
@@ -28,7 +28,7 @@ def test_effort_and_flow_outside_and_inside() -> None:
     """At x = 0.5 m and v = 0.25 m/s the leg takes 3.5 N + 0.5 N, 1 W."""
     text = (
         LEG
-        + "model A {\n  I mass : p = 4 kg*v\n  Leg leg\n  1(mass) -> leg.foot\n  output F = leg.foot.F, v = leg.foot.v, e = leg.foot.e, P = leg.power\n}\n"
+        + "model A {\n  I mass : p = 4 kg*v\n  Phase leg\n  1(mass) -> leg.foot\n  output F = leg.foot.F, v = leg.foot.v, e = leg.foot.e, P = leg.power\n}\n"
     )
     found = outputs_of(compiled(text), {"leg.spring.x": 0.5, "mass.p": 1.0})
     assert found == {"F": 4.0, "v": 0.25, "e": 4.0, "P": 1.0}
@@ -39,7 +39,7 @@ def test_the_sign_is_the_arrow_s() -> None:
     turned = LEG.replace("foot -> knee -> spring, oil", "knee -> spring, oil, foot")
     text = (
         turned
-        + "model A {\n  I mass : p = 4 kg*v\n  Leg leg\n  leg.foot -> 1(mass)\n  output F = leg.foot.F, v = leg.foot.v\n}\n"
+        + "model A {\n  I mass : p = 4 kg*v\n  Phase leg\n  leg.foot -> 1(mass)\n  output F = leg.foot.F, v = leg.foot.v\n}\n"
     )
     found = outputs_of(compiled(text), {"leg.spring.x": 0.5, "mass.p": 1.0})
     assert found == {"F": -4.0, "v": 0.25}
@@ -48,7 +48,7 @@ def test_the_sign_is_the_arrow_s() -> None:
 def test_walls_within_walls_see_one_bond() -> None:
     text = (
         LEG
-        + "model Shoe { port sole: translation; Leg leg; sole -> leg.foot }\nmodel A {\n  I mass : p = 4 kg*v\n  Shoe shoe\n  1(mass) -> shoe.sole\n  output F = shoe.sole.F - shoe.leg.foot.F, v = shoe.sole.v\n}\n"
+        + "model Shoe { port sole: translation; Phase leg; sole -> leg.foot }\nmodel A {\n  I mass : p = 4 kg*v\n  Shoe shoe\n  1(mass) -> shoe.sole\n  output F = shoe.sole.F - shoe.leg.foot.F, v = shoe.sole.v\n}\n"
     )
     assert outputs_of(compiled(text), {"shoe.leg.spring.x": 0.5, "mass.p": 1.0}) == {"F": 0.0, "v": 0.25}
 
@@ -78,14 +78,14 @@ def test_between_a_body_and_a_field() -> None:
     """At a mechanism's port the bond's signs hold too: the arrow leaves the joint, so the force is the spring's."""
     text = (
         LEG
-        + "model A {\n  multibody m : planar { body a { mass = 4 kg, inertia = 1 [kg*m^2] }; slide rail : ground to a { along = 0 deg } }\n  Leg leg\n  m.rail -> leg.foot\n  output F = leg.foot.F, v = leg.foot.v, a = m.rail.v\n}\n"
+        + "model A {\n  multibody m : planar { body a { mass = 4 kg, inertia = 1 [kg*m^2] }; slide rail : ground to a { along = 0 deg } }\n  Phase leg\n  m.rail -> leg.foot\n  output F = leg.foot.F, v = leg.foot.v, a = m.rail.v\n}\n"
     )
     found = outputs_of(compiled(text), {"m.rail.x": 0.5, "m.rail.x.v": 0.25})
     assert found == {"F": 4.0, "v": 0.25, "a": 0.25}
 
 
 def test_a_plain_model_reads_e_and_f() -> None:
-    text = "plain model Leg { port foot; C spring : e = 7*q; foot -> spring }\nplain model A {\n  I mass : p = 4*f\n  Leg leg\n  1(mass) -> leg.foot\n  output e = leg.foot.e, f = leg.foot.f\n}\n"
+    text = "plain model Phase { port foot; C spring : e = 7*q; foot -> spring }\nplain model A {\n  I mass : p = 4*f\n  Phase leg\n  1(mass) -> leg.foot\n  output e = leg.foot.e, f = leg.foot.f\n}\n"
     assert outputs_of(compiled(text), {"leg.spring.q": 0.5, "mass.p": 1.0}) == {"e": 3.5, "f": 0.25}
 
 
@@ -100,7 +100,7 @@ class TestBackToText:
     def test_as_a_node_that_shows_the_same(self) -> None:
         text = (
             LEG
-            + "model A {\n  I mass : p = 4 kg*v\n  Leg leg\n  mass_side -> leg.foot\n  0 mass_side\n  1(mass) -> mass_side\n  output F = leg.foot.F, v = leg.foot.v\n}\n"
+            + "model A {\n  I mass : p = 4 kg*v\n  Phase leg\n  mass_side -> leg.foot\n  0 mass_side\n  1(mass) -> mass_side\n  output F = leg.foot.F, v = leg.foot.v\n}\n"
         )
         flat = write_text(compiled(text).whole_graph)
         state = {"leg.spring.x": 0.5, "mass.p": 1.0}
@@ -109,7 +109,9 @@ class TestBackToText:
 
     def test_what_no_node_shows_is_refused(self) -> None:
         """Between two 1-junctions nothing shows the effort."""
-        text = LEG + "model A {\n  I mass : p = 4 kg*v\n  Leg leg\n  1(mass) -> leg.foot\n  output F = leg.foot.F\n}\n"
+        text = (
+            LEG + "model A {\n  I mass : p = 4 kg*v\n  Phase leg\n  1(mass) -> leg.foot\n  output F = leg.foot.F\n}\n"
+        )
         with pytest.raises(CompilationFailed, match=r"BG705.*`F`.*`leg\.foot\.F`"):
             write_text(compiled(text).whole_graph)
 
@@ -118,7 +120,7 @@ def test_a_reading_runs_as_the_physics_says() -> None:
     """The work through the port over half a swing of an undamped leg is zero; over a quarter it is the kinetic energy."""
     text = (
         LEG
-        + "model A {\n  I mass : p = 7 kg*v { start v = 2 [m/s] }\n  Leg leg { r = 0 }\n  1(mass) -> leg.foot\n  output W = integral(leg.foot.F*leg.foot.v, 0 J)\n  experiment e { simulate 0 .. 3.141592653589793 s { rtol = 1e-9, points = 3 } }\n}\n"
+        + "model A {\n  I mass : p = 7 kg*v { start v = 2 [m/s] }\n  Phase leg { r = 0 }\n  1(mass) -> leg.foot\n  output W = integral(leg.foot.F*leg.foot.v, 0 J)\n  experiment e { simulate 0 .. 3.141592653589793 s { rtol = 1e-9, points = 3 } }\n}\n"
     )
     found = bondgraph.load(text).simulate()
     assert found["W"][1] == pytest.approx(14.0, rel=1e-7) and abs(found["W"][2]) < 1e-6

@@ -54,17 +54,17 @@ def test_who_is_the_state_changes() -> None:
     from bondgraph.simulation import run
 
     begun: list[tuple[str, ...]] = []
-    original = run.Leg.go
+    original = run.Phase.go
 
-    def go(leg: run.Leg) -> None:
+    def go(leg: run.Phase) -> None:
         begun.append(leg.program.states.names)
         original(leg)
 
-    run.Leg.go = go  # type: ignore[method-assign]
+    run.Phase.go = go  # type: ignore[method-assign]
     try:
         bondgraph.load(pair("exp(12*sin(time/1 s))")).simulate(to=6, points=7)
     finally:
-        run.Leg.go = original  # type: ignore[method-assign]
+        run.Phase.go = original  # type: ignore[method-assign]
     assert {("a.q",), ("b.q",)} <= set(begun) and 2 <= len(begun) <= 6
 
 

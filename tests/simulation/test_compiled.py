@@ -17,14 +17,14 @@ import bondgraph
 from bondgraph.errors import RunFailed, UsageError
 from bondgraph.prepared import HIDDEN
 from bondgraph.results.result import Result
-from bondgraph.simulation import leg
-from bondgraph.simulation.steps import exponential
-from bondgraph.simulation.steps.compiled import coarse_run, fields
-from bondgraph.simulation.steps.compiled import run as compiled
-from bondgraph.simulation.steps.compiled.advance import advance, begin
-from bondgraph.simulation.steps.compiled.interpreted import Interpreted
-from bondgraph.simulation.steps.compiled.sparse import FINE, Pattern, real_back, real_factors
-from bondgraph.simulation.steps.compiled.stepper import Stepper
+from bondgraph.simulation import phase
+from bondgraph.simulation.integrators import exponential
+from bondgraph.simulation.integrators.compiled import fields, pilot_run
+from bondgraph.simulation.integrators.compiled import run as compiled
+from bondgraph.simulation.integrators.compiled.advance import advance, begin
+from bondgraph.simulation.integrators.compiled.interpreted import Interpreted
+from bondgraph.simulation.integrators.compiled.sparse import FINE, Pattern, real_back, real_factors
+from bondgraph.simulation.integrators.compiled.stepper import IntegratorWorkspace
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.compiling import MODELS
 
@@ -113,7 +113,9 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
 
     def keep(solver: compiled.CompiledRadau) -> None:
         room = fields.room_of(solver.program, solver.method, solver.signal_count, solver.bend_count)
-        numbers = [n for n, kind in Stepper.__annotations__.items() if kind in ("float", "int", "Floats", "Ints")]
+        numbers = [
+            n for n, kind in IntegratorWorkspace.__annotations__.items() if kind in ("float", "int", "Floats", "Ints")
+        ]
         copies = {n: v.copy() if isinstance(v := solver.values[n], np.ndarray) else v for n in numbers}
         within = {n: solver.values[n].record for n in ("closed", "pattern")}
         made.append((solver, room | copies | within))
@@ -125,12 +127,12 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
     for name in ("derivative", "entries", "signals", "holds", "dependent", "sensitivities", "powers"):
         values[name] = _into(values[name], name == "signals")
     values["reported"] = values["reported"].ravel()
-    python = Stepper(**values)
+    python = IntegratorWorkspace(**values)
     with np.errstate(all="ignore"):
         begin(python)
         assert advance(python, 10_000) == 0
     assert python.steps == solver.steps > 5
-    for name in Stepper.__annotations__:
+    for name in IntegratorWorkspace.__annotations__:
         mine = getattr(python, name)
         if isinstance(mine, np.ndarray) and name != "reported":
             np.testing.assert_array_equal(mine, solver.values[name], err_msg=name)
@@ -152,8 +154,8 @@ def _into(function: Any, of_time: bool) -> Any:
 def test_magnitudes_are_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The coarse run takes its steps in machine code too."""
     found = []
-    original = leg.nominal_magnitudes
-    monkeypatch.setattr(leg, "nominal_magnitudes", lambda *a: found.append(original(*a)) or found[-1])
+    original = phase.nominal_magnitudes
+    monkeypatch.setattr(phase, "nominal_magnitudes", lambda *a: found.append(original(*a)) or found[-1])
     both(MODELS / name, points=2)
     np.testing.assert_allclose(found[0].values, found[1].values, rtol=1e-9)
     assert (found[0].stopped, found[0].unknown) == (found[1].stopped, found[1].unknown)
@@ -258,7 +260,7 @@ def test_a_large_model_by_sparse_factors() -> None:
 
 def test_sparse_factors_where_the_order_must_change(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small models by sparse factors; orders are chosen again as pivots become small, and the steps stay those of the reference."""
-    monkeypatch.setattr(coarse_run, "is_sparse", lambda program: True)
+    monkeypatch.setattr(pilot_run, "is_sparse", lambda program: True)
     monkeypatch.setattr(fields, "is_sparse", lambda program: True)
     monkeypatch.setattr(compiled, "SMALL", 0.3)
     chosen: list[float] = []

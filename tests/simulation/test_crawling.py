@@ -9,8 +9,8 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import RunFailed
-from bondgraph.simulation.stretch import machine
-from bondgraph.simulation.watch import crawling
+from bondgraph.simulation.integration import native_integrator
+from bondgraph.simulation.monitors import step_size_diagnosis
 
 # A slow mass on a soft spring, and on it a light one on a stiff spring that rings: 503 Hz, which nothing damps.
 RINGING = """model Ringing {{
@@ -30,7 +30,7 @@ FREQUENCY = math.sqrt(1e4 / 1e-3 + 1e4 / 1) / (2 * math.pi)
 
 
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(crawling, "MANY", 300)
+    monkeypatch.setattr(step_size_diagnosis, "MANY", 300)
 
 
 @pytest.mark.parametrize("solver", ["automatic", "radau"])
@@ -61,8 +61,8 @@ def test_few_steps_tell_nothing() -> None:
 
 
 def test_at_the_limit_of_steps_the_error_names_the_mode(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(machine, "MOST_COMPILED", 500)
-    monkeypatch.setattr("bondgraph.simulation.stretch.one_by_one.MOST_STEPS", 500)
+    monkeypatch.setattr(native_integrator, "MOST_COMPILED", 500)
+    monkeypatch.setattr("bondgraph.simulation.integration.interpreted_integrator.MOST_STEPS", 500)
     with pytest.raises(RunFailed, match=r"Hz, whose energy is mostly in .*`(bell|clamp)`") as failed:
         bondgraph.load(RINGING.format(start="1 mm")).simulate(to=50, points=11, solver="radau")
     told = re.search(r"at ([\d.]+) Hz", str(failed.value))

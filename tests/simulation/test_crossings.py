@@ -16,7 +16,7 @@ from bondgraph.errors import RunFailed
 from bondgraph.numerics.roots import crossing
 from bondgraph.prepared import TARGETS
 from bondgraph.results.result import Result
-from bondgraph.simulation.closed.singular import Watcher
+from bondgraph.simulation.constraints.singular import SingularPoseMonitor
 from bondgraph.simulation.events.locate import _narrowed
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
@@ -282,7 +282,7 @@ def test_a_flat_zero_takes_few_evaluations() -> None:
 def test_a_least_value_at_the_edge_of_a_crossing_is_no_pose() -> None:
     """If the smallest singular value falls up to the end of a crossing, a singular pose can only be beyond it; with a minimum inside, there is one."""
 
-    class Along(Watcher):
+    class Along(SingularPoseMonitor):
         least = 2.0  # where it is least
 
         def __init__(self) -> None:

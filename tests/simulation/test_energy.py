@@ -7,7 +7,7 @@ import pytest
 
 import bondgraph
 from bondgraph.results.records import ElementEnergy, EnergyBalance
-from bondgraph.simulation.watch.energy import unexplained
+from bondgraph.simulation.monitors.energy import unexplained
 
 SWUNG = """
 model Swung {

@@ -151,7 +151,7 @@ def test_what_an_event_breaks_keeps_what_came_before(target: str) -> None:
 def test_an_interrupted_run_with_events_goes_on(target: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C in the middle of it, while a step is looked for and while an event acts: nothing is lost, nothing counted twice."""
     from bondgraph.simulation.events.events import Events
-    from bondgraph.simulation.stretch.event_integrator import EventIntegrator
+    from bondgraph.simulation.integration.event_integrator import EventIntegrator
 
     whole = run(SAW, 60.5, target=target, points=122)
     for home, name in ((EventIntegrator, "follow"), (Events, "happen"), (Events, "settled")):

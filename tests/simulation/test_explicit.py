@@ -11,8 +11,8 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import UsageError
-from bondgraph.simulation.steps import pair
-from bondgraph.simulation.stretch.stepper import IntegrationState
+from bondgraph.simulation.integration.integration_state import IntegrationState
+from bondgraph.simulation.integrators import dop853
 from tests.compiling import MODELS
 
 PAIR, RADAU = "Dormand-Prince 8", "Radau IIA 5"
@@ -43,15 +43,15 @@ def test_coefficients_satisfy_the_conditions_of_their_order() -> None:
     """b' c^k = 1/(k+1) up to order 8, row sums, and both error estimates without terms of lower order."""
     a = np.zeros((16, 16))
     for i in range(16):
-        for k in range(pair.STARTS[i], pair.STARTS[i + 1]):
-            a[i, pair.FROM[k]] = pair.A[k]
-    c = np.array(pair.C)
+        for k in range(dop853.STARTS[i], dop853.STARTS[i + 1]):
+            a[i, dop853.FROM[k]] = dop853.A[k]
+    c = np.array(dop853.C)
     np.testing.assert_allclose(a.sum(axis=1), c, atol=1e-14)
     b, inner = a[12, :12], c[:12]
     for k in range(8):
         assert b @ inner**k == pytest.approx(1 / (k + 1), abs=1e-14)
         assert b @ (a[:12, :12] @ inner**k) == pytest.approx(1 / ((k + 1) * (k + 2)), abs=1e-14 if k < 7 else 1)
-    for weights, order in ((pair.E5, 5), (pair.E3, 3)):
+    for weights, order in ((dop853.E5, 5), (dop853.E3, 3)):
         found = [abs(np.array(weights) @ inner**k) for k in range(order + 1)]
         assert max(found[:order]) < 1e-14 and found[order] > 1e-6
 
@@ -130,7 +130,7 @@ def test_who_asks_for_it_gets_it_and_stability_is_kept() -> None:
     text = "plain model Fast { signal x = integral(-1000*(x - cos(time)), 0); output a = x }"
     found = bondgraph.load(text).simulate(to=10, points=11, solver="explicit")
     assert found.solver.startswith(PAIR) and " and " not in found.solver
-    assert 10 * 1000 / 6.4 < found.steps < 1.3 * 10 * 1000 / pair.STABLE
+    assert 10 * 1000 / 6.4 < found.steps < 1.3 * 10 * 1000 / dop853.STABLE
     exact = (1e6 * np.cos(found.time) + 1e3 * np.sin(found.time)) / (1e6 + 1)  # and what dies out within 0.01 s
     np.testing.assert_allclose(found["a"][1:], exact[1:], atol=3e-6)
 

@@ -207,33 +207,33 @@ def test_an_output_that_fails_keeps_the_rows_before() -> None:
 
 def test_what_breaks_in_the_middle_keeps_what_came_before(monkeypatch: pytest.MonkeyPatch) -> None:
     """An exception out of nowhere, in the ninth step."""
-    from bondgraph.simulation.stretch.one_by_one import OneByOne
+    from bondgraph.simulation.integration.interpreted_integrator import InterpretedIntegrator
 
     steps = iter(range(100))
-    step = OneByOne.step
+    step = InterpretedIntegrator.step
 
     def breaking(*given: Any) -> bool:
         if next(steps) == 8:
             raise ZeroDivisionError("a law of our own making")
         return step(*given)
 
-    monkeypatch.setattr(OneByOne, "step", breaking)
+    monkeypatch.setattr(InterpretedIntegrator, "step", breaking)
     with pytest.raises(RunBroken, match=r"ZeroDivisionError: a law of our own making, after t = ") as broken:
         bondgraph.load(HARDENING).simulate(to=5, points=5001, target="numpy")
     result = broken.value.result
     assert result is not None and result.checkpoint is not None and 1 < len(result.time) < 5000
     assert 0 <= result.checkpoint.time - result.time[-1] < 1.1e-3
-    monkeypatch.setattr(OneByOne, "step", step)
+    monkeypatch.setattr(InterpretedIntegrator, "step", step)
     assert bondgraph.load(HARDENING).simulate(to=5, points=51, target="numpy", start=result).time[-1] == 5
 
 
 @pytest.mark.parametrize("target", ["numpy", pytest.param("native", marks=pytest.mark.machine_code)])
 def test_an_interrupted_run_goes_on(target: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C as it comes in a run of hours: after so many steps of Python, or so many calls of machine code."""
-    from bondgraph.simulation.steps.compiled.run import CompiledRadau
-    from bondgraph.simulation.stretch.one_by_one import OneByOne
+    from bondgraph.simulation.integration.interpreted_integrator import InterpretedIntegrator
+    from bondgraph.simulation.integrators.compiled.run import CompiledRadau
 
-    home, name = (OneByOne, "step") if target == "numpy" else (CompiledRadau, "advance")
+    home, name = (InterpretedIntegrator, "step") if target == "numpy" else (CompiledRadau, "advance")
     step, left = getattr(home, name), iter(range(10**9))
 
     def interrupted(*given: Any) -> Any:

@@ -10,10 +10,10 @@ import pytest
 pytest.importorskip("llvmlite")
 
 import bondgraph
-from bondgraph.simulation import leg
-from bondgraph.simulation.closed.constraints import Constraints
-from bondgraph.simulation.steps.compiled.held import CompiledConstraints, fields_of
-from bondgraph.simulation.steps.compiled.holding import Held, Square, hold, least
+from bondgraph.simulation import phase
+from bondgraph.simulation.constraints.constraints import Constraints
+from bondgraph.simulation.integrators.compiled.constraint_functions import CompiledConstraints, fields_of
+from bondgraph.simulation.integrators.compiled.projection import ProjectionWorkspace, Square, hold, least
 from tests.compiling import MODELS
 
 pytestmark = pytest.mark.machine_code
@@ -22,9 +22,9 @@ NAMES = ("published/andrews.bg", "published/iftomm_A04_bricard.bg", "spatial_sli
 
 def started(name: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Constraints, Any, Any]:
     """The constraints of a model in the magnitudes of a run, a state that it came to, and its mode."""
-    kept: list[leg.Leg] = []
-    original = leg.Leg.go
-    monkeypatch.setattr(leg.Leg, "go", lambda self: (kept.append(self), original(self))[1])
+    kept: list[phase.Phase] = []
+    original = phase.Phase.go
+    monkeypatch.setattr(phase.Phase, "go", lambda self: (kept.append(self), original(self))[1])
     bondgraph.load(MODELS / name).simulate(target="native", points=2, to=1e-3, rtol=1e-6)
     return kept[0].constraints, kept[0].trajectory.final, kept[0].stretches[-1].mode
 
@@ -36,7 +36,7 @@ def beside(constraints: Constraints, state: Any, count: int) -> Any:
     return states
 
 
-def as_python(constraints: Constraints, mode: Any) -> Held:
+def as_python(constraints: Constraints, mode: Any) -> ProjectionWorkspace:
     """The record over numpy arrays."""
     program = constraints.program
     magnitude = np.ones(len(program.states.names) + len(program.unknowns.names))
@@ -48,7 +48,7 @@ def as_python(constraints: Constraints, mode: Any) -> Held:
         values[name] = Square(**fields)
     for name in ("invariant", "invariant_slopes", "solved"):
         values[name] = _into(getattr(program, name))
-    return Held(**values)
+    return ProjectionWorkspace(**values)
 
 
 def _into(function: Any) -> Any:

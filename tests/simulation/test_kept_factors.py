@@ -12,7 +12,7 @@ import pytest
 
 from bondgraph.model import Model
 from bondgraph.simulation.segments.timeline import Segment
-from bondgraph.simulation.start.coarse import CoarseRun
+from bondgraph.simulation.start.coarse import PilotRun
 from compiler.api import Source
 from tests.benchmarks import large_models
 
@@ -25,13 +25,13 @@ LEAKS = {
 }
 
 
-def coarse_run(leak: str, target: str, keeping: bool = True) -> CoarseRun:
+def coarse_run(leak: str, target: str, keeping: bool = True) -> PilotRun:
     text = large_models.network(large_models.mesh_edges(SIDE), SIDE**2, leak=leak)
     model = Model(Source("mesh.bg", text))
     program = model.prepared(model.scene(), False, target).program
     constants = program.constants(np.array(program.defaults))
     state = np.asarray(program.start(constants), dtype=float)
-    run = CoarseRun(program, constants, np.array(program.input_defaults), state)
+    run = PilotRun(program, constants, np.array(program.input_defaults), state)
     if not keeping:
         run.compiled.record.keeping = 0
     run.peak([Segment(0.0, 1e-3, program.switches(0.0, constants))], None)

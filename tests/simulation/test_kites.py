@@ -89,7 +89,7 @@ def test_a_kite_folds_at_tight_tolerances(angle: float, side: float) -> None:
 
 def test_rounding_at_a_pose_is_told() -> None:
     """A crossing that rounding keeps from the tolerance is a warning with the tolerance that can be had."""
-    from bondgraph.simulation.closed.singular import SingularPose, doubts_of
+    from bondgraph.simulation.constraints.singular import SingularPose, doubts_of
 
     poses = [
         SingularPose(0.5, 1, ("b.d",)),

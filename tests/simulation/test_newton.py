@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.simulation.steps.compiled.advance import begin, one_step
-from bondgraph.simulation.steps.compiled.factors import ComplexFactors, Factors, room_for
-from bondgraph.simulation.steps.compiled.holding import Held
-from bondgraph.simulation.steps.compiled.stepper import Stepper
-from bondgraph.simulation.steps.tolerances import LOOSE, allowed_estimate, creeping_tolerance, newton_tolerance
+from bondgraph.simulation.integrators.compiled.advance import begin, one_step
+from bondgraph.simulation.integrators.compiled.factors import ComplexFactors, Factors, room_for
+from bondgraph.simulation.integrators.compiled.projection import ProjectionWorkspace
+from bondgraph.simulation.integrators.compiled.stepper import IntegratorWorkspace
+from bondgraph.simulation.integrators.tolerances import LOOSE, allowed_estimate, creeping_tolerance, newton_tolerance
 from tests.compiling import MODELS
 
 
@@ -29,11 +29,11 @@ def test_a_number_that_creeps_beside_large_changes_is_no_solution() -> None:
         "Floats": lambda: np.zeros(6),
         "Ints": lambda: np.zeros(6, dtype=int),
     }
-    values = {name: nothing.get(kind, lambda: None)() for name, kind in Stepper.__annotations__.items()}
-    held = object.__new__(Held)
+    values = {name: nothing.get(kind, lambda: None)() for name, kind in IntegratorWorkspace.__annotations__.items()}
+    held = object.__new__(ProjectionWorkspace)
     held.gaps = held.multipliers = 0
     places, ones = np.array([0, 1]), np.ones(2)
-    solver = Stepper(**values | {
+    solver = IntegratorWorkspace(**values | {
         "derivative": rates, "entries": steep, "closed": held, "n": 2, "differential": 2, "entry_count": 2, "rows": places, "columns": places,
         "magnitude": ones, "per_unit": ones, "ratio": ones, "relative": 1e-3, "absolute": 1e-3 * ones, "state": np.zeros(2), "jacobian": np.zeros(2),
         "newton_tolerance": newton_tolerance(1e-3), "first_newton_tolerance": newton_tolerance(1e-3), "allowed_estimate": allowed_estimate(1e-3),

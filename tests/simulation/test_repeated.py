@@ -11,12 +11,12 @@ import pytest
 pytest.importorskip("llvmlite")
 
 import bondgraph
-from bondgraph.simulation.start.coarse import CoarseRun
+from bondgraph.simulation.integrators.compiled import run as compiled
+from bondgraph.simulation.integrators.compiled.ordering import on_diagonal, ordered
+from bondgraph.simulation.integrators.compiled.record_layout import RecordArray, form_of
+from bondgraph.simulation.integrators.compiled.sparse import Pattern
+from bondgraph.simulation.start.coarse import PilotRun
 from bondgraph.simulation.start.motion import balance
-from bondgraph.simulation.steps.compiled import run as compiled
-from bondgraph.simulation.steps.compiled.forms import Laid, form_of
-from bondgraph.simulation.steps.compiled.ordering import on_diagonal, ordered
-from bondgraph.simulation.steps.compiled.sparse import Pattern
 from tests.benchmarks import large_models
 from tests.compiling import MODELS
 
@@ -84,7 +84,7 @@ def test_records_share_nothing() -> None:
     assert other["x"].tolist() == [0.0] * len(program.states.names) and (one["small"], other["small"]) == (1e-3, 0.5)
     assert not np.shares_memory(one["x"], one["y"])
     with pytest.raises(KeyError, match="small"):
-        Laid(form_of(Pattern, program, "", dict), {})
+        RecordArray(form_of(Pattern, program, "", dict), {})
 
 
 def test_balanced_by_machine_code_and_by_its_source() -> None:
@@ -108,13 +108,13 @@ def test_balanced_by_machine_code_and_by_its_source() -> None:
 def test_what_swings_is_looked_at_in_equal_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """Speeds that pass through zero seem to grow: they do not ask for shorter steps while they stay within what was there."""
     tries: list[int] = []
-    original = CoarseRun._further
+    original = PilotRun._further
 
-    def further(run: CoarseRun, pace: Any, *given: Any) -> bool:
+    def further(run: PilotRun, pace: Any, *given: Any) -> bool:
         done = original(run, pace, *given)
         tries.append(pace.taken)
         return done
 
-    monkeypatch.setattr(CoarseRun, "_further", further)
+    monkeypatch.setattr(PilotRun, "_further", further)
     bondgraph.load(MODELS / "manipulator.bg").simulate("push_x", points=2)
     assert 50 < max(tries) < 70

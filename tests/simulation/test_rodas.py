@@ -12,8 +12,8 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import UsageError
-from bondgraph.simulation.steps import exponential, rodas
-from bondgraph.simulation.stretch.stepper import IntegrationState
+from bondgraph.simulation.integration.integration_state import IntegrationState
+from bondgraph.simulation.integrators import exponential, rodas
 from tests.compiling import MODELS
 from tests.published.test_stiff_problems import PUBLISHED
 

@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.simulation.steps.compiled.ordering import on_diagonal, ordered
-from bondgraph.simulation.steps.compiled.sparse import FINE, complex_back, complex_factors, real_back, real_factors
+from bondgraph.simulation.integrators.compiled.ordering import on_diagonal, ordered
+from bondgraph.simulation.integrators.compiled.sparse import (
+    FINE,
+    complex_back,
+    complex_factors,
+    real_back,
+    real_factors,
+)
 from tests.benchmarks import large_models
 from tests.compiling import Running, compiled
 

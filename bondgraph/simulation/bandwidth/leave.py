@@ -20,7 +20,7 @@ from .settle import SlowState, second, settled
 from .split import ScaledDynamics, Split, one
 
 if TYPE_CHECKING:
-    from ..stretch.stepper import IntegrationState, Solver
+    from ..integration.integration_state import IntegrationState, Solver
 
 SEEN = 1.0  # in units of the tolerance: a larger oscillation shortens steps
 # Largest fraction of the removed part that may remain; above, the motion is driven and no free oscillation. The second holds within a segment.
@@ -44,7 +44,7 @@ class Removal:
 
 
 class Leaving:
-    """Mode truncation of one phase (`Leg`).
+    """Mode truncation of one phase (`Phase`).
 
     `restart` receives the state from which magnitudes are searched again, where the removed part would dominate them.
     """

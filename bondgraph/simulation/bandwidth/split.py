@@ -18,7 +18,7 @@ import numpy as np
 from ..loops.loops import Eliminated
 
 if TYPE_CHECKING:
-    from ..stretch.stepper import IntegrationState
+    from ..integration.integration_state import IntegrationState
 
 LARGEST = 200  # most states for which all eigenvectors are computed
 TOLD_APART = 1e-8  # least singular value of the products of left and right unit vectors, for modes to be separable

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import RunFailed
 from ...results.truncation import FastMode, TruncationReport, frequency_text
-from ..watch.crawling import elements_of
+from ..monitors.step_size_diagnosis import elements_of
 from .along import ALIKE, Ringing, Way, amplitudes, followed, ways_of
 from .leave import Leaving, Removal
 from .push import kept

@@ -9,10 +9,10 @@ import numpy as np
 from compiler.api import Program
 
 from ...errors import RunFailed
-from ..closed.constraints import Constraints
+from ..constraints.constraints import Constraints
 from ..loops.loops import LoopSolver
+from ..monitors.step_failure import not_finite
 from ..segments.timeline import Segment
-from ..watch.stuck import not_finite
 from .steady import CANCELLED, drivers, given_terms, unread_states
 
 LARGEST = 1e100  # states beyond it have no equilibrium

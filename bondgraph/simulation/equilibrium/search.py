@@ -16,9 +16,9 @@ import numpy as np
 from compiler.api import Program
 
 from ...errors import RunFailed
-from ..closed.constraints import Constraints
+from ..constraints.constraints import Constraints
+from ..integrators.factorise import is_large
 from ..segments.timeline import Segment
-from ..steps.factorise import is_large
 from .dense import CLOSE, EquilibriumSearch
 
 STEPS = 400

@@ -13,7 +13,7 @@ from ...quantities import behind
 
 if TYPE_CHECKING:
     from ...prepared import Prepared
-    from ..closed.constraints import Constraints
+    from ..constraints.constraints import Constraints
 
 SHIFTS = (-1e6, -37.0, -1.0, -1e-3, 1e-3, 1.0, 59.0, 1e6)  # shifts of a state, to see if a condition reads it
 CANCELLED = 1e-14  # relative to the terms of parameters and inputs in a rate: rounding where they cancel

@@ -11,13 +11,13 @@ import numpy as np
 from compiler.api import Program
 
 from ...errors import RunFailed
-from ..closed.constraints import Constraints
+from ..constraints.constraints import Constraints
 from ..initialization.assembly import choose_rows
 from ..initialization.consistent_start import consistent_start
+from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment
 from ..segments.transition import PhaseTransition
 from ..start.coarse import Conditions
-from ..watch.choice import Choice
 from .complementarity import Companion, Instant
 from .events import Events, Moment
 from .impulse import StorageJump, after_impulse

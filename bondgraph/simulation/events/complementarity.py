@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunFailed
-from ..closed.constraints import Constraints
+from ..constraints.constraints import Constraints
 from ..loops.loops import LoopSolver
 
 if TYPE_CHECKING:

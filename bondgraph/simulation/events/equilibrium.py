@@ -16,7 +16,7 @@ import numpy as np
 from compiler.api import Program
 
 from ...errors import RunFailed
-from ..closed.constraints import Constraints
+from ..constraints.constraints import Constraints
 from ..equilibrium.dense import EquilibriumSearch
 from ..equilibrium.search import equilibrium, found_by
 from ..segments.timeline import Segment

@@ -18,7 +18,7 @@ import numpy as np
 from compiler.api import EventNote, Hybrid
 
 from ...errors import RunFailed
-from ..closed.constraints import Constraints
+from ..constraints.constraints import Constraints
 from ..initialization.initial_equations import fulfil
 from ..loops.loops import LoopSolver
 from .bounds import bounds_of

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunFailed
-from ..closed.constraints import Constraints
+from ..constraints.constraints import Constraints
 from ..initialization.initial_equations import slopes_of
 from ..loops.loops import LoopSolver
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunFailed
-from ..closed.constraints import Assembled, Constraints
+from ..constraints.constraints import Assembled, Constraints
 
 ITERATIONS = 50
 RANK = 1e-7  # relative to the largest singular value, for derivatives by differences

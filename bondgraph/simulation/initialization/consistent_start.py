@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import RunFailed
 from ...quantities import behind
-from ..closed.constraints import Constraints
+from ..constraints.constraints import Constraints
 from ..loops.loops import LoopSolver
 from ..segments.timeline import Segment
 from .initial_equations import fulfil, slopes_of

@@ -18,7 +18,7 @@ import numpy as np
 from ...errors import RunFailed
 from ...numerics.continuation import Followed, SolutionPath, follow, newton, split
 from ...quantities import behind
-from ..closed.constraints import Constraints
+from ..constraints.constraints import Constraints
 
 if TYPE_CHECKING:
     from compiler.api import StateSpace

@@ -13,7 +13,7 @@ from ..segments.timeline import Segment
 if TYPE_CHECKING:
     from compiler.api import Program
 
-    from .coarse import Look
+    from .coarse import PilotObserver
 
 ASTRAY = 1e3  # factor on the magnitudes of the beginning above which the run is suspect
 FAR = 2.0  # factor on steady growth up to which a part is accepted
@@ -23,8 +23,11 @@ LARGEST = 200  # most states for which parts of the run are examined
 
 
 def trusted(
-    look_along: Callable[[Sequence[Segment]], Look], program: Program, stretches: Sequence[Segment], driven: bool
-) -> Look:
+    look_along: Callable[[Sequence[Segment]], PilotObserver],
+    program: Program,
+    stretches: Sequence[Segment],
+    driven: bool,
+) -> PilotObserver:
     """Return a coarse run over the segments, or over their beginning only. `driven`: some input depends on time.
 
     A motion without drive swings about as far as its forces take it at first, or grows gradually; then its tolerances grow with it. Where states

@@ -10,13 +10,13 @@ import numpy as np
 
 from compiler.api import Program
 
-from ..closed.constraints import Constraints
+from ..constraints.constraints import Constraints
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments.timeline import Segment, always, follower, signals_on
 from .motion import LARGEST, FreeMotion, along, free_motion
 
 if TYPE_CHECKING:
-    from ..steps.compiled.coarse_run import CompiledCoarse
+    from ..integrators.compiled.pilot_run import CompiledPilotRun
 
 STEPS = 60  # steps of the pilot run
 MOST_STEPS = 600  # most steps, where its Newton iteration needs shorter ones
@@ -38,7 +38,7 @@ SLIGHT = 1e-4  # relative to the same: growth of smaller states does not matter 
 SMALLEST_RATIO = 1e-30  # least ratio of two scales in one step: a front that has not arrived would be divided by zero
 
 
-class Looks(Protocol):
+class PilotObservation(Protocol):
     """Monitor of states on the way; once it reports, later states are not valid any more."""
 
     def look(self, time: float, state: Any, mode: Any) -> object | None: ...
@@ -57,7 +57,7 @@ class Conditions:
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class PilotObserver:
     """Result of a pilot run: the largest magnitudes, those from the motion at the beginning, shape (n,), and the time at which it gave up."""
 
     largest: Any
@@ -99,7 +99,7 @@ def largest_of_unit(kinds: Any, values: Any) -> Any:
 
 
 @dataclass(slots=True)
-class Pace:
+class StepSchedule:
     """Step schedule of a pilot run on a segment: current time and step sizes."""
 
     time: float
@@ -110,7 +110,7 @@ class Pace:
     stop: float
 
 
-class CoarseRun:
+class PilotRun:
     """Pilot run by implicit Euler in about 60 steps; a step is halved where Newton's method fails."""
 
     def __init__(
@@ -130,11 +130,11 @@ class CoarseRun:
         self.far, self.until = np.zeros(NOTES), np.zeros((NOTES, len(state)))
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
-        from ..steps.compiled.coarse_run import CompiledEuler
+        from ..integrators.compiled.pilot_run import CompiledPilotStep
 
-        self.compiled = CompiledEuler(program, inputs, constants, self.smallest)
+        self.compiled = CompiledPilotStep(program, inputs, constants, self.smallest)
 
-    def peak(self, stretches: Sequence[Segment], choice: Looks | None) -> Any:
+    def peak(self, stretches: Sequence[Segment], choice: PilotObservation | None) -> Any:
         """Return the largest magnitudes on the way, as far as the pilot run gets."""
         first = stretches[0]
         reach = self._reach(first)
@@ -143,7 +143,7 @@ class CoarseRun:
         for stretch in stretches:
             length = stretch.stop - stretch.start
             usual = length / max(2, min(STEPS, round(STEPS * length / whole)))
-            pace = Pace(stretch.start, usual, taken, usual, SMALLEST_STEP * whole, stretch.stop)
+            pace = StepSchedule(stretch.start, usual, taken, usual, SMALLEST_STEP * whole, stretch.stop)
             follows = self._follows(stretch, len(stretches), whole)
             while pace.size > pace.smallest and not follows(pace.time, pace.time + pace.size):
                 pace.size *= 0.25
@@ -201,16 +201,16 @@ class CoarseRun:
         found = self.program.jacobian(first.start, there, self.inputs, self.constants, first.mode)
         return reach.fastest > 0 and not reach.is_slower_than(STIFFER * reach.fastest, found)
 
-    def _loop(self, reach: Callable[[Any], Any] | None) -> CompiledCoarse | None:
+    def _loop(self, reach: Callable[[Any], Any] | None) -> CompiledPilotRun | None:
         """Return the loop over steps of the source, if the steps need no projection; else None."""
         if self.constraints or not self.differential.all():
             return None
-        from ..steps.compiled.coarse_run import CompiledCoarse
+        from ..integrators.compiled.pilot_run import CompiledPilotRun
 
         assert reach is None or isinstance(reach, FreeMotion)
-        return CompiledCoarse(self.compiled, reach)
+        return CompiledPilotRun(self.compiled, reach)
 
-    def _further(self, pace: Pace, follows: Callable[[float, float], bool], mode: Any) -> bool:
+    def _further(self, pace: StepSchedule, follows: Callable[[float, float], bool], mode: Any) -> bool:
         """Make one step and return True; if it fails, shorten the next one."""
         pace.taken += 1
         if pace.taken == CAREFUL:  # a state grows all the time, as at the foot of a pulse: go on with usual steps

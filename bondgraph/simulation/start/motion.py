@@ -14,7 +14,7 @@ WELL_TOLD = 1e6  # largest condition number of the eigenvectors with which the m
 
 def balance(matrix: Any, compiled: bool) -> tuple[Any, Any]:
     """Return a matrix balanced, and the powers of two used; by machine code or by its source."""
-    from ..steps.compiled.balancing import balance
+    from ..integrators.compiled.balancing import balance
 
     count = len(matrix)
     if not compiled:
@@ -23,7 +23,7 @@ def balance(matrix: Any, compiled: bool) -> tuple[Any, Any]:
         return np.array(entries).reshape(count, count), np.array(scale)
     from compiler.api import address_of
 
-    from ..steps.compiled.code import POINTER, WHOLE, called
+    from ..integrators.compiled.code import POINTER, WHOLE, called
 
     a, powers = np.array(matrix, dtype=float), np.ones(count)
     called("balance", None, WHOLE, POINTER, POINTER)(count, address_of(a), address_of(powers))

@@ -17,11 +17,11 @@ import numpy as np
 from compiler.api import Program
 
 from ...results.records import ToleranceDoubt
-from ..closed.constraints import Constraints
+from ..constraints.constraints import Constraints
 from ..segments.timeline import Segment
 from .ahead import trusted
 from .chargeable import chargeable
-from .coarse import SMALLEST_ANGLE, CoarseRun, Look, Looks, smallest_angles
+from .coarse import SMALLEST_ANGLE, PilotObservation, PilotObserver, PilotRun, smallest_angles
 
 ROUNDED = 1e-3  # relative to the smallest angle: remainder of a projection on loop joints
 CAUTIOUS = 1e-6  # fraction of the charge that sources could bring in a run: magnitude of an unknown state
@@ -57,7 +57,7 @@ class Magnitudes:
 
 def nominal_magnitudes(
     program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment],
-    choice: Looks | None = None, constraints: Constraints | None = None, largest: Any = 0.0,
+    choice: PilotObservation | None = None, constraints: Constraints | None = None, largest: Any = 0.0,
 ) -> Magnitudes:  # fmt: skip
     """Return a positive magnitude for every state and unknown.
 
@@ -68,9 +68,9 @@ def nominal_magnitudes(
     stopped = None
     if len(program.states.names):
 
-        def look_along(way: Sequence[Segment]) -> Look:
-            coarse = CoarseRun(program, constants, inputs, state, constraints, mechanisms)
-            return Look(coarse.peak(way, choice), coarse.beginning, coarse.stopped)
+        def look_along(way: Sequence[Segment]) -> PilotObserver:
+            coarse = PilotRun(program, constants, inputs, state, constraints, mechanisms)
+            return PilotObserver(coarse.peak(way, choice), coarse.beginning, coarse.stopped)
 
         first = stretches[0]
         look = trusted(

@@ -15,9 +15,9 @@ from ...algebra.operators import CONDITIONS, OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of
 from ...algebra.table import lists
 from ...errors import printable
-from ...native.c_source import BEGINNING, c_number, c_source
+from ...jit.c_source import BEGINNING, c_number, c_source
 from ..limits import Leaf
-from ..llvm import support
+from ..llvm import runtime
 from ..lowered import Lowered
 from ..numpy.generate import name_tables
 from ..numpy.write import Writer
@@ -64,7 +64,7 @@ class _File:
         for row, roots in self.writer.functions:
             functions.append(self._function(row.name, row.description(self.lowered), roots, known))
             counts.append((row.name, len(roots)))
-        support_text = c_source(list(dict.fromkeys(support.BY_OPERATOR[o] for o in sorted(self.called))))
+        support_text = c_source(list(dict.fromkeys(runtime.BY_OPERATOR[o] for o in sorted(self.called))))
         points = [f"static const double {n}[] = {{{', '.join(map(c_number, v))}}};" for v, n in self.arrays.items()]
         return "\n".join([self._head(counts), BEGINNING, _OWN, support_text, *points, "", *functions])
 
@@ -164,7 +164,7 @@ class _Body:
 
     def _operation(self, node: Apply) -> str:
         operator, operands = node.operator, node.operands
-        if operator in support.BY_OPERATOR:
+        if operator in runtime.BY_OPERATOR:
             self.file.called.add(operator)
             return self._supported(node)
         match operator:
@@ -214,7 +214,7 @@ class _Body:
                 entries, out, work = (
                     self._points(operands[LEADING:]),
                     self._room(shape.unknowns),
-                    self._room(support.room(*shape)),
+                    self._room(runtime.room(*shape)),
                 )
                 self.lines.append(f"banded({', '.join(map(str, shape))}, {entries}, {work}, {out});")
                 return out
@@ -228,7 +228,7 @@ class _Body:
         points = lists(node)
         order = "" if node.operator == "inverse" else f"{_order(node)}, "
         arrays = ", ".join(map(self._points, points))
-        return f"{support.BY_OPERATOR[node.operator].__name__}({order}{self._name(operands[1])}, {arrays}, {len(points[0])})"
+        return f"{runtime.BY_OPERATOR[node.operator].__name__}({order}{self._name(operands[1])}, {arrays}, {len(points[0])})"
 
     def _slope(self, node: Apply) -> str:
         number, points = node.operands[0], node.operands[1:]

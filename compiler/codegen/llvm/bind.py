@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...native.machine import MachineCode
+from ...jit.machine import MachineCode
 from ..program import HYBRID, Native, Program, hybrid_of
 from .evaluate import dense, functions, hand_over, mode_at
 from .program_image import ProgramImage

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...native.machine import MachineCode, address_of
+from ...jit.machine import MachineCode, address_of
 from ..program import HybridNote
 from .program_image import KernelRows
 

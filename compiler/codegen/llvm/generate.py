@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ...native.machine import AS_WRITTEN, object_code
+from ...jit.machine import AS_WRITTEN, object_code
 from ..lower import count_operations
 from ..lowered import Lowered
 from ..numpy.generate import hybrid_note, name_tables, of_invariants

@@ -9,8 +9,8 @@ from array import array
 from collections.abc import Mapping, Sequence
 
 from ...algebra.expression import Apply, Expression, Symbol
-from ...native.values import float_text
-from ...nouns import dataclass
+from ...fast_dataclass import dataclass
+from ...jit.values import float_text
 from ..limits import Leaf
 from ..loop_rolling import ARRAYS, Kernel, KernelCollection, KernelSchedule, Place, read
 from ..lowered import Lowered

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...algebra.expression import Expression, Symbol
-from ...native.translate import translate
-from ...native.values import float_text
+from ...jit.translate import translate
+from ...jit.values import float_text
 from ..limits import Leaf
 from ..lowered import Lowered
 from ..numpy.write import Writer
 from ..order import operations_in_order
-from . import support
+from . import runtime
 from .kernels import Kernels, OrderedFunction
 from .program_image import KernelRows
 from .write import HEAD, LlvmLines, LlvmNeeds
@@ -51,8 +51,8 @@ class Module:
                 self.functions.append((row.name, tuple(row.arguments.split(", ")), len(roots)))
                 wanted.append(_ordered(row.name, roots, known))
         parts = self._parts(wanted)
-        needed = list(dict.fromkeys(support.BY_OPERATOR[o] for o in sorted(self.needs.called)))
-        supporting = translate(needed if self.hot else [support.batch, *needed])
+        needed = list(dict.fromkeys(runtime.BY_OPERATOR[o] for o in sorted(self.needs.called)))
+        supporting = translate(needed if self.hot else [runtime.batch, *needed])
         declared = [
             f"declare double @{name}"
             for name in sorted(self.needs.declared)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from ...nouns import dataclass
+from ...fast_dataclass import dataclass
 from ..program import HybridNote, LimitNote, NameTable, TimeFunctions
 
 

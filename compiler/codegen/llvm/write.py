@@ -14,11 +14,11 @@ from ...algebra.interpolate import SMOOTH_STEP
 from ...algebra.operators import CONDITIONS, OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of, size_of
 from ...algebra.table import lists
-from ...native.values import float_text
-from ...nouns import dataclass
+from ...fast_dataclass import dataclass
+from ...jit.values import float_text
 from ..limits import Leaf
 from ..order import operations_in_order
-from . import support
+from . import runtime
 
 ARGUMENTS = ("state", "inputs", "constants", "mode")
 HEAD = "(double %time, {arrays}, ptr noalias nocapture %out) {{\nentry:".format(
@@ -128,7 +128,7 @@ class LlvmLines:
         operator, operands = node.operator, node.operands
         if operator in CONDITIONS:
             return self._condition(node)
-        if operator in support.BY_OPERATOR:
+        if operator in runtime.BY_OPERATOR:
             self.needs.called.add(operator)
             return self._supported(node)
         match operator:
@@ -226,7 +226,7 @@ class LlvmLines:
             case "banded":
                 shape = shape_of(node)
                 entries, out = self._points(operands[LEADING:]), self._room(shape.unknowns)
-                work = self._room(support.room(*shape))
+                work = self._room(runtime.room(*shape))
                 given = ", ".join(f"i64 {x}" for x in shape)
                 self.lines.append(f"  call void @banded({given}, ptr {entries}, ptr {work}, ptr {out})")
                 return out
@@ -242,7 +242,7 @@ class LlvmLines:
         points = lists(node)
         arrays = ", ".join(f"ptr {self._points(p)}" for p in points)
         order = "" if node.operator == "inverse" else f"i64 {_order(node)}, "
-        name = support.BY_OPERATOR[node.operator].__name__
+        name = runtime.BY_OPERATOR[node.operator].__name__
         return self._emit(
             f"call double @{name}({order}double {self._double(operands[1])}, {arrays}, i64 {len(points[0])})"
         )

@@ -12,7 +12,7 @@ from ...algebra.operators import OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of, size_of
 from ...algebra.table import lists
 from ...errors import printable
-from ...nouns import dataclass
+from ...fast_dataclass import dataclass
 from ..lowered import Label
 from ..order import in_order
 from .names import Identifiers

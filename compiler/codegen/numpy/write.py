@@ -17,9 +17,9 @@ from ..functions import FIXED, functions_of
 from ..limits import Leaf
 from ..lower import moving
 from ..lowered import Lowered
-from .beginning import beginning
 from .body import NumpyLines, NumpyNeeds, number
 from .names import Identifiers
+from .runtime import beginning
 
 
 class Writer:

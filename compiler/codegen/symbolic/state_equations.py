@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ...nouns import dataclass
+from ...fast_dataclass import dataclass
 from ...source import Span
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from sympy import Basic
 
 from ...errors import printable
 from ...reduction import StateSpace
-from ..numpy.beginning import operator_functions
 from ..numpy.names import Identifiers
+from ..numpy.runtime import operator_functions
 from ..symbolic.formulate import formulate
 from ..symbolic.python_text import (
     PythonPrinter,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from ...nouns import dataclass
+from ...fast_dataclass import dataclass
 from ...reduction import StateSpace
 
 

@@ -1,0 +1,273 @@
+"""Event loop: an integrator that locates the events of its steps, lets them act and goes on; and a pilot run with events."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...errors import RunFailed, StepsCollapsed
+from ..events.events import Moment
+from ..events.locate import Flip, RootsAt, StateAt, first_flip
+from ..monitors.validity import ValidityMonitor
+from ..segments.timeline import Segment, mode_after, with_time_of
+from ..segments.trajectory import Tolerances, Trajectory
+from ..segments.transition import PhaseTransition
+from .integration_state import PhaseProblem
+from .segment_integrator import SegmentIntegrator
+
+PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a pilot run
+CLOSE = 1e-8  # fraction of the run: a zero crossing this soon after collapsed steps is their cause
+MOST_EVENTS = 10_000_000  # most events of one run
+HARMLESS = 0.01  # in units of the tolerance: largest difference of two laws that one step may use both of
+
+
+class EventIntegrator(SegmentIntegrator):
+    """Integrator over segments that events end."""
+
+    def __init__(self, problem: PhaseProblem, into: Trajectory | None = None) -> None:
+        super().__init__(problem, into)
+        assert problem.events is not None
+        self.events, self.off = problem.events, problem.off
+        self.switched = False  # True if other junctions are off now
+        self.most_events = MOST_EVENTS
+        self.linear = problem.is_exact and not len(problem.events.places)
+        self.remember(problem.history)
+
+    def through(self, state: Any, stretches: Sequence[Segment]) -> Trajectory:
+        """Integrate as `integrate`, from event to event."""
+        x = np.array(state, dtype=float)
+        for number, stretch in enumerate(stretches):
+            if number:
+                self.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
+            x = self.run_with_events(stretch, x, not number)
+            if self.result.handover is not None:
+                return self.done(x, self.mode)
+        return self.done(self.finish(stretches[-1], x), self.mode)
+
+    def run_with_events(self, stretch: Segment, x: Any, first: bool) -> Any:
+        """Integrate one segment, from event to event; return the state at its end. `first`: its mode is that of the start."""
+        events, result = self.events, self.result
+        now = Moment(stretch.start, x, stretch.mode)
+        if not first:
+            now = self._happen(Moment(stretch.start, x, with_time_of(self.program, stretch.mode, self.mode)), None)
+        while True:
+            self.mode = now.mode
+            if self._switched(now) or now.time >= stretch.stop:
+                return now.state
+            stop = stretch.stop if self.history is None else self.history.next_cut(now.time, stretch.stop)
+            self.piece = stretch.up_to(now.time, stop, now.mode)
+            x = self.run(self.piece, now.state)
+            flip, self.flip, self.mode = self.flip, None, self.piece.mode
+            stop = self.reached if flip is None else flip.time
+            if result.handover is not None:
+                result.handover = self._carrying(result.handover)
+                stop = result.handover.time
+            result.pieces.append(Segment(self.piece.start, stop, self.mode))
+            if result.handover is not None or (flip is None and stop >= stretch.stop):
+                return x
+            if flip is None:
+                now = Moment(stop, x, self.mode)
+                continue
+            if len(events.log) >= self.most_events:
+                raise RunFailed(f"more than {self.most_events} events act before t = {stop:.9g} s")
+            now = self._happen(Moment(flip.time, flip.state, self.mode), flip.conditions)
+
+    def finish(self, last: Segment, x: Any) -> Any:
+        """Return the state after the events at the very end of a run: values hold from a jump on."""
+        events, stop = self.events, last.stop
+        mode = mode_after(self.program, self.constants, stop, replace(last, mode=self.mode))
+        if (mode == self.mode).all() and not events.due(stop):
+            return x
+        now = self._happen(Moment(stop, x, mode), None)
+        self.result.pieces.append(Segment(stop, stop, now.mode))
+        self.mode = now.mode
+        return now.state
+
+    @property
+    def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
+        """Return the number of events so far, and the truth of the events' conditions."""
+        return len(self.events.log), dict(self.events.on)
+
+    def _happen(self, at: Moment, flipped: Any) -> Moment:
+        events, powers = self.events, self.powers
+        now = events.happen(at, flipped, events.due(at.time) if flipped is None else ())
+        if powers is not None and events.log[-1].events:
+            both = (powers(m.time, m.state, m.mode) for m in (at, now))
+            self.result.jumps.append((next(both), next(both)))
+        return now
+
+    def _switched(self, now: Moment) -> bool:
+        """Return True if the junctions that are off differ from those of this program, so that another program must go on."""
+        events, choice = self.events, self.choice
+        if not events.hybrid.junctions or events.actives(now) == self.off:
+            return False
+        self.switched = True
+        if choice is None:
+            return True
+        stored, peaks = choice.stored(now.time, now.state, now.mode)
+        self.result.handover = self._carrying(PhaseTransition(now.time, stored, peaks, off=events.actives(now)))
+        return True
+
+    def _carrying(self, handover: PhaseTransition) -> PhaseTransition:
+        """Return the handover with the discrete variables, and the truth of the events' conditions."""
+        events = self.events
+        if handover.off is None:
+            handover = replace(handover, off=self.off)
+        modes = dict(zip(events.hybrid.modes.names, map(float, self.mode), strict=False))
+        return replace(handover, modes=modes, on=dict(events.on))
+
+    def grow(self, x: Any) -> None:
+        """Update the largest magnitudes."""
+        peak = self.result.peak
+        self.result.peak = np.abs(x) if peak is None else np.maximum(peak, np.abs(x))
+
+    def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:
+        """Return True if a condition crosses zero so soon that no step can resolve it: a law ends there (`sqrt(x) if x > 0`)."""
+        events, said = self.events, np.asarray(stretch.mode)[self.events.places] == 1.0
+        for time, state in told.ahead:
+            if time - told.time > CLOSE * max(self.whole, abs(told.time)) or time >= stretch.stop:
+                return False
+            roots = events.roots(time, state, stretch.mode)
+            wrong = np.isfinite(roots) & (events.truth(roots) != said)
+            if wrong.any():
+                self.flip = Flip(time, state, wrong)
+                self.grow(state)
+                return True
+        return False
+
+    def marked(self) -> Any:
+        """Return the current segment, the number of segments, and the truth of the events' conditions."""
+        return self.piece, len(self.result.pieces), dict(self.events.on)
+
+    def go_back(self, mark: Any) -> None:
+        """Restore the data that `marked` returned."""
+        self.piece, count, self.events.on = mark
+        del self.result.pieces[count:]
+        self.flip = None
+
+    @property
+    def floor(self) -> Any:
+        """Rounding errors of the roots of conditions."""
+        return self.events.floor
+
+    def follow(
+        self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None
+    ) -> Segment:
+        """Find the first event of a step, which ends it.
+
+        Conditions that only events read change on the way, and so do those that have no effect yet.
+        """
+        events = self.events
+        looked_for = len(self.program.unknowns.names) > 0 and not self.loops.affine
+
+        def roots(times: Any, exactly: bool) -> Any:
+            if roots_at is None or (exactly and looked_for):
+                return events.roots(times, state_at(times, exactly), stretch.mode)
+            return roots_at(times, stretch.mode)
+
+        while start < stop:
+            flip = first_flip(events, start, stop, stretch.mode, state_at, roots)
+            if flip is None:
+                break
+            mode = np.array(stretch.mode)
+            mode[events.places[flip.conditions]] = 1.0 - mode[events.places[flip.conditions]]
+            after = Moment(flip.time, flip.state, mode)
+            if events.rising(after) or (events.hybrid.junctions and events.actives(after) != self.off):
+                self.flip = flip
+                break
+            if events.steers[flip.conditions].any() and not self._passes(flip, stretch.mode, mode, state_at):
+                self.flip = flip
+                break
+            self.result.pieces.append(Segment(self.piece.start, flip.time, stretch.mode))
+            self.piece = stretch = stretch.up_to(flip.time, stretch.stop, mode)
+            start = flip.time
+        return stretch
+
+    def _passes(self, flip: Flip, before: Any, after: Any, state_at: StateAt) -> bool:
+        """Return True if the laws of both sides agree, far below the tolerance, up to the end of the step: then it need not end where they change.
+
+        So a continuous law runs through a state that is at rest at its condition except for rounding. A condition that changes back within this distance
+        is not located.
+        """
+        events, tolerances, count = self.events, self.tolerances, len(self.program.states.names)
+        if not count:  # no step gets shorter by it, and outputs are to be those of the side that holds
+            return False
+        start, stop = self.followed
+        times, reach = np.array([0.5 * (flip.time + stop), stop]), np.zeros(len(events.floor))
+        for time, old in zip(times, state_at(times, True), strict=True):
+            allowed = tolerances.absolute + tolerances.relative * np.abs(old)
+            beside = allowed * (np.arange(len(old)) < count)
+            for state, share in ((old, HARMLESS), (old + beside, 1.0), (old - beside, 1.0)):
+                both = self._under(time, state, before), self._under(time, state, after)
+                if not self._are_alike(time, stop - start, both, share * allowed):
+                    return False
+                if state is old:
+                    if self._contradicts(time, *both[1]):
+                        return False
+                    reach = np.fmax(reach, np.abs([events.roots(time, *x) for x in both]).max(axis=0))
+        events.floor = np.where(flip.conditions, np.fmax(events.floor, reach), events.floor)
+        return True
+
+    def _contradicts(self, time: float, state: Any, mode: Any) -> bool:
+        """Return True if another condition differs from the mode because it reads the result of a changed one: a damper that acts where its spring does."""
+        events = self.events
+        roots = events.roots(time, state, mode)
+        wrong = np.isfinite(roots) & (events.truth(roots) != (mode[events.places] == 1.0))
+        return bool((wrong & (np.abs(roots) > events.floor)).any())
+
+    def _under(self, time: float, state: Any, mode: Any) -> tuple[Any, Any]:
+        """Return a state with the unknowns that belong to it under a mode, if there are any; and the mode."""
+        try:
+            return self.loops.solve(time, state, mode), mode
+        except RunFailed:
+            return np.full(len(state), np.nan), mode
+
+    def _are_alike(self, time: float, size: float, both: Sequence[tuple[Any, Any]], allowed: Any) -> bool:
+        """Return True if rates, over a time, and unknowns of two states and modes differ by no more than is allowed."""
+        count = len(self.program.states.names)
+        self.count({"derivative": len(both)})
+        before, after = (self.program.derivative(time, x, self.inputs, self.constants, m)[:count] for x, m in both)
+        moved = np.concatenate([size * (after - before), (both[1][0] - both[0][0])[count:]])
+        return bool((np.abs(moved) <= allowed).all()) and self._works_alike(time, *both)
+
+    def _works_alike(self, time: float, before: tuple[Any, Any], after: tuple[Any, Any]) -> bool:
+        """Return True if the powers at all ports, where they are needed, agree for two states and modes."""
+        if self.powers is None:
+            return True
+        one, two = (self.powers(time, *x) for x in (before, after))
+        most = float(np.abs(np.concatenate([one, two])).max(initial=0.0))
+        return bool((np.abs(two - one) <= HARMLESS * self.tolerances.relative * most).all())
+
+
+def pilot(problem: PhaseProblem, state: Any, stretches: Sequence[Segment], magnitude: Any) -> Any:
+    """Return the largest magnitudes of states and unknowns in a pilot run through the events, as far as this program goes."""
+    program, constants, inputs = problem.program, problem.constants, problem.inputs
+    tolerances = Tolerances(PILOT, PILOT * magnitude, magnitude, np.zeros(len(state), dtype=bool))
+    stepper = EventIntegrator(
+        replace(
+            problem,
+            instants=np.array([stretches[-1].stop]),
+            tolerances=lambda: tolerances,
+            powers=None,
+            watch=ValidityMonitor(program, constants, inputs, PILOT),
+            choice=None,
+            linear=False,
+            solver="radau",
+            leaving=None,
+        )
+    )
+    stepper.most_steps, stepper.most_events = PILOT_STEPS, PILOT_EVENTS
+    x = np.array(state, dtype=float)
+    try:
+        for number, stretch in enumerate(stretches):
+            x = stepper.run_with_events(stretch, x, not number)
+            if stepper.switched:
+                break
+    except RunFailed:
+        pass  # the run itself will raise the error
+    stepper.let_go()
+    largest = stepper.result.peak
+    return np.abs(state) if largest is None else np.maximum(np.abs(state), largest)

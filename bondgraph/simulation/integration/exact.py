@@ -1,0 +1,98 @@
+"""Segment of a linear model by the matrix exponential: exact at every instant, without step-size control."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...numerics.quadrature import GAUSS, KRONROD, PLACES, too_coarse
+from ..integrators import exponential
+from ..monitors.step_failure import not_finite
+from ..segments.timeline import Segment
+
+if TYPE_CHECKING:
+    from .integration_state import IntegrationState
+
+LEFT = (0.0, 1e-6, 1e-3, 1e-2, 0.1)  # fractions of the segment that remain before its end
+LOOKED_AT = 4097  # places of a segment that are searched for values that are not finite
+
+
+def exactly(stepper: IntegrationState, stretch: Segment, x: Any) -> Any | None:
+    """Integrate a segment as `run`, from state x; return None if it cannot be done this way."""
+    form = exponential.linear_form(stepper.program, stepper.inputs, stepper.constants, stretch, stepper.whole)
+    if form is None:
+        return None
+    form.share(stepper.exponentials)
+    known = len(form.known)
+    looked_at = stepper.powers is not None or bool(stepper.program.limits)
+    longest = exponential.fastest(form) if looked_at else np.inf
+    while True:
+        cut = exponential.intervals(form, stepper.instants[stepper.position :], longest)
+        states = None if cut is None else exponential.march(form, cut, x)
+        if cut is None or states is None:
+            return None
+        work = None if stepper.powers is None else _work(stepper, form, cut, states, stretch)
+        if work is None or work[1]:
+            break
+        longest = 0.5 * float(cut.lengths.max())
+    _look(stepper, form, cut, states, stretch)
+    ends = states[1:][cut.reported][:-1]
+    stepper.result.states[stepper.position : stepper.position + len(ends)] = ends
+    stepper.position += len(ends)
+    if work is not None:
+        stepper.add(*work[0])
+    stepper.result.steps += len(cut.starts)
+    stepper.count({"exponential": len(form.known) - known})
+    stepper.result.solvers["matrix exponential"] = None
+    return states[-1]
+
+
+def check_driven(stepper: IntegrationState, stretch: Segment, x: Any) -> None:
+    """Raise `RateNotFinite` at the first instant at which a driving signal has no value, to rounding: no other solver would help then."""
+    times: Any = np.linspace(stretch.start, stretch.stop, LOOKED_AT)
+    fixed = (stepper.inputs, stepper.constants, stretch.mode)
+    slopes = stepper.program.derivative(times, np.tile(x, (len(times), 1)), *fixed)
+    bad = np.flatnonzero(~np.isfinite(slopes).all(axis=-1))
+    if not len(bad):
+        return
+    late = float(times[bad[0]])
+    early = float(times[max(bad[0] - 1, 0)])
+    while early < (middle := 0.5 * (early + late)) < late:
+        if np.isfinite(stepper.program.derivative(middle, x, *fixed)).all():
+            early = middle
+        else:
+            late = middle
+    for left in LEFT:  # no polynomial fits a signal up to a place where it is unbounded or has no derivative
+        stop = early - left * (early - stretch.start)
+        end = exactly(stepper, stretch.up_to(stretch.start, stop), x) if stop > stretch.start else None
+        if end is not None:
+            x = end
+            stepper.keep(stop, x, stretch.mode, stretch.start)
+            break
+    raise not_finite(stepper.program, late, stepper.program.derivative(late, x, *fixed), x, stretch.mode)
+
+
+def _work(
+    stepper: IntegrationState, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
+) -> tuple[tuple[Any, float], bool]:
+    """Return the work of a segment with the energy turnover, and True if the quadrature is fine enough."""
+    assert stepper.powers is not None
+    times, inside = exponential.between(form, cut, states, PLACES)
+    values = stepper.powers(times.reshape(-1), inside.reshape(-1, inside.shape[-1]), stretch.mode)
+    values = values.reshape(*times.shape, -1)
+    work = np.einsum("k,p,kpq->kq", cut.lengths, KRONROD, values)
+    coarse = np.einsum("k,p,kpq->kq", cut.lengths, GAUSS, values)
+    traffic = float(np.abs(work).sum())
+    doubt = np.abs(coarse - work).max(initial=0.0) / max(traffic, 1e-300)
+    return (work.sum(axis=0), traffic), not too_coarse(doubt, stepper.watch.rtol)
+
+
+def _look(
+    stepper: IntegrationState, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
+) -> None:
+    """Check the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
+    if stepper.program.limits:
+        inner, _ = exponential.between(form, cut, states, PLACES)
+        times = np.unique(np.concatenate([cut.starts, inner.reshape(-1), [stretch.stop]]))
+        stepper.watch.look(times, stretch.mode, exponential.at(form, cut, states))

@@ -1,0 +1,32 @@
+"""A run over smooth segments: the integrator stops and restarts where the right-hand side jumps or has a kink."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..segments.timeline import Segment
+from ..segments.trajectory import Trajectory
+from .integration_state import PhaseProblem
+from .segment_integrator import SegmentIntegrator
+
+
+def integrate(problem: PhaseProblem, state: Any, stretches: Sequence[Segment], into: Trajectory) -> Trajectory:
+    """Integrate over the segments, into a trajectory that keeps the part before an exception. Raises `RunFailed` with time and variable."""
+    if problem.events is not None:
+        from .event_integrator import EventIntegrator
+
+        return EventIntegrator(problem, into).through(state, stretches)
+    stepper = SegmentIntegrator(problem, into)
+    stepper.linear = problem.is_exact
+    stepper.remember(problem.history)
+    x = np.array(state, dtype=float)
+    for number, stretch in enumerate(stretches):
+        if number:
+            stepper.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
+        x = stepper.run_to_end(stretch, x)
+        if stepper.result.handover is not None:
+            break
+    return stepper.done(x, stretches[-1].mode)

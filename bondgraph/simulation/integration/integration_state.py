@@ -1,0 +1,326 @@
+"""State and services common to the methods for smooth segments: see `segment_integrator.py`, `interpreted_integrator.py` and `native_integrator.py`.
+
+States are divided by their magnitudes before the solver gets them, which keeps its linear algebra well scaled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Protocol, Union
+
+import numpy as np
+
+from compiler.api import Program
+
+from ...errors import RunFailed, StepsCollapsed
+from ...numerics.quadrature import work_of
+from ..constraints.constraints import Constraints
+from ..integrators.methods import AUTOMATIC, NAMES
+from ..integrators.radau import INNER
+from ..loops.loops import LoopSolver
+from ..monitors.growth_warning import notes_of_beyond
+from ..monitors.state_selection import Choice
+from ..monitors.step_failure import MOST_COMPILED, MOST_STEPS, failure, not_finite
+from ..monitors.step_size_diagnosis import notes_of
+from ..monitors.validity import ValidityMonitor
+from ..segments.context import SegmentContext
+from ..segments.timeline import Segment, Signals, signals_on, with_time_of
+from ..segments.trajectory import Kept, Tolerances, Trajectory, empty
+
+if TYPE_CHECKING:
+    from ..constraints.singular import SingularPoseMonitor
+    from ..events.events import Events
+    from ..events.history import History
+    from ..events.locate import Flip, RootsAt, StateAt
+    from ..integrators.compiled.interpreted import Interpreted
+    from ..integrators.compiled.run import CompiledRadau
+
+Solver = Union["Interpreted", "CompiledRadau"]
+Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
+MOST_KNOWN = 64  # most modes whose signals are cached
+
+
+class ModeTruncation(Protocol):
+    """Truncation of fast modes, seen from an integration."""
+
+    @property
+    def pause(self) -> int:
+        """Number of steps of a segment after which it is examined."""
+
+    def begin(self, stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
+        """Return the state without its fast oscillations."""
+
+    def cuts(self, stepper: IntegrationState, solver: Solver, steps: int, stretch: Segment) -> bool:
+        """Return True if a segment is to be cut after so many steps."""
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseProblem:
+    """Integration of one phase, in SI.
+
+    `tolerances` need a pilot run, so they are found on use. `powers` are integrated along the solution, outside the error control. `watch` checks
+    each accepted step. `linear`: the rates are affine in the states. `off`: junctions that are off in this program. `solver`: one of
+    `methods.SOLVERS`. `leaving`: modal truncation at a bandwidth.
+    """
+
+    program: Program
+    constants: Any
+    inputs: Any
+    instants: Any
+    tolerances: Callable[[], Tolerances]
+    powers: Powers | None
+    watch: ValidityMonitor
+    constraints: Constraints
+    choice: Choice | None = None
+    linear: bool = False
+    events: Events | None = None
+    off: tuple[str, ...] = ()
+    history: History | None = None
+    solver: str = AUTOMATIC
+    leaving: ModeTruncation | None = None
+
+    @property
+    def is_exact(self) -> bool:
+        """Return True if the matrix exponential may integrate it, as far as laws, constraints and delays decide that."""
+        exact = self.linear and self.solver in (AUTOMATIC, "exponential")
+        return exact and not self.constraints and self.history is None
+
+
+class IntegrationState:
+    """State of an integration over successive smooth segments: the requested results so far, and services common to all methods."""
+
+    def __init__(self, problem: PhaseProblem, into: Trajectory | None = None) -> None:
+        program, constants, instants = problem.program, problem.constants, problem.instants
+        self.watch, self.constraints = problem.watch, problem.constraints
+        self.choice, self.leaving, self.solver = problem.choice, problem.leaving, problem.solver
+        self.linear = False
+        self.steps, self.most_steps = 0, MOST_STEPS  # steps in all segments
+        self.mode: Any = None  # mode at the end of the last segment
+        self.history: History | None = None  # history of delayed signals
+        self.followed = (-np.inf, -np.inf)  # the step that is examined
+        self.repeated = (-np.inf, np.inf)  # start of the last repeated step, and its size then
+        self.reached = -np.inf  # end of the last call of `run`
+        self.flip: Flip | None = None  # zero crossing that ended the last segment early
+        self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
+        self.program, self.constants, self.inputs = program, constants, problem.inputs
+        self.instants, self.powers, self._tolerances = instants, problem.powers, problem.tolerances
+        self.whole = float(instants[-1] - instants[0])  # length of the run, s
+        self.traffic = 0.0  # energy turnover: absolute work at all ports so far
+        self.position = 0  # index of the next instant to be reported
+        self._signals: dict[tuple[float, bytes], Signals] = {}
+        self.exponentials: dict[bytes, tuple[Any, Any]] = {}  # exponentials of linear segments, by their matrices
+        self.methods: dict[bytes, int] = {}  # methods chosen, by mode: each spectrum is examined once
+        self.result = into if into is not None else empty(program, instants)
+
+    @cached_property
+    def tolerances(self) -> Tolerances:
+        found = self._tolerances()
+        self.constraints.scale(found.magnitude)
+        return found
+
+    @property
+    def context(self) -> SegmentContext:
+        """Unchanging data of this integration, with its present tolerances."""
+        return SegmentContext(self.program, self.constants, self.inputs, self.instants, self.tolerances)
+
+    def look_anew(self) -> None:
+        """Discard the magnitudes, and all data that depend on them."""
+        for name in ("tolerances", "loops"):
+            self.__dict__.pop(name, None)
+
+    @cached_property
+    def loops(self) -> LoopSolver:
+        unknowns = len(self.program.unknowns.names)
+        magnitude = self.tolerances.magnitude if unknowns else np.ones(len(self.program.states.names))
+        return LoopSolver(self.program, self.constants, self.inputs, magnitude, self.constraints.parameters)
+
+    @cached_property
+    def singular(self) -> SingularPoseMonitor:
+        from ..constraints.singular import SingularPoseMonitor
+
+        return SingularPoseMonitor(self.constraints, self.loops, self.result.poses)
+
+    def signals(self, stretch: Segment) -> Signals:
+        """Return the signals of time on a segment, or on a longer one that ends with it: events cut one segment into many."""
+        hybrid, mode = self.program.hybrid, np.asarray(stretch.mode)
+        key = stretch.stop, mode.tobytes() if hybrid is None or hybrid.switches_signals else b""
+        if key not in self._signals:
+            if len(self._signals) >= MOST_KNOWN:
+                self._signals.clear()
+            self._signals[key] = signals_on(self.program, self.inputs, self.constants, stretch, self.whole)
+        return self._signals[key]
+
+    def done(self, x: Any, mode: Any) -> Trajectory:
+        """Return the trajectory, with the state and the mode at the end."""
+        if self.result.handover is not None:
+            self.result.states = self.result.states[: self.position]
+            self.result.kept = None
+        self.result.states[self.position :] = x
+        self.position = len(self.result.states)
+        self.result.final = x
+        self.let_go()
+        if self.result.handover is None:
+            self.keep(float(self.instants[-1]), x, mode, float(self.instants[-1]))
+        return self.result
+
+    def let_go(self) -> None:
+        """Release all data that refer to this object."""
+
+    def keep(self, time: float, x: Any, mode: Any, begun: float, work: Any = None, position: int | None = None) -> None:
+        """Store a checkpoint after a step that was accepted and that all monitors have checked."""
+        result, history = self.result, self.history
+        count, on = self.happened
+        result.kept = Kept(
+            time, x, mode, begun, self.position if position is None else position, len(result.pieces), len(result.jumps),
+            count, 0 if history is None else len(history.starts), result.work if work is None else work, on,
+        )  # fmt: skip
+
+    @property
+    def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
+        """Return the number of events so far, and the truth of the events' conditions."""
+        return 0, {}
+
+    @property
+    def floor(self) -> Any:
+        """Rounding errors of the roots of conditions; None if there are none."""
+        return None
+
+    def remember(self, history: History | None) -> None:
+        """Store the future values of delayed signals; no step is longer than the shortest delay."""
+        self.history = history
+        if history is not None:
+            self.longest = min(self.longest, float(history.lags.min()))
+
+    def held(self, time: float, x: Any, mode: Any) -> Any:
+        """Return a state projected on its invariants, with the unknowns that belong to it."""
+        return self.loops.solve(time, self.constraints.project(time, x, mode), mode)
+
+    def held_all(self, times: Any, states: Any, mode: Any) -> Any:
+        """Return projected states at several instants, with their unknowns; shape (times, n)."""
+        return self.loops.solve_all(times, self.constraints.project_all(times, states, mode), mode)
+
+    def tell_crawling(self, solver: Solver, steps: int, mode: Any) -> None:
+        """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
+        self.result.notes += [
+            *notes_of(self.context, solver, steps, mode, self.solver == "explicit"),
+            *notes_of_beyond(self.context, solver, self.result.notes),
+        ]
+
+    def name(self, method: int, target: str) -> None:
+        """Note in the result the method and target of the steps."""
+        self.result.solvers[f"{NAMES[method]}, {target}"] = None
+
+    def count(self, evaluations: Mapping[str, int]) -> None:
+        for name, count in evaluations.items():
+            if not count:
+                continue
+            self.result.evaluations[name] = self.result.evaluations.get(name, 0) + count
+
+    def check_forced(self, time: float, before: Any, after: Any, x: Any) -> None:
+        """Raise `RunFailed` if a differentiated input jumps where conditions on time change. `before`, `after`: modes."""
+        if self.mode is not None:
+            before, after = self.mode, with_time_of(self.program, after, self.mode)
+        if (before == after).all():
+            return
+        fixed = (x, self.inputs, self.constants)
+        old, new = (np.asarray(self.program.forced(time, *fixed, mode)) for mode in (before, after))
+        bad = np.flatnonzero(np.abs(new - old) > 1e-9 * np.maximum(np.abs(new), np.abs(old)))
+        if len(bad):
+            raise RunFailed(
+                f"at t = {time:.9g} s what forces a storage in derivative form jumps from {old[bad[0]]:.6g} to {new[bad[0]]:.6g}: "
+                "its flow would be an impulse; put a resistor between source and storage, or let the source rise within a time"
+            )
+
+    def check_rates(self, start: float, x: Any, mode: Any) -> None:
+        """Raise `RunFailed` if a rate is not finite where a run begins."""
+        slope = self.program.derivative(start, x, self.inputs, self.constants, mode)
+        if not np.isfinite(slope).all():
+            raise not_finite(self.program, start, slope, x, mode)
+
+    def failed(self, solver: Solver, what: str, mode: Any) -> RunFailed:
+        """Return the error that explains why the run ends here."""
+        from ..integrators.compiled.run import CompiledRadau
+
+        most = MOST_COMPILED if isinstance(solver, CompiledRadau) else MOST_STEPS
+        return failure(self.context, solver, what, mode, self.solver == "explicit", most)
+
+    def grow(self, x: Any) -> None:
+        """Update the largest magnitudes; only for integrators with events."""
+
+    def follow(
+        self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None
+    ) -> Segment:
+        """Search a step for events; only integrators with events do this, here the segment is returned unchanged."""
+        return stretch
+
+    def follow_step(
+        self,
+        last: tuple[float, float],
+        parts: int,
+        stretch: Segment,
+        state_at: StateAt,
+        roots_at: RootsAt | None = None,
+    ) -> Segment:
+        """Search the last step for events by `follow`, in as many parts as its method needs."""
+        start, stop = self.followed = last
+        edges = [start + (stop - start) * k / parts for k in range(parts)] + [stop]
+        for a, b in pairwise(edges):
+            stretch = self.follow(a, b, stretch, state_at, roots_at)
+            if self.flip is not None:
+                break
+        return stretch
+
+    def marked(self) -> Any:
+        """Return the data that `follow` changes; only for integrators with events."""
+
+    def shortened(self, start: float, size: float) -> float:
+        """Return the size of a repeated step: `size`, or half of its last size if it was repeated before, so that repetition ends."""
+        before, last = self.repeated
+        if start == before:
+            size = min(size, 0.5 * last)
+        self.repeated = start, size
+        return size
+
+    def go_back(self, mark: Any) -> None:
+        """Restore the data of `marked` before a step is repeated with a shorter size; only for integrators with events."""
+
+    def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:
+        """Return True if an event lies where steps collapse: beyond it the law of this side may have no value. Here always False."""
+        return False
+
+    def look(self, solver: Solver, stretch: Segment, reported: Any) -> None:
+        """Check the limits of the model at the stages of the last step and at the reported instants within it."""
+        start, stop = solver.last_step
+        stop = stop if self.flip is None else self.flip.time
+        magnitude = self.tolerances.magnitude
+        self.watch_limits(start, stop, reported, lambda t: solver.sample(t) * magnitude, stretch, solver.inner)
+
+    def watch_limits(
+        self, start: float, stop: float, reported: Any, sample: Callable[[Any], Any], stretch: Segment,
+        inner: Sequence[float] = INNER,
+    ) -> None:  # fmt: skip
+        if self.program.limits:
+            times = np.unique(np.concatenate([[start], start + np.array(inner) * (stop - start), [stop], reported]))
+            self.watch.look(times, stretch.mode, lambda t: self.held_all(t, sample(t), stretch.mode))
+
+    def add_work(self, start: float, stop: float, sample: Callable[[Any], Any], stretch: Segment) -> None:
+        """Add the work of a step. `sample`: states at instants, with or without the multipliers that belong to them."""
+        powers = self.powers
+        assert powers is not None
+
+        def at(times: Any) -> Any:
+            states = sample(times)
+            # multipliers of a collocation polynomial start from those of the step before
+            if len(self.program.multipliers):
+                states = self.loops.solve_all(times, states, stretch.mode)
+            return powers(times, states, stretch.mode)
+
+        self.add(*work_of(at, start, stop, self.traffic, self.tolerances.relative))
+
+    def add(self, work: Any, traffic: float) -> None:
+        """Add work at all ports, and the sum of its absolute values."""
+        self.traffic += traffic
+        self.result.work = work if self.result.work is None else self.result.work + work

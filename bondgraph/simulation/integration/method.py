@@ -1,0 +1,154 @@
+"""Choice of the method for a segment: the author's choice, or one from an examination of the model.
+
+An explicit method is faster where accuracy, not stability, limits its steps. The spectrum of the Jacobian at the beginning of a segment decides
+clear cases; otherwise the explicit method makes some trial steps, which are not kept. Stiffness that begins later is detected on the way. Laws
+with kinks are given to Radau, whose steps end there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import UsageError
+from ..integrators.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU, RODAS
+from ..integrators.radau import StepFailed
+from ..segments.timeline import Segment
+from .reference import interpreted
+
+if TYPE_CHECKING:
+    from .integration_state import IntegrationState
+
+# Phase of the fastest mode in a segment, in radians, for which an explicit method needs no more than about fifty steps.
+EASY = 300.0
+STIFF = 3000.0  # the same for a mode that decays: it has done so long before the end
+DAMPED = 0.3  # least ratio of decay rate to rate of a mode that decays
+LARGEST = 200  # most states for which the spectrum is computed
+LARGEST_INTERPRETED = 60  # most states for which the explicit steps run in Python
+TRIAL = 60  # trial steps
+ENOUGH = 64  # most discrete modes examined: others are assumed to be like most of them
+
+
+def method_of(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> int:
+    """Return the method that goes on from state x. Raises `UsageError` where the requested one is not possible."""
+    explicit = _obstacle_to_explicit(stepper)
+    if stepper.solver == "explicit" and explicit:
+        raise UsageError(
+            f"an explicit method cannot step through this model: {explicit}; leave the solver to choose, or name `radau`"
+        )
+    if stepper.solver == "energy":
+        _check_conserving(stepper, explicit)
+        return ENERGY
+    if stepper.solver == "rodas":
+        _check_rodas(stepper, len(x), compiled)
+        return RODAS
+    if stepper.solver != AUTOMATIC:
+        return EXPLICIT if stepper.solver == "explicit" else RADAU
+    if (
+        explicit
+        or stepper.program.bends is not None
+        or stepper.history is not None
+        or (len(x) > LARGEST_INTERPRETED and not compiled)
+    ):
+        return RADAU
+    if stepper.result.settled is not None:
+        return stepper.result.settled
+    if stepper.program.hybrid is None:
+        return _by_spectrum(stepper, stretch, x, compiled)
+    # Events return to modes that have been examined before.
+    known, key = stepper.methods, np.asarray(stretch.mode).tobytes()
+    if key not in known and len(known) >= ENOUGH:
+        return max(known.values(), key=list(known.values()).count)
+    if key not in known:
+        known[key] = _by_spectrum(stepper, stretch, x, compiled)
+    return known[key]
+
+
+def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> int:
+    """Return the method that fits the eigenvalues on a segment."""
+    rates = _spectrum(stepper, stretch, x)
+    if rates is None:
+        return RADAU
+    turns = np.abs(rates).max(initial=0.0) * (stretch.stop - stretch.start)
+    if turns <= EASY:
+        return EXPLICIT
+    dying = rates[-rates.real >= DAMPED * np.abs(rates)]
+    if np.abs(dying).max(initial=0.0) * (stretch.stop - stretch.start) > STIFF:
+        return RADAU
+    return _tried(stepper, stretch, x, compiled)
+
+
+def _obstacle_to_explicit(stepper: IntegrationState) -> str:
+    """Return the reason why an explicit method is not possible; empty if it is."""
+    if stepper.constraints:
+        return "closed loops hold its states on constraints"
+    return "the unknowns of its algebraic loops are found with each step" if len(stepper.program.unknowns.names) else ""
+
+
+def _check_rodas(stepper: IntegrationState, states: int, compiled: bool) -> None:
+    """Raise `UsageError` for models that are not possible with a method that needs exact derivatives and solves once per stage."""
+    if stepper.constraints:
+        obstacle = "closed loops hold its states on constraints"
+    elif stepper.history is not None:
+        obstacle = "delayed signals have no exact slope in time"
+    elif states > LARGEST and not compiled:
+        obstacle = f"without machine code it is for up to {LARGEST} states and unknowns, these are {states}"
+    else:
+        return
+    raise UsageError(f"Rodas5P cannot step through this model: {obstacle}; leave the solver to choose, or name `radau`")
+
+
+def _check_conserving(stepper: IntegrationState, obstacle: str) -> None:
+    """Raise `UsageError` for models that are not possible with an energy-conserving method."""
+    if stepper.program.hybrid is not None:
+        obstacle = "events change what it stores"
+    elif stepper.history is not None:
+        obstacle = "delayed signals are no storage"
+    elif stepper.program.bends is not None:
+        obstacle = "its laws bend, which equal steps do not see"
+    if obstacle:
+        raise UsageError(f"no method keeps the energy of this model: {obstacle}; leave the solver to choose")
+
+
+def _spectrum(stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
+    """Return the eigenvalues at a state; for a large model a bound of the fastest one; None if there are none."""
+    program, magnitude = stepper.program, stepper.tolerances.magnitude
+    fixed = (stepper.inputs, stepper.constants, stretch.mode)
+    rows, columns = program.pattern
+    entries = program.jacobian_entries(stretch.start, x, *fixed) * magnitude[columns] / magnitude[rows]
+    if not np.isfinite(entries).all():
+        return None
+    if len(x) > LARGEST:
+        sums = np.zeros(len(x))
+        np.add.at(sums, rows, np.abs(entries))
+        return 1j * sums.max(initial=0.0, keepdims=True)
+    matrix = np.zeros((len(x), len(x)))
+    matrix[rows, columns] = entries
+    try:
+        return np.linalg.eigvals(matrix)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _tried(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> int:
+    """Return the method chosen by some trial steps of the explicit one, which are not kept."""
+    try:
+        if compiled:
+            from .native_integrator import explicit_trial
+
+            evaluations, stiff, finished = explicit_trial(stepper, stretch, x, TRIAL)
+        else:
+            solver = interpreted(stepper, stretch, x)
+            for _ in range(TRIAL):
+                solver.step()
+                if solver.finished or solver.is_stiff:
+                    break
+            evaluations, stiff, finished = solver.evaluations, solver.is_stiff, solver.finished
+    except StepFailed:
+        return RADAU
+    stepper.count(evaluations)
+    method = RADAU if stiff and not finished else EXPLICIT
+    if not finished:
+        stepper.result.settled = method
+    return method

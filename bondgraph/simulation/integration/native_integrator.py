@@ -1,0 +1,243 @@
+"""Integration of segments in machine code, and the work of Python where it stops: see `compiled/advance.py`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compiler.api import Program
+
+from ...errors import StepsCollapsed
+from ..integrators import dop853
+from ..integrators.compiled.advance import FINISHED, FLIP, HANDOVER, MORE, STIFF
+from ..integrators.compiled.run import CompiledRadau, obstacle, steps
+from ..integrators.limits import NEAR
+from ..integrators.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU
+from ..integrators.radau import StepFailed
+from ..monitors.step_failure import MOST_COMPILED, MOST_STEPS
+from ..segments.timeline import Segment
+from .cut import is_sure
+from .poses import beyond, chosen_anew
+
+if TYPE_CHECKING:
+    from ..segments.trajectory import Tolerances
+    from .integration_state import IntegrationState
+
+
+def obstacle_of(program: Program) -> str | None:
+    """Return the reason why machine code does not make the steps, in brackets; None if it does."""
+    found = obstacle(program)
+    return f" ({found})" if found else None
+
+
+def explicit_trial(stepper: IntegrationState, stretch: Segment, x: Any, most: int) -> tuple[dict[str, int], bool, bool]:
+    """Make up to `most` explicit steps without keeping them; return evaluations, True if stability limits the steps, True if the end was reached."""
+    solver = explicit_scout(stepper, stretch, x)
+    answer = solver.advance(most)
+    return solver.evaluations, answer == STIFF, answer == FINISHED
+
+
+def explicit_scout(stepper: IntegrationState, stretch: Segment, x: Any) -> CompiledRadau:
+    """Return DOP853 from the start of a segment, for single steps that are not kept."""
+    solver = _solver(stepper, stretch, x, EXPLICIT)
+    solver.values["limit_count"] = solver.values["root_count"] = 0
+    solver.begin()
+    return solver
+
+
+def native_integrator(
+    stepper: IntegrationState, machine: NativeIntegrator | None, stretch: Segment, x: Any, method: int, size: float
+) -> NativeIntegrator:
+    """Return the integrator of the segments so far, where it fits the next one, or a new one. `size`: of all steps, for a method with equal steps."""
+    if machine is None or method == ENERGY or machine.tolerances is not stepper.tolerances:
+        return NativeIntegrator(stepper, stretch, x, method, size)
+    machine.begin_at(stretch, x, method)
+    return machine
+
+
+def _solver(stepper: IntegrationState, stretch: Segment, x: Any, method: int) -> CompiledRadau:
+    """Return a solver for a segment with steps only: no events, limits or outputs attached yet."""
+    solver = CompiledRadau(
+        stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch, x, stepper.longest,
+        stepper.constraints.always_compiled, stepper.signals(stretch), method,
+    )  # fmt: skip
+    solver.values["automatic"] = _automatic(stepper, method)
+    return solver
+
+
+def _automatic(stepper: IntegrationState, method: int) -> int:
+    """Return 1 if another method may take over, else 0."""
+    return int(stepper.solver == AUTOMATIC and method == EXPLICIT)
+
+
+class NativeIntegrator:
+    """Native integrator over successive segments; the data set up for the first segment serves all."""
+
+    def __init__(self, stepper: IntegrationState, stretch: Segment, x: Any, method: int, size: float) -> None:
+        self.stepper, self.stretch, self.first = stepper, stretch, stepper.position
+        self.tolerances: Tolerances = stepper.tolerances
+        self.noted = False  # True while the checkpoint before the last step is stored
+        solver = self.solver = _solver(stepper, stretch, x, method)
+        solver.fixed_size = size if size < np.inf else None
+        solver.report(stepper.instants, stepper.position, stepper.result.states)
+        if stepper.choice is not None:
+            solver.choose(stepper.choice)
+        if stepper.powers is not None:
+            if stepper.result.work is None:
+                stepper.result.work = np.zeros_like(stepper.powers(stretch.start, x, stretch.mode))
+            solver.measure(stepper.result.work, stepper.traffic)
+        solver.doubt(stepper.floor)
+        solver.begin()
+
+    def begin_at(self, stretch: Segment, x: Any, method: int) -> None:
+        """Go on with another segment."""
+        stepper, solver = self.stepper, self.solver
+        self.stretch, self.first, self.noted = stretch, stepper.position, False
+        solver.doubt(stepper.floor)
+        if stepper.choice is not None:
+            solver.choose(stepper.choice)
+        stepper.result.work = solver.went_on(stepper.position, stepper.result.work, stepper.traffic)
+        automatic = _automatic(stepper, method)
+        solver.begin_at(stretch, x, stepper.signals(stretch), method, automatic)
+
+    def to_end(self) -> Any:
+        """Return the state at the end of the segment, or where it is cut."""
+        stepper, solver = self.stepper, self.solver
+        leaving = stepper.leaving
+        try:
+            while answer := self._steps(np.inf if leaving is None else leaving.pause):
+                if self._is_cut(answer):
+                    break
+        except BaseException:
+            if not self.noted:
+                self._note()
+            stepper.result.steps += solver.steps
+            stepper.count(solver.evaluations)
+            raise
+        record = solver.record
+        stepper.position, stepper.traffic = record.position, record.traffic
+        self._put_unknowns(self.first, stepper.position)
+        stepper.steps += record.steps
+        stepper.result.steps += record.steps
+        stepper.count(solver.evaluations)
+        stepper.result.rounded = max(stepper.result.rounded, record.rounded)
+        stepper.tell_crawling(solver, record.steps, self.stretch.mode)
+        stepper.grow(solver.greatest * self.tolerances.magnitude)
+        if stepper.flip is not None:
+            stepper.grow(stepper.flip.state)
+            return stepper.flip.state
+        return stepper.loops.solve(record.time, self._state, self.stretch.mode)
+
+    @property
+    def _state(self) -> Any:
+        """State at the end of the last step, in SI."""
+        return self.solver.state * self.tolerances.magnitude
+
+    def _steps(self, pause: float) -> int:
+        """Step until machine code returns control; 0 at the end of the segment. Raises `RunFailed`."""
+        stepper = self.stepper
+        most = MOST_COMPILED if stepper.most_steps >= MOST_STEPS else stepper.most_steps - stepper.steps
+        try:
+            return steps(self.solver, self._look, most, pause)
+        except StepFailed as failed:
+            told = stepper.failed(self.solver, failed.what, self.stretch.mode)
+            if isinstance(told, StepsCollapsed) and stepper.flips_just_ahead(told, self.stretch):
+                return FINISHED
+            raise told from None
+
+    def _look(self) -> list[int]:
+        """Check the limits of the model in the last step; return those that are violated."""
+        stepper, solver = self.stepper, self.solver
+        passed = stepper.instants[np.searchsorted(stepper.instants, solver.last_step[0], "right") : solver.position]
+        stepper.look(solver, self.stretch, passed)
+        return [*stepper.watch.left]
+
+    def _is_cut(self, answer: int) -> bool:
+        """Return True if the segment ends at the instant at which machine code returned control."""
+        stepper, solver, stretch = self.stepper, self.solver, self.stretch
+        if answer == MORE:
+            if stepper.leaving is None or not stepper.leaving.cuts(stepper, solver, solver.steps, stretch):
+                return False
+            stepper.reached = float(solver.time)
+            return True
+        if answer == FLIP:
+            self._follow()
+        elif answer == STIFF:
+            stepper.result.settled = RADAU
+            stepper.name(RADAU, "native")
+            solver.go_on_with(RADAU)
+        elif answer == HANDOVER:
+            assert stepper.choice is not None
+            stepper.result.handover = stepper.choice.look(solver.time, self._state, stretch.mode)
+        else:
+            self._near_singular_pose()
+        return stepper.result.handover is not None
+
+    def _follow(self) -> None:
+        """Locate a zero crossing in the last step; its monitors then get the shortened step, or another mode."""
+        stepper, solver = self.stepper, self.solver
+        self._note()
+        self.noted = True
+        parts = 1 if solver.record.method == RADAU else dop853.PARTS
+        mark, before, start = stepper.marked(), self.stretch, solver.last_step[0]
+        self.stretch = stepper.follow_step(solver.last_step, parts, self.stretch, self._states_at, solver.roots)
+        flip = stepper.flip
+        if flip is not None and not is_sure(stepper, start, flip.time, self.stretch.mode, self._states_at):
+            stepper.go_back(mark)
+            self.stretch = before
+            solver.put_mode(before.mode)
+            solver.repeat(stepper.shortened(start, flip.time - start))
+        else:
+            solver.put_mode(self.stretch.mode)
+            solver.doubt(stepper.floor)
+        if stepper.flip is not None:
+            solver.end_at(stepper.flip.time)
+        else:
+            self.noted = False
+
+    def _states_at(self, times: Any, exactly: bool) -> Any:
+        """Return states in the last step, with the unknowns solved for if `exactly`."""
+        stepper, mode = self.stepper, self.stretch.mode
+        states = self.solver.states(times, mode)
+        return stepper.held_all(times, states, mode) if exactly else states
+
+    def _note(self) -> None:
+        """Store a checkpoint at the current instant. A pending step has not been checked, so it does not count."""
+        stepper, solver = self.stepper, self.solver
+        record = solver.record
+        last = record.ends - 1 - (1 if record.pending else 0)
+        if last < 0 or record.ends == 0:
+            return
+        time, n = float(solver.end_time[last]), record.n
+        state = solver.end_state[last * n : (last + 1) * n] * self.tolerances.magnitude
+        position = max(stepper.position, int(np.searchsorted(stepper.instants, time, "right")))
+        position = min(position, record.position)
+        work = None if stepper.powers is None else np.array(solver.work)
+        self._put_unknowns(stepper.position, position)
+        stepper.keep(time, state, self.stretch.mode, self.stretch.start, work, position)
+
+    def _put_unknowns(self, first: int, last: int) -> None:
+        """Compute the unknowns of loops at these instants."""
+        stepper = self.stepper
+        if last > first:
+            times, states = (a[first:last] for a in (stepper.instants, stepper.result.states))
+            states[:] = stepper.loops.solve_all(times, states, self.stretch.mode)
+
+    def _near_singular_pose(self) -> None:
+        """Go on where machine code stopped before a singular pose, or where a redundant constraint may become independent."""
+        stepper, solver, stretch = self.stepper, self.solver, self.stretch
+        state, watcher = self._state, stepper.singular
+        watcher.ahead, watcher.tried, watcher.comes = solver.ahead, solver.tried, bool(solver.comes)
+        watcher.check_redundant(solver.time, state, stretch.mode)
+        wish = solver.size
+        if chosen_anew(stepper, solver.time, state, stretch.mode, wish):
+            return
+        crossed = watcher.crossing(solver.time, state, stretch.mode, wish, stretch.stop, self.tolerances.relative)
+        if crossed is None:
+            solver.note_tried(watcher.tried)
+            return
+        stepper.position, stepper.traffic = solver.position, solver.traffic
+        after = beyond(stepper, crossed, state, stretch)
+        solver.begin_again(crossed.start + crossed.size, after, min(wish, NEAR * 0.5 * crossed.size))
+        stepper.result.work = solver.went_on(stepper.position, stepper.result.work, stepper.traffic)

@@ -1,0 +1,110 @@
+"""Integrator over smooth segments: it chooses the method of each, and lets it run from one state to the next."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import UsageError
+from ..integrators.methods import ENERGY
+from ..segments.timeline import Segment
+from .integration_state import IntegrationState
+from .stateless import without_states
+
+if TYPE_CHECKING:
+    from .native_integrator import NativeIntegrator
+
+
+class SegmentIntegrator(IntegrationState):
+    """Integrator over successive smooth segments, with the requested results."""
+
+    machine: NativeIntegrator | None = None  # the native integrator, from its first segment on
+
+    def let_go(self) -> None:
+        """Release the native integrator, which refers to this object, so that memory is freed at once, without the garbage collector."""
+        self.machine = None
+
+    def run_to_end(self, stretch: Segment, x: Any) -> Any:
+        """Integrate one segment; it is cut where a delayed signal jumps, and where fast modes are removed."""
+        start = stretch.start
+        while True:
+            stop = stretch.stop if self.history is None else self.history.next_cut(start, stretch.stop)
+            x = self.run(stretch.up_to(start, stop), x)
+            start = self.reached
+            if start >= stretch.stop or self.result.handover is not None:
+                return x
+
+    def run(self, stretch: Segment, x: Any) -> Any:
+        """Integrate one segment from state x, or up to the first event in it; return the state at its end."""
+        self.reached = stretch.stop
+        if self.history is not None:
+            self.history.window = stretch.start, stretch.stop
+        x = self.held(stretch.start, x, stretch.mode)
+        first = self.position
+        if not self.linear:
+            x = self._without_ringing(stretch, x)
+        self._put_start(stretch, x, first)
+        if not len(self.program.states.names):
+            return without_states(self, stretch, x)
+        self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
+        if self.linear:
+            from .exact import exactly
+
+            end = exactly(self, stretch, x)
+            if end is not None:
+                return end
+        if self.solver == "exponential":
+            from .exact import check_driven
+
+            check_driven(self, stretch, x)
+            raise UsageError(
+                "the matrix exponential takes linear models of up to a few hundred states, without events on states, noise and delays, whose "
+                "inputs a few thousand polynomials can follow; leave the solver to choose"
+            )
+        if self.linear:  # the exact solution was not possible
+            x = self._without_ringing(stretch, x)
+            self._put_start(stretch, x, first)
+        return self._by_steps(stretch, x)
+
+    def _put_start(self, stretch: Segment, x: Any, first: int) -> None:
+        """Store the initial state of a segment at all reported instants, from the index `first` on, that are no later."""
+        self.position = first
+        while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
+            self.result.states[self.position] = x
+            self.position += 1
+        self.keep(stretch.start, x, stretch.mode, stretch.start)
+
+    def _without_ringing(self, stretch: Segment, x: Any) -> Any:
+        """Return the state without the modes faster than the bandwidth, if there is one."""
+        if self.leaving is None or not len(self.program.states.names):
+            return x
+        return self.leaving.begin(self, stretch, x)
+
+    def _by_steps(self, stretch: Segment, x: Any) -> Any:
+        """Integrate one segment by a method that chooses its steps."""
+        obstacle: str | None = "" if self.history is None else " (delays)"
+        if self.program.native is not None:
+            from .native_integrator import obstacle_of
+
+            obstacle = obstacle_of(self.program)
+        from .method import method_of
+
+        compiled = obstacle is None
+        method = method_of(self, stretch, x, compiled)
+        target = "native" if compiled else f"numpy{obstacle}"
+        self.name(method, target)
+        self.check_rates(stretch.start, x, stretch.mode)
+        size = np.inf
+        if method == ENERGY:
+            from .conserving import equal_steps
+
+            size = equal_steps(self, stretch, x, compiled)
+        if compiled:
+            from .native_integrator import native_integrator
+
+            self.machine = native_integrator(self, self.machine, stretch, x, method, size)
+            return self.machine.to_end()
+        from .interpreted_integrator import one_by_one
+
+        return one_by_one(self, stretch, x, method, size, target)

@@ -1,0 +1,108 @@
+"""Loop over steps in the subset of Python that becomes machine code: as in `interpreted_integrator.py`, with the same decisions, around a step of one method.
+
+The methods are written here only; where there is no machine code, the same source runs over numpy (`in_numpy.py`).
+"""
+
+from __future__ import annotations
+
+from math import isfinite, sqrt, ulp
+
+from ..dop853 import OFTEN
+from ..methods import ENERGY, EXPLICIT, RODAS
+from ..radau import FIRST_ULPS
+from ..tolerances import first_length
+from .conserving import conserving_step, take_energy
+from .dense_output import sample
+from .explicit import explicit_step
+from .radau_step import rates, step
+from .rosenbrock import rosenbrock_step
+from .singular_poses import GOES_ON, begin_watch, watch
+from .step_acceptance import add_work, grow, steep
+from .stepper import IntegratorWorkspace
+from .zero_crossings import may_flip
+
+FINISHED, MORE, LOOK, HANDOVER = 0, 1, 2, 3  # results of `advance`, besides the reasons why there is no step
+FLIP = 11  # a condition may cross zero in the last step: the caller sets its end (`until`), or another mode
+STIFF = 10  # stability limits the steps of an explicit method
+
+
+def advance(s: IntegratorWorkspace, most: int) -> int:
+    """Make up to `most` steps; return earlier if the caller has to act."""
+    for _ in range(most):
+        if s.pending == 0:
+            if s.time >= s.stop:
+                return FINISHED
+            failed = one_step(s)
+            if failed != 0:
+                return failed
+            s.steps += 1
+            s.pending = 2
+            if s.root_count > 0 and may_flip(s):
+                return FLIP
+        if s.pending == 2:
+            s.pending = 1
+            if sample(s):
+                return LOOK
+        if s.power_count > 0:
+            add_work(s)
+        s.pending = 0
+        if s.until < s.time:
+            return FINISHED
+        grow(s)
+        if s.slope_count > 0 and s.time < s.stop and steep(s):
+            return HANDOVER
+        if s.automatic != 0 and s.held_by_stability >= OFTEN and s.time < s.stop:
+            return STIFF
+        if s.closed.gaps > 0 and s.time < s.stop:
+            near = watch(s)
+            if near != GOES_ON:
+                return near
+    return FINISHED if s.time >= s.stop else MORE
+
+
+def one_step(s: IntegratorWorkspace) -> int:
+    """Make one accepted step of the method; return 0, or the reason why there is none."""
+    if s.method == EXPLICIT:
+        return explicit_step(s)
+    if s.method == ENERGY:
+        return conserving_step(s)
+    if s.method == RODAS:
+        return rosenbrock_step(s)
+    return step(s)
+
+
+def begin(s: IntegratorWorkspace) -> None:
+    """Compute the first rates and the first step size (Hairer, Nørsett and Wanner, Solving ODEs I, section II.4)."""
+    rates(s, s.time, s.state, s.rate)
+    begin_watch(s)
+    if s.method == ENERGY:
+        take_energy(s)
+    span = s.stop - s.time
+    d0 = 0.0
+    d1 = 0.0
+    for i in range(s.differential):
+        s.scale[i] = s.absolute[i] + abs(s.state[i]) * s.relative
+        if isfinite(s.scale[i]):
+            d0 += s.state[i] / s.scale[i] * (s.state[i] / s.scale[i])
+            d1 += s.rate[i] / s.scale[i] * (s.rate[i] / s.scale[i])
+    d0 = sqrt(d0) / sqrt(float(s.n))
+    d1 = sqrt(d1) / sqrt(float(s.n))
+    h0 = 1e-6 * span if d0 < 1e-5 or d1 * span < 1e-5 else 0.01 * max(d0, 1.0) / d1
+    h0 = min(h0, span) if isfinite(h0) and h0 > 0.0 else 1e-6 * span
+    for i in range(s.n):
+        s.new[i] = s.state[i] + h0 * s.rate[i] if i < s.differential else s.state[i]
+    rates(s, s.time + h0, s.new, s.f)
+    d2 = 0.0
+    for i in range(s.differential):
+        if isfinite(s.scale[i]):
+            d2 += (s.f[i] - s.rate[i]) / s.scale[i] * ((s.f[i] - s.rate[i]) / s.scale[i])
+    d2 = sqrt(d2) / sqrt(float(s.n)) / h0
+    order = 0.125 if s.method == EXPLICIT else 0.25
+    h1 = first_length(d1, d2, order)
+    if not isfinite(h1):
+        h1 = h0
+    s.size = min(max(min(100.0 * h0, h1), FIRST_ULPS * ulp(s.time)), span)
+    s.ends = 1
+    s.end_time[0] = s.time
+    for i in range(s.n):
+        s.end_state[i] = s.state[i]

@@ -1,0 +1,44 @@
+"""Machine code of the solvers, the same for all models: compiled once per machine, then loaded."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+from compiler.api import MachineCode
+
+from ....native import kernel
+from .advance import advance, begin
+from .balancing import balance
+from .eliminations import plan_eliminations, put_rows
+from .least_degree import least_degree
+from .pilot_loop import coarse
+from .pilot_step import euler
+from .projection import hold_all, least_all, rates_all
+from .sparse import real_factors
+from .zero_crossings import roots_along, states_along
+
+OPTIMISED = 2
+WHOLE, POINTER = ctypes.c_int64, ctypes.c_void_p
+
+
+@lru_cache
+def machine_code() -> MachineCode:
+    """Return the machine code of the solvers."""
+
+    def text() -> str:
+        from compiler.api import translate
+
+        of_steps: list[Callable[..., Any]] = [begin, advance, euler, coarse, roots_along, states_along]
+        of_matrices: list[Callable[..., Any]] = [balance, real_factors, least_degree, plan_eliminations, put_rows]
+        return translate([*of_steps, hold_all, least_all, rates_all, *of_matrices])
+
+    return MachineCode(kernel("stepping", text, OPTIMISED))
+
+
+@lru_cache
+def called(name: str, result: Any, *arguments: Any) -> Any:
+    """Return a function of that code."""
+    return ctypes.CFUNCTYPE(result, *arguments)(machine_code().address(name))

@@ -1,0 +1,98 @@
+"""Constraints in machine code, with the functions of `constraints.py`: many instants in one call."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, Protocol
+
+import numpy as np
+
+from compiler.api import Program, address_of
+
+from ...segments.timeline import mode_size
+from .code import called
+from .normal_equations import square
+from .projection import ProjectionWorkspace
+from .record_layout import RecordArray, form_of
+
+_POINTER = ctypes.c_void_p
+_COUNT = ctypes.c_int64
+
+
+def fields_of(program: Program, inputs: Any, constants: Any, magnitude: Any, taking: Any) -> dict[str, Any]:
+    """Return the fields of a `ProjectionWorkspace`; `taking`: mask of the active residuals. Empty where a program has no constraints."""
+    count, full = len(program.states.names), len(program.states.names) + len(program.unknowns.names)
+    gaps = len(program.multipliers)
+    rows, columns = program.invariant_pattern
+    rates = np.asarray(program.rates, dtype=int)
+    lengths = [u == "m" for u in program.invariants.units]
+    bound = [count + m for m in program.eliminated]
+    squares = {
+        name: square(rows, columns, chosen, lengths)
+        for name, chosen in (("positions", np.flatnonzero(taking)), ("speeds", rates[taking & (rates >= 0)]))
+    }
+    squares["positions"]["vector"] = squares["positions"]["fresh"].copy()
+    return {
+        "inputs": inputs, "constants": constants, "mode": np.zeros(mode_size(program, constants)), "active": int(gaps > 0), "n": full,
+        "count": count, "gaps": gaps, "magnitude": np.array(magnitude, dtype=float), "values": np.zeros(len(program.invariants.names)),
+        "slopes": np.zeros(len(rows)), "multipliers": len(bound), "place": bound, "solution": np.zeros(full + len(bound)),
+        "full": np.zeros(full),
+    } | squares  # fmt: skip
+
+
+class Invariants(Protocol):
+    """Constraints of a program with the values of a run; `taking`: mask of the active residuals; `magnitude` of the states (n,)."""
+
+    program: Program
+    inputs: Any
+    constants: Any
+    magnitude: Any
+    taking: Any
+
+    def __bool__(self) -> bool: ...
+
+
+class CompiledConstraints:
+    """Projections and singular values at several instants; the index of the state is last, unknowns included."""
+
+    def __init__(self, constraints: Invariants) -> None:
+        program, taking = constraints.program, constraints.taking
+        magnitude = np.ones(len(program.states.names) + len(program.unknowns.names))
+        magnitude[: len(constraints.magnitude)] = constraints.magnitude
+        given = {"inputs": constraints.inputs, "constants": constraints.constants, "magnitude": magnitude}
+
+        def values() -> dict[str, Any]:
+            found = fields_of(program, constraints.inputs, constraints.constants, magnitude, taking)
+            return {name: value for name, value in found.items() if name not in given}
+
+        self.values = RecordArray(form_of(ProjectionWorkspace, program, taking.tobytes(), values), given)
+        self.redundant = not taking.all()
+        self._here = self.values.address
+        signature = (_POINTER, _COUNT, _POINTER, _POINTER, _POINTER)
+        self._hold, self._least = (called(name, None, *signature) for name in ("hold_all", "least_all"))
+        self._rates = called("rates_all", None, *signature, _POINTER)
+
+    def hold(self, times: Any, states: Any, mode: Any) -> tuple[Any, Any]:
+        """Return the states projected on their invariants, and the number of nearly dependent rows at each."""
+        self.values["mode"][:] = mode
+        times, states = np.ascontiguousarray(times, dtype=float), np.array(states, dtype=float)
+        weak = np.zeros(len(times), dtype=np.int64)
+        self._hold(self._here, len(times), *map(address_of, (times, states, weak)))
+        return states, weak
+
+    def least(self, times: Any, states: Any, mode: Any) -> Any:
+        """Return the smallest singular value of the residuals' Jacobian at each instant."""
+        self.values["mode"][:] = mode
+        times, states = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(states, dtype=float)
+        out = np.empty(len(times))
+        self._least(self._here, len(times), *map(address_of, (times, states, out)))
+        return out
+
+    def rates(self, times: Any, scaled: Any, unknowns: Any, mode: Any) -> tuple[Any, Any]:
+        """Return rates of the states at their projections, in units of the magnitudes, and the number of nearly dependent rows at each."""
+        self.values["mode"][:] = mode
+        self.values["full"][self.values["count"] :] = unknowns
+        times, scaled = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(scaled, dtype=float)
+        out, weak = np.empty_like(scaled), np.zeros(len(times), dtype=np.int64)
+        self._rates(self._here, len(times), *map(address_of, (times, scaled, out, weak)))
+        return out, weak

@@ -1,0 +1,70 @@
+"""Dense matrices mu/h M - J for a real and a complex mu: assembly, factorisation, solution."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .. import radau
+from .factors import back, back_complex, eliminate, eliminate_complex, is_negative
+from .sparse import FINE, SINGULAR, complex_back, complex_factors, real_back, real_factors
+from .stepper import IntegratorWorkspace
+
+if TYPE_CHECKING:
+    from compiler.api import Floats
+
+MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
+
+
+def factorise(s: IntegratorWorkspace, size: float) -> int:
+    """Factorise mu/h M - J for the real mu and a complex one, rows scaled; return `FINE`, `SINGULAR`, or `ANEW` if another order is needed."""
+    done = factorise_real(s, MU_REAL / size)
+    if done != FINE:
+        return done
+    if s.sparse != 0:
+        return complex_factors(s.pattern, MU_RE / size, MU_IM / size, s.jacobian)
+    n = s.n
+    re = s.complex.re
+    im = s.complex.im
+    for i in range(n * n):
+        re[i] = 0.0
+        im[i] = 0.0
+    for i in range(s.differential):
+        re[i * n + i] = MU_RE / size
+        im[i * n + i] = MU_IM / size
+    for k in range(s.entry_count):
+        re[s.rows[k] * n + s.columns[k]] -= s.jacobian[k]
+    return FINE if eliminate_complex(s.complex) else SINGULAR
+
+
+def factorise_real(s: IntegratorWorkspace, shift: float) -> int:
+    """Factorise shift M - J, as `factorise`."""
+    if s.sparse != 0:
+        return real_factors(s.pattern, shift, s.jacobian)
+    n = s.n
+    real = s.real.matrix
+    for i in range(n * n):
+        real[i] = 0.0
+    for i in range(s.differential):
+        real[i * n + i] = shift
+    for k in range(s.entry_count):
+        real[s.rows[k] * n + s.columns[k]] -= s.jacobian[k]
+    if not eliminate(s.real):
+        return SINGULAR
+    s.negative = is_negative(s.real)
+    return FINE
+
+
+def solve_real(s: IntegratorWorkspace, x: Floats) -> None:
+    """Replace the right-hand side by the solution."""
+    if s.sparse != 0:
+        real_back(s.pattern, x)
+    else:
+        back(s.real, x)
+
+
+def solve_complex(s: IntegratorWorkspace, xr: Floats, xi: Floats) -> None:
+    """Replace the right-hand side by the solution."""
+    if s.sparse != 0:
+        complex_back(s.pattern, xr, xi)
+    else:
+        back_complex(s.complex, xr, xi)

@@ -1,0 +1,82 @@
+"""States at reported instants within the last step, and the limits of the model; see `validity.py`."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from .. import dop853, radau
+from ..methods import ENERGY, RADAU
+from .conserving import sample_step
+from .polynomials import collocation, quintic
+from .projection import hold
+from .stepper import IntegratorWorkspace
+from .stiff_interpolation import bring_back, has_steep_states, is_unsure
+
+if TYPE_CHECKING:
+    from compiler.api import Floats
+
+INNER, C = dop853.INNER, tuple(radau.C.tolist())
+
+
+def sample(s: IntegratorWorkspace) -> bool:
+    """Store states at the reported instants within the last step; return True if the caller should check the limits of the model."""
+    first = s.position
+    steep = 0
+    if s.position < s.instant_count and s.instants[s.position] <= s.time:
+        steep = has_steep_states(s)
+    while s.position < s.instant_count:
+        at = s.instants[s.position]
+        if at > s.time or at >= s.until:
+            break
+        state_at(s, at, s.reported[s.position * s.n :])
+        if steep != 0 and at < s.time and is_unsure(s, at):
+            bring_back(s, at, s.reported[s.position * s.n :])
+        s.position += 1
+    if s.always != 0:
+        return True
+    if s.limit_count == 0:
+        return False
+    start = s.end_time[s.ends - 2]
+    size = min(s.time, s.until) - start
+    if leaves(s, start) or leaves(s, min(s.time, s.until)):
+        return True
+    if s.method != RADAU:
+        for k in range(4):
+            if leaves(s, start + INNER[k] * size):
+                return True
+    elif leaves(s, start + C[0] * size) or leaves(s, start + C[1] * size):
+        return True
+    for k in range(first, s.position):
+        if leaves(s, s.instants[k]):
+            return True
+    return False
+
+
+def leaves(s: IntegratorWorkspace, time: float) -> bool:
+    """Return True if a limit without known violation does not hold at an instant of the last step."""
+    state_at(s, time, s.si)
+    s.holds(time, s.si, s.inputs, s.constants, s.mode, s.truth)
+    for k in range(s.limit_count):
+        if s.left[k] == 0 and s.truth[k] != 1.0:
+            return True
+    return False
+
+
+def state_at(s: IntegratorWorkspace, time: float, out: Floats) -> None:
+    """Compute the state in SI within the last step: the quintic, unless it differs from the collocation polynomial by more than that one's error."""
+    n = s.n
+    if s.method == ENERGY:
+        sample_step(s, time, out)
+    else:
+        collocation(s, time, out)
+    if s.ends == 3 and s.method == RADAU:
+        quintic(s, time, s.w)
+        for i in range(n):
+            limit = 10.0 * (s.absolute[i] + s.relative * abs(s.end_state[2 * n + i]))
+            if abs(s.w[i] - out[i]) <= limit and isfinite(limit):
+                out[i] = s.w[i]
+    for i in range(n):
+        out[i] *= s.magnitude[i]
+    if s.closed.gaps > 0:
+        hold(s.closed, time, out)

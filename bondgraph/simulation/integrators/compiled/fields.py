@@ -1,0 +1,126 @@
+"""Initial fields of a `IntegratorWorkspace` at the start of a segment, for machine code and for the same source as Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compiler.api import Program
+
+from ....numerics.indicators import PLACES
+from ...monitors.state_selection import WORST
+from ...segments.timeline import LOOKS, Segment, Signals, inside
+from .. import dop853
+from ..factorise import is_large
+from ..methods import ENERGY, RADAU
+from ..radau import STUBBORN
+from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance, stagnation_tolerance
+from .factors import ComplexFactors, Factors, room_for
+
+if TYPE_CHECKING:
+    from ...segments.trajectory import Tolerances
+
+LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with a sparse ordering
+
+
+def is_sparse(program: Program) -> bool:
+    """Return True if the linear algebra is sparse."""
+    count = len(program.states.names) + len(program.unknowns.names)
+    return is_large(count, len(program.pattern[0])) or count > LARGEST_DENSE
+
+
+def fields_at(
+    program: Program,
+    inputs: Any,
+    constants: Any,
+    tolerances: Tolerances,
+    stretch: Segment,
+    state: Any,
+    longest: float,
+    signals: Signals,
+    method: int = RADAU,
+) -> dict[str, Any]:
+    """Return all fields of a `IntegratorWorkspace` at the start of a segment."""
+    given = given_at(program, inputs, constants, tolerances, stretch, state, longest, signals)
+    bends = 0 if program.bends is None else len(program.bends(stretch.start, state, inputs, constants, stretch.mode))
+    return room_of(program, method, len(signals.allowed), bends) | given
+
+
+def given_at(
+    program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float, signals: Signals
+) -> dict[str, Any]:  # fmt: skip
+    """Return the fields that depend on the run and on its current state."""
+    rows, columns = program.pattern
+    differential = len(program.states.names)
+    magnitude = np.asarray(tolerances.magnitude, dtype=float)
+    unit = np.array(magnitude)
+    unit[differential:] = 1.0  # the factorisation scales residuals
+    scaled, resting = state / magnitude, tolerances.scaled
+    relative = tolerances.relative
+    earliest, latest = inside(stretch)
+    return {
+        "inputs": inputs, "constants": constants, "mode": np.array(stretch.mode, dtype=float),
+        "rows": rows, "columns": columns, "magnitude": magnitude, "per_unit": 1.0 / unit,
+        "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(resting, dtype=float), "resting": resting,
+        "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
+        "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative),
+        "first_newton_tolerance": newton_tolerance(relative, FIRST), "creeping_tolerance": creeping_tolerance(relative),
+        "stagnation_tolerance": stagnation_tolerance(relative),
+        **signal_fields(signals, stretch.start),
+        "earliest": earliest, "latest": latest, "longest": longest, "usual": longest, "time": stretch.start, "stop": stretch.stop, "until": stretch.stop,
+        "state": np.array(scaled, dtype=float), "tolerance": relative,
+    }  # fmt: skip
+
+
+def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str, Any]:
+    """Return the other fields, which depend on the program and the method alone."""
+    n = len(program.states.names) + len(program.unknowns.names)
+    differential, entries = len(program.states.names), len(program.pattern[0])
+    large = is_sparse(program)
+    order = 3 * n if method == ENERGY else 0 if large else n  # size of the linear systems
+    dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
+    conditions = () if program.hybrid is None else program.hybrid.conditions
+    narrow = program.time_functions is not None and bool(program.time_functions.conditions)
+    room: Callable[[int], Any] = partial(np.zeros, dtype=float)
+    whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
+    return {
+        "derivative": program.derivative, "entries": program.jacobian_entries, "signals": program.signals, "holds": program.holds,
+        "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers, "stored_energy": program.stored_energy,
+        "roots": None if program.hybrid is None else program.hybrid.roots, "root_count": len(conditions), "root_said": whole(len(conditions)),
+        "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "root_floor": room(len(conditions)),
+        "root_seen": room(PLACES * len(conditions)), "root_narrow": int(narrow), "root_form": room(PLACES), "greatest": room(n),
+        "bends": program.bends, "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends),
+        "n": n, "differential": differential, "method": method, "entry_count": entries,
+        "seen": room(max(len(LOOKS), len(dop853.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),
+        "ahead": 0.0, "behind": 0.0, "tried": 0.0, "comes": 0, "size": 0.0, "rate": room(n),
+        "rounded": 0.0,
+        "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0, "negative": 0,
+        "factorised_size": 0.0, "jacobian": room(entries), "steepness": room(n), "inner_jacobian": room(entries),
+        "inner": room_for(Factors, 0 if method == ENERGY or large else n), "sparse": int(large),
+        "real": room_for(Factors, order), "complex": room_for(ComplexFactors, 0 if method == ENERGY else order), "ends": 0,
+        "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
+        "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
+        "change": room(3 * n), "last_change": room(3 * n), "scale": room(n), "per_tolerance": room(n), "new": room(n), "error": room(n),
+        "rest": room(n), "terms": room(n), "norms": room(STUBBORN), "sizes": room(STUBBORN),
+        "instants": room(0), "instant_count": 0, "position": 0, "reported": room(0), "limit_count": limits, "left": whole(limits),
+        "truth": room(limits), "always": int(limits > 0 and n > differential), "slope_count": 0, "slope_rows": whole(0),
+        "slope_columns": whole(0), "slope_chosen": whole(0), "slopes": room(slopes), "stored": room(differential + dependents),
+        "dependent_count": dependents, "stored_peak": room(differential + dependents), "worst": WORST, "power_count": 0, "work": room(0),
+        "power": room(0), "partial": room(0), "traffic": 0.0, "pending": 0, "steps": 0, "rejected": 0,
+        "derivatives": 0, "jacobians": 0, "factorisations": 0,
+        "energy": 0.0, "energies": room(1 + n), "dropped": room(n),
+        "slope": room(dop853.ALL_STAGES * n), "dense": room(7 * n), "dense_known": 0,
+        "automatic": 0, "fastest": 0.0, "direction": room(n), "since_looked": dop853.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0,
+    }  # fmt: skip
+
+
+def signal_fields(signals: Signals, start: float) -> dict[str, Any]:
+    """Return the fields of a `IntegratorWorkspace` for the signals of time, from a start on."""
+    return {
+        "node_time": signals.times, "node_value": signals.values.ravel(), "signal_nodes": len(signals.times),
+        "node_next": int(np.searchsorted(signals.times, start)), "steady": int(signals.steady), "signal_count": len(signals.allowed),
+        "allowed": signals.allowed,
+    }  # fmt: skip

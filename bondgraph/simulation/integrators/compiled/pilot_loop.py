@@ -1,0 +1,177 @@
+"""Loop of the pilot run over steps of `pilot_step.py`, in the subset that becomes machine code; same names as in `start.coarse.PilotRun.peak`.
+
+It returns where Python must act: before the step that ends a segment, where even the shortest step fails, and where a condition no longer holds as it did.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+from compiler.api import Record
+
+from ...start import coarse as look
+from .pilot_step import Euler, euler
+from .sparse import ANEW, FINE, SINGULAR
+from .stepper import Function
+
+if TYPE_CHECKING:
+    from compiler.api import Floats, Ints
+
+CAREFUL, MOST_STEPS = look.CAREFUL, look.MOST_STEPS
+AGAIN, NOTES = look.AGAIN, look.NOTES
+CROSSED = 12  # a condition has changed
+GROWN, SAME, SLIGHT = look.GROWN, look.SAME, look.SLIGHT
+
+
+class PilotWorkspace(Record):
+    """State of the pilot run. n states, all of them differential."""
+
+    euler: Euler
+    roots: Function
+    root_count: int  # 0 where conditions do not end the run
+    root: Floats  # root_count
+    root_said: Ints  # root_count: 1 where the condition holds in the mode
+    root_strict: Ints  # root_count: 1 where it does not hold at zero
+    n: int
+    state: Floats  # n
+    time: float
+    size: float  # of the next step
+    usual: float
+    smallest: float  # step at which it gives up
+    stop: float
+    begun: float  # where the whole run began
+    noted: int
+    far: Floats  # NOTES: times of the records
+    until: Floats  # NOTES n: the magnitudes up to these times
+    taken: int  # number of steps tried
+    reaching: int  # 1 if the reach of a free motion counts
+    amplitudes: Floats  # n n, or none
+    inverse_re: Floats  # n n, or none
+    inverse_im: Floats  # n n, or none
+    unit: Floats  # n
+    found: Floats  # n
+    most: Floats  # n: the largest of the unit after a step
+    modes: Floats  # n
+
+
+def coarse(c: PilotWorkspace) -> int:
+    """Make steps; return `FINE` where Python must act, `ANEW` if the factors need another order, `SINGULAR` if no step is short enough, `CROSSED`."""
+    while c.taken < MOST_STEPS:
+        size = c.usual if c.taken + 1 == CAREFUL else c.size
+        if c.time + 1.001 * size >= c.stop:
+            return FINE
+        c.size = size
+        done = sure_step(c, c.euler, c.taken + 1 < CAREFUL)
+        if done == ANEW:
+            return ANEW
+        c.taken += 1
+        if done != FINE:
+            c.size *= 0.25
+            if c.size < c.smallest:
+                c.taken -= 1
+                c.size *= 4.0  # Python repeats the last one and reports it
+                return SINGULAR
+            continue
+        go_on(c, c.euler)
+        if c.root_count > 0 and has_crossed(c, c.euler):
+            return CROSSED
+        if c.reaching != 0:
+            reached(c, c.euler)
+        note(c, c.euler)
+    return FINE
+
+
+def go_on(c: PilotWorkspace, e: Euler) -> None:
+    """Go on from the accepted result."""
+    c.time += c.size
+    c.size = min(c.usual, 2.0 * c.size)
+    for i in range(c.n):
+        c.state[i] = c.found[i]
+        e.largest[i] = max(e.largest[i], abs(c.found[i]))
+
+
+def has_crossed(c: PilotWorkspace, e: Euler) -> bool:
+    """Return True if a condition differs from the mode."""
+    c.roots(c.time, c.state, e.inputs, e.constants, e.mode, c.root)
+    for k in range(c.root_count):
+        holds = 1 if c.root[k] < 0.0 or (c.root[k] == 0.0 and c.root_strict[k] == 0) else 0
+        if holds != c.root_said[k]:
+            return True
+    return False
+
+
+def note(c: PilotWorkspace, e: Euler) -> None:
+    """Record the magnitudes so far, if the last record is not recent."""
+    far = c.time - c.begun
+    if c.noted < NOTES and (c.noted == 0 or far >= AGAIN * c.far[c.noted - 1]):
+        c.far[c.noted] = far
+        for i in range(c.n):
+            c.until[c.noted * c.n + i] = e.largest[i]
+        c.noted += 1
+
+
+def reached(c: PilotWorkspace, e: Euler) -> None:
+    """Raise the magnitudes by the reach of a free linear motion from here: the sum of its modes' amplitudes."""
+    for i in range(c.n):
+        real = 0.0
+        imaginary = 0.0
+        for j in range(c.n):
+            real += c.inverse_re[i * c.n + j] * (c.found[j] / c.unit[j])
+            imaginary += c.inverse_im[i * c.n + j] * (c.found[j] / c.unit[j])
+        c.modes[i] = sqrt(real * real + imaginary * imaginary)
+    for i in range(c.n):
+        total = 0.0
+        for j in range(c.n):
+            total += c.amplitudes[i * c.n + j] * c.modes[j]
+        e.largest[i] = max(e.largest[i], total * c.unit[i])
+
+
+def sure_step(c: PilotWorkspace, e: Euler, careful: bool) -> int:
+    """Compute the state after a step; where a state grows fast, two half steps must agree, because implicit Euler overshoots growth."""
+    for i in range(c.n):
+        e.start[i] = c.state[i]
+    done = single_step(e, c.time + c.size, c.size)
+    if done != FINE:
+        return done
+    grows = 0
+    for i in range(c.n):
+        e.most[i] = 0.0
+    for i in range(c.n):
+        e.most[e.kinds[i]] = max(e.most[e.kinds[i]], max(abs(e.x[i]), e.largest[i]))
+    for i in range(c.n):
+        c.most[i] = e.most[e.kinds[i]]
+    for i in range(c.n):
+        c.found[i] = e.x[i]
+        grows += has_grown(c, e, i)
+    if grows == 0 or not careful:
+        return FINE
+    done = single_step(e, c.time + 0.5 * c.size, 0.5 * c.size)
+    if done != FINE:
+        return done
+    for i in range(c.n):
+        e.start[i] = e.x[i]
+    done = single_step(e, c.time + c.size, 0.5 * c.size)
+    if done != FINE:
+        return done
+    for i in range(c.n):
+        if has_grown(c, e, i) and not abs(c.found[i]) > SAME * abs(e.x[i]):
+            return FINE
+    return SINGULAR
+
+
+def has_grown(c: PilotWorkspace, e: Euler, i: int) -> bool:
+    """Return True if a state grew much in a step and beyond its largest value so far; growth within that range is harmless."""
+    beyond = max(max(GROWN * abs(c.state[i]), SAME * e.largest[i]), SLIGHT * c.most[i])
+    return abs(c.found[i]) > beyond and c.state[i] != 0.0
+
+
+def single_step(e: Euler, time: float, size: float) -> int:
+    """Make one step from `start`."""
+    for i in range(e.n):
+        e.x[i] = e.start[i]
+    e.time = time
+    e.size = size
+    done = euler(e)
+    e.pattern.tolerant = 0
+    return done

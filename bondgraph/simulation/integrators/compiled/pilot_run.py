@@ -1,0 +1,140 @@
+"""Pilot run: one step of it, and its loop, in machine code or as Python where there is none."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...segments.timeline import mode_size
+from ...start.coarse import unit_numbers
+from ..factorise import is_large
+from .code import called
+from .factors import Factors, room_for
+from .fields import is_sparse
+from .in_numpy import interpreted
+from .pilot_loop import CROSSED, PilotWorkspace, coarse
+from .pilot_step import Euler, euler
+from .plain import Unordered, record_for
+from .run import Ordered
+from .sparse import ANEW, FINE
+
+if TYPE_CHECKING:
+    from compiler.api import Program
+
+    from ...start.coarse import Conditions, PilotRun, StepSchedule
+    from ...start.motion import FreeMotion
+
+PACE = "time", "size", "taken", "usual", "smallest", "stop"
+SMALL = 0.0  # pivots beside what they divide; scales change from one iteration to the next and say little
+
+
+def keeps_factors(program: Program) -> bool:
+    """Return True if the pilot run of a program reuses factors: one with many states and no loop unknowns."""
+    return not program.unknowns.names and is_large(len(program.states.names), len(program.pattern[0]))
+
+
+def _room(program: Program, constants: Any) -> dict[str, Any]:
+    """Return the work arrays of steps, and the data of the program that they need."""
+    entries, n = len(program.pattern[0]), len(program.states.names) + len(program.unknowns.names)
+    numbers = {
+        "n": n, "differential": len(program.states.names), "entry_count": entries, "time": 0.0, "size": 0.0, "sparse": int(is_sparse(program)),
+        "slight": 0.0, "kept": 0.0, "factorised": 0, "keeping": int(keeps_factors(program)),
+    }  # fmt: skip
+    arrays = {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached", "most")}
+    arrays |= {name: np.zeros(entries) for name in ("jacobian", "scaled")}
+    return numbers | arrays | {
+        "mode": np.zeros(mode_size(program, constants)), "smallest": np.zeros(n), "kinds": unit_numbers(program),
+        "real": room_for(Factors, 0 if is_sparse(program) else n),
+    }  # fmt: skip
+
+
+class CompiledPilotStep:
+    """Steps of the pilot run: `start.coarse.PilotRun._step` after the unknowns of loops are known."""
+
+    def __init__(self, program: Program, inputs: Any, constants: Any, smallest: Any) -> None:
+        rows, columns = program.pattern
+        self.program = program
+        self.order = Unordered(program) if program.native is None else Ordered(program, SMALL)
+        given = {
+            "inputs": inputs,
+            "constants": constants,
+            "rows": rows,
+            "columns": columns,
+            "pattern": self.order.values,
+            "smallest": smallest,
+        }
+        self.values = record_for(Euler, program, lambda: _room(program, constants), given)
+        self.record = self.values.record
+        self._step = self.function(euler)
+
+    def function(self, source: Callable[..., int]) -> Callable[..., int]:
+        """Return a function of the source, as machine code if there is any."""
+        if self.program.native is None:
+            return interpreted(source, self.record.n, self.record.sparse)
+        return called(source.__name__, ctypes.c_int64, ctypes.c_void_p)  # type: ignore[no-any-return]
+
+    def step(self, start: Any, guess: Any, largest: Any, at: tuple[float, float], mode: Any) -> Any:
+        """Return the state at the end of a step, or None if it fails; `at`: time of the end, and size of the step."""
+        values, record, order = self.values, self.record, self.order
+        record.time, record.size = at
+        order.record.tolerant = 0
+        while True:
+            values["start"][:], values["x"][:], values["largest"][:], values["mode"][:] = start, guess, largest, mode
+            answer = self._step(self.values.address)
+            if answer != ANEW:
+                return values["x"].copy() if answer == FINE else None
+            if order.record.tolerant or not order.choose(1 / at[1], values["scaled"]):
+                return None
+            order.record.tolerant = 1
+
+
+class CompiledPilotRun:
+    """Loop over these steps, for a program whose states are all differential and without constraints."""
+
+    def __init__(self, steps: CompiledPilotStep, motion: FreeMotion | None) -> None:
+        self.euler, n = steps, steps.record.n
+
+        def room() -> dict[str, Any]:
+            numbers = dict.fromkeys((*PACE, "begun"), 0.0) | {"noted": 0, "taken": 0, "root_count": 0, "n": n}
+            hybrid = steps.program.hybrid
+            count = 0 if hybrid is None else len(hybrid.conditions)
+            roots = {"root": np.zeros(count)} | {
+                name: np.zeros(count, dtype=np.int64) for name in ("root_said", "root_strict")
+            }
+            return numbers | roots | {name: np.zeros(n) for name in ("found", "most", "modes")}
+
+        nothing, ones = np.zeros((0, 0)), np.ones(n)
+        shapes, inverse, unit = (
+            (nothing, nothing, ones) if motion is None else (motion.amplitudes, motion.inverse, motion.scale)
+        )
+        given = {
+            "euler": steps.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
+            "inverse_im": inverse.imag.ravel(), "unit": unit, **dict.fromkeys(("state", "far", "until"), ones),
+        }  # fmt: skip
+        self.values = record_for(PilotWorkspace, steps.program, room, given)
+        self._record = self.values.record
+        self._run = steps.function(coarse)
+
+    def observe(self, conditions: Conditions) -> None:
+        """Return from `go` where one of these conditions changes."""
+        self._record.root_count = len(conditions.holds)
+        self.values["root_said"][:], self.values["root_strict"][:] = conditions.holds, conditions.strict
+
+    def go(self, run: PilotRun, pace: StepSchedule, begun: float, mode: Any) -> bool:
+        """Step until Python must act; `begun`: start of the run. Updates state and magnitudes of `run`, and `pace`. True if a condition has changed."""
+        record, values, euler, order = self._record, self.values, self.euler.values, self.euler.order
+        values.put({"state": run.state, "far": run.far, "until": run.until.ravel(), "begun": begun, "noted": run.noted})
+        euler["largest"][:], euler["mode"][:] = run.largest, mode
+        for name in PACE:
+            setattr(record, name, getattr(pace, name))
+        order.record.tolerant = 0
+        while (answer := self._run(values.address)) == ANEW:
+            if not order.choose(1 / self.euler.record.size, euler["scaled"]):
+                break
+            order.record.tolerant = 1
+        pace.time, pace.size, pace.taken = record.time, record.size, record.taken
+        run.state, run.largest, run.noted = values["state"], euler["largest"].copy(), record.noted
+        return bool(answer == CROSSED)

@@ -1,0 +1,147 @@
+"""Record layout: records of machine code in one block of memory, whose layout is computed once for a program and cached with it.
+
+A record of the stepper has more than a hundred fields, most of them work arrays of known size. Created one by one for each run they would cost more
+than the steps of a small model. So a run takes a block of zeros, copies the words that are the same for all runs into it, and writes its own values.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compiler.api import INTS, Fields, Handed, Record, address_of, record_of
+
+if TYPE_CHECKING:
+    from compiler.api import Program
+
+WORD = 8  # bytes
+_WHOLE, _DOUBLE = np.dtype(np.int64), np.dtype(float)
+_C_TYPES = {"double": ctypes.c_double, "i64": ctypes.c_int64}
+
+
+class Form:
+    """Layout of the fields of a record, and the values common to all records of its kind.
+
+    `values`: numbers, initial arrays, of which each record gets a copy, and nested records; a field that is not in it is set per record. `addresses`:
+    those of functions.
+    """
+
+    def __init__(self, noun: type, values: Mapping[str, Any], addresses: Mapping[str, int]) -> None:
+        self.addresses = addresses
+        fields = record_of(noun).fields
+        self.structure = _layout(noun)
+        self.places = {name: (place, kind) for place, (name, kind) in enumerate(fields.items())}
+        self.lacking = frozenset(n for n, kind in fields.items() if n not in values and not isinstance(kind, Handed))
+        words: list[int] = []
+        inside: list[int] = []  # indices of words that are addresses within the block
+        arrays: list[tuple[int, str, Any]] = []
+        self._lay(fields, values, words, inside, arrays)
+        arrays.sort(key=lambda item: not item[2].any())  # nonzero arrays first: the rest of a block is zeros
+        own = [np.ravel(a).view(np.int64) for _, _, a in arrays if a.any()]
+        size = len(words)
+        self.views: dict[str, tuple[int, int, bool]] = {}  # its own arrays: place, length, True for integers
+        for at, name, array in arrays:
+            words[at] = WORD * size
+            self.views[name] = size, array.size, array.dtype == _WHOLE
+            size += array.size
+        self.head = np.concatenate([np.array(words, dtype=np.int64), *own])
+        self.inside, self.size = np.array(inside, dtype=int), size + 1
+
+    def _lay(
+        self, fields: Mapping[str, Any], values: Mapping[str, Any], words: list[int], inside: list[int], arrays: list[tuple[int, str, Any]],
+        within: str = "",
+    ) -> int:  # fmt: skip
+        """Lay out the words of a record and of its nested records; return its place."""
+        place = len(words)
+        words += [0] * len(fields)
+        for at, (name, kind) in enumerate(fields.items(), place):
+            if isinstance(kind, Handed):
+                words[at] = self.addresses.get("jacobian_entries" if name == "entries" else name, 0)
+            elif name not in values:
+                continue
+            elif isinstance(kind, Fields):
+                inner = values[name]
+                inner = vars(inner) if isinstance(inner, Record) else inner
+                words[at] = WORD * self._lay(kind.fields, inner, words, inside, arrays, f"{within}{name}.")
+                inside.append(at)
+            elif kind in _C_TYPES:
+                number = np.array(values[name], dtype=float if kind == "double" else np.int64)
+                words[at] = int(number.view(np.int64))
+            else:
+                array = np.ascontiguousarray(values[name], dtype=_WHOLE if kind == INTS else _DOUBLE)
+                arrays.append((at, within + name, array))
+                inside.append(at)
+        return place
+
+
+class RecordArray:
+    """A record in a separate block; arrays and numbers by the names of its fields. `given` values are pointed to, not copied."""
+
+    def __init__(self, form: Form, given: Mapping[str, Any]) -> None:
+        if not given.keys() >= form.lacking:
+            raise KeyError(f"not given: {', '.join(sorted(form.lacking - given.keys()))}")
+        self._form = form
+        numbers: Any = np.zeros(form.size)
+        self._numbers = numbers
+        self._words = self._numbers.view(np.int64)
+        self.address: int = address_of(numbers)
+        self._words[: len(form.head)] = form.head
+        self._words[form.inside] += self.address
+        self._arrays: dict[str, Any] = {}
+        self.record = form.structure.from_buffer(self._numbers)
+        self.put(given)
+
+    def put(self, values: Mapping[str, Any]) -> None:
+        """Set fields: numbers are copied, arrays and records are pointed to."""
+        places, words = self._form.places, self._words
+        for name, value in values.items():
+            place, kind = places[name]
+            if kind == "double":
+                self._numbers[place] = value
+            elif kind == "i64":
+                words[place] = value
+            elif isinstance(kind, Fields):
+                words[place] = value.address
+                self._arrays[name] = value
+            else:
+                wanted = _WHOLE if kind == INTS else _DOUBLE
+                if type(value) is not np.ndarray or value.dtype != wanted or not value.flags.c_contiguous:
+                    value = np.ascontiguousarray(value, dtype=wanted)
+                self._arrays[name] = value
+                words[place] = address_of(value)
+
+    def __getitem__(self, name: str) -> Any:
+        found = self._arrays.get(name)
+        if found is not None:
+            return found
+        if name in self._form.views:
+            begin, size, whole = self._form.views[name]
+            found = self._arrays[name] = (self._words if whole else self._numbers)[begin : begin + size]
+            return found
+        if self._form.places[name][1] in _C_TYPES:
+            return getattr(self.record, name)
+        raise KeyError(name)
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        self.put({name: value})
+
+
+@lru_cache
+def _layout(noun: type) -> type[ctypes.Structure]:
+    """Return the memory layout of a record."""
+    fields = [(n, _C_TYPES.get(k, ctypes.c_void_p) if isinstance(k, str) else ctypes.c_void_p) for n, k in record_of(noun).fields.items()]  # fmt: skip
+    return type(noun.__name__, (ctypes.Structure,), {"_fields_": fields})
+
+
+def form_of(noun: type, program: Program, key: object, values: Callable[[], Mapping[str, Any]]) -> Form:
+    """Return the layout of a record for a program, cached with it. `key`: further data on which it depends."""
+    kept = program.kept
+    found: Form | None = kept.get((noun, key))
+    if found is None:
+        assert program.native is not None
+        found = kept[noun, key] = Form(noun, values(), program.native.addresses)
+    return found

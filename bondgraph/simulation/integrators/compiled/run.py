@@ -1,0 +1,339 @@
+"""Native integrator: runs `advance.advance` as machine code instead of the loop over steps in `interpreted_integrator.py`.
+
+The other checks of a step (limits, state selection, work) are done in machine code too. The code returns where Python must decide, and every few
+tens of milliseconds, so that a run can be interrupted.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import time as clock
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compiler.api import Program, address_of, record_of
+
+from ...monitors.state_selection import Choice
+from ...segments.timeline import Segment, Signals, inside
+from .. import dop853, ends, radau, rodas
+from ..methods import ENERGY, RADAU, RODAS
+from ..radau import StepFailed
+from .advance import LOOK, MORE
+from .code import POINTER, WHOLE, called
+from .fields import given_at, room_of, signal_fields
+from .ordering import DIAGONAL, on_diagonal, ordered, room_in
+from .radau_step import FAILURES, NEWTON, ORDER
+from .record_layout import RecordArray, form_of
+from .sparse import FINE, Pattern
+from .stepper import IntegratorWorkspace
+
+if TYPE_CHECKING:
+    from ...segments.trajectory import Tolerances
+    from .constraint_functions import CompiledConstraints
+
+AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
+OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # fields that are read often
+SMALL = 1e-3  # ratio of a pivot to the largest number that it divides, below which another order is chosen
+
+
+def obstacle(program: Program) -> str:
+    """Return the reason why the steps of this program are not made in machine code; empty if they are."""
+    if program.native is None:
+        return "no machine code"
+    if program.invariants.names and (program.solved is None) != ("solved" not in program.native.addresses):
+        return "closed loops are held on their constraints"
+    return ""
+
+
+class Ordered:
+    """Pattern of sparse factors, and choice of another order where the numbers need it."""
+
+    def __init__(self, program: Program, small: float) -> None:
+        n = len(program.states.names) + len(program.unknowns.names)
+        self.pattern = (*program.pattern, len(program.states.names), n)
+
+        def values() -> dict[str, Any]:
+            room = ("diagonal", "scale", "diagonal_re", "diagonal_im", "scale_complex", "x", "xi", "y", "yi")
+            nothing: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields if name != "small"}
+            return nothing | {"n": n, "ready": 0, "tolerant": 0} | {name: np.zeros(n) for name in room}
+
+        self._kept, self._small = program.kept, small
+        self.values = RecordArray(form_of(Pattern, program, "", values), {"small": small})
+        self.record = self.values.record
+
+    def choose(self, shift: float, entries: Any) -> bool:
+        """Choose an order for these numbers; return False if there is none."""
+        if self._on_diagonal(shift, entries):
+            return True
+        found = ordered(*self.pattern, shift, entries)
+        if found is None:
+            self.record.ready = 0
+            return False
+        self._take(found, self._small)
+        return True
+
+    def _on_diagonal(self, shift: float, entries: Any) -> bool:
+        """Choose the order that depends on the program alone, if its pivots are not small; return True if it is used."""
+        key = "order", len(entries), self.pattern[-1]
+        if key not in self._kept:
+            self._kept[key] = on_diagonal(*self.pattern)
+        known = self._kept[key]
+        if known is None:
+            return False
+        self._take(known | room_in(known), DIAGONAL)
+        factorise = called("real_factors", WHOLE, POINTER, ctypes.c_double, POINTER)
+        fits: bool = factorise(self.values.address, shift, address_of(np.ascontiguousarray(entries))) == FINE
+        self.record.small = self._small
+        return fits
+
+    def _take(self, found: Mapping[str, Any], small: float) -> None:
+        self.values.put(found)
+        for name in ("x", "xi"):
+            self.values[name][:] = 0.0
+        self.record.ready, self.record.small, self.record.tolerant = 1, small, 0
+
+
+class CompiledRadau:
+    """Steps of a native method over one segment, with the interface of `interpreted.Interpreted`."""
+
+    def __init__(
+        self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
+        constraints: CompiledConstraints, signals: Signals, method: int = RADAU,
+    ) -> None:  # fmt: skip
+        self.program, self.constraints = program, constraints
+        self.order = Ordered(program, SMALL)
+        given = given_at(program, inputs, constants, tolerances, stretch, state, longest, signals)
+        given |= {"closed": constraints.values, "redundant": int(constraints.redundant), "pattern": self.order.values}
+
+        def room() -> dict[str, Any]:
+            at = stretch.start, state, inputs, constants, stretch.mode
+            bends = 0 if program.bends is None else len(program.bends(*at))
+            return room_of(program, method, len(signals.allowed), bends)
+
+        self.values = RecordArray(form_of(IntegratorWorkspace, program, method, room), given)
+        self.fixed_size: float | None = None  # size of all steps, for a method with equal steps
+        self._mode: Any = None  # the mode set last
+        self._begun = False
+        self._record, self._here = self.values.record, self.values.address
+        self._advance = called("advance", WHOLE, POINTER, WHOLE)
+
+    def report(self, instants: Any, position: int, states: Any) -> None:
+        """Set the array for states at the reported instants, from the index `position` on."""
+        self.values.put(
+            {"instants": instants, "instant_count": len(instants), "position": position, "reported": states}
+        )
+
+    def choose(self, choice: Choice) -> None:
+        """Stop where other states should be integrated."""
+        if self._begun:
+            self.values["stored_peak"] = choice.peak
+            return
+        count = len(choice.rows)
+        rows, columns = self.program.sensitivity_pattern
+        self.values.put({
+            "slope_count": len(choice.chosen) if count else 0, "slope_rows": rows, "slope_columns": columns, "slope_chosen": choice.chosen,
+            "slopes": np.zeros(len(choice.chosen)), "stored_peak": choice.peak,
+        })  # fmt: skip
+
+    def measure(self, work: Any, traffic: float) -> None:
+        """Add up the work at all ports, starting from these values."""
+        room = {"power": np.zeros(len(work)), "partial": np.zeros(2 * len(work))}
+        self.values.put({"power_count": len(work), "work": work, "traffic": traffic} | room)
+
+    def begin(self) -> None:
+        """Evaluate the rates at the start of the segment."""
+        self.put_mode(self.values["mode"])
+        self._begun = True
+        self.__dict__ |= {name: self.values[name] for name in OFTEN}
+        called("begin", None, POINTER)(self._here)
+        if self.fixed_size is not None:
+            self._record.size = self.fixed_size
+
+    def begin_at(self, stretch: Segment, state: Any, signals: Signals, method: int, automatic: int) -> None:
+        """Go on with another segment, or after an event, as a new solver would."""
+        record, values = self._record, self.values
+        scaled = state / values["magnitude"]
+        values["state"][:], values["absolute"][:], values["greatest"][:] = scaled, values["resting"], 0.0
+        values["peak"][:] = np.maximum(np.abs(scaled), 1.0)
+        self.put_mode(stretch.mode)
+        values.put(signal_fields(signals, stretch.start))
+        record.time, record.stop, record.until = stretch.start, stretch.stop, stretch.stop
+        record.earliest, record.latest = inside(stretch)
+        record.method, record.automatic = method, automatic
+        record.fastest, record.since_looked, record.held_by_stability, record.free_steps = 0.0, dop853.LOOK_AGAIN, 0, 0
+        for name in ("steps", "rejected", "derivatives", "jacobians", "factorisations", "negative"):
+            setattr(record, name, 0)
+        values["error"][:] = 0.0
+        self._forget()
+
+    def doubt(self, floor: Any) -> None:
+        """Set the level below which roots of conditions are rounding."""
+        if floor is not None:
+            self.values["root_floor"][:] = floor
+
+    def end_at(self, time: float) -> None:
+        """End the last step at an event: its remaining processing goes up to this time."""
+        self._record.until = time
+
+    def put_mode(self, mode: Any) -> None:
+        """Set the conditions and discrete variables from now on."""
+        self._mode = mode
+        self.values["mode"][:] = mode
+        self.constraints.values["mode"][:] = mode
+        hybrid = self.program.hybrid
+        if hybrid is not None:
+            self.values["root_said"][:] = [mode[c.position] == 1.0 for c in hybrid.conditions]
+
+    def begin_again(self, time: float, state: Any, size: float) -> None:
+        """Go on from another state, with a first step no longer than this."""
+        record, values = self._record, self.values
+        values["state"][:], values["absolute"][:] = state / values["magnitude"], values["resting"]
+        record.time = time
+        self._forget()
+        record.size = min(size, record.stop - time)
+
+    def repeat(self, size: float) -> None:
+        """Repeat the last step, no longer than this."""
+        record, values, n = self._record, self.values, self._record.n
+        before = record.ends - 2
+        record.time = float(values["end_time"][before])
+        values["state"][:] = values["end_state"][before * n : (before + 1) * n]
+        record.fastest, record.since_looked, record.held_by_stability, record.free_steps = 0.0, dop853.LOOK_AGAIN, 0, 0
+        self._forget()
+        record.size = size
+
+    def go_on_with(self, method: int) -> None:
+        """Let another method go on from here."""
+        self._record.method, self._record.automatic = method, 0
+        self._forget()
+
+    def _forget(self) -> None:
+        """Discard the data that steps share with each other."""
+        record = self._record
+        for name in ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending"):
+            setattr(record, name, 0)
+        record.last_size = record.last_error = record.contraction = 0.0
+        called("begin", None, POINTER)(self._here)
+
+    def went_on(self, position: int, work: Any, traffic: float) -> Any:
+        """Return the array of accumulated work, after setting position, work and energy turnover reached by other means."""
+        self._record.position, self._record.traffic = position, traffic
+        if work is not None:
+            self.values["work"][:] = work
+        return None if work is None else self.values["work"]
+
+    def note_tried(self, ahead: float) -> None:
+        """Store that a pose could not be crossed from this time before it."""
+        self._record.tried = ahead
+
+    def advance(self, most: int) -> int:
+        """Make up to `most` steps; return the reason for the stop, one of the numbers of `advance.py`. Raises `StepFailed`."""
+        answer: int = self._advance(self._here, most)
+        self.order.record.tolerant = 0
+        while answer == ORDER:
+            # With an order computed for just these numbers, small pivots are accepted.
+            if self.order.choose(self._shift / self.factorised_size, self.jacobian):
+                self.order.record.tolerant = 1
+                answer = self._advance(self._here, 1)
+            else:
+                answer = NEWTON
+            self.order.record.tolerant = 0
+        if answer in FAILURES:
+            raise StepFailed(FAILURES[answer])
+        return answer
+
+    @property
+    def _shift(self) -> float:
+        """Return the shift of the real matrix, times the step size."""
+        return 1 / rodas.GAMMA if self.method == RODAS else float(radau.MU_REAL)
+
+    @property
+    def record(self) -> Any:
+        """Record of machine code: it has the scalar fields."""
+        return self._record
+
+    def step(self) -> None:
+        """Make one step. Raises `StepFailed`."""
+        self.advance(1)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in record_of(IntegratorWorkspace).fields:
+            raise AttributeError(name)
+        return self.values[name]
+
+    @property
+    def finished(self) -> bool:
+        """True if the end is reached."""
+        return bool(self.time >= self.stop)
+
+    @property
+    def last_step(self) -> tuple[float, float]:
+        """Start and end of the last step."""
+        count = self._record.ends
+        return float(self.end_time[count - 2]), float(self.end_time[count - 1])
+
+    @property
+    def evaluations(self) -> dict[str, int]:
+        """Number of evaluations, by kind."""
+        record = self._record
+        return {"derivative": record.derivatives, "jacobian": record.jacobians, "factorisation": record.factorisations}
+
+    @property
+    def inner(self) -> tuple[float, ...]:
+        """Fractions of a step at which the limits of a model are checked."""
+        return radau.INNER if self.method == RADAU else dop853.INNER
+
+    def sample(self, times: Any) -> Any:
+        """Return states at instants within the last step; shape (times, n)."""
+        if self.method == ENERGY:
+            return self._interpreted(times)
+        if self.method != RADAU:
+            before = self.end_state.reshape(3, self.n)[self.ends - 2]
+            return dop853.polynomial(self.dense.reshape(7, self.n), before, *self.last_step, times)
+        return ends.sampled(self, times)
+
+    def roots(self, times: Any, mode: Any) -> Any:
+        """Return the roots of the conditions at instants within the last step, under a mode; shape (times, conditions)."""
+        return self._all("roots_along", times, mode, self._record.root_count)
+
+    def states(self, times: Any, mode: Any) -> Any:
+        """Return the states in SI there, with the multipliers that belong to them; shape (times, n)."""
+        return self._all("states_along", times, mode, self._record.n)
+
+    def _all(self, name: str, times: Any, mode: Any, width: int) -> Any:
+        if mode is not self._mode:
+            self.put_mode(mode)
+        times = np.ascontiguousarray(times, dtype=float)
+        out = np.empty((len(times), width))
+        there, here = map(address_of, (times, out))
+        called(name, None, POINTER, WHOLE, POINTER, POINTER)(self._here, len(times), there, here)
+        return out
+
+    def _interpreted(self, times: Any) -> Any:
+        """Return the last step as data of the source in Python."""
+        from .interpreted import sampled
+
+        return sampled(self, times)
+
+
+def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause: float = np.inf) -> int:
+    """Step to the end of the segment, or to a change of states or a singular pose; return the reason, as in `advance.py`.
+
+    `MORE` after `pause` steps of the segment. `look` checks the limits of the model in the last step, and returns the violated ones. Raises
+    `StepFailed`.
+    """
+    several, answer, record = 64, MORE, solver.record
+    while answer == LOOK or (answer == MORE and record.steps < pause):
+        if record.steps >= most:
+            raise StepFailed("steps")
+        began = clock.perf_counter()
+        answer = solver.advance(max(1, int(min(several, most - record.steps, pause - record.steps))))
+        if answer == LOOK:
+            solver.left[look()] = 1
+        elif clock.perf_counter() - began < AT_ONCE:
+            several = min(2 * several, 1 << 20)
+        else:
+            several = max(1, several // 2)
+    return answer

@@ -1,0 +1,190 @@
+"""Workspace of the native integrator. All arrays belong to the caller; nothing is allocated, nothing is global."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from compiler.api import Record
+
+from .factors import ComplexFactors, Factors
+from .projection import ProjectionWorkspace
+from .sparse import Pattern
+
+if TYPE_CHECKING:
+    from compiler.api import Floats, Ints
+
+# Arguments: time, state, inputs, constants, mode, array for the values.
+Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], None]
+
+
+class IntegratorWorkspace(Record):
+    """Data of an integration over one smooth segment. n states and unknowns; sizes of arrays after the names."""
+
+    derivative: Function
+    entries: Function
+    signals: Function
+    holds: Function
+    dependent: Function
+    sensitivities: Function
+    powers: Function
+    bends: Function
+    stored_energy: Function
+    roots: Function
+    inputs: Floats
+    constants: Floats
+    mode: Floats
+    n: int
+    differential: int  # the first of the n are states
+    method: int  # one of `methods.py`
+    entry_count: int
+    rows: Ints  # entry_count
+    columns: Ints  # entry_count
+    magnitude: Floats  # n
+    per_unit: Floats  # n: one over the units of the rates
+    ratio: Floats  # entry_count
+    # tolerances
+    relative: float
+    absolute: Floats  # n
+    resting: Floats  # n: absolute tolerances before they grow
+    held: Ints  # n: 1 where they do not grow
+    peak: Floats  # n
+    newton_tolerance: float
+    first_newton_tolerance: float
+    creeping_tolerance: float
+    stagnation_tolerance: float
+    allowed_estimate: float  # of Radau, in units of the tolerance
+    # signals that a step must resolve
+    signal_count: int
+    allowed: Floats  # signal_count
+    seen: Floats  # (SEEN + UNSEEN) signal_count
+    signal_nodes: int  # number of places at which the signals are known
+    node_time: Floats  # signal_nodes
+    node_value: Floats  # signal_nodes signal_count
+    node_next: int  # index of the first of them that lies ahead
+    steady: int  # 1 if they are equal at all of them
+    earliest: float
+    latest: float
+    longest: float
+    # kinks of laws
+    bend_count: int
+    bend_seen: Floats  # 6 bend_count: values at places of a step, and work space
+    bend_side: Floats  # bend_count: side of each kink at which the Jacobian was computed
+    # conditions that may cross zero
+    root_count: int
+    root_said: Ints  # root_count: 1 where the condition holds in the mode
+    root_strict: Ints  # root_count: 1 where it does not hold at zero
+    root_floor: Floats  # root_count: rounding level
+    root_seen: Floats  # interpolants.PLACES root_count
+    root_narrow: int  # 1 if an indicator may have narrow peaks, which values at places do not show
+    root_form: Floats  # interpolants.PLACES: the polynomial of one of them
+    greatest: Floats  # n: largest values of the scaled states
+    # current point
+    time: float
+    stop: float
+    until: float  # end of the last step at an event, or the stop
+    size: float
+    state: Floats  # n
+    rate: Floats  # n
+    last_size: float  # 0 before the first step
+    last_error: float
+    contraction: float  # contraction of the last Newton iteration
+    rounded: float  # largest rounding, in tolerances, with which a step was accepted
+    stages: Floats  # 3 n, relative to the start of the last step
+    current: int  # 1 if the Jacobian belongs to this state
+    known: int  # 1 if there is a Jacobian
+    factorised: int
+    factorised_size: float
+    negative: int  # 1 if the determinant of the real matrix is negative; 0 where it is sparse
+    jacobian: Floats  # entry_count
+    inner_jacobian: Floats  # entry_count: at an instant within a step
+    inner: Factors
+    steepness: Floats  # n: step size times the sum of the absolute values in a row of it
+    # factorised matrices: sparse on a pattern, or dense
+    sparse: int
+    pattern: Pattern
+    real: Factors
+    complex: ComplexFactors
+    # the last three ends of steps
+    ends: int
+    end_time: Floats  # 3
+    end_state: Floats  # 3 n
+    end_slope: Floats  # 3 n
+    first_sloped: int  # 1 if the rates at the first of them are known
+    nodes: Floats  # 6
+    coefficients: Floats  # 6 n: coefficients of the polynomial through them
+    node_count: int  # 0: not yet computed
+    # energy-conserving method
+    energy: float  # energy to be conserved
+    energies: Floats  # 1 + n: energy of a state, and its gradient
+    dropped: Floats  # n: rounding errors of the last steps
+    # DOP853
+    slope: Floats  # 16 n: rates of the stages
+    dense: Floats  # 7 n: coefficients of the dense output of the last step
+    dense_known: int
+    automatic: int  # 1: where only stability limits the steps, another method goes on
+    fastest: float  # the rate of the fastest mode, 1/s; 0: not known
+    direction: Floats  # n: direction of the fastest mode
+    since_looked: int  # number of steps since the last search for it
+    held_by_stability: int  # number of last steps limited by stability
+    free_steps: int  # number of other steps since then
+    # work arrays
+    si: Floats  # n: states in SI
+    z: Floats  # 3 n
+    w: Floats  # 3 n
+    f: Floats  # 3 n
+    change: Floats  # 3 n
+    last_change: Floats  # 3 n: that of the last iteration
+    scale: Floats  # n
+    per_tolerance: Floats  # n: one over the tolerances of a step
+    new: Floats  # n
+    error: Floats  # n: error of the last step, in units of its tolerance
+    rest: Floats  # n
+    terms: Floats  # n: the sizes of the terms of each equation
+    norms: Floats  # STUBBORN: of the last rejected tries
+    sizes: Floats  # STUBBORN
+    # reported states
+    instants: Floats
+    instant_count: int
+    position: int
+    reported: Floats  # instant_count n
+    # limits
+    limit_count: int
+    left: Ints  # limit_count: 1 where a violation is known
+    truth: Floats  # limit_count
+    always: int  # 1 if the caller checks every step
+    # state selection
+    slope_count: int
+    slope_rows: Ints
+    slope_columns: Ints
+    slope_chosen: Ints  # 1: these can be exchanged
+    slopes: Floats  # slope_count
+    stored: Floats  # differential + dependents
+    dependent_count: int
+    stored_peak: Floats
+    worst: float
+    # work
+    power_count: int
+    work: Floats  # power_count
+    power: Floats  # 7 power_count
+    partial: Floats  # 2 power_count
+    traffic: float
+    tolerance: float  # relative, of the work
+    pending: int  # 2: the last step has not been checked yet; 1: it is not yet complete
+    # constraints, and singular poses ahead
+    closed: ProjectionWorkspace
+    usual: float  # the longest step where no pose is near
+    poses: int  # number of last ones stored
+    pose_time: Floats  # 3
+    pose_least: Floats  # 3: smallest singular values
+    ahead: float  # extrapolated time until it vanishes
+    behind: float
+    tried: float  # time ahead at the last failed try to cross
+    comes: int
+    redundant: int  # 1 if there are inactive residuals
+    # statistics
+    steps: int
+    rejected: int
+    derivatives: int
+    jacobians: int
+    factorisations: int

@@ -1,0 +1,147 @@
+"""Stiff interpolation: stiff states between the ends of a step, computed from their own equations where the polynomials are not accurate.
+
+At the ends of steps a stiff state lies where its rate nearly vanishes, however long the step; between them a polynomial is not bound to that. The
+rates at an instant, minus the derivative of the polynomial, give the residual, and Newton's method corrects the stiff states; all others stay unchanged.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from .. import radau
+from ..methods import RADAU, RODAS
+from .factors import Factors, back, eliminate
+from .polynomials import collocation, quintic
+from .radau_step import rates
+from .stepper import IntegratorWorkspace
+
+if TYPE_CHECKING:
+    from compiler.api import Floats
+
+STIFF, SURE, NEAR, SLOW = radau.STIFF, radau.SURE, radau.NEAR, radau.SLOW
+ITERATIONS, LEFT, PATIENT = radau.BACK_ITERATIONS, radau.LEFT, radau.BACK_PATIENT
+MU_REAL = float(radau.MU_REAL)
+
+
+def has_steep_states(s: IntegratorWorkspace) -> int:
+    """Return 1 if a method for stiff equations has stiff states in the last step, and store their steepness."""
+    if (s.method != RADAU and s.method != RODAS) or s.closed.gaps > 0 or s.sparse != 0:
+        return 0
+    size = s.time - s.end_time[s.ends - 2]
+    for i in range(s.n):
+        s.steepness[i] = 0.0
+    for k in range(s.entry_count):
+        s.steepness[s.rows[k]] += abs(s.jacobian[k]) * size
+    for i in range(s.differential):
+        if s.steepness[i] > STIFF:
+            return 1
+    return 0
+
+
+def is_unsure(s: IntegratorWorkspace, time: float) -> bool:
+    """Return True if the two polynomials differ in stiff states, or if there is only one; for Rodas5P, if it misses its equations."""
+    if s.method == RODAS:
+        return is_off(s, time)
+    if s.ends < 3:
+        return True
+    collocation(s, time, s.si)
+    quintic(s, time, s.w)
+    for i in range(s.differential):
+        limit = SURE * (s.absolute[i] + s.relative * abs(s.end_state[2 * s.n + i]))
+        if s.steepness[i] > STIFF and abs(s.w[i] - s.si[i]) > limit:
+            return True
+    return False
+
+
+def is_off(s: IntegratorWorkspace, time: float) -> bool:
+    """Return True if a first Newton correction, with the factors of the step, moves a stiff state."""
+    slopes(s, time, s.time - s.end_time[s.ends - 2])
+    collocation(s, time, s.w)
+    correction(s, s.real, time)
+    for i in range(s.differential):
+        limit = SURE * (s.absolute[i] + s.relative * abs(s.end_state[(s.ends - 1) * s.n + i]))
+        if s.steepness[i] > STIFF and not abs(s.change[i]) <= limit:
+            return True
+    return False
+
+
+def bring_back(s: IntegratorWorkspace, time: float, out: Floats) -> None:
+    """Correct the stiff states of a state in SI by Newton's method, if it converges: with the factors of the step, else with new ones."""
+    size = s.time - s.end_time[s.ends - 2]
+    slopes(s, time, size)
+    for i in range(s.n):
+        s.scale[i] = s.absolute[i] + s.relative * abs(out[i] / s.magnitude[i])
+    if not brings_back(s, s.real, 0, time, size, out):
+        brings_back(s, s.inner, 1, time, size, out)
+
+
+def brings_back(s: IntegratorWorkspace, factors: Factors, own: int, time: float, size: float, out: Floats) -> bool:
+    """Return True if Newton's method converges with these factors; new factors (`own`) are renewed where it slows down."""
+    n = s.n
+    before = 1e300
+    slow = 0  # iterations in a row
+    for i in range(n):
+        s.w[i] = out[i] / s.magnitude[i]
+    for _ in range(ITERATIONS):
+        if (before == 1e300 or slow > 0) and own != 0 and not renewed(s, time, size):
+            return False
+        correction(s, factors, time)
+        norm = 0.0
+        for i in range(n):
+            if i < s.differential and s.steepness[i] <= STIFF:
+                s.change[i] = 0.0
+            share = abs(s.change[i]) / s.scale[i]
+            norm = share if not share <= norm else norm
+        slow = slow + 1 if norm > SLOW * before else 0
+        if not isfinite(norm) or norm > 2.0 * before or slow > own * PATIENT:
+            return False
+        before = norm
+        for i in range(n):
+            s.w[i] += s.change[i]
+        if norm < LEFT:
+            for i in range(n):
+                out[i] = s.w[i] * s.magnitude[i]
+            return True
+    return False
+
+
+def slopes(s: IntegratorWorkspace, time: float, size: float) -> None:
+    """Put the derivative of the polynomial, from two values, into `rest`."""
+    n = s.n
+    late = s.f
+    early = s.f[n:]
+    if s.ends == 3 and s.method == RADAU:
+        quintic(s, time + NEAR * size, late)
+        quintic(s, time - NEAR * size, early)
+    else:
+        collocation(s, time + NEAR * size, late)
+        collocation(s, time - NEAR * size, early)
+    for i in range(n):
+        s.rest[i] = (late[i] - early[i]) / (2.0 * NEAR * size) if i < s.differential else 0.0
+
+
+def renewed(s: IntegratorWorkspace, time: float, size: float) -> bool:
+    """Compute the factors for Newton's method at the state in `w`; return False if the matrix is singular."""
+    n = s.n
+    for i in range(n):
+        s.si[i] = s.w[i] * s.magnitude[i]
+    s.entries(time, s.si, s.inputs, s.constants, s.mode, s.inner_jacobian)
+    s.jacobians += 1
+    s.factorisations += 1
+    matrix = s.inner.matrix
+    for i in range(n * n):
+        matrix[i] = 0.0
+    for i in range(s.differential):
+        matrix[i * n + i] = MU_REAL / size
+    for k in range(s.entry_count):
+        matrix[s.rows[k] * n + s.columns[k]] -= s.inner_jacobian[k] * s.ratio[k]
+    return eliminate(s.inner)
+
+
+def correction(s: IntegratorWorkspace, factors: Factors, time: float) -> None:
+    """Put one Newton correction of the state in `w` into `change`."""
+    rates(s, time, s.w, s.change)
+    for i in range(s.n):
+        s.change[i] -= s.rest[i]
+    back(factors, s.change)

@@ -1,0 +1,108 @@
+"""Step failure: the reason why a run gets no further, with the names of the model's text."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from compiler.api import Program
+
+from ...errors import RateNotFinite, RunFailed, StepsCollapsed
+from ..segments.context import LastStep, SegmentContext
+from ..segments.trajectory import Tolerances
+from .step_size_diagnosis import advice, limiting_mode
+
+MOST_STEPS = 1_000_000  # most steps of one segment; a run that needs more is limited by an unusual cause
+LOOSE = 1e-8  # relative tolerance above which a tighter one is advised
+HUGE = 1e280  # near the largest number there is
+MOST_COMPILED = 30_000_000  # the same for steps in machine code: about the same computing time
+
+
+def _names(program: Program) -> tuple[str, ...]:
+    return (*program.states.names, *program.unknowns.names)
+
+
+# Distances to look ahead for the cause of collapsed steps: fractions of the time that moves a state by its magnitude, and of the run.
+REACHES = (1e-15, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1e-1, 1.0)
+SHARES = (1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-4)
+
+
+def ahead(
+    program: Program, tolerances: Tolerances, whole: float, time: float, state: Any, slope: Any
+) -> tuple[tuple[float, Any], ...]:
+    """Return points ever further along the rates from a state, where the cause of collapsed steps lies. `whole`: length of the run, s."""
+    step = np.where(np.arange(len(state)) < len(program.states.names), slope, 0.0)
+    speed = float((np.abs(step) / np.maximum(tolerances.magnitude, np.abs(state))).max(initial=0.0))
+    reach = min(whole, 1 / speed if speed > 0 else np.inf)
+    least = 10 * float(np.spacing(max(abs(time), 1e-300)))
+    spans = sorted({max(least, x) for x in (*(r * reach for r in REACHES), *(s * whole for s in SHARES))})
+    return tuple((time + x, state + x * step) for x in spans if x <= max(reach, 1e-9 * whole, least))
+
+
+def not_finite(program: Program, time: float, slope: Any, state: Any, mode: Any) -> RateNotFinite:
+    names = _names(program)
+    bad = [names[i] for i in np.flatnonzero(~np.isfinite(slope))[:4]]
+    values = ", ".join(f"{n} = {v:.6g}" for n, v in list(zip(names, state, strict=True))[:6])
+    rates = " and ".join(f"`{b}`" for b in bad)
+    return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state, mode)
+
+
+def failure(context: SegmentContext, solver: LastStep, what: str, mode: Any, explicit: bool, most: int) -> RunFailed:
+    """Return the error of a run that cannot go on from the solver's current state; `what`: the part that failed last; `most`: the allowed steps."""
+    program, tolerances = context.program, context.tolerances
+    state = solver.state * tolerances.magnitude
+    slope = np.zeros(len(state))
+    if what != "steps":
+        slope = program.derivative(solver.time, state, context.inputs, context.constants, mode)
+    if not np.isfinite(slope).all():
+        return not_finite(program, solver.time, slope, state, mode)
+    told = stuck(context, solver, what, state, slope, most)
+    if what == "steps":
+        start, stop = solver.last_step
+        found = limiting_mode(context, float(stop), state, mode, float(stop - start), np.array(solver.error))
+        if found is not None:
+            told += f". The steps follow {found}: {advice(found, explicit)}"
+    if what in ("newton", "error"):
+        places = ahead(program, tolerances, context.whole, solver.time, state, slope)
+        return StepsCollapsed(told, solver.time, state, places, mode)
+    return RunFailed(told)
+
+
+def stuck(context: SegmentContext, solver: LastStep, what: str, state: Any, slope: Any, most: int) -> str:
+    program, tolerances = context.program, context.tolerances
+    names, units = _names(program), (*program.states.units, *program.unknowns.units)
+    share = np.abs(solver.error)
+    worst = (
+        int(np.argmax(np.where(np.isfinite(share), share, np.inf))) if share.any() else int(np.argmax(np.abs(slope)))
+    )
+    value = f"`{names[worst]}` (now {state[worst]:.6g} {units[worst]})"
+    begin = f"the solver cannot hold rtol = {tolerances.relative:g} at t = {solver.time:.9g} s"
+    huge = int(np.argmax(np.maximum(np.abs(state), np.abs(slope))))
+    if max(abs(state[huge]), abs(slope[huge])) > HUGE:
+        return (
+            f"{begin}: `{names[huge]}` (now {state[huge]:.6g} {units[huge]}, and changing by {slope[huge]:.6g} a second) becomes too large "
+            "for a number. Likely causes: a law that grows like an exponential, or a unit that is missing"
+        )
+    loops = len(program.unknowns.names) > 0 and tolerances.relative > LOOSE
+    bend = ". A loop with a law that bends within the tolerance, as a diode's at hundreds of volts, needs a tighter one"
+    steep = bend if loops else ""
+    if what == "steps":
+        return (
+            f"the run gets no further than t = {solver.time:.9g} s within {most} steps; {value} holds the steps down. "
+            "Likely causes: a fast oscillation that nothing damps, or a tolerance below what doubles can hold"
+        )
+    if what == "round-off":
+        return (
+            f"{begin}: shorter steps make the error of {value} no smaller, so it is round-off: quantities of very different size "
+            f"are subtracted from each other. Loosen the tolerance, or give its `nominal`{steep}"
+        )
+    if what == "newton":
+        return (
+            f"{begin}: its equations could not be solved, however short the step; {value} is involved. Likely causes: a law that "
+            f"jumps, an algebraic loop that loses its solution there, or a singular model{steep}"
+        )
+    return (
+        f"{begin}: its step fell below round-off; {value} changes fastest. Likely causes: a jump in a law, a solution that "
+        "grows without bound, or a tolerance below what doubles can hold"
+    )

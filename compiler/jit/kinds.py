@@ -1,0 +1,93 @@
+"""Types of the subset, from the annotations of functions and records."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any, NamedTuple, get_args
+
+from ..fast_dataclass import dataclass
+from .arrays import Record
+
+FLOAT, INT, BOOL, FLOATS, INTS, NOTHING = "double", "i64", "i1", "floats", "ints", "void"
+_WORDS = {"float": FLOAT, "int": INT, "bool": BOOL, "Floats": FLOATS, "Numbers": FLOATS, "Ints": INTS, "None": NOTHING}
+ITEMS = {FLOATS: FLOAT, INTS: INT}
+
+
+# Disjoint kinds of memory: records and arrays never overlap, nor do numbers and pointers.
+MEMORIES = ("field double", "field i64", "field ptr", "item double", "item i64")
+
+
+class TranslationError(TypeError):
+    """A line is outside of the subset."""
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Type of a record: its fields in order, each eight bytes wide."""
+
+    name: str
+    fields: dict[str, Any]
+
+    def place(self, name: str) -> int:
+        """Number of a field."""
+        return list(self.fields).index(name)
+
+
+@dataclass(frozen=True)
+class Handed:
+    """Type of a function that is passed as an argument."""
+
+    arguments: tuple[Any, ...]
+    result: Any
+
+
+class Value(NamedTuple):
+    """Type and text of a value; for an address, the kind of memory (of `MEMORIES`), if any."""
+
+    kind: Any
+    text: str
+    memory: str = ""
+
+
+def kind_of(annotation: Any, home: dict[str, Any]) -> Any:
+    """Type of an annotation, in the namespace of its function or record."""
+    if getattr(annotation, "__forward_arg__", None):
+        annotation = annotation.__forward_arg__
+    if annotation is None or annotation is type(None):
+        return NOTHING
+    if annotation in (float, int, bool):
+        return _WORDS[annotation.__name__]
+    if isinstance(annotation, str):
+        if annotation in _WORDS:
+            return _WORDS[annotation]
+        annotation = home.get(annotation)
+    if isinstance(annotation, type) and issubclass(annotation, Record):
+        return record_of(annotation)
+    arguments = get_args(annotation)
+    if len(arguments) == 2 and isinstance(arguments[0], list):
+        return Handed(tuple(kind_of(a, home) for a in arguments[0]), kind_of(arguments[1], home))
+    raise TranslationError(f"`{annotation}` is no type of the subset")
+
+
+_KNOWN: dict[type, Fields] = {}
+
+
+def record_of(noun: type) -> Fields:
+    """Type of a record."""
+    if noun not in _KNOWN:
+        home = vars(sys.modules[noun.__module__])
+        _KNOWN[noun] = Fields(noun.__name__, {n: kind_of(a, home) for n, a in noun.__annotations__.items()})
+    return _KNOWN[noun]
+
+
+def text_of(kind: Any) -> str:
+    """The type in LLVM's notation."""
+    return kind if kind in (FLOAT, INT, BOOL, NOTHING) else "ptr"
+
+
+def signature(function: Callable[..., Any]) -> tuple[tuple[Any, ...], Any]:
+    """Types of a function's arguments and of its result."""
+    kinds = {n: kind_of(a, function.__globals__) for n, a in function.__annotations__.items()}
+    result = kinds.pop("return")
+    return tuple(kinds.values()), result

@@ -1,0 +1,170 @@
+"""A flat bond graph as the text of one model without instances, which compiles to an equal graph."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from ..errors import CompilationFailed, Diagnostic, InternalError
+from ..graph.domains import DOMAINS
+from ..graph.elements import TRANSDUCERS
+from ..graph.network import BondEnd, BondGraph, Event, Junction, MechanismNode, Named, Node, Requirement
+from ..graph.units import ONE, SECOND
+from .element import element_line
+from .errors import UnwrittenDomain
+from .implicit_nodes import heating_resistors, shared_ports
+from .literals import NotWritable, bond_lines, braces, description_text, former_name, number_text, unit_text
+from .mechanism import mechanism_lines
+from .names import choose_names, lone_bonds
+from .reference_names import Words
+
+ROLES = {"parameter": "parameter", "constant": "constant", "input": "input", "mode": "mode"}  # all others are signals
+
+
+def write_text(graph: BondGraph) -> str:
+    """Return the .bg text of a graph: elements, bonds, laws, quantities, mechanisms, with numbers in SI.
+
+    Names that a text cannot have (`comb[1].folded`) are mapped one to one; the former ones follow in comments. Raises
+    `CompilationFailed` with all parts that cannot be written.
+    """
+    return _Writer(graph).text()
+
+
+def _is_plain(graph: BondGraph) -> bool:
+    """Return True if the graph has ports, all of them untyped, and no units."""
+    domains = {d for n in graph.nodes for d in ([n.domain] if isinstance(n, Junction) else [p.domain for p in n.ports])}
+    named = (*graph.quantities.values(), *graph.outputs.values())
+    return domains == {"untyped"} and all(n.unit == "1" for n in named)
+
+
+class _Writer:
+    """Writer of one graph."""
+
+    def __init__(self, graph: BondGraph) -> None:
+        self.graph = graph
+        self.plain = _is_plain(graph)
+        self.shared = shared_ports(graph)
+        self.heating = heating_resistors(graph)
+        separate = [n for n in graph.outputs if n not in graph.quantities or graph.quantities[n].role in ROLES]
+        self.names = choose_names(graph, self.shared, separate, self.plain)
+        self.words = Words(graph, self.names, self.plain)
+        self.mistakes: list[Diagnostic] = []
+
+    def text(self) -> str:
+        """The whole text."""
+        graph = self.graph
+        nodes = [n for n in graph.nodes if n.name not in self.shared]
+        inner = [q for n, q in graph.quantities.items() if not self._is_output(n)]
+        parts = [line for n in nodes for line in self._told(n, self._node(n))]
+        quantities = [line for q in inner for line in self._told(q, self._quantity(q))]
+        quantities += [f"constant {name} = {number_text(value)}" for value, name in self.words.constants.items()]
+        outputs = [line for n, o in graph.outputs.items() for line in self._told(o, self._output(n, o))]
+        limits = [line for r in graph.requirements for line in self._told(r, self._requirement(r))]
+        events = [line for e in graph.events for line in self._told(e, self._event(e))]
+        self._check_domains()
+        if self.mistakes:
+            raise CompilationFailed(self.mistakes)
+        blocks = [quantities, parts, list(bond_lines(self._bonds())), events, limits, outputs]
+        body = "\n\n".join("\n".join(f"  {line}" for line in lines) for lines in blocks if lines)
+        head = f"# {graph.name}, flat: its instances are opened, its numbers are in SI.\n"
+        return f"{head}{'plain ' if self.plain else ''}model {graph.name} {{\n{body}\n}}\n"
+
+    def _requirement(self, required: Requirement) -> Iterator[str]:
+        yield f"require {self.words.condition(required.condition)}{description_text(required.text)}"
+
+    def _event(self, event: Event) -> Iterator[str]:
+        if event.period is not None:
+            yield f"every {self.words.bound(event.period, ONE if self.plain else SECOND)} {{"
+        else:
+            yield f"when {self.words.condition(event.condition)} {{"
+        for action in event.actions:
+            target = self.words.reference(action.target)
+            yield f"  {target.text} = {self.words.bound(action.value, target.dimension)}"
+        yield "}"
+
+    def _told(self, item: Node | Named | Requirement | Event, lines: Iterator[str]) -> list[str]:
+        """Lines of one part; none if it cannot be written, which adds a diagnostic."""
+        try:
+            return list(lines)
+        except NotWritable as refused:
+            self.mistakes.append(refused.diagnostic(item.span, item.name))
+            return []
+
+    def _check_domains(self) -> None:
+        """Check the bonds whose domain only a law can imply: its letters must be able to."""
+        for tail, head, bond in lone_bonds(self.graph):
+            domain = DOMAINS[bond.domain]
+            if not (self.plain or (domain.typed and domain.guessed)):
+                self.mistakes.append(UnwrittenDomain(bond.span, head.name, tail.name))
+
+    def _is_output(self, name: str) -> bool:
+        return name in self.graph.outputs and name not in self.names.outputs
+
+    # ------------------------------------------------------------ quantities
+    def _quantity(self, named: Named) -> Iterator[str]:
+        yield self._item(ROLES.get(named.role, "signal"), self.names.quantities[named.name], named)
+
+    def _output(self, name: str, named: Named) -> Iterator[str]:
+        if name in self.names.outputs:
+            yield self._item("output", self.names.outputs[name], named)
+        else:
+            yield self._item("output", self.names.quantities[name], self.graph.quantities[name])
+
+    def _item(self, role: str, name: str, named: Named) -> str:
+        dimension = self.words.dimension(named)
+        integral = self.graph.integrals.get(named.name)
+        if integral is not None:
+            rate, start = (
+                self.words.bound(integral.rate, dimension / SECOND),
+                self.words.bound(integral.start, dimension),
+            )
+            value = f"integral({rate}, {start})"
+        elif named.name in self.graph.delays:
+            delay = self.graph.delays[named.name]
+            lag = self.words.bound(delay.lag, ONE if self.plain else SECOND)
+            value = f"delay({self.words.bound(delay.value, dimension)}, {lag})"
+        elif named.definition is not None:
+            value = self.words.bound(named.definition, dimension)
+        else:
+            raise InternalError(f"`{named.name}` has no value")
+        unit = "" if dimension == ONE else f": {unit_text(dimension)}"
+        if unit and _NUMBER_WITH_UNIT.fullmatch(value):  # `k: N/m = 5`: a bare number is in that unit
+            value = value.split()[0]
+        return f"{role} {name}{unit} = {value}{description_text(named.description)}{former_name(named.name, name)}"
+
+    # ------------------------------------------------------------ nodes
+    def _node(self, node: Node) -> Iterator[str]:
+        if isinstance(node, MechanismNode):
+            yield from mechanism_lines(node.mechanism, self.names, self.words)
+        elif isinstance(node, Junction):
+            name = self.names.nodes[node.name]
+            domain = "" if self.plain else f" : {node.domain}"
+            active = (
+                f"active = {self.words.condition(s.active)}" for s in self.graph.switches if s.junction == node.name
+            )
+            yield f"{node.kind.value} {name}{domain}{braces(active)}{former_name(node.name, name)}"
+        else:
+            yield element_line(node, self.words, node.name in self.heating)
+
+    # ------------------------------------------------------------ bonds
+    def _bonds(self) -> Iterator[tuple[str, str, str]]:
+        for bond in self.graph.bonds:
+            if self.shared.get(self.graph.nodes[bond.tail.node].name) == bond.head:
+                continue  # from a junction that several bonds of one part make
+            yield self._place(bond.tail), "->", self._place(bond.head)
+
+    def _place(self, end: BondEnd) -> str:
+        node = self.graph.nodes[end.node]
+        if node.name in self.shared:
+            return self._place(self.shared[node.name])
+        name = self.names.nodes[node.name]
+        if isinstance(node, Junction) or node.kind in TRANSDUCERS:
+            return name
+        port = node.ports[end.port].name
+        if isinstance(node, MechanismNode):
+            part, _, freedom = port.rpartition(".")
+            return f"{name}.{self.names.parts[node.mechanism.name, part]}.{freedom}"
+        return f"{name}.{port}" if port else name
+
+
+_NUMBER_WITH_UNIT = re.compile(r"-?[0-9.e+-]+ (\[[^\]]*\]|\w+)")

@@ -1,0 +1,157 @@
+"""The subset of Python as machine code: the same numbers, bit by bit, as the same source run by Python."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable
+from math import copysign, floor, isfinite, isnan, pow, sqrt, ulp
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("llvmlite")
+
+from compiler.jit.arrays import Record
+from compiler.jit.kinds import TranslationError
+from compiler.jit.machine import MachineCode, object_code
+from compiler.jit.translate import translate
+
+if TYPE_CHECKING:
+    from compiler.jit.arrays import Floats, Ints
+
+WEIGHTS, ORDER = (0.5, 1.5, -2.0), (2, 0, 1)
+FACTOR = 3.0
+
+
+class Sums(Record):
+    n: int
+    total: float
+    values: Floats
+    order: Ints
+
+
+def weighted(x: Floats, n: int) -> float:
+    total = 0.0
+    for i in range(n):
+        total += WEIGHTS[ORDER[i % 3]] * x[i]
+    return total
+
+
+def gather(s: Sums) -> int:
+    """Loops forwards and backwards, fields, slices, a call."""
+    count = 0
+    for i in range(s.n - 1, -1, -1):
+        if s.values[s.order[i]] < 0.0:
+            continue
+        if count >= 4:
+            break
+        s.total += s.values[s.order[i]] / FACTOR
+        count += 1
+    k = 0
+    while k < s.n and s.values[k] != 0.0:
+        s.values[k] *= -1.0
+        k += 1
+    s.total -= weighted(s.values[1:], s.n - 1)
+    return count * 10 + k
+
+
+def arithmetic(a: float, b: float) -> float:
+    whole = int(a)
+    x = abs(a) + max(a, b, 1.0) - min(a, 2.0 * b) + float(whole // 3 + abs(whole) % 4)
+    if isnan(a) or not isfinite(b):
+        return -1.0
+    y = sqrt(abs(b)) * copysign(2.0, a) + floor(b) + pow(abs(a), 0.25) + ulp(a)
+    return x / y if y != 0.0 and x != 0.0 else (-x if a < b <= 1.0 else 2.0**-52)
+
+
+def bits(a: int, b: int) -> int:
+    z = (a ^ (a >> 30)) * b & 0xFFFFFFFFFFFFFFFF
+    return (z ^ (z >> 27)) & 0xFFFFFFFFFFFF
+
+
+def loaded(function: Callable[..., Any], result: Any, *kinds: Any) -> Callable[..., Any]:
+    code = MachineCode(object_code(translate([function]), 2))
+    found = ctypes.CFUNCTYPE(result, *kinds)(code.address(function.__name__))
+    found.code = code  # type: ignore[attr-defined]
+    return found
+
+
+@pytest.mark.parametrize("level", [0, 2])
+def test_arrays_records_and_loops(level: int) -> None:
+    code = MachineCode(object_code(translate([gather]), level))
+
+    class Record(ctypes.Structure):
+        _fields_ = (
+            ("n", ctypes.c_int64),
+            ("total", ctypes.c_double),
+            ("values", ctypes.c_void_p),
+            ("order", ctypes.c_void_p),
+        )
+
+    generator = np.random.default_rng(3)
+    for n in range(1, 12):
+        values = generator.normal(size=n)
+        values[generator.integers(n)] = 0.0
+        order = generator.permutation(n)
+        here, there = values.copy(), values.copy()
+        python = Sums(n=n, total=0.125, values=here, order=order)
+        record = Record(n, 0.125, there.ctypes.data, order.ctypes.data)
+        answer = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(code.address("gather"))(ctypes.addressof(record))
+        assert answer == gather(python) and record.total == python.total
+        assert here.tolist() == there.tolist()
+
+
+def test_arithmetic() -> None:
+    compiled = loaded(arithmetic, ctypes.c_double, ctypes.c_double, ctypes.c_double)
+    generator = np.random.default_rng(1)
+    cases = [
+        *generator.normal(size=(200, 2)).tolist(),
+        (0.0, 0.0),
+        (-0.0, 1.0),
+        (3.0, 3.0),
+        (7.9, -1e-300),
+        (9.0, math.inf),
+        (math.nan, 1.0),
+    ]
+    for a, b in cases:
+        if isnan(a):
+            assert compiled(a, b) == -1.0
+        elif a >= 0 or a == int(a):  # // of whole numbers goes towards zero in machine code
+            assert compiled(a, b) == arithmetic(a, b), (a, b)
+
+
+def test_whole_numbers_have_64_bits() -> None:
+    compiled = loaded(bits, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)
+    generator = np.random.default_rng(1)
+    for a, b in generator.integers(0, 2**62, size=(50, 2)).tolist():
+        assert compiled(a, b) == bits(a, b)
+
+
+def unknown_name(x: float) -> float:
+    return x + nowhere  # type: ignore[name-defined]  # noqa: F821
+
+
+def a_list(x: float) -> float:
+    y = [x]
+    return y[0]
+
+
+def a_power(x: float) -> float:
+    return x**2.5
+
+
+def mixed(x: float) -> int:
+    return x  # type: ignore[return-value]
+
+
+def no_value(x: float) -> float:  # type: ignore[return]  # noqa: RET503
+    if x > 0.0:
+        return x
+
+
+@pytest.mark.parametrize("function", [unknown_name, a_list, a_power, mixed, no_value])
+def test_what_is_outside_of_the_subset_is_told(function: Callable[..., Any]) -> None:
+    with pytest.raises(TranslationError, match=function.__name__):
+        translate([function])
