@@ -12,18 +12,16 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..arrays import Array, BoolArray
 from ..errors import UsageError
 from ..rendering import draw, text_of
 from .branch_steps import BranchFollower, BranchLine, BranchPlace
 from .operating_point import OperatingPoint
 from .told import named, with_units
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 SCHEMA = "bondgraph-branch/1"
 
@@ -49,11 +47,11 @@ class Branch:
     model: str
     experiment: str | None
     parameter: str
-    values: NDArray[np.float64]
-    states: Mapping[str, NDArray[np.float64]]
-    outputs: Mapping[str, NDArray[np.float64]]
-    stable: NDArray[np.bool_]  # certainly stable
-    unstable: NDArray[np.bool_]  # certainly unstable; neither, where rounding hides it
+    values: Array
+    states: Mapping[str, Array]
+    outputs: Mapping[str, Array]
+    stable: BoolArray  # certainly stable
+    unstable: BoolArray  # certainly unstable; neither, where rounding hides it
     special: tuple[Special, ...]
     units: Mapping[str, str]
     ended: str  # reason for the end of the branch
@@ -62,7 +60,7 @@ class Branch:
     def __len__(self) -> int:
         return len(self.values)
 
-    def __getitem__(self, name: str) -> NDArray[np.float64]:
+    def __getitem__(self, name: str) -> Array:
         """Return the parameter, an output or a state along the branch. Raises KeyError."""
         if name == self.parameter:
             return self.values

@@ -13,9 +13,9 @@ import numpy as np
 
 from compiler.api import dependent_rates, evaluate
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from ..arrays import Array
 
+if TYPE_CHECKING:
     from compiler.api import EquationSystem, Expression
 
     from ..prepared import Prepared
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 ROUNDING = 1e-11  # relative to the largest factor: remainder of cancelling factors
 
 
-def conserved_sums(scene: Prepared, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+def conserved_sums(scene: Prepared, parameters: Array) -> Array:
     """Return the factors of the states, (k, n), each row of length 1; k = 0 for most models."""
     rows = scene.kept.get("dependent rates")
     system, n = scene.compilation.equations, len(scene.program.states.names)

@@ -9,19 +9,16 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Element, MechanismNode, letters, write_text
 
+from ..arrays import Array
 from ..compiled_model import CompiledModel, source_of
 from ..errors import UsageError
 from ..rendering import draw
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 POINTS = 501
 
@@ -32,32 +29,32 @@ class Energies:
 
     model: str
     experiment: str | None
-    time: NDArray[np.float64]
-    elements: Mapping[str, NDArray[np.float64]]
+    time: Array
+    elements: Mapping[str, Array]
     kinds: Mapping[str, str]
 
-    def sum_of(self, kinds: tuple[str, ...]) -> NDArray[np.float64]:
+    def sum_of(self, kinds: tuple[str, ...]) -> Array:
         """Return the sum over all elements of some kinds."""
         found = [v for n, v in self.elements.items() if self.kinds[n] in kinds]
         return np.sum(found, axis=0) if found else np.zeros_like(self.time)
 
     @property
-    def supplied(self) -> NDArray[np.float64]:
+    def supplied(self) -> Array:
         """Energy from sources."""
         return self.sum_of(letters("source"))
 
     @property
-    def dissipated(self) -> NDArray[np.float64]:
+    def dissipated(self) -> Array:
         """Energy lost in resistors; one that passes its loss on as heat counts zero."""
         return self.sum_of(letters("loss"))
 
     @property
-    def stored(self) -> NDArray[np.float64]:
+    def stored(self) -> Array:
         """Increase of the energy in storages since the start, without that of `motion`."""
         return self.sum_of(letters("storage"))
 
     @property
-    def motion(self) -> NDArray[np.float64]:
+    def motion(self) -> Array:
         """Energy of mechanisms: supplied and neither stored nor dissipated; zero without a mechanism."""
         if "multibody" not in self.kinds.values():
             return np.zeros_like(self.time)

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-
+from ..arrays import Array
 from ..errors import MissingPackage
 from ..rendering import text_of
 from .operating_point import OperatingPoint
 from .told import rows_of, with_units
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 SCHEMA = "bondgraph-linearization/1"
 

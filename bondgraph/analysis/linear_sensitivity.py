@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..arrays import Array, ComplexArray
 from ..errors import RunFailed, UsageError
 from ..rendering import text_of
 from .linear import Linearization, linearization
@@ -21,9 +22,6 @@ from .operating_point import OperatingPoint
 from .response import Response, response
 from .sensitivity import Sensitivity, directions_of, rest_moves
 from .told import finite, pair
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 SCHEMA = "bondgraph-response-sensitivity/1"
 ON = 1e-9  # relative distance at which an end of the range lies on an undamped mode
@@ -35,11 +33,11 @@ class ResponseSensitivity:
 
     response: Response
     parameters: tuple[str, ...]
-    at: NDArray[np.float64]
-    slopes: NDArray[np.complex128]
+    at: Array
+    slopes: ComplexArray
     units: Mapping[str, str]
 
-    def of(self, given: str, seen: str, parameter: str) -> NDArray[np.complex128]:
+    def of(self, given: str, seen: str, parameter: str) -> ComplexArray:
         """Return the derivatives from an input to an output, (f,). Raises `UsageError`."""
         self.response.of(given, seen)  # raises for unknown names
         if parameter not in self.parameters:
@@ -48,26 +46,26 @@ class ResponseSensitivity:
                 f"there is no `{parameter}` in this sensitivity; there is {', '.join(self.parameters) or 'none'}",
             )
         i, j = self.response.outputs.index(seen), self.response.inputs.index(given)
-        found: NDArray[np.complex128] = self.slopes[:, i, j, self.parameters.index(parameter)]
+        found: ComplexArray = self.slopes[:, i, j, self.parameters.index(parameter)]
         return found
 
     @property
-    def magnitude(self) -> NDArray[np.float64]:
+    def magnitude(self) -> Array:
         """Derivative of the magnitude, (f, m, k, q)."""
         values = self.response.values[..., None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            found: NDArray[np.float64] = (values.conj() * self.slopes).real / np.abs(values)
+            found: Array = (values.conj() * self.slopes).real / np.abs(values)
         return found
 
     @property
-    def phase(self) -> NDArray[np.float64]:
+    def phase(self) -> Array:
         """Derivative of the phase, in degrees, (f, m, k, q)."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found: NDArray[np.float64] = np.degrees((self.slopes / self.response.values[..., None]).imag)
+            found: Array = np.degrees((self.slopes / self.response.values[..., None]).imag)
         return found
 
     @property
-    def relative(self) -> NDArray[np.float64]:
+    def relative(self) -> Array:
         """Change of the magnitude in percent per percent of a parameter, (f, m, k, q); NaN where it is zero."""
         with np.errstate(divide="ignore", invalid="ignore"):
             found = self.magnitude * self.at / self.response.magnitude[..., None]

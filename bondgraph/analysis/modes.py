@@ -9,20 +9,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Leaf, letters
 
+from ..arrays import Array
 from ..rendering import text_of
 from .linear import Linearization, linearization, state_matrix
 from .operating_point import OperatingPoint
 from .spectrum import spectrum
 from .told import finite, pair
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 SCHEMA = "bondgraph-modes/1"
 WIDTH = 64  # modes whose energies are computed at once
@@ -124,7 +122,7 @@ class Modes(Sequence[Mode]):
         return iter(self.modes)
 
     @property
-    def frequencies(self) -> NDArray[np.float64]:
+    def frequencies(self) -> Array:
         """Frequencies in Hz, slowest first."""
         return np.array([m.frequency for m in self.modes])
 

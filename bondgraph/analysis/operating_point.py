@@ -16,6 +16,7 @@ import numpy as np
 
 from compiler.api import Leaf, NoSlope, Tape
 
+from ..arrays import IntArray
 from ..errors import RunFailed, UsageError
 from ..prepared import Prepared
 from .singular_slopes import departure, slopes_from_beside
@@ -238,7 +239,7 @@ class OperatingPoint:
 
         slopes = self.slopes_of(tuple(variables))
         values, numbers = np.array(slopes.tape.values(self.lookup), dtype=float), slopes.rows
-        bad = np.flatnonzero(~np.isfinite(values))
+        bad: IntArray = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             raise self._without_slope(self.compilation.state_space.variables[variables[numbers[bad[0]]]].name)
         if slopes.guarded:

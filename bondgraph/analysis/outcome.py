@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import UsageError
 from ..rendering import draw, text_of
 from .outcome_numbers import numbers_of
@@ -18,7 +19,6 @@ from .told import finite
 
 if TYPE_CHECKING:
     import xarray
-    from numpy.typing import NDArray
 
     from ..results.exports import Arrays
     from ..results.result import Result
@@ -139,18 +139,18 @@ class Outcome(Sequence[Point]):
         """Columns of `table`: swept names, then results."""
         return (*self.swept, *dict.fromkeys(n for p in self.points for n in p.numbers() if n not in self.swept))
 
-    def table(self) -> NDArray[np.float64]:
+    def table(self) -> Array:
         """Table with one row for each point, one column for each of `names`, in SI and Hz; NaN where a point has no such number."""
         rows = [dict(p.numbers()) | dict(p.settings) for p in self.points]
         return np.array([[row.get(n, math.nan) for n in self.names] for row in rows], dtype=float).reshape(
             len(rows), -1
         )
 
-    def __call__(self, name: str) -> NDArray[np.float64]:
+    def __call__(self, name: str) -> Array:
         """Return a column of the table over the points. Raises `UsageError`."""
         if name not in self.names:
             raise UsageError("BR223", f"there is no `{name}` in this outcome; it has {', '.join(self.names)}")
-        column: NDArray[np.float64] = self.table()[:, self.names.index(name)]
+        column: Array = self.table()[:, self.names.index(name)]
         return column
 
     def to_json(self) -> dict[str, Any]:

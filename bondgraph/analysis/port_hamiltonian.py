@@ -10,21 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Compilation, InternalError, Symbol, derivative, evaluate, letters
 
+from ..arrays import Array
 from ..errors import UsageError
 from ..simulation.monitors.energy import stored_change
 from .point import values_at
 from .structure import Network, StoragePort, network
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 ROUND_OFF = 1e-9  # relative to the summed terms
 EQUILIBRATIONS = 10  # Ruiz, RAL-TR-2001-034: each halves the distance to rows whose largest entry is one

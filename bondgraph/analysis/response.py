@@ -6,10 +6,11 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..arrays import Array, ComplexArray
 from ..errors import UsageError
 from ..rendering import draw, text_of
 from .extrema import Evaluate, Extremum, extrema
@@ -17,9 +18,6 @@ from .linear import Linearization
 from .spectrum import left_shapes
 from .told import finite, pair
 from .verdict import bounded_eigenvalues
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 SCHEMA = "bondgraph-response/1"
 POINTS = 400
@@ -43,30 +41,30 @@ class Response:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: Mapping[str, str]
-    frequencies: NDArray[np.float64]
-    values: NDArray[np.complex128]
+    frequencies: Array
+    values: ComplexArray
     extrema: tuple[Extremum, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def of(self, given: str, seen: str) -> NDArray[np.complex128]:
+    def of(self, given: str, seen: str) -> ComplexArray:
         """Return the response from an input to an output, (f,). Raises `UsageError`."""
         for name, known, what in ((given, self.inputs, "input"), (seen, self.outputs, "output")):
             if name not in known:
                 raise UsageError(
                     "BR232", f"there is no {what} `{name}` in this response; there is {', '.join(known) or 'none'}"
                 )
-        found: NDArray[np.complex128] = self.values[:, self.outputs.index(seen), self.inputs.index(given)]
+        found: ComplexArray = self.values[:, self.outputs.index(seen), self.inputs.index(given)]
         return found
 
     @property
-    def magnitude(self) -> NDArray[np.float64]:
+    def magnitude(self) -> Array:
         """Magnitude (f, m, k)."""
         return np.abs(self.values)
 
     @property
-    def phase(self) -> NDArray[np.float64]:
+    def phase(self) -> Array:
         """Phase (f, m, k) in degrees, without jumps by whole turns."""
-        found: NDArray[np.float64] = np.degrees(np.unwrap(np.angle(self.values), axis=0))
+        found: Array = np.degrees(np.unwrap(np.angle(self.values), axis=0))
         return found
 
     def extrema_of(self, given: str, seen: str) -> list[Extremum]:

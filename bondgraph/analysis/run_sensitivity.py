@@ -18,6 +18,7 @@ import numpy as np
 
 from compiler.api import Leaf, symbols
 
+from ..arrays import Array
 from ..errors import RunFailed, UsageError
 from ..rendering import text_of
 from .operating_point import Asked, OperatingPoint
@@ -25,11 +26,8 @@ from .sensitivity import balanced_step, independent
 from .told import finite
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from ..compiled_model import CompiledModel
 
-    Array = NDArray[np.float64]
 
 SCHEMA = "bondgraph-run-sensitivity/1"
 RTOL = 1e-8

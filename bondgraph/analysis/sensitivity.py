@@ -17,6 +17,7 @@ import numpy as np
 
 from compiler.api import Leaf
 
+from ..arrays import Array
 from ..errors import RunFailed, UsageError
 from ..rendering import text_of
 from .linear import Linearization, linearization
@@ -26,8 +27,6 @@ from .spectrum import left_shapes
 from .told import finite
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from ..compiled_model import CompiledModel
 
 SCHEMA = "bondgraph-sensitivity/1"
@@ -47,9 +46,9 @@ class Sensitivity:
     experiment: str | None
     quantities: tuple[str, ...]
     parameters: tuple[str, ...]
-    values: NDArray[np.float64]
-    at: NDArray[np.float64]
-    slopes: NDArray[np.float64]
+    values: Array
+    at: Array
+    slopes: Array
     units: Mapping[str, str]
 
     def of(self, quantity: str, parameter: str) -> float:
@@ -60,10 +59,10 @@ class Sensitivity:
         return float(self.slopes[self.quantities.index(quantity), self.parameters.index(parameter)])
 
     @property
-    def relative(self) -> NDArray[np.float64]:
+    def relative(self) -> Array:
         """Change of a quantity in percent per percent of a parameter; NaN where the quantity is zero."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found: NDArray[np.float64] = self.slopes * self.at / self.values[:, None]
+            found: Array = self.slopes * self.at / self.values[:, None]
         return np.where(np.isfinite(found), found, np.nan)
 
     def to_json(self) -> dict[str, Any]:

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Array, IntArray
+
 FAR, NEAR = 1e-6, 1e-10  # distances from the point, in magnitudes
 GROWTH = 1.5  # of a slope from the farther to the nearer distance: a power law of exponent 0.95 grows by 1.6
 ROUNDING = 1e-8  # of the largest slope: smaller ones may grow by rounding
 SAME = 1e-4  # relative difference of slopes that are one
-Array = Any
 
 
 def departure(size: Array, distance: float) -> Array:
@@ -24,7 +25,7 @@ def departure(size: Array, distance: float) -> Array:
     return np.asarray(distance * size * direction)
 
 
-def slopes_from_beside(beside: Callable[[float, float], Any], here: Array) -> tuple[Array, Array]:
+def slopes_from_beside(beside: Callable[[float, float], Any], here: Array) -> tuple[Array, IntArray]:
     """Return the slopes with those corrected that differ from both sides where both sides agree, and flat indices of infinite ones.
 
     `beside(side, distance)`: the slopes at a distance (in magnitudes) to one side (1 or -1); `here`: those at the point. Where the sides differ, the

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from ..arrays import Array
 from ..errors import RunFailed, UsageError
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray
-    from numpy.typing import NDArray
 
     from .exports import Arrays
     from .result import Result
@@ -53,7 +52,7 @@ class Ensemble:
         raise RunFailed(f"none of {len(self)} runs has a result" + (f"; the first: {self.outcomes[0]}" if self.outcomes else ""))  # fmt: skip
 
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> Array:
         """Instants of all runs, shape (points,), in s. Raises `UsageError` if they differ, `RunFailed` if no run has a result."""
         import numpy as np
 
@@ -81,7 +80,7 @@ class Ensemble:
                 values[number] = outcome[key]
         return values
 
-    def final(self, name: str) -> NDArray[np.float64]:
+    def final(self, name: str) -> Array:
         """Return the last value of an output in each run, shape (runs,), in SI; NaN where a run failed."""
         import numpy as np
 

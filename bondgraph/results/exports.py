@@ -10,14 +10,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..arrays import Array
 from ..errors import MissingPackage, UsageError
 from ..files import replacing, write_text
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    pass
 
-    Array = NDArray[np.float64]
 
 ENDINGS = (".csv", ".npz", ".nc", ".mat")
 LONGEST = 63  # most letters of a name in MATLAB

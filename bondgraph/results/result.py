@@ -10,13 +10,13 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from ..arrays import Array
 from ..errors import MissingPackage, UnknownOutput
 from ..files import replacing
 from ..rendering import draw, text_of
 from .records import Column, EnergyBalance, EventRecord, LimitLeft, ReportColumn, Reporting, finite
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas
     import xarray
     from numpy.typing import NDArray
@@ -47,9 +47,9 @@ class Result:
 
     model: str
     experiment: str | None
-    time: NDArray[np.float64]
+    time: Array
     columns: tuple[Column, ...]
-    values: NDArray[np.float64]
+    values: Array
     report: Sequence[Reporting] = ()
     solver: str = ""
     steps: int = 0
@@ -102,11 +102,11 @@ class Result:
         hint += f"; what else the model has is asked for: `report {name}` in the experiment, or `outputs=({name!r},)`"
         raise UnknownOutput(f"there is no output `{name}` in the result of {self.title}; {hint}")
 
-    def __getitem__(self, name: str) -> NDArray[np.float64]:
+    def __getitem__(self, name: str) -> Array:
         """Return the output of that name over time (n,), in SI; "time" is time. Raises KeyError with the nearest name."""
         if name == "time" and name not in self._places:
             return self.time
-        column: NDArray[np.float64] = self.values[:, self._place(name)]
+        column: Array = self.values[:, self._place(name)]
         return column
 
     def __contains__(self, name: object) -> bool:
@@ -126,14 +126,14 @@ class Result:
         values = self[name]
         return float(values[-1]) if len(values) else math.nan
 
-    def shown(self) -> tuple[tuple[Reporting, NDArray[np.float64]], ...]:
+    def shown(self) -> tuple[tuple[Reporting, Array], ...]:
         """Return the columns for display: the report in its units and order, then the other outputs, in SI."""
         reported = [item for item in self.report if item.name in self._places]
         told = {item.name for item in reported}
         others = [ReportColumn(column.name, column.unit) for column in self.columns if column.name not in told]
         return tuple((item, self[item.name] * item.scale + item.offset) for item in (*reported, *others))
 
-    def to_numpy(self) -> dict[str, NDArray[np.float64]]:
+    def to_numpy(self) -> dict[str, Array]:
         """Return arrays (n,) in SI by name, `time` first."""
         return {"time": self.time, **{name: self[name] for name in self.names}}
 
@@ -284,7 +284,7 @@ class Result:
         return text_of(self, "summary", sparks)
 
 
-def extremes(values: NDArray[np.float64]) -> dict[str, float]:
+def extremes(values: Array) -> dict[str, float]:
     """Return `final`, `minimum` and `maximum` of a column (n,); NaN where there is none."""
     if not len(values):
         return {"final": math.nan, "minimum": math.nan, "maximum": math.nan}
@@ -300,9 +300,9 @@ def _csv_field(text: str) -> str:
     return text
 
 
-def _first(time: NDArray[np.float64]) -> float | None:
+def _first(time: Array) -> float | None:
     return finite(time[0]) if len(time) else None
 
 
-def _last(time: NDArray[np.float64]) -> float | None:
+def _last(time: Array) -> float | None:
     return finite(time[-1]) if len(time) else None

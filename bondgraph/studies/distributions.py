@@ -10,19 +10,15 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import DISTRIBUTIONS, SPREAD, fault, kinds_told
 
+from ..arrays import Array
 from ..errors import UsageError
 from ..quantities import quantity
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 EDGE = 2.0**-53  # distance from the edge of the cube, where an unbounded distribution has no value
 _CALL = re.compile(r"\s*([a-z]+)\s*\((.*)\)\s*", re.DOTALL)

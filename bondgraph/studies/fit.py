@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import RunFailed, UsageError
 from ..simulation.settings import Settings
 from .fit_problem import Problem, Sought, sought
@@ -24,11 +25,8 @@ from .scalar_study import units_of
 if TYPE_CHECKING:
     import os
 
-    from numpy.typing import NDArray
-
     from ..analysed_model import AnalysedModel
 
-    Array = NDArray[np.float64]
 
 TOLERANCE = 1e-9  # relative tolerance of steps, of the sum of squares, and of its gradient at the start
 MOST_STEPS = 100

@@ -15,17 +15,14 @@ from compiler.api import CompilationFailed
 from ..analysis.operating_point import Asked, operating_point
 from ..analysis.run_sensitivity import run_sensitivity
 from ..analysis.sensitivity import sensitivity
+from ..arrays import Array
 from ..errors import RunFailed, UsageError
 from ..simulation.settings import Settings
 from .measured import OF_MODES, Measurements, Series
 from .point_failure import why
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from ..compiled_model import CompiledModel
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..analysis.told import finite
+from ..arrays import Array
 from ..errors import UsageError
 from ..rendering import draw, text_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from .identify import Direction, Explanation
     from .measured import Series
 
-    Array = NDArray[np.float64]
 
 SCHEMA = "bondgraph-fit/1"
 

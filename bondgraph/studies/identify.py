@@ -14,14 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import RunFailed
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from .fit_problem import Problem
 
-    Array = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 OPEN = 1e-9  # relative to the largest singular value: directions below are undetermined

@@ -7,14 +7,10 @@ A, B, and A with one column from B; the columns of A and B are those of one quas
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+from ..arrays import Array
 
 CONFIDENCE = 0.95
 RESAMPLES = 200

@@ -13,16 +13,11 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import UsageError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 _HEAD = re.compile(r"\s*(.*?)\s*(?:\[(.*)\])?\s*", re.DOTALL)
 OF_MODES = re.compile(r"(frequency|damping) [1-9]\d*")

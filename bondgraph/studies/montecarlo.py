@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import RunFailed, UsageError
 from ..simulation.run import DEFAULT_RTOL, Wanted, check_wanted
 from ..simulation.settings import Settings
@@ -23,11 +24,8 @@ from .tolerances import MonteCarlo, Swing
 from .workers import Workers, answers
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from ..analysed_model import AnalysedModel
 
-    Array = NDArray[np.float64]
 
 MOST_INDICES = 1024  # most rows for Sobol indices by default
 TAILS = 0.1, 0.9  # quantiles of a parameter in the tornado

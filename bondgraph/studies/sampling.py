@@ -9,17 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import UsageError
 from .distributions import EDGE, Distribution
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 MOST_NAMES = 1000
 IMPOSSIBLE = -1e-10  # an eigenvalue below it is more than rounding

@@ -11,17 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..analysis.told import finite
+from ..arrays import Array
 from ..errors import UsageError
 from ..rendering import draw, text_of
 
 if TYPE_CHECKING:
     import xarray
-    from numpy.typing import NDArray
 
     from ..results.exports import Arrays
     from .indices import Indices
 
-    Array = NDArray[np.float64]
 
 SCHEMA = "bondgraph-montecarlo/1"
 ROUNDING = 4e-15  # relative to a quantity: a smaller deviation is not determined

@@ -6,20 +6,16 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
 from ...rendering import draw, text_of
 from ..told import finite, pair
 from .drives import Drive
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 SCHEMA = "bondgraph-feed-forward/1"
 NEAR = 1e-12  # relative to the largest of its unit: difference of a start that equals the model's own

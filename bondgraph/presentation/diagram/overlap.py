@@ -10,9 +10,10 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Rectangles = NDArray[np.float64]
+from ...arrays import Array
+
+Rectangles = Array
 Point = tuple[float, float]
 Vector = tuple[float, float]
 

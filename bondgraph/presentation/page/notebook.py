@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from compiler.api import CompilationFailed, Scene
 
+from ...arrays import Array
 from ...errors import RunFailed, UsageError
 from ...results.result import extremes
 from ..text.tables import short
@@ -14,9 +15,6 @@ from .certificate import problems_markup
 from .markup import Html, tag
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from ...analysed_model import AnalysedModel
     from ...results.result import Result
 
@@ -84,7 +82,7 @@ def result_html(result: Result) -> Html:
     return tag("div", tag("strong", short(result.title)), f", {span}", tag("table", heads, *rows), *more, *notes)
 
 
-def _curve(time: NDArray[np.float64], values: NDArray[np.float64]) -> Html:
+def _curve(time: Array, values: Array) -> Html:
     """Return values over time as a small picture in the colour of the surrounding text."""
     import numpy as np
 

@@ -12,15 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from compiler.api import CompilationFailed, Scene, letters
 
+from ...arrays import Array
 from ..text.tables import short, visible
 from .bonds import BondColumns, bond_columns, powers
 from .numbers import packed, thinned
 from .scene import Scenes, scenes_of
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from compiler.api import BondGraph
 
     from ...analysed_model import AnalysedModel
@@ -99,7 +97,7 @@ def _along(watched: Watched, result: Result) -> dict[str, Any]:
     }
 
 
-def energies(watched: Watched, time: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
+def energies(watched: Watched, time: Array, columns: Array) -> Array:
     """Return supplied, dissipated and stored energy since the start of a run, shape (3, instants), in J: powers by the trapezoidal rule."""
     import numpy as np
 
@@ -115,7 +113,7 @@ def energies(watched: Watched, time: NDArray[np.float64], columns: NDArray[np.fl
     return np.concatenate([np.zeros((3, 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
-def power_into(watched: Watched, columns: NDArray[np.float64], around: Sequence[tuple[int, float]]) -> Any:
+def power_into(watched: Watched, columns: Array, around: Sequence[tuple[int, float]]) -> Any:
     """Return the power that some bonds bring; None where one of them is not known."""
     total: Any = 0.0
     for bond, sign in around:

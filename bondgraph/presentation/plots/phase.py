@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import UsageError
 from ..text.tables import labelled
 from .sheet import COLOURS, DASHES, PANELS, check_picture, drawn, heading, sheet, with_grid
@@ -16,7 +17,6 @@ from .sheet import COLOURS, DASHES, PANELS, check_picture, drawn, heading, sheet
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from ...analysis.branch import Branch
     from ...results.result import Result
@@ -51,7 +51,7 @@ def _phase(title: str, over: str, shown: dict[str, tuple[str, Any]]) -> Figure:
     return figure
 
 
-def _arrows(panel: Axes, x: NDArray[np.float64], y: NDArray[np.float64], colour: str) -> None:
+def _arrows(panel: Axes, x: Array, y: Array, colour: str) -> None:
     """Draw arrows by the visible length of the curve, so that they do not gather on slow parts."""
     spans = [float(np.ptp(v)) or 1.0 for v in (x, y)]
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x) / spans[0], np.diff(y) / spans[1]))])

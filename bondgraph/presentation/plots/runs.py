@@ -6,18 +6,17 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from ...arrays import Array
 from ..text.tables import short, time_unit, visible
 from .sheet import PANELS, check_picture, curve_style, drawn, legend, sheet, with_grid
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from ...results.result import Result
 
-    Curve = tuple[str, NDArray[np.float64]]
+    Curve = tuple[str, Array]
 
 CURVES = 16  # most curves in one panel: a legend cannot distinguish more
 
@@ -61,7 +60,7 @@ def _figure(result: Result) -> Figure:
     return figure
 
 
-def _panel(panel: Axes, time: NDArray[np.float64], unit: str, curves: Sequence[Curve]) -> None:
+def _panel(panel: Axes, time: Array, unit: str, curves: Sequence[Curve]) -> None:
     for place, (_, values) in enumerate(curves):
         alone: dict[str, Any] = {"marker": "o", "markersize": 3} if len(time) == 1 else {}
         panel.plot(time, values, **curve_style(place), **alone)

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...arrays import Array
 from .tables import aligned, short, shown_unit, visible
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from ...analysis.branch import Branch
     from ...analysis.equilibrium import Equilibrium
     from ...analysis.extrema import Extremum
@@ -88,7 +87,7 @@ def linearization_text(found: Linearization) -> str:
     return "\n\n".join(parts)
 
 
-def _matrix(name: str, matrix: NDArray[np.float64], rows: Sequence[str], columns: Sequence[str]) -> str:
+def _matrix(name: str, matrix: Array, rows: Sequence[str], columns: Sequence[str]) -> str:
     shown = columns[:WIDEST]
     table = [(name, *(short(c, 24) for c in shown))]
     table += [

@@ -7,12 +7,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+from ...arrays import Array
 from ...results.result import extremes
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from compiler.api import Span
 
     from ...results.records import EnergyBalance
@@ -119,7 +117,7 @@ def _check(check: RunCheck) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def spark(time: NDArray[np.float64], values: NDArray[np.float64], width: int = SPARKS) -> str:
+def spark(time: Array, values: Array, width: int = SPARKS) -> str:
     """Return values over time as a row of bars from the least to the greatest: each column is the mean of its part of the time.
 
     A blank where no value is finite. A constant is a row in the middle.

@@ -11,16 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, pi
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Program, Ranges
 
+from ...arrays import Array, BoolArray
 from ...numerics.indicators import GRID, ON_GRID, PLACES, SURE, Interpolants
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 BEYOND = (
     1 / cos((PLACES - 1) * pi / (2 * GRID)) - 1
@@ -36,18 +34,16 @@ ROUNDING = 1e-12  # fraction of the largest value: smaller ranges are ignored
 class Overlooked:
     """Masks of conditions on a part: those that may have a zero, and those with a peak that the values at its places do not show."""
 
-    zero: NDArray[np.float64]
-    unseen: NDArray[np.float64]
-    reach: NDArray[np.float64]  # widths of the conditions' own ranges; 0 without one
-    widths: NDArray[np.float64]  # ranges of all narrow operations, for the halves of the part
+    zero: Array
+    unseen: Array
+    reach: Array  # widths of the conditions' own ranges; 0 without one
+    widths: Array  # ranges of all narrow operations, for the halves of the part
 
 
 class Bounds:
     """Bounds on the narrow indicators of a program in a run. `count`: number of its conditions."""
 
-    def __init__(
-        self, program: Program, inputs: NDArray[np.float64], constants: NDArray[np.float64], count: int
-    ) -> None:
+    def __init__(self, program: Program, inputs: Array, constants: Array, count: int) -> None:
         functions = program.time_functions
         assert functions is not None
         self.conditions = [c for c in functions.conditions if c.place >= 0]
@@ -58,11 +54,11 @@ class Bounds:
     def over(
         self,
         part: tuple[float, float],
-        times: NDArray[np.float64],
-        states: NDArray[np.float64],
-        mode: NDArray[np.float64],
-        floor: NDArray[np.float64],
-        before: NDArray[np.float64] | None,
+        times: Array,
+        states: Array,
+        mode: Array,
+        floor: Array,
+        before: Array | None,
     ) -> Overlooked:
         """Examine a part of a step. `times`, `states`: the Chebyshev places and the states there; `before`: `widths` of the part that it is half of."""
         ranges, low, high = self.ranges, np.array([part[0]]), np.array([part[1]])
@@ -88,7 +84,7 @@ class Bounds:
             place = last
         return Overlooked(zero, unseen, reach, widths)
 
-    def _spans(self, states: NDArray[np.float64]) -> Any:
+    def _spans(self, states: Array) -> Any:
         """Return lower and upper bounds of the polynomials through the states at the places, pairs of arrays (1,)."""
         found = Interpolants.through(states)
         grid = ON_GRID @ found.coefficients
@@ -97,9 +93,7 @@ class Bounds:
         return [(np.array([a]), np.array([b])) for a, b in zip(low - margin, high + margin, strict=True)]
 
 
-def bounds_of(
-    program: Program, inputs: NDArray[np.float64], constants: NDArray[np.float64], count: int
-) -> Bounds | None:
+def bounds_of(program: Program, inputs: Array, constants: Array, count: int) -> Bounds | None:
     """Return the bounds of the narrow conditions of a program; None if it has none."""
     functions = program.time_functions
     if functions is None or all(c.place < 0 for c in functions.conditions):
@@ -107,7 +101,7 @@ def bounds_of(
     return Bounds(program, inputs, constants, count)
 
 
-def notes_on_bounds(program: Program, crowded: NDArray[np.bool_]) -> tuple[str, ...]:
+def notes_on_bounds(program: Program, crowded: BoolArray) -> tuple[str, ...]:
     """Return a note for each condition that may be narrow and has no bounds, or, in `crowded`, too many parts to be searched."""
     functions, hybrid = program.time_functions, program.hybrid
     if functions is None or hybrid is None:

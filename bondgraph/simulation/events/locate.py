@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ...arrays import Array
 from ...errors import RunFailed
 from ...numerics.indicators import EXACT, FINER, ON_GRID, SHARES, Interpolants
 from ...numerics.roots import narrowed
 from .events import Events, Moment
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 WIDTH = 4  # units in the last place of a time: end of the narrowing
 LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defined
@@ -117,9 +115,7 @@ def _suspects(events: Events, seen: Interpolants, on_grid: Any, dips: Any, said:
     return times[times > low]
 
 
-def _vertex(
-    places: NDArray[np.float64], values: NDArray[np.float64], coefficients: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _vertex(places: Array, values: Array, coefficients: Array) -> Array:
     """Return the extremum of a Chebyshev polynomial between three places, from that of the parabola through them, or the middle one; shape (1,)."""
     (a, b, c), (u, v, w) = places, values
     slope, other = (v - u) / (b - a), (w - v) / (c - b)
