@@ -11,10 +11,10 @@ FILES_ON_CYCLES = {"bondgraph": 11, "compiler": 0}
 FOLDERS_ON_CYCLES = {"bondgraph": 3, "compiler": 0}
 FILES_THAT_IMPORT_THE_MODEL = 3
 FUNCTIONS_OF_MORE_THAN_SEVEN_PARAMETERS = 39
-SHARE_OF_BARE_ANY = {"bondgraph": 0.214, "compiler": 0.018}
+SHARE_OF_BARE_ANY = {"bondgraph": 0.2131, "compiler": 0.018}
 CLASSES_OF_ONE_NAME = 6
 DOCSTRINGS_THAT_OPEN_WITH_A_QUESTION = 0
-LINES = 77_340
+LINES = 77_274
 
 
 @pytest.mark.parametrize("package", structure.PACKAGES)
