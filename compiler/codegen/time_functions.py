@@ -39,12 +39,28 @@ def time_roots(crossings: Sequence[Expression]) -> tuple[Expression, ...]:
 
 
 def narrow_operations(signals: Iterable[Expression], moves: Callable[[Expression], bool]) -> tuple[Expression, ...]:
-    """Operations behind signals that may have narrow peaks. `moves` returns True for an expression that changes with time."""
-    found: dict[Expression, None] = {}
-    for signal in signals:
-        nodes = operations(signal)
-        found |= dict.fromkeys(n for n in nodes if n.operator in NARROWING and not _is_broad(n) and moves(n))
-    return tuple(found)
+    """Operations behind signals that may have narrow peaks. `moves` returns True for an expression that changes with time.
+
+    Besides operations that are narrow themselves these are all that join a narrow one with another, or fold it: `1 - tanh(u)^2` and
+    `tanh(u) - tanh(u - 4)` are peaks between places at which each tanh shows its whole range.
+    """
+    result: dict[Expression, None] = {}
+    narrow: set[Expression] = set()  # these, and what follows them in proportion
+    for node in operands_first(tuple(signals), {}):
+        if not isinstance(node, Apply) or not moves(node):
+            continue
+        joins = any(operand in narrow for operand in node.operands)
+        if is_narrow(node) or joins:
+            narrow.add(node)
+        follows = node.operator in ("add", "multiply", "divide") and sum(map(moves, node.operands)) == 1
+        if is_narrow(node) or (joins and not follows):
+            result[node] = None
+    return tuple(result)
+
+
+def is_narrow(node: Apply) -> bool:
+    """Return True for an operation that may move much faster than its operands."""
+    return node.operator in NARROWING and not _is_broad(node)
 
 
 def _is_broad(node: Apply) -> bool:
@@ -61,13 +77,12 @@ def narrow_conditions(lowered: Lowered) -> tuple[tuple[int, Expression, tuple[Ex
     def moves(x: Expression) -> bool:
         return bool(lowered.dependence(x) & (STATE | TIME))
 
-    def may_be_narrow(x: Expression) -> bool:
-        assert isinstance(x, Apply)
-        return moves(x) and x.operator not in FLAT and (x.operator != "divide" or moves(x.operands[1]))
+    def may_be_narrow(x: Apply) -> bool:
+        return is_narrow(x) and moves(x) and x.operator not in FLAT and (x.operator != "divide" or moves(x.operands[1]))
 
     found = []
     for number, item in enumerate(lowered.events.located):
-        narrow = narrow_operations([item.root], may_be_narrow)
+        narrow = tuple(dict.fromkeys(filter(may_be_narrow, operations(item.root))))
         if narrow:
             ranged = not any(x.operator in SYSTEMS or x.operator == "item" for x in operations(item.root))
             delayed = any(s.key.role == "input" and lowered.dependence(s) & STATE for s in symbols(item.root))

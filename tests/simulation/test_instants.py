@@ -348,6 +348,9 @@ BUMPS = {
     "bell of a square": ("exp(-(time^2 - 0.25 [s^2])^2/(w*1 [s^2])^2)", lambda w: w * math.sqrt(math.pi)),
     "sech of a sine": ("1/cosh(sin(time/1 s - 0.7)/w)", lambda w: math.pi * w),
     "Lorentz of a sine": ("1/(1 + (sin(time/1 s - 0.7)/w)^2)^2", lambda w: math.pi / 2 * w),
+    "slope of tanh of a sine": ("(1 - tanh(sin(time/1 s - 0.7)/w)^2)", lambda w: 2 * w),
+    "difference of two tanh": ("(tanh(sin(time/1 s - 0.7)/w) - tanh(sin(time/1 s - 0.7)/w - 4))", lambda w: 8 * w),
+    "fold of tanh": ("(1 - abs(tanh(sin(time/1 s - 0.7)/w)))", lambda w: 2 * math.log(2) * w),
 }
 
 
