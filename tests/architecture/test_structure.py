@@ -7,14 +7,14 @@ import pytest
 from tests.architecture import structure
 
 # Files, and folders (a file at the top of a package is one), that lie on a cycle of imports of any kind.
-FILES_ON_CYCLES = {"bondgraph": 11, "compiler": 0}
-FOLDERS_ON_CYCLES = {"bondgraph": 3, "compiler": 0}
+FILES_ON_CYCLES = {"bondgraph": 0, "compiler": 0}
+FOLDERS_ON_CYCLES = {"bondgraph": 0, "compiler": 0}
 FILES_THAT_IMPORT_THE_MODEL = 3
 FUNCTIONS_OF_MORE_THAN_SEVEN_PARAMETERS = 39
 SHARE_OF_BARE_ANY = {"bondgraph": 0.2131, "compiler": 0.018}
 CLASSES_OF_ONE_NAME = 6
 DOCSTRINGS_THAT_OPEN_WITH_A_QUESTION = 0
-LINES = 77_400
+LINES = 77_289
 
 
 @pytest.mark.parametrize("package", structure.PACKAGES)

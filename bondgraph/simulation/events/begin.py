@@ -14,10 +14,10 @@ from ...errors import RunFailed
 from ..constraints.constraints import Constraints
 from ..initialization.assembly import choose_rows
 from ..initialization.consistent_start import consistent_start
+from ..integrators.pilot import Conditions
 from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment
 from ..segments.transition import PhaseTransition
-from ..start.coarse import Conditions
 from .complementarity import Companion, Instant
 from .events import Events, Moment
 from .impulse import StorageJump, after_impulse

@@ -4,38 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from compiler.api import Program
 
 from ..constraints.constraints import Constraints
+from ..integrators import pilot
+from ..integrators.compiled.pilot_run import CompiledPilotRun, CompiledPilotStep
+from ..integrators.pilot import Conditions, StepSchedule, unit_numbers
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments.timeline import Segment, always, follower, signals_on
 from .motion import LARGEST, FreeMotion, along, free_motion
 
-if TYPE_CHECKING:
-    from ..integrators.compiled.pilot_run import CompiledPilotRun
-
 STEPS = 60  # steps of the pilot run
-MOST_STEPS = 600  # most steps, where its Newton iteration needs shorter ones
 COARSE = 1000  # factor on the part of a signal that a step of the run may overlook
 EXPLODED = 1e3  # growth factor in the second half of the run that counts as explosion
-GROWN, SAME = 1.5, 1.2  # growth factor in a step, and the one that counts as no growth
-CAREFUL = 300  # number of steps up to which a step must not overshoot growing states
-AGAIN = 1.25  # ratio of the times at which magnitudes are recorded
-NOTES = 128  # most records; enough from the shortest step on
 STIFFER = 1e4  # ratio of rates to those at the start beyond which the free linear motion is not valid
 SMALLEST_STEP = 1e-12  # fraction of the whole run: with shorter steps the pilot run ends
-NEWTON_ITERATIONS = 8
-CLOSE = 1e-2  # relative change of a state in its last iteration
-ROUNDING = 1e-10  # relative to the terms in a rate: remainder where they cancel
 SMALLEST_ANGLE = 1e-12  # rad, and rad/s: smaller values that symmetry leaves are rounding
-# Relative to the largest state of one unit: if only smaller states still change, the change may be rounding.
-PEERS = 1e-6
-SLIGHT = 1e-4  # relative to the same: growth of smaller states does not matter for the magnitudes
-SMALLEST_RATIO = 1e-30  # least ratio of two scales in one step: a front that has not arrived would be divided by zero
 
 
 class PilotObservation(Protocol):
@@ -46,14 +34,6 @@ class PilotObservation(Protocol):
     def conditions(self, mode: Any) -> Conditions | None:
         """Return the conditions of the program with their truth in a mode, if it observes these and nothing else; else None."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class Conditions:
-    """Conditions of a program: `holds` in the mode, `strict` ones do not hold at zero; shape (conditions,)."""
-
-    holds: Any
-    strict: Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,35 +61,6 @@ def smallest_angles(program: Program, mechanisms: Sequence[str] = ()) -> Any:
     return kept[key]
 
 
-def unit_numbers(program: Program) -> Any:
-    """Return the index of the unit of each state and unknown, in the order of first use; shape (n,)."""
-    kept = program.kept
-    if "units" not in kept:
-        units = (*program.states.units, *program.unknowns.units)
-        numbers = {unit: number for number, unit in enumerate(dict.fromkeys(units))}
-        kept["units"] = np.array([numbers[unit] for unit in units], dtype=int)
-    return kept["units"]
-
-
-def largest_of_unit(kinds: Any, values: Any) -> Any:
-    """Return for every state and unknown the largest value of its unit; shape (n,)."""
-    most = np.zeros(int(kinds.max(initial=-1)) + 1)
-    np.maximum.at(most, kinds, values)
-    return most[kinds]
-
-
-@dataclass(slots=True)
-class StepSchedule:
-    """Step schedule of a pilot run on a segment: current time and step sizes."""
-
-    time: float
-    size: float  # size of the next step
-    taken: int  # steps tried, on all segments
-    usual: float
-    smallest: float
-    stop: float
-
-
 class PilotRun:
     """Pilot run by implicit Euler in about 60 steps; a step is halved where Newton's method fails."""
 
@@ -127,11 +78,9 @@ class PilotRun:
         self.kinds = unit_numbers(program)
         self.found = self.state  # result of the last step, before projection
         self.noted = 0  # number of records of time and magnitudes
-        self.far, self.until = np.zeros(NOTES), np.zeros((NOTES, len(state)))
+        self.far, self.until = np.zeros(pilot.NOTES), np.zeros((pilot.NOTES, len(state)))
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
-        from ..integrators.compiled.pilot_run import CompiledPilotStep
-
         self.compiled = CompiledPilotStep(program, inputs, constants, self.smallest)
 
     def peak(self, stretches: Sequence[Segment], choice: PilotObservation | None) -> Any:
@@ -150,7 +99,7 @@ class PilotRun:
             conditions = choice.conditions(stretch.mode) if choice else None
             if loop is not None and conditions is not None:
                 loop.observe(conditions)
-            while pace.time < stretch.stop and pace.taken < MOST_STEPS:
+            while pace.time < stretch.stop and pace.taken < pilot.MOST_STEPS:
                 if loop is not None and loop.go(
                     self, pace, first.start, stretch.mode
                 ):  # all but the last step of a segment, and a failed one
@@ -205,21 +154,21 @@ class PilotRun:
         """Return the loop over steps of the source, if the steps need no projection; else None."""
         if self.constraints or not self.differential.all():
             return None
-        from ..integrators.compiled.pilot_run import CompiledPilotRun
-
         assert reach is None or isinstance(reach, FreeMotion)
-        return CompiledPilotRun(self.compiled, reach)
+        return CompiledPilotRun(
+            self.compiled, None if reach is None else (reach.amplitudes, reach.inverse, reach.scale)
+        )
 
     def _further(self, pace: StepSchedule, follows: Callable[[float, float], bool], mode: Any) -> bool:
         """Make one step and return True; if it fails, shorten the next one."""
         pace.taken += 1
-        if pace.taken == CAREFUL:  # a state grows all the time, as at the foot of a pulse: go on with usual steps
+        if pace.taken == pilot.CAREFUL:  # a state grows all the time, as at the foot of a pulse: go on with usual steps
             pace.size = pace.usual
         if pace.time + 1.001 * pace.size >= pace.stop:
             pace.size = pace.stop - pace.time
             if pace.size > pace.smallest and not follows(pace.time, pace.stop):
                 pace.size *= 0.75
-        found = self._sure_step(pace.time, pace.size, mode, pace.taken < CAREFUL)
+        found = self._sure_step(pace.time, pace.size, mode, pace.taken < pilot.CAREFUL)
         if found is None:
             pace.size *= 0.25
             return False
@@ -232,7 +181,7 @@ class PilotRun:
 
     def _note(self, far: float) -> None:
         """Record the magnitudes up to the time `far`."""
-        if self.noted < NOTES and (not self.noted or far >= AGAIN * self.far[self.noted - 1]):
+        if self.noted < pilot.NOTES and (not self.noted or far >= pilot.AGAIN * self.far[self.noted - 1]):
             self.far[self.noted], self.until[self.noted] = far, self.largest
             self.noted += 1
 
@@ -273,14 +222,14 @@ class PilotRun:
         if found is None or not careful:
             return found
         # A state that stays within its earlier magnitude needs no check.
-        beyond = np.maximum(GROWN * np.abs(self.state), SAME * self.largest)
-        peers = SLIGHT * self._peers(np.where(self.differential, np.maximum(np.abs(found), self.largest), 0.0))
+        beyond = np.maximum(pilot.GROWN * np.abs(self.state), pilot.SAME * self.largest)
+        peers = pilot.SLIGHT * self._peers(np.where(self.differential, np.maximum(np.abs(found), self.largest), 0.0))
         grows = self.differential & (np.abs(found) > np.maximum(beyond, peers)) & (self.state != 0)
         if not grows.any():
             return found
         middle = self._step(self.state, time + 0.5 * size, 0.5 * size, mode)
         end = None if middle is None else self._step(middle, time + size, 0.5 * size, mode)
-        return None if end is None or (np.abs(found) > SAME * np.abs(end))[grows].all() else found
+        return None if end is None or (np.abs(found) > pilot.SAME * np.abs(end))[grows].all() else found
 
     def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
         """Return the state at the end of a step; None if Newton's method fails."""
@@ -300,5 +249,7 @@ class PilotRun:
         return begin if found is None else np.concatenate([begin[: loops.count], found])
 
     def _peers(self, sizes: Any) -> Any:
-        """Return for every state the largest value of its unit."""
-        return largest_of_unit(self.kinds, sizes)
+        """Return for every state and unknown the largest value of its unit; shape (n,)."""
+        most = np.zeros(int(self.kinds.max(initial=-1)) + 1)
+        np.maximum.at(most, self.kinds, sizes)
+        return most[self.kinds]

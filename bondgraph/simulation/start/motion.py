@@ -8,23 +8,22 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import address_of
+
+from ..integrators.compiled import balancing
+from ..integrators.compiled.code import POINTER, WHOLE, called
+
 LARGEST = 200  # most states for which the modes are computed
 WELL_TOLD = 1e6  # largest condition number of the eigenvectors with which the modes are separable
 
 
 def balance(matrix: Any, compiled: bool) -> tuple[Any, Any]:
     """Return a matrix balanced, and the powers of two used; by machine code or by its source."""
-    from ..integrators.compiled.balancing import balance
-
     count = len(matrix)
     if not compiled:
         entries, scale = matrix.ravel().tolist(), [1.0] * count
-        balance(count, entries, scale)
+        balancing.balance(count, entries, scale)
         return np.array(entries).reshape(count, count), np.array(scale)
-    from compiler.api import address_of
-
-    from ..integrators.compiled.code import POINTER, WHOLE, called
-
     a, powers = np.array(matrix, dtype=float), np.ones(count)
     called("balance", None, WHOLE, POINTER, POINTER)(count, address_of(a), address_of(powers))
     return a, powers

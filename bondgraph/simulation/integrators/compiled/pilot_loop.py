@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from compiler.api import Record
 
-from ...start import coarse as look
+from .. import pilot
 from .pilot_step import Euler, euler
 from .sparse import ANEW, FINE, SINGULAR
 from .stepper import Function
@@ -18,10 +18,9 @@ from .stepper import Function
 if TYPE_CHECKING:
     from compiler.api import Floats, Ints
 
-CAREFUL, MOST_STEPS = look.CAREFUL, look.MOST_STEPS
-AGAIN, NOTES = look.AGAIN, look.NOTES
+CAREFUL, MOST_STEPS, AGAIN, NOTES = pilot.CAREFUL, pilot.MOST_STEPS, pilot.AGAIN, pilot.NOTES
 CROSSED = 12  # a condition has changed
-GROWN, SAME, SLIGHT = look.GROWN, look.SAME, look.SLIGHT
+GROWN, SAME, SLIGHT = pilot.GROWN, pilot.SAME, pilot.SLIGHT
 
 
 class PilotWorkspace(Record):

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...segments.timeline import mode_size
-from ...start.coarse import unit_numbers
 from ..factorise import is_large
+from ..pilot import Conditions, Progress, StepSchedule, unit_numbers
 from .code import called
 from .factors import Factors, room_for
 from .fields import is_sparse
@@ -23,9 +23,6 @@ from .sparse import ANEW, FINE
 
 if TYPE_CHECKING:
     from compiler.api import Program
-
-    from ...start.coarse import Conditions, PilotRun, StepSchedule
-    from ...start.motion import FreeMotion
 
 PACE = "time", "size", "taken", "usual", "smallest", "stop"
 SMALL = 0.0  # pivots beside what they divide; scales change from one iteration to the next and say little
@@ -59,13 +56,8 @@ class CompiledPilotStep:
         self.program = program
         self.order = Unordered(program) if program.native is None else Ordered(program, SMALL)
         given = {
-            "inputs": inputs,
-            "constants": constants,
-            "rows": rows,
-            "columns": columns,
-            "pattern": self.order.values,
-            "smallest": smallest,
-        }
+            "inputs": inputs, "constants": constants, "rows": rows, "columns": columns, "pattern": self.order.values, "smallest": smallest,
+        }  # fmt: skip
         self.values = record_for(Euler, program, lambda: _room(program, constants), given)
         self.record = self.values.record
         self._step = self.function(euler)
@@ -94,7 +86,8 @@ class CompiledPilotStep:
 class CompiledPilotRun:
     """Loop over these steps, for a program whose states are all differential and without constraints."""
 
-    def __init__(self, steps: CompiledPilotStep, motion: FreeMotion | None) -> None:
+    def __init__(self, steps: CompiledPilotStep, motion: tuple[Any, Any, Any] | None) -> None:
+        """`motion`: amplitudes, inverse and scale of the modes of the free motion from the start, if its reach counts."""
         self.euler, n = steps, steps.record.n
 
         def room() -> dict[str, Any]:
@@ -107,9 +100,7 @@ class CompiledPilotRun:
             return numbers | roots | {name: np.zeros(n) for name in ("found", "most", "modes")}
 
         nothing, ones = np.zeros((0, 0)), np.ones(n)
-        shapes, inverse, unit = (
-            (nothing, nothing, ones) if motion is None else (motion.amplitudes, motion.inverse, motion.scale)
-        )
+        shapes, inverse, unit = motion or (nothing, nothing, ones)
         given = {
             "euler": steps.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
             "inverse_im": inverse.imag.ravel(), "unit": unit, **dict.fromkeys(("state", "far", "until"), ones),
@@ -123,7 +114,7 @@ class CompiledPilotRun:
         self._record.root_count = len(conditions.holds)
         self.values["root_said"][:], self.values["root_strict"][:] = conditions.holds, conditions.strict
 
-    def go(self, run: PilotRun, pace: StepSchedule, begun: float, mode: Any) -> bool:
+    def go(self, run: Progress, pace: StepSchedule, begun: float, mode: Any) -> bool:
         """Step until Python must act; `begun`: start of the run. Updates state and magnitudes of `run`, and `pace`. True if a condition has changed."""
         record, values, euler, order = self._record, self.values, self.euler.values, self.euler.order
         values.put({"state": run.state, "far": run.far, "until": run.until.ravel(), "begun": begun, "noted": run.noted})

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from compiler.api import Record
 
-from ...start import coarse as look
 from .factors import Factors, back, eliminate
 from .sparse import FINE, SINGULAR, Pattern, real_back, real_factors
 from .stepper import Function
@@ -15,8 +14,11 @@ from .stepper import Function
 if TYPE_CHECKING:
     from compiler.api import Floats, Ints
 
-NEWTON_ITERATIONS = look.NEWTON_ITERATIONS
-CLOSE, ROUNDING, SMALLEST_RATIO, PEERS = look.CLOSE, look.ROUNDING, look.SMALLEST_RATIO, look.PEERS
+NEWTON_ITERATIONS = 8
+CLOSE = 1e-2  # relative change of a state in its last iteration
+ROUNDING = 1e-10  # relative to the terms in a rate: remainder where they cancel
+PEERS = 1e-6  # relative to the largest state of one unit: changes of smaller states may be rounding
+SMALLEST_RATIO = 1e-30  # least ratio of two scales in one step: a front that has not arrived would be divided by zero
 INFINITE = float("inf")
 KEPT_ITERATIONS = 8  # iterations with factors of an earlier step
 FAR = 2.1  # largest ratio of step sizes; it includes the half steps that check a whole one for overshoot
