@@ -1,13 +1,13 @@
-"""Conversion to sympy and back, for readable output and further work by users."""
+"""Conversion to sympy, for readable output and further work by users."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import sympy
 
-from .expression import Apply, Expression, Number, Symbol, add, call, divide, multiply, power, select
+from .expression import Apply, Expression, Number, Symbol
 from .operators import OPERATORS
 from .table import lists
 
@@ -57,57 +57,6 @@ def _table(node: Apply, operands: list[Any]) -> Any:
     points = [sympy.Tuple(*operands[2:][i * n : (i + 1) * n]) for i in range(2)]
     shown = points if n <= SHOWN_POINTS else [sympy.Symbol(f"{n} points")]
     return sympy.Function(_differentiated(node.operator, operands[0]))(operands[1], *shown)
-
-
-def from_sympy(x: Any, key: Callable[[Any], Hashable]) -> Expression:
-    """An expression from sympy. Raises ValueError for a function that the language does not have."""
-    rows = [
-        row for row in OPERATORS.values() if row.kind in ("function", "condition") and isinstance(row.in_sympy, str)
-    ]
-    back = {getattr(sympy, str(row.in_sympy)): row.name for row in rows}
-
-    def walk(node: Any) -> Expression:
-        if node.is_Symbol:
-            return Symbol(key(node))
-        if node.is_number and not node.is_Boolean:
-            if not node.is_real:
-                raise ValueError("not real")
-            return Number(float(node))
-        if node.is_Add:
-            return add(*map(walk, node.args))
-        if node.is_Mul:
-            top, bottom = node.as_numer_denom()
-            if bottom != 1:
-                return divide(walk(top), walk(bottom))
-            return multiply(*map(walk, node.args))
-        if node.is_Pow:
-            base, exponent = node.args
-            if exponent == sympy.S.Half:
-                return call("sqrt", walk(base))
-            if exponent == -sympy.S.Half:
-                return divide(Number(1.0), call("sqrt", walk(base)))
-            if exponent.is_number and exponent.is_negative:
-                return divide(Number(1.0), power(walk(base), Number(float(-exponent))))
-            return power(walk(base), walk(exponent))
-        if isinstance(node, sympy.Piecewise) and node.args[-1][1] == True:  # noqa: E712  (sympy's own truth)
-            result = walk(node.args[-1][0])
-            for value, condition in reversed(node.args[:-1]):
-                result = select(walk(condition), walk(value), result)
-            return result
-        if isinstance(node, sympy.Gt | sympy.Ge):
-            return call("less" if isinstance(node, sympy.Gt) else "less_equal", walk(node.args[1]), walk(node.args[0]))
-        operator = back.get(node.func)
-        if operator is None:
-            raise ValueError(f"{node.func} has no counterpart")
-        operands = [walk(o) for o in node.args]
-        result = operands[0]
-        if operator in ("min", "max", "and", "or"):
-            for operand in operands[1:]:
-                result = call(operator, result, operand)
-            return result
-        return call(operator, *operands)
-
-    return walk(x)
 
 
 def as_written(

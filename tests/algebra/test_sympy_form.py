@@ -1,4 +1,4 @@
-"""To sympy and back, and the closed solutions that come from there: never a wrong one, never one of several."""
+"""Values in sympy, and the closed solutions that come from there: never a wrong one, never one of several."""
 
 from __future__ import annotations
 
@@ -31,11 +31,10 @@ from compiler.algebra.expression import (
 )
 from compiler.algebra.invert import solve_nonlinear
 from compiler.algebra.operators import OPERATORS
-from compiler.algebra.sympy_form import from_sympy, to_sympy
+from compiler.algebra.sympy_form import to_sympy
 
 X, Y, A = Symbol("x"), Symbol("y"), Symbol("a")
 NAMES = {k: sympy.Symbol(k, real=True) for k in "xya"}
-KEYS = {v: k for k, v in NAMES.items()}
 POINTS = [{"x": 0.7, "y": 0.3, "a": 2.0}, {"x": -0.4, "y": 0.9, "a": 0.5}, {"x": 0.2, "y": -0.8, "a": 1.5}]
 CONDITIONS = ("less", "less_equal", "equal", "and", "or", "not")
 
@@ -59,17 +58,19 @@ def no_hanging(seconds: int = 4) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def there_and_back(x: Expression) -> Expression:
-    return from_sympy(to_sympy(x, NAMES.__getitem__), KEYS.__getitem__)
+def in_sympy(x: Expression, point: dict[str, float]) -> float:
+    """Value of the expression in sympy."""
+    return float(to_sympy(x, NAMES.__getitem__).subs({NAMES[k]: sympy.Float(v, 17) for k, v in point.items()}))
 
 
-def same(x: Expression, y: Expression) -> None:
+def same(x: Expression) -> None:
+    """Values in sympy are those of the language, wherever it has one."""
     for point in POINTS:
         try:
             value = evaluate(x, point.__getitem__)
         except (ValueError, ArithmeticError):
             continue
-        assert evaluate(y, point.__getitem__) == pytest.approx(value, rel=1e-12, abs=1e-13)
+        assert in_sympy(x, point) == pytest.approx(value, rel=1e-12, abs=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +80,7 @@ def test_every_function(operator: str) -> None:
     count = OPERATORS[operator].arity
     inner: tuple[Expression, ...] = (X + 1.5 if operator == "acosh" else X, Y)[:count]
     x = Apply(operator, inner)
-    same(x, there_and_back(x))
+    same(x)
 
 
 @pytest.mark.parametrize(
@@ -89,15 +90,15 @@ def test_every_function(operator: str) -> None:
 def test_conditions(operator: str, negated: bool) -> None:
     condition = call(operator, X, Y)
     x = select(call("not", condition) if negated else condition, X + 1, Y * 2)
-    same(x, there_and_back(x))
+    same(x)
     equal = {"x": 0.5, "y": 0.5, "a": 1.0}
-    assert evaluate(there_and_back(x), equal.__getitem__) == evaluate(x, equal.__getitem__)
+    assert in_sympy(x, equal) == evaluate(x, equal.__getitem__)
 
 
 @pytest.mark.parametrize("operator", ["and", "or"])
 def test_joined_conditions(operator: str) -> None:
     x = select(call(operator, call("less", X, Y), call("less_equal", ZERO, A - 1)), X, select(call("less", Y, A), Y, A))
-    same(x, there_and_back(x))
+    same(x)
 
 
 @st.composite
@@ -130,30 +131,22 @@ def expressions(draw: st.DrawFn, depth: int = 3) -> Expression:
 
 @settings(max_examples=40)
 @given(expressions(2))
-def test_values_survive_the_round_trip(x: Expression) -> None:
+def test_values_are_equal(x: Expression) -> None:
     for point in POINTS:
         value = evaluate(x, point.__getitem__)
-        assert evaluate(there_and_back(x), point.__getitem__) == pytest.approx(value, rel=1e-9, abs=1e-9)
+        assert in_sympy(x, point) == pytest.approx(value, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize(
     "value", [8.8541878128e-12, 38e-6, 1e-300, 1e300, 0.1, 1 / 3, 2.0, -7.0, 1e15, 123456789.123456789, 5e-324]
 )
 def test_numbers_keep_all_their_digits(value: float) -> None:
-    found = there_and_back(Number(value) * X)
-    assert evaluate(found, {"x": 1.0}.__getitem__) == value
+    assert in_sympy(Number(value) * X, {"x": 1.0}) == value
 
 
 def test_whole_numbers_are_whole_for_people() -> None:
     assert str(to_sympy(2 * X**2 + X / 3, NAMES.__getitem__)) == "2*x**2 + x/3"
     assert str(to_sympy(0.5 * X, NAMES.__getitem__)) == "x/2"
-
-
-def test_what_the_language_does_not_have() -> None:
-    with pytest.raises(ValueError):
-        from_sympy(sympy.gamma(NAMES["x"]), KEYS.__getitem__)
-    with pytest.raises(ValueError):
-        from_sympy(sympy.I * NAMES["x"], KEYS.__getitem__)
 
 
 # Laws as people write them, with the points at which they are tried.

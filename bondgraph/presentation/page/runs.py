@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import CompilationFailed, Scene, letters
+from compiler.api import Scene, letters
 
 from ...arrays import Array
 from ..text.tables import short, visible
@@ -122,8 +122,3 @@ def power_into(watched: Watched, columns: Array, around: Sequence[tuple[int, flo
             return None
         total = total + sign * columns[effort] * columns[flow]
     return total
-
-
-def problem_of(error: Exception) -> str:
-    """Return the message of an error."""
-    return str(error) if isinstance(error, CompilationFailed) else f"{error}"

@@ -239,9 +239,6 @@ class Companion:
                     "a resistor or a damper where the storages are tied"
                 )
 
-    def _outputs_of(self, off: tuple[str, ...]) -> tuple[str, ...]:
-        return self._network(off).program.outputs.names
-
     def _solved(
         self, at: Instant, guess: Any, step: float, valves: int | None = None, moved: Any = None
     ) -> tuple[Any, Any] | None:
