@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
     from ..prepared import Prepared
     from ..results.truncation import TruncationReport
-    from .bandwidth.leave import Leaving, Removal
     from .events.complementarity import Companion
     from .events.events import Events
     from .events.history import History
     from .events.impulse import StorageJump
+    from .truncation.mode_truncation import Leaving, Removal
 
 
 ROUNDED = 3.0  # tolerances of rounding in a step from which a run warns
@@ -367,7 +367,7 @@ class Phase:
         """Return the modal truncation of this phase; None without a bandwidth, or with events or delayed signals."""
         if self.bandwidth is None or self.program.hybrid is not None or self.history is not None:
             return None
-        from .bandwidth.leave import Leaving
+        from .truncation.mode_truncation import Leaving
 
         def restart(state: Any) -> None:
             self.looked_from = state
@@ -429,7 +429,7 @@ class Phase:
             self.doubts += doubts_of(self.trajectory.poses)
         self.instants = self.instants[: len(self.trajectory.states)]
         if self.bandwidth is not None:
-            from .bandwidth.tell import left_out_of
+            from .truncation.report import left_out_of
 
             self.left_out = left_out_of(
                 self.bandwidth, self.program, self.leaving, self.instants, self.trajectory, self.stretches

@@ -13,7 +13,7 @@ import bondgraph
 from bondgraph.errors import UsageError
 from bondgraph.results.archive import read_result
 from bondgraph.results.result import Result
-from bondgraph.simulation.bandwidth import leave, push
+from bondgraph.simulation.truncation import averaged_forcing, mode_truncation
 from tests.compiling import MODELS
 
 OFF = """
@@ -254,13 +254,13 @@ def test_the_push_on_the_slow_motion(text: str, experiment: str, shown: str, bes
 def test_what_is_not_computed_is_small(text: str, experiment: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bound that saves the computation of the push is not smaller than its effect, in parts of the tolerance."""
     bounds: list[float] = []
-    bound = push._bound
+    bound = averaged_forcing._bound
 
     def noted(*given: Any) -> float:
         bounds.append(bound(*given))
         return np.inf
 
-    monkeypatch.setattr(push, "_bound", noted)
+    monkeypatch.setattr(averaged_forcing, "_bound", noted)
     found = bondgraph.load(text).simulate(experiment)
     assert found.truncation is not None and len(bounds) == 1
     for name, lacks in found.truncation.kept.items():
@@ -379,12 +379,12 @@ def test_what_is_no_bandwidth(wrong: str | float) -> None:
 def test_looks_are_rare(monkeypatch: pytest.MonkeyPatch) -> None:
     """If steps are as long as the bandwidth allows, nothing is examined between their ends."""
     seen: list[float] = []
-    usual = leave.Leaving._found
+    usual = mode_truncation.Leaving._found
 
     def counted(self: Any, at: float, *rest: Any) -> Any:
         seen.append(at)
         return usual(self, at, *rest)
 
-    monkeypatch.setattr(leave.Leaving, "_found", counted)
+    monkeypatch.setattr(mode_truncation.Leaving, "_found", counted)
     bondgraph.load(CHAIN).simulate("off")
     assert seen == [0.0]

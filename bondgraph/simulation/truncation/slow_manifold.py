@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .split import ScaledDynamics, Split, one
+from .spectrum_split import ScaledDynamics, Split, one
 
 ROUNDS = 3  # number of splits, each at the state that the previous one led to
 ITERATIONS = 12

@@ -12,10 +12,10 @@ import numpy as np
 from ...errors import RunFailed
 from ...results.truncation import FastMode, TruncationReport, frequency_text
 from ..monitors.step_size_diagnosis import elements_of
-from .along import ALIKE, Ringing, Way, amplitudes, followed, ways_of
-from .leave import Leaving, Removal
-from .push import kept
-from .split import STEADY, ScaledDynamics
+from .averaged_forcing import kept
+from .modal_envelope import ALIKE, Ringing, Way, amplitudes, followed, ways_of
+from .mode_truncation import Leaving, Removal
+from .spectrum_split import STEADY, ScaledDynamics
 
 if TYPE_CHECKING:
     from compiler.api import Program

@@ -15,9 +15,9 @@ import numpy as np
 from ...errors import RunFailed
 from ...results.truncation import frequency_text
 from ..segments.timeline import Segment
-from .inputs import content
-from .settle import SlowState, second, settled
-from .split import ScaledDynamics, Split, one
+from .input_spectrum import content
+from .slow_manifold import SlowState, second, settled
+from .spectrum_split import ScaledDynamics, Split, one
 
 if TYPE_CHECKING:
     from ..integration.integration_state import IntegrationState, Solver

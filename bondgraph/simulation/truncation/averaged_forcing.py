@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from .along import Ringing, Way
-from .split import ScaledDynamics
+from .modal_envelope import Ringing, Way
+from .spectrum_split import ScaledDynamics
 
 IN_A_TURN, LEAST = 3, 48  # instants with forcing: per period of the slow motion, and at least in all
 ROOM = 2_000_000  # most numbers in their matrices

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..segments.timeline import Segment
-from .leave import Removal
-from .split import GROWN, PlaceModes, ScaledDynamics, Split, several, split
+from .mode_truncation import Removal
+from .spectrum_split import GROWN, PlaceModes, ScaledDynamics, Split, several, split
 
 # Fractions of a run at which modes are computed after its start; they are no simple fractions of a period of the slow motion.
 PLACES = (0.31, 0.67, 1.0)
