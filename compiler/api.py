@@ -57,10 +57,10 @@ if TYPE_CHECKING:
         SOLVERS, Analysis, ContinuationRequest, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan,
         RandomParameter, RunMetadata, Scene, Study,
     )  # fmt: skip
-    from .semantics.domain_table import ELEMENT_KINDS
-    from .semantics.scope import RESERVED
-    from .semantics.unit import read_unit
-    from .semantics.within import project_folder
+    from .semantics.names.domain_table import ELEMENT_KINDS
+    from .semantics.names.scope import RESERVED
+    from .semantics.expressions.unit import read_unit
+    from .semantics.names.project_folder import project_folder
     from .source import Source, Span, read_text
     from .source_file import read_source
     from .syntax import parse_expression, parse_law

@@ -41,8 +41,8 @@ from .reduction import (
 from .reduction.errors import DerivativeWithoutEnd, SingularLoop
 from .scene import Plan, RunMetadata, Scene
 from .semantics import Built, build_graph, is_part
-from .semantics.errors import TooLongRow
-from .semantics.units_or_names import ambiguous_products, unit_notes
+from .semantics.expressions.unit_ambiguity import ambiguous_products, unit_notes
+from .semantics.names.errors import TooLongRow
 from .source import Source, Span
 from .syntax import SyntaxTree, parse
 

@@ -13,23 +13,19 @@ from ..graph.network import BondGraph
 from ..scene import Plan, Scene
 from ..source import Source, Span
 from ..syntax import SyntaxTree, parse_expression, tree
-from .domain_table import slot_defaults, wall_items
-from .elaborate import Elaborator
-from .errors import (
-    NoSingleModel,
-    UnknownName,
-)
-from .events import read_events
-from .experiments import choose_experiment, experiment_overrides, experiments_of, read_plan
-from .known import Known
-from .load import Loader
-from .nodes import Nodes
-from .requirements import read_requirements
-from .resolve import MAXIMUM_MISTAKES
-from .scope import Broken, FileScope, ModelDefinition
-from .starts import read_starts
-from .statement_errors import suggestion
-from .unconnected import unconnected
+from .experiments.initial_values import read_initial_values
+from .experiments.plan import choose_experiment, experiment_overrides, experiments_of, read_plan
+from .names.domain_table import slot_defaults, wall_items
+from .names.errors import NoSingleModel, UnknownName
+from .names.imports import Loader
+from .names.scope import Broken, FileScope, ModelDefinition
+from .names.statement_errors import MAXIMUM_MISTAKES, suggestion
+from .network.elaborate import Elaborator
+from .network.events import read_events
+from .network.nodes import Nodes
+from .network.requirements import read_requirements
+from .network.unconnected import unconnected
+from .resolution.elaboration_cache import ElaborationCache
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +44,7 @@ def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -
     file = loader.load(syntax)
     definition = choose_model(file, scene.model, loader.diagnostics)
     definition = _with_outputs(definition, scene.extra_outputs)
-    opened = _Opened.of(definition, scene, loader.diagnostics, False, Known())
+    opened = _Opened.of(definition, scene, loader.diagnostics, False, ElaborationCache())
     built = opened.built()
     if opened.elaborator.diagnostics:
         raise CompilationFailed(opened.elaborator.diagnostics)
@@ -93,7 +89,7 @@ def check_parts(
         file.models.pop(name, None)
     file.missing |= broken
     diagnostics = list(loader.diagnostics)
-    known = Known()
+    known = ElaborationCache()
     main = None if diagnostics or broken else _main(file, wanted)
     whole: Built | None = None
     for definition in [d for d in file.models.values() if d.file is file]:
@@ -121,11 +117,11 @@ def _main(file: FileScope, wanted: str | None) -> ModelDefinition | None:
     return None if any(wall_items(chosen.model)) else chosen
 
 
-def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: Known) -> list[Diagnostic]:
+def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: ElaborationCache) -> list[Diagnostic]:
     """Return the errors of an experiment. One that sets and sweeps nothing is read in the model that is already elaborated."""
     scene = Scene(experiment=experiment.name)
     if any(isinstance(s, tree.Set | tree.StudySyntax | tree.Analysis) for s in experiment.steps):
-        other = _Opened.of(opened.definition, scene, (), True, Known())
+        other = _Opened.of(opened.definition, scene, (), True, ElaborationCache())
         other.built()
         return other.elaborator.diagnostics
     elaborator = opened.elaborator
@@ -196,11 +192,11 @@ class _Opened:
     scene: Scene
     experiment: tree.Experiment | None
     elaborator: Elaborator
-    known: Known
+    known: ElaborationCache
 
     @staticmethod
     def of(
-        definition: ModelDefinition, scene: Scene, earlier: Sequence[Diagnostic], part: bool, known: Known
+        definition: ModelDefinition, scene: Scene, earlier: Sequence[Diagnostic], part: bool, known: ElaborationCache
     ) -> _Opened:
         experiment, told = choose_experiment(definition, scene.experiment)
         overrides = [*experiment_overrides(experiment), *scene.overrides]  # the command line comes last and wins
@@ -218,7 +214,7 @@ class _Opened:
             elaborator.guard(elaborator.quantity, pending)
         nodes = Nodes(elaborator, self.known)
         nodes.build()
-        starts = read_starts(elaborator, self.experiment, elaborator.root, nodes.nodes)
+        starts = read_initial_values(elaborator, self.experiment, elaborator.root, nodes.nodes)
         requirements = read_requirements(elaborator)
         events = read_events(elaborator, nodes.nodes)
         elaborator.integrals()  # these may read delays

@@ -14,7 +14,7 @@ from ..graph.domains import DOMAINS
 from ..graph.elements import OF_NODE, TRANSDUCERS
 from ..graph.mechanism import Mechanism
 from ..graph.network import Bond, BondEnd, BondGraph, Element, MechanismNode, Quantity, Reading
-from ..semantics.scope import RESERVED
+from ..semantics.names.scope import RESERVED
 from .literals import word_of
 from .ports import seen_at_a_node
 

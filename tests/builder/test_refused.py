@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import bondgraph
 from bondgraph import Graph, UsageError
 from compiler.errors import CompilationFailed
-from compiler.semantics.scope import RESERVED
+from compiler.semantics.names.scope import RESERVED
 from compiler.source import Source
 from compiler.syntax import parse, tree
 

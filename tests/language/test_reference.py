@@ -19,8 +19,8 @@ from compiler.errors import Diagnostic
 from compiler.graph.domains import BUNDLES, DOMAINS
 from compiler.graph.network import MechanismNode
 from compiler.graph.units import UNITS, Scale
-from compiler.semantics.functions import FUNCTIONS
-from compiler.semantics.scope import RESERVED
+from compiler.semantics.expressions.functions import FUNCTIONS
+from compiler.semantics.names.scope import RESERVED
 from compiler.source import Source
 from compiler.syntax import parse
 from compiler.syntax.format import format_text
@@ -186,17 +186,20 @@ LIMITS = [
     ("brackets within brackets", "compiler.syntax.read:MAXIMUM_NESTING"),
     ("height of an expression", "compiler.syntax.operators:MAXIMUM_DEPTH"),
     ("syntax mistakes told of one file", "compiler.syntax.parse:MAXIMUM_MISTAKES"),
-    ("files that are imported", "compiler.semantics.load:MAXIMUM_FILES"),
-    ("instances, elements, junctions, quantities and rounds", "compiler.semantics.declarations:MAXIMUM_INSTANCES"),
-    ("rounds of a `for`", "compiler.semantics.declarations:MAXIMUM_ROUNDS"),
-    ("models within models", "compiler.semantics.elaborate:MAXIMUM_HIERARCHY"),
-    ("items of a list", "compiler.semantics.typed:MAXIMUM_ITEMS"),
-    ("quantities that read each other in a ring", "compiler.semantics.quantities:MAXIMUM_ROW"),
-    ("mistakes told of one file", "compiler.semantics.resolve:MAXIMUM_MISTAKES"),
-    ("calls of your functions in one expression", "compiler.semantics.typed:MAXIMUM_CALLS"),
-    ("bytes of a file of columns", "compiler.semantics.sheet:MAXIMUM_SIZE"),
-    ("rows of a file of columns", "compiler.semantics.sheet:MAXIMUM_ROWS"),
-    ("points of a table that are parameters", "compiler.semantics.tables:MAXIMUM_POINTS"),
+    ("files that are imported", "compiler.semantics.names.imports:MAXIMUM_FILES"),
+    (
+        "instances, elements, junctions, quantities and rounds",
+        "compiler.semantics.resolution.declarations:MAXIMUM_INSTANCES",
+    ),
+    ("rounds of a `for`", "compiler.semantics.resolution.declarations:MAXIMUM_ROUNDS"),
+    ("models within models", "compiler.semantics.network.elaborate:MAXIMUM_HIERARCHY"),
+    ("items of a list", "compiler.semantics.expressions.expression_compiler:MAXIMUM_ITEMS"),
+    ("quantities that read each other in a ring", "compiler.semantics.resolution.quantities:MAXIMUM_ROW"),
+    ("mistakes told of one file", "compiler.semantics.names.statement_errors:MAXIMUM_MISTAKES"),
+    ("calls of your functions in one expression", "compiler.semantics.expressions.expression_compiler:MAXIMUM_CALLS"),
+    ("bytes of a file of columns", "compiler.semantics.names.column_file:MAXIMUM_SIZE"),
+    ("rows of a file of columns", "compiler.semantics.names.column_file:MAXIMUM_ROWS"),
+    ("points of a table that are parameters", "compiler.semantics.expressions.tables:MAXIMUM_POINTS"),
 ]
 
 
@@ -211,7 +214,7 @@ def limits_table() -> str:
 
 ROOMS = {
     "syntax": "how the text is written",
-    "semantics": "names, units, laws, connections, experiments",
+    "semantics.names": "names, units, laws, connections, experiments",
     "multibody": "mechanisms as a whole",
     "causality": "who decides effort and flow",
     "equations": "laws in the direction that causality asks for",
@@ -278,7 +281,7 @@ def test_the_units_of_the_table_are_all_units() -> None:
 def test_codes_lie_in_the_range_of_their_room() -> None:
     ranges = {
         "syntax": "0",
-        "semantics": "1",
+        "semantics.names": "1",
         "multibody": "2",
         "causality": "3",
         "equations": "4",

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 from compiler.graph.domains import DOMAINS
-from compiler.semantics.domain_table import domain_table
-from compiler.semantics.load import Loader
-from compiler.semantics.port_domains import DomainTable
-from compiler.semantics.scope import ModelDefinition
+from compiler.semantics.names.domain_table import domain_table
+from compiler.semantics.names.imports import Loader
+from compiler.semantics.names.port_domains import DomainTable
+from compiler.semantics.names.scope import ModelDefinition
 from compiler.source import Source, Span
 from compiler.syntax import parse, tree
 from tests.metamorphic.changing import Statements, as_file, parsed

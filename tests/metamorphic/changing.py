@@ -10,7 +10,7 @@ from typing import Any
 
 from compiler.errors import CompilationFailed
 from compiler.graph.domains import DOMAINS, GENERIC
-from compiler.semantics.scope import RESERVED
+from compiler.semantics.names.scope import RESERVED
 from compiler.source import Source
 from compiler.syntax import parse, tree
 from tests.metamorphic.printing import path, path_text, rewrite, text_of

@@ -17,8 +17,8 @@ from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed
 from compiler.reduction.state_space import LinearLoop, StateSpace
 from compiler.scene import Scene
-from compiler.semantics.experiments import experiments_of
-from compiler.semantics.load import Loader
+from compiler.semantics.experiments.plan import experiments_of
+from compiler.semantics.names.imports import Loader
 from compiler.source import Source
 from compiler.syntax import parse
 from tests.metamorphic.renaming import LIBRARY

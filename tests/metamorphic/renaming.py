@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from compiler.semantics.domain_table import ELEMENT_KINDS, is_slot
+from compiler.semantics.names.domain_table import ELEMENT_KINDS, is_slot
 from compiler.source import Source
 from compiler.source_file import read_source
 from compiler.syntax import parse, tree

@@ -9,7 +9,7 @@ from random import Random
 from typing import Any
 
 from compiler.graph.units import ONE, Dimension, Scale
-from compiler.semantics.typed import bare, scale_of
+from compiler.semantics.expressions.expression_compiler import bare, scale_of
 from compiler.source import Span
 from compiler.syntax import tree
 from tests.metamorphic.printing import unit

@@ -8,8 +8,8 @@ from typing import Any
 
 from compiler.graph.domains import DOMAINS
 from compiler.graph.network import BondGraph
-from compiler.semantics.domain_table import ELEMENT_KINDS, paths_of
-from compiler.semantics.scope import STATIC_ROLES
+from compiler.semantics.names.domain_table import ELEMENT_KINDS, paths_of
+from compiler.semantics.names.scope import STATIC_ROLES
 from compiler.syntax import tree
 from tests.metamorphic.bonds import inner_statements
 from tests.metamorphic.changing import Changed, Statements, as_file, parsed

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from compiler.semantics import sheet
+from compiler.semantics.names import column_file
 from tests.compiling import compiled, mistake, mistakes, numbers, outputs_of
 
 SHEET = (
@@ -70,9 +70,9 @@ def test_what_is_no_file_of_columns(folder: Path, text: str, part: str) -> None:
 
 def test_limits(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = model(folder, 'constant a = column("curve.csv", "way")\noutput y = a[1]')
-    monkeypatch.setattr(sheet, "MAXIMUM_ROWS", 2)
+    monkeypatch.setattr(column_file, "MAXIMUM_ROWS", 2)
     assert "3 rows" in mistake(file, "BG152").sentence
-    monkeypatch.setattr(sheet, "MAXIMUM_SIZE", 20)
+    monkeypatch.setattr(column_file, "MAXIMUM_SIZE", 20)
     assert "bytes" in mistake(file, "BG152").sentence
 
 

@@ -20,8 +20,8 @@ from click.testing import CliRunner
 
 from bondgraph.commands import commands
 from compiler.examination import check
-from compiler.semantics.load import MAXIMUM_FILES
-from compiler.semantics.resolve import MAXIMUM_MISTAKES
+from compiler.semantics.names.imports import MAXIMUM_FILES
+from compiler.semantics.names.statement_errors import MAXIMUM_MISTAKES
 from compiler.source import Source
 
 MAXIMUM_CALLS = 15_000_000

@@ -11,7 +11,7 @@ from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed, Diagnostic
 from compiler.examination import check
 from compiler.scene import Scene
-from compiler.semantics.load import project_folder
+from compiler.semantics.names.imports import project_folder
 from compiler.source import Source
 from tests.compiling import LIBRARY, Running
 
@@ -226,7 +226,7 @@ class TestTheProjectFolder:
 
 
 def test_the_number_of_files_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from compiler.semantics import load as room
+    from compiler.semantics.names import imports as room
 
     assert room.MAXIMUM_FILES <= 10_000
     monkeypatch.setattr(room, "MAXIMUM_FILES", 10)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from compiler.semantics import declarations
+from compiler.semantics.resolution import declarations
 from tests.compiling import Running, bonds_of, compiled, mistake, mistakes, numbers
 
 SPRING = """

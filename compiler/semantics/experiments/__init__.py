@@ -1,0 +1,1 @@
+"""Experiments: settings, initial values, steps and their attributes."""

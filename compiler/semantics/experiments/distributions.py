@@ -1,0 +1,140 @@
+"""`montecarlo`: distributions of quantities, their correlations, and the number of points."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+from ...chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
+from ...graph.units import ONE, Dimension
+from ...scene import MonteCarloRequest, Plan, RandomParameter
+from ...syntax import tree
+from ..expressions.scales import is_absolute
+from ..names.errors import UnknownName, WrongExperiment
+from ..names.scope import Scalar, Scope
+from ..names.statement_errors import Wrong, suggestion
+from ..network.elaborate import Elaborator
+from .step_attributes import each, read_attributes, refuse_twice, settable, together, word
+
+MOST_SAMPLES = 10_000_000
+CORRELATION = "correlation"
+
+
+def read_montecarlo(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> MonteCarloRequest:
+    """Read a `montecarlo` step, with its numbers in SI. Raises `Wrong` and `AlreadyTold`."""
+    drawn, linked = ([g for g in step.given if (g.other is None) == alone] for alone in (True, False))
+    counts = {"samples": (2, MOST_SAMPLES), "seed": (0, 2**31 - 1), "indices": (0, MOST_SAMPLES)}
+    vary, pairs, found = together(
+        elaborator,
+        partial(each, elaborator, _drawn, drawn, root),
+        partial(each, elaborator, _correlation, linked, root, {word(g.path) for g in drawn}),
+        partial(read_attributes, elaborator, step, root, counts),
+    )
+    refuse_twice(drawn)
+    if not vary:
+        raise Wrong(WrongExperiment(step.span, "Nothing varies", "Write `NAME = normal(mean, standard deviation)`."))
+    both = [frozenset(names) for names, _ in pairs]
+    if len(set(both)) < len(both):
+        raise Wrong(WrongExperiment(step.span, "Two correlations of one pair", "Write one number for each pair."))
+    _check_indices(step, found.values)
+    return MonteCarloRequest(vary, pairs, **found.values)
+
+
+def _check_indices(step: tree.Analysis, values: dict[str, int]) -> None:
+    rows, samples = values.get("indices", 0), values.get("samples", MonteCarloRequest(()).samples)
+    if rows & (rows - 1) or rows > samples:
+        span = next(a.span for a in step.attributes if a.name == "indices")
+        hint = "It is a power of two, not above `samples`; 0: no indices."
+        raise Wrong(WrongExperiment(span, f"Sobol indices do not stand on {rows} of {samples} points", hint))
+
+
+def _drawn(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> RandomParameter:
+    name = settable(elaborator, given, root, "What varies is one that can be set")
+    scalar = elaborator.lookup(given.path, root)
+    assert isinstance(scalar, Scalar) and given.value is not None
+    return _distribution(elaborator, given.value, root, name, scalar.dimension or ONE)
+
+
+def _distribution(
+    elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope, name: str, dimension: Dimension, inner: bool = False
+) -> RandomParameter:  # fmt: skip
+    kinds = (*DISTRIBUTIONS, *(() if inner else ("truncated",)))
+    if not isinstance(value, tree.Call) or value.function not in kinds:
+        near = suggestion(value.function, kinds) if isinstance(value, tree.Call) else ""
+        hint = near or f"There are: {kinds_told()}."
+        raise Wrong(WrongExperiment(value.span, f"`{value.span.text}` is no distribution", hint))
+    words = DISTRIBUTIONS.get(value.function, ("one of the others", "low", "high"))
+    if len(value.arguments) != len(words):
+        what = f"{value.function} takes {len(words)} numbers: {', '.join(words)}"
+        raise Wrong(WrongExperiment(value.span, what, f"There are: {kinds_told()}."))
+    if value.function == "truncated":
+        found = _distribution(elaborator, value.arguments[0], root, name, dimension, True)
+        low, high = (_number(elaborator, a, root, name, "", dimension) for a in value.arguments[1:])
+        return _checked(RandomParameter(name, found.kind, found.numbers, low, high), value)
+    numbers = tuple(
+        _number(elaborator, a, root, name, w, dimension) for a, w in zip(value.arguments, words, strict=True)
+    )  # fmt: skip
+    return _checked(RandomParameter(name, value.function, numbers), value)
+
+
+def _number(
+    elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope, name: str, what: str, dimension: Dimension
+) -> float:  # fmt: skip
+    if what == SPREAD and isinstance(value, tree.Literal) and value.unit is not None and is_absolute(value.unit):
+        raise Wrong(WrongExperiment(value.span, "A standard deviation is a difference", "Write it in K."))
+    return elaborator.static(value, root, f"The {what or 'end'} of `{name}`", dimension)
+
+
+def _checked(drawn: RandomParameter, value: tree.ExpressionSyntax) -> RandomParameter:
+    wrong = fault(drawn.kind, drawn.numbers, drawn.low, drawn.high)
+    if wrong:
+        what = f"`{drawn.name}` cannot have this distribution: {wrong}"
+        raise Wrong(WrongExperiment(value.span, what, "Numbers are compared in SI."))
+    return drawn
+
+
+def _correlation(
+    elaborator: Elaborator, given: tree.GivenSyntax, root: Scope, known: set[str]
+) -> tuple[tuple[str, str], float]:
+    assert given.other is not None and given.value is not None
+    if given.word != CORRELATION:
+        hint = "Write `NAME = normal(mean, standard deviation)`, or `correlation(A, B) = 0.3`."
+        raise Wrong(WrongExperiment(given.span, f"`{given.word}` of two is nothing that varies", hint))
+    for path in (given.path, given.other):
+        if word(path) not in known:
+            hint = suggestion(word(path), sorted(known), f"It varies: {', '.join(sorted(known))}.")
+            raise Wrong(UnknownName(path.span, word(path), "what varies here", hint))
+    if word(given.path) == word(given.other):
+        raise Wrong(WrongExperiment(given.span, "A correlation is of two different quantities", "Name two."))
+    value = elaborator.static(given.value, root, "A correlation")
+    if not (math.isfinite(value) and -1 <= value <= 1):
+        raise Wrong(WrongExperiment(given.value.span, f"A correlation of {value:g}", "It lies between -1 and 1."))
+    return (word(given.path), word(given.other)), value
+
+
+def check_together(experiment: tree.Experiment | None, plan: Plan) -> None:
+    """Check `montecarlo` together with the other steps. Raises `Wrong`.
+
+    `montecarlo` repeats the other steps at each of its points. So there may be only one, and the results of the others must be numbers.
+    """
+    steps = experiment.steps if experiment is not None else ()
+    chances = [s for s in steps if isinstance(s, tree.Analysis) and s.role == "montecarlo"]
+    if not chances:
+        return
+    if len(chances) > 1:
+        hint = "Put all that varies into one, or write a second experiment."
+        raise Wrong(WrongExperiment(chances[1].span, "A second `montecarlo` in one experiment", hint))
+    for step in steps:
+        if isinstance(step, tree.Analysis | tree.StudySyntax) and step.role not in (
+            "montecarlo",
+            "sweep",
+            "equilibrium",
+            "modes",
+        ):
+            hint = "Beside it stand `equilibrium`, `modes` and `simulate`; write a second experiment for this."
+            raise Wrong(WrongExperiment(step.span, f"`{step.role}` has no numbers that `montecarlo` could count", hint))
+    if plan.stop is None and not any(
+        isinstance(s, tree.StudySyntax) and s.role in ("equilibrium", "modes") for s in steps
+    ):
+        hint = "Add `equilibrium`, `modes` or `simulate`: that is what is made at each point."
+        raise Wrong(WrongExperiment(chances[0].span, "`montecarlo` of nothing", hint))

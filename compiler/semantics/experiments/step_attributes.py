@@ -1,0 +1,120 @@
+"""Common syntax of analysis steps: attributes in braces, and names that can be set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field
+from functools import partial
+from typing import Any
+
+from ...fast_dataclass import dataclass
+from ...syntax import tree
+from ..names.errors import DuplicateName, UnknownAttribute, WrongExperiment
+from ..names.scope import Scalar, Scope
+from ..names.statement_errors import AlreadyTold, Wrong, suggestion
+from ..network.elaborate import Elaborator
+
+Read = Callable[[tree.Attribute, Scope], tuple[str, Any]]
+
+
+@dataclass(slots=True)
+class StepAttributes:
+    """Attributes of a step. `values`: by attribute. `named`: those with a target, `limit u = 3 V`, by attribute and target."""
+
+    values: dict[str, Any] = field(default_factory=dict)
+    named: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+def word(path: tree.PathSyntax) -> str:
+    """A path as a name: without spaces."""
+    return path.words.replace(" ", "")
+
+
+def expressions_of(step: tree.Analysis) -> list[tree.ExpressionSyntax]:
+    """All expressions of a step: values, bounds and attributes."""
+    given = (*step.given, *step.wanted)
+    ranges = [r for r in (step.range, *(g.range for g in given)) if r is not None]
+    values = [g.value for g in given if g.value is not None]
+    return [*values, *(e for r in ranges for e in (r.first, r.last)), *(a.value for a in step.attributes)]
+
+
+def each(
+    elaborator: Elaborator, read: Callable[..., Any], given: Sequence[tree.GivenSyntax], root: Scope, *more: Any
+) -> tuple[Any, ...]:
+    """Apply `read` to each name and return the results. Raises as `together`."""
+    return together(elaborator, *(partial(read, elaborator, one, root, *more) for one in given))
+
+
+def together(elaborator: Elaborator, *parts: Callable[[], Any]) -> tuple[Any, ...]:
+    """Read every part, even after an error in another. Raises `AlreadyTold` if one had an error."""
+    found = tuple(elaborator.guard(part) for part in parts)
+    if any(one is None for one in found):
+        raise AlreadyTold
+    return found
+
+
+def settable(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope, what: str) -> str:
+    """The name of a single parameter or input. Raises `Wrong`."""
+    scalar = elaborator.lookup(given.path, root)
+    name = word(given.path)
+    if not isinstance(scalar, Scalar) or scalar.role not in ("parameter", "input"):
+        raise Wrong(
+            WrongExperiment(given.path.span, f"{what}, which `{name}` cannot be", "Name a single parameter or input.")
+        )
+    return name
+
+
+def refuse_twice(given: Sequence[tree.GivenSyntax]) -> None:
+    """Raise `Wrong` for a name that occurs twice."""
+    seen: dict[str, tree.GivenSyntax] = {}
+    for one in given:
+        for path in (one.path, one.other):
+            if path is not None and word(path) in seen:
+                raise Wrong(DuplicateName(path.span, word(path), seen[word(path)].span))
+            if path is not None:
+                seen[word(path)] = one
+
+
+def read_attributes(
+    elaborator: Elaborator, step: tree.Analysis, root: Scope, counts: Mapping[str, tuple[int, int]], truths: Sequence[str] = (),
+    named: Mapping[str, Read] | None = None,
+) -> StepAttributes:  # fmt: skip
+    """Read whole numbers within limits, `true` or `false`, and the attributes of `named`.
+
+    Raises `AlreadyTold` after all errors are reported.
+    """
+    found, before = StepAttributes(named={n: {} for n in named or {}}), len(elaborator.diagnostics)
+    for attribute in step.attributes:
+        elaborator.guard(_read, elaborator, step, attribute, root, (counts, truths, named or {}), found)
+    if len(elaborator.diagnostics) > before:
+        raise AlreadyTold
+    return found
+
+
+def _read(
+    elaborator: Elaborator, step: tree.Analysis, attribute: tree.Attribute, root: Scope, known: tuple[Any, Any, Any], found: StepAttributes
+) -> None:  # fmt: skip
+    counts, truths, named = known
+    name = attribute.name
+    if attribute.target is not None and name in named:
+        target, value = named[name](attribute, root)
+        found.named[name][target] = value
+    elif attribute.target is None and name in truths:
+        if attribute.value.span.words not in ("true", "false"):
+            raise Wrong(WrongExperiment(attribute.span, f"`{name}` is true or false", f"Write `{name} = true`."))
+        found.values[name] = attribute.value.span.words == "true"
+    elif attribute.target is None and name in counts:
+        found.values[name] = _count(elaborator, attribute, root, counts[name])
+    else:
+        words = [*counts, *truths, *(f"`{n} NAME = …`" for n in named)]
+        hint = suggestion(name, [*counts, *truths, *named], f"It has: {', '.join(words) or 'none'}.")
+        raise Wrong(UnknownAttribute(attribute.span, step.role, name, hint))
+
+
+def _count(elaborator: Elaborator, attribute: tree.Attribute, root: Scope, limits: tuple[int, int]) -> int:
+    value = elaborator.static(attribute.value, root, f"`{attribute.name}`")
+    low, high = limits
+    if value != round(value) or not low <= value <= high:
+        what = f"`{attribute.name} = {value:g}` makes no sense"
+        raise Wrong(WrongExperiment(attribute.span, what, f"It is a whole number from {low} to {high}."))
+    return round(value)

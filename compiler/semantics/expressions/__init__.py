@@ -1,0 +1,1 @@
+"""Expressions with units, compiled once for each place in the text."""

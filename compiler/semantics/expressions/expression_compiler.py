@@ -1,0 +1,443 @@
+"""Expressions with units: compiled to formulas over SI numbers, or refused with a diagnostic.
+
+A formula is made once per place in the text and cached there; each instance only looks up the readings of its slots.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from fractions import Fraction
+
+from ...algebra.expression import ONE as NUMBER_ONE
+from ...algebra.expression import ZERO, Expression, Number, Symbol, add, call, negate, power, select
+from ...algebra.formula import Formula
+from ...graph.units import ONE, UNITS, Dimension, Scale
+from ...source import Span
+from ...syntax import tree
+from ...syntax.errors import NumberTooLarge
+from ..names.errors import (
+    NO_NAMES,
+    Cycle,
+    NoValue,
+    TooMany,
+    UnknownFunction,
+    UnknownName,
+    Unsupported,
+    WrongArguments,
+    WrongType,
+)
+from ..names.scope import Scope
+from ..names.statement_errors import Wrong, describe, suggestion
+from . import tables
+from .functions import FUNCTIONS
+from .own_functions import may_read
+from .scales import bare, is_absolute, scale_of
+from .template import (
+    Check,
+    OwnVariable,
+    Resolve,
+    Slot,
+    Template,
+    Typed,
+    Value,
+    bare_number,
+    common_dimension,
+    each,
+    has_value,
+    negated,
+    times,
+)
+
+MEMORIES = {"integral": "integral(rate, start)", "delay": "delay(x, 1 ms)"}  # signals with memory
+MAXIMUM_ITEMS = 10_000  # of one list
+MAXIMUM_CALLS = 1000  # functions opened in one expression
+MOST_DECIBELS = 6000  # a ratio of 1e300
+
+
+class ExpressionCompiler:
+    """Compiler of one place of the text."""
+
+    def __init__(
+        self, scope: Scope, resolve: Resolve, own: Mapping[str, OwnVariable] | None = None, unit: Scale | None = None
+    ) -> None:
+        self.scope, self.resolve, self.own = scope, resolve, own or {}
+        self.unit = unit  # unit of bare numbers, after `name : unit =`
+        self.slots: dict[tuple[str, int | None, bool], int] = {}
+        self.slot_list: list[Slot] = []
+        self.local: dict[str, Value] = {}  # parameters of a function being opened
+        self.opening: list[str] = []  # functions being opened, outermost first
+        self.in_model = True  # True if names of the model are visible; False in a function of the file
+        self.opened = 0
+        self.checks: list[Check] = []
+        self.lists: dict[str, tuple[tree.PathSyntax, int]] = {}
+
+    def compile(self, expression: tree.ExpressionSyntax) -> Template:
+        value = self._in_unit(expression) if self.unit is not None else self.value(expression)
+        parts = value if isinstance(value, tuple) else (value,)
+        formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts)
+        return Template(value, tuple(self.slot_list), formulas, tuple(self.checks), tuple(self.lists.values()))
+
+    def _in_unit(self, expression: tree.ExpressionSyntax) -> Value:
+        """Value after `name : unit =`: a bare number, alone or in a list, is in that unit; any other expression has its own."""
+        if isinstance(expression, tree.VectorSyntax) and len(expression.items) <= MAXIMUM_ITEMS:
+            return tuple(self._item_in_unit(item) for item in expression.items)
+        if isinstance(expression, tree.Call) and expression.function == "column":  # its header has the unit
+            self.unit = None
+            return self.value(expression)
+        return self._item_in_unit(expression)
+
+    def _item_in_unit(self, expression: tree.ExpressionSyntax) -> Typed:
+        unit = self.unit
+        self.unit = unit if bare(expression) else None
+        try:
+            return self.scalar(expression)
+        finally:
+            self.unit = unit
+
+    # ------------------------------------------------------------ the cases
+    def value(self, node: tree.ExpressionSyntax) -> Value:
+        """Compile a node. Raises `Wrong` for a number that is not finite."""
+        value = self._value(node)
+        for part in value if isinstance(value, tuple) else (value,):
+            if not part.truth and not has_value(part.expression):
+                why = "a division by zero, an overflow, or a root or logarithm of a negative number"
+                raise Wrong(NoValue(node.span, why, NO_NAMES))
+        return value
+
+    def _value(self, node: tree.ExpressionSyntax) -> Value:
+        match node:
+            case tree.Literal():
+                return self._literal(node)
+            case tree.PathSyntax():
+                return self._path(node)
+            case tree.Sum():
+                return self._sum(node)
+            case tree.Product():
+                return self._product(node)
+            case tree.Negative(operand=tree.Literal() as literal):
+                return self._literal(literal, -literal.number)  # -20 degC and -20 dB are not 20 of them, negated
+            case tree.Negative():
+                value = self.value(node.operand)
+                return each(lambda t: negated(self._number(t, node.span)), value)
+            case tree.Power():
+                return self._power(node)
+            case tree.VectorSyntax():
+                if len(node.items) > MAXIMUM_ITEMS:
+                    raise Wrong(TooMany(node.span, "Items of a list", MAXIMUM_ITEMS))
+                return tuple(self.scalar(item) for item in node.items)
+            case tree.Call():
+                return self._call(node)
+            case tree.TextSyntax():
+                hint = "Texts name files and columns, in `column`."
+                raise Wrong(WrongType(node.span, "A number", "a text", hint))
+            case tree.Comparison():
+                return self._comparison(node)
+            case tree.Logical():
+                operands = [self.condition(o) for o in node.operands]
+                result = operands[0] if len(operands) > 1 else call("not", operands[0])
+                for operand in operands[1:]:
+                    result = call(node.operator, result, operand)
+                return Typed(result, ONE, truth=True)
+            case tree.ChoiceSyntax():
+                return self._choice(node)
+        raise AssertionError(type(node))
+
+    def scalar(self, node: tree.ExpressionSyntax) -> Typed:
+        """One number."""
+        value = self.value(node)
+        if isinstance(value, tuple):
+            text = node.span.text if isinstance(node, tree.PathSyntax) else "name"
+            raise Wrong(
+                WrongType(node.span, "A single number", f"a list of {len(value)}", f"Take one item: `{text}[1]`.")
+            )
+        return self._number(value, node.span)
+
+    def condition(self, node: tree.ExpressionSyntax) -> Expression:
+        """A condition: a comparison, or a name that is one."""
+        value = self.value(node)
+        if isinstance(value, tuple) or not value.truth:
+            raise Wrong(WrongType(node.span, "A condition", "a number", "Compare it with something: `x > 0`."))
+        return value.expression
+
+    def _number(self, value: Typed, span: Span) -> Typed:
+        if value.truth:  # a condition read as a number is 1 or 0: `output lift_off = tyre.x < 0 m`
+            return Typed(select(value.expression, NUMBER_ONE, ZERO), ONE)
+        return value
+
+    def _literal(self, node: tree.Literal, number: Fraction | None = None) -> Typed:
+        value = node.number if number is None else number
+        if node.unit is not None:
+            if self.scope.plain:
+                hint = "A `plain model` has no units; drop the word `plain` to use them."
+                raise Wrong(WrongType(node.unit.span, "A bare number", "a unit", hint))
+            if [symbol for symbol, _, _ in node.unit.factors] == ["dB"]:
+                return Typed(self._finite(10.0 ** float(value / 20) if value < MOST_DECIBELS else math.inf, node), ONE)
+            scale = scale_of(node.unit)
+            return Typed(self._finite(scale.to_si(value), node), scale.dimension)
+        if self.unit is not None:
+            return Typed(self._finite(self.unit.to_si(value), node), self.unit.dimension)
+        return Typed(Number(float(value)), None if value == 0 else ONE)
+
+    @staticmethod
+    def _finite(value: float, node: tree.Literal) -> Number:
+        if not math.isfinite(value):
+            raise Wrong(NumberTooLarge(node.span, node.span.text[:40]))
+        return Number(value)
+
+    def _path(self, node: tree.PathSyntax) -> Value:
+        if not node.steps:
+            if node.head in self.local:
+                return self.local[node.head]
+            if node.head == "pi":
+                return Typed(Number(math.pi), ONE)
+            if node.head in ("true", "false"):
+                return Typed(call("less", ZERO if node.head == "true" else NUMBER_ONE, Number(0.5)), ONE, truth=True)
+        words = node.words
+        if words in self.own and not self.opening:
+            variable = self.own[words]
+            return Typed(Symbol(variable.own), variable.dimension)
+        if words == "time":
+            return Typed(Symbol(self._slot(node, None)), None if self.scope.plain else UNITS["s"].dimension)
+        if node.head in self.local:
+            return self._item_of_argument(node)
+        if self.opening:
+            return self._in_function(node)
+        return self._read(node, False)
+
+    def _read(self, node: tree.PathSyntax, base: bool) -> Value:
+        """Quantity that a path reads in the scope, or with `base` in the scope of its whole instance."""
+        found = self.resolve(node, self.scope.base() if base else self.scope)
+        words = f"{node.words} of the model" if base else node.words
+        if not found.is_list:
+            symbol = Symbol(self._slot(node, None, base))
+            if found.truth:
+                return Typed(call("less", Number(0.5), symbol), ONE, truth=True)
+            return Typed(symbol, found.dimensions[0])
+        if found.fixed:
+            known = [v for v in found.values if v is not None]
+            return tuple(Typed(Number(v), d) for v, d in zip(known, found.dimensions, strict=True))
+        self.lists[words] = node, len(found.dimensions)
+        return tuple(Typed(Symbol(self._slot(node, i, base)), d) for i, d in enumerate(found.dimensions))
+
+    def _item_of_argument(self, node: tree.PathSyntax) -> Value:
+        """`points[2]` in a function, where `points` is one of its parameters."""
+        value = self.local[node.head]
+        index = node.steps[0].items[0] if isinstance(node.steps[0], tree.Index) else None
+        if isinstance(value, tuple) and len(node.steps) == 1 and isinstance(index, tree.Literal):
+            position = int(index.number)
+            if position == index.number and 1 <= position <= len(value):
+                return value[position - 1]
+            raise Wrong(WrongType(node.span, f"An item from 1 to {len(value)}", f"`{node.words}`"))
+        raise Wrong(WrongType(node.span, "An item of a list, as `points[2]`", f"`{node.words}`"))
+
+    def _in_function(self, node: tree.PathSyntax) -> Value:
+        """Value of a name in a function: a parameter of the function or a constant of its file, no name of the calling model.
+
+        A function of a model also reads the parameters and constants of that model.
+        """
+        if self.in_model and may_read(self.scope.base().entries.get(node.head)):
+            return self._read(node, True)
+        if self.scope.find(node.head) is not None and node.head not in self.scope.definition.file.constants:
+            function = self.opening[-1]
+            known = " and those of its model, and constants" if self.in_model else " and its file's constants"
+            hint = f"It reads its parameters{known}; make it one: `{function}(…, {node.head})`."
+            raise Wrong(UnknownName(node.span, node.head, f"the function `{function}`", hint))
+        outside = Scope(self.scope.definition, "")
+        found = self.resolve(node, outside)
+        values = [v for v in found.values if v is not None]
+        if len(values) < len(found.dimensions):
+            raise Wrong(
+                WrongType(node.span, "A parameter of the function or a constant of the file", f"`{node.words}`")
+            )
+        parts = tuple(Typed(Number(v), d) for v, d in zip(values, found.dimensions, strict=True))
+        return parts if found.is_list else parts[0]
+
+    def _slot(self, path: tree.PathSyntax | tree.Call, item: int | None, base: bool = False) -> int:
+        key = (path.words if isinstance(path, tree.PathSyntax) else f"{path.function} at {path.span.start}", item, base)
+        if key not in self.slots:
+            self.slots[key] = len(self.slot_list)
+            self.slot_list.append(Slot(path, item, base))
+        return self.slots[key]
+
+    def _sum(self, node: tree.Sum) -> Value:
+        absolute = [
+            s for s, t in node.terms if isinstance(t, tree.Literal) and t.unit is not None and is_absolute(t.unit)
+        ]
+        if len(absolute) > 1 and sum(absolute) not in (0, 1):
+            hint = "A difference of temperatures is in K: `20 degC + 5 K`."
+            raise Wrong(WrongType(node.span, "A temperature or a difference", "a sum of absolute temperatures", hint))
+        values = [(sign, term, self.value(term)) for sign, term in node.terms]
+        length = next((len(v) for _, _, v in values if isinstance(v, tuple)), None)
+        if length is None:
+            scalars = [(sign, term, self._number(v, term.span)) for sign, term, v in values if isinstance(v, Typed)]
+            dimension = common_dimension([(t, term.span) for _, term, t in scalars], "These cannot be added")
+            return Typed(
+                add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in scalars)), dimension
+            )
+        result = []
+        for i in range(length):
+            terms = []
+            for sign, term, v in values:
+                if not isinstance(v, tuple) or len(v) != length:
+                    raise Wrong(
+                        WrongType(
+                            term.span,
+                            f"A list of {length}",
+                            f"a list of {len(v)}" if isinstance(v, tuple) else f"the single number `{term.span.text}`",
+                            "Only lists of one length can be added; one item of a list is `name[1]`.",
+                        )
+                    )
+                terms.append((sign, term, v[i]))
+            dimension = common_dimension([(t, term.span) for _, term, t in terms], "These cannot be added")
+            result.append(
+                Typed(add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in terms)), dimension)
+            )
+        return tuple(result)
+
+    def _product(self, node: tree.Product) -> Value:
+        result: Value = Typed(NUMBER_ONE, ONE)
+        for direction, factor in node.factors:
+            value = self.value(factor)
+            if isinstance(value, tuple):
+                if isinstance(result, tuple) or direction < 0:
+                    raise Wrong(
+                        WrongType(
+                            factor.span, "A single number", "a list", "Lists can be added, and multiplied by numbers."
+                        )
+                    )
+                scalar = result
+                result = tuple(times(scalar, self._number(v, factor.span), 1) for v in value)
+            else:
+                number = self._number(value, factor.span)
+                result = each(lambda t, n=number, d=direction: times(t, n, d), result)  # type: ignore[misc]
+        return result
+
+    def _power(self, node: tree.Power) -> Typed:
+        base, exponent = self.scalar(node.base), self.scalar(node.exponent)
+        bare_number(exponent, node.exponent, "The exponent")
+        dimension: Dimension | None = ONE
+        if base.dimension not in (None, ONE):
+            if not isinstance(exponent.expression, Number):
+                raise Wrong(
+                    WrongType(
+                        node.exponent.span,
+                        "A number as exponent",
+                        "an expression",
+                        f"The base is {describe(base.dimension)}, so the exponent decides the unit of the result: only a number can stand here.",
+                    )
+                )
+            dimension = base.dimension ** Fraction(exponent.expression.value).limit_denominator(60)
+        if isinstance(exponent.expression, Number) and abs(exponent.expression.value) > 1000:
+            raise Wrong(WrongType(node.exponent.span, "An exponent up to 1000", "a larger one", "Use exp() and log()."))
+        return Typed(power(base.expression, exponent.expression), dimension)
+
+    def _comparison(self, node: tree.Comparison) -> Typed:
+        left, right = self.scalar(node.left), self.scalar(node.right)
+        common_dimension([(left, node.left.span), (right, node.right.span)], "These cannot be compared")
+        a, b = left.expression, right.expression
+        match node.operator:
+            case "<":
+                result = call("less", a, b)
+            case ">":
+                result = call("less", b, a)
+            case "<=":
+                result = call("less_equal", a, b)
+            case ">=":
+                result = call("less_equal", b, a)
+            case "==":
+                result = call("equal", a, b)
+            case _:
+                result = call("not", call("equal", a, b))
+        return Typed(result, ONE, truth=True)
+
+    def _choice(self, node: tree.ChoiceSyntax) -> Typed:
+        condition = self.condition(node.condition)
+        value, otherwise = self.value(node.value), self.value(node.otherwise)
+        if isinstance(value, tuple) or isinstance(otherwise, tuple):
+            raise Wrong(WrongType(node.span, "A single number", "a list", "Choose item by item."))
+        dimension = common_dimension(
+            [(value, node.value.span), (otherwise, node.otherwise.span)], "Both branches need one unit"
+        )
+        return Typed(select(condition, value.expression, otherwise.expression), dimension)
+
+    def _call(self, node: tree.Call) -> Value:
+        function = self._function(node.function)
+        if function is not None:
+            return self._open(function, node)
+        if node.function in MEMORIES:
+            return self._memory(node)
+        if node.function in tables.USAGE:
+            readers = tables.Arguments(self.scope.definition.file, self.value, self.scalar, self.checks)
+            return tables.compile_table(readers, node)
+        rule = FUNCTIONS.get(node.function)
+        if rule is None:
+            hint = suggestion(
+                node.function,
+                [
+                    *FUNCTIONS,
+                    *MEMORIES,
+                    *tables.USAGE,
+                    *self.scope.definition.file.functions,
+                    *self.scope.definition.functions,
+                ],
+                "A product is written with `*`.",
+            )
+            raise Wrong(UnknownFunction(node.span, node.function, hint))
+        count, usage, build = rule
+        if len(node.arguments) != count:
+            raise Wrong(WrongArguments(node.span, node.function, _arguments(count), len(node.arguments), usage))
+        if node.function == "rotate":
+            vector = self.value(node.arguments[0])
+            if not isinstance(vector, tuple) or len(vector) != 2:
+                raise Wrong(WrongType(node.arguments[0].span, "A point (x, y)", "something else"))
+            angle = self.scalar(node.arguments[1])
+            c, s = call("cos", angle.expression), call("sin", angle.expression)
+            (x, y), d = (v.expression for v in vector), vector[0].dimension or vector[1].dimension
+            return Typed(c * x - s * y, d), Typed(s * x + c * y, d)
+        arguments = [self.scalar(a) for a in node.arguments]
+        return build(node, arguments)
+
+    def _function(self, name: str) -> tree.FunctionSyntax | None:
+        """The author's function of that name. A function of the file cannot call functions of the model."""
+        definition = self.scope.definition
+        own = definition.functions.get(name) if self.in_model else None
+        return own or definition.file.functions.get(name)
+
+    def _memory(self, node: tree.Call) -> Typed:
+        """Reading of `integral(rate, start)` or `delay(x, 1 ms)`, which are signals of their own with memory."""
+        if len(node.arguments) != 2:
+            usage = MEMORIES[node.function]
+            raise Wrong(WrongArguments(node.span, node.function, _arguments(2), len(node.arguments), usage))
+        if self.opening:
+            hint = "Integrate where the function is used." if node.function == "integral" else "Delay where it is used."
+            raise Wrong(Unsupported(node.span, f"`{node.function}` inside a function", hint))
+        found = self.resolve(node, self.scope)
+        return Typed(Symbol(self._slot(node, None)), found.dimensions[0])
+
+    def _open(self, function: tree.FunctionSyntax, node: tree.Call) -> Value:
+        if len(node.arguments) != len(function.parameters):
+            usage = f"{function.name}({', '.join(function.parameters)})"
+            raise Wrong(
+                WrongArguments(
+                    node.span, function.name, _arguments(len(function.parameters)), len(node.arguments), usage
+                )
+            )
+        self.opened += 1
+        if function.name in self.opening:
+            raise Wrong(Cycle(node.span, "A function cannot call itself", " -> ".join([*self.opening, function.name])))
+        if self.opened > MAXIMUM_CALLS:
+            raise Wrong(TooMany(node.span, "Calls of functions in one expression", MAXIMUM_CALLS))
+        values = {name: self.value(a) for name, a in zip(function.parameters, node.arguments, strict=True)}
+        saved, self.local = self.local, values
+        seen, self.in_model = self.in_model, self.scope.definition.functions.get(function.name) is function
+        self.opening.append(function.name)
+        try:
+            return self.value(function.body)
+        finally:
+            self.local, self.in_model = saved, seen
+            self.opening.pop()
+
+
+def _arguments(count: int) -> str:
+    return f"{count} argument{'s' * (count != 1)}"

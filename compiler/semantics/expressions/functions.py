@@ -1,0 +1,153 @@
+"""Functions of the language: number of arguments, their units, and the expression that each becomes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+
+from ...algebra.expression import ONE as NUMBER_ONE
+from ...algebra.expression import ZERO, Expression, call, divide, multiply, select
+from ...algebra.operators import OPERATORS
+from ...graph.units import ONE, Dimension
+from ...syntax import tree
+from ..names.errors import DimensionMismatch
+from ..names.statement_errors import Wrong, describe
+from .template import Typed, Value, common_dimension
+
+# name -> (number of arguments, usage, builder)
+Builder = Callable[[tree.Call, list[Typed]], Value]
+
+
+def _pure(operator: str) -> Builder:
+    """A function of a bare number."""
+
+    def build(node: tree.Call, arguments: list[Typed]) -> Typed:
+        for argument, place in zip(arguments, node.arguments, strict=True):
+            if argument.dimension not in (None, ONE):
+                hint = "Divide by a reference of the same unit first."
+                raise Wrong(
+                    DimensionMismatch(
+                        place.span,
+                        f"`{node.function}` takes a bare number, but `{place.span.text}` is {describe(argument.dimension)}",
+                        hint,
+                    )
+                )
+        return Typed(call(operator, *(a.expression for a in arguments)), ONE)
+
+    return build
+
+
+def _keeping(operator: str) -> Builder:
+    """Function whose arguments and result share one unit."""
+
+    def build(node: tree.Call, arguments: list[Typed]) -> Typed:
+        dimension = _same(node, arguments)
+        return Typed(call(operator, *(a.expression for a in arguments)), dimension)
+
+    return build
+
+
+def _same(node: tree.Call, arguments: list[Typed]) -> Dimension | None:
+    parts = [(a, n.span) for a, n in zip(arguments, node.arguments, strict=True)]
+    return common_dimension(parts, f"The arguments of `{node.function}` need one unit")
+
+
+def _sqrt(node: tree.Call, arguments: list[Typed]) -> Typed:
+    d = arguments[0].dimension
+    return Typed(call("sqrt", arguments[0].expression), None if d is None else d ** Fraction(1, 2))
+
+
+def _bare_result(operator: str) -> Builder:
+    def build(node: tree.Call, arguments: list[Typed]) -> Typed:
+        _same(node, arguments)
+        return Typed(call(operator, *(a.expression for a in arguments)), ONE)
+
+    return build
+
+
+def _step(node: tree.Call, arguments: list[Typed]) -> Typed:
+    return Typed(select(call("less_equal", ZERO, arguments[0].expression), NUMBER_ONE, ZERO), ONE)
+
+
+def _pulse(node: tree.Call, arguments: list[Typed]) -> Typed:
+    _same(node, arguments)
+    t, a, b = (x.expression for x in arguments)
+    return Typed(select(call("and", call("less_equal", a, t), call("less", t, b)), NUMBER_ONE, ZERO), ONE)
+
+
+def _rise(shape: Callable[[Expression], Expression]) -> Builder:
+    """0 before a, 1 after b, and `shape` of (t-a)/(b-a) between."""
+
+    def build(node: tree.Call, arguments: list[Typed]) -> Typed:
+        _same(node, arguments)
+        t, a, b = (x.expression for x in arguments)
+        u = call("min", call("max", divide(t - a, b - a), ZERO), NUMBER_ONE)
+        return Typed(shape(u), ONE)
+
+    return build
+
+
+def _smooth3(u: Expression) -> Expression:
+    return multiply(u, u, 3 - 2 * u)
+
+
+def _smooth5(u: Expression) -> Expression:
+    return multiply(u, u, u, 10 + u * (6 * u - 15))
+
+
+def _smooth7(u: Expression) -> Expression:
+    return multiply(u, u, u, u, 35 + u * (u * (70 - 20 * u) - 84))
+
+
+def _smooth9(u: Expression) -> Expression:
+    return multiply(u, u, u, u, u, 126 + u * (u * (540 + u * (70 * u - 315)) - 420))
+
+
+def _chirp(node: tree.Call, arguments: list[Typed]) -> Typed:
+    t, f0, f1, t1 = arguments
+    places = [a.span for a in node.arguments]
+    time = common_dimension([(t, places[0]), (t1, places[3])], "The times of `chirp` need one unit")
+    frequency = common_dimension([(f0, places[1]), (f1, places[2])], "The frequencies of `chirp` need one unit")
+    if time is not None and frequency is not None and time * frequency != ONE:
+        hint = "Write `chirp(time, 1 Hz, 20 Hz, 10 s)`."
+        raise Wrong(DimensionMismatch(node.span, "Time and frequency in `chirp` do not fit each other", hint))
+    x, low, high, end = (a.expression for a in arguments)
+    turns = x * (low + (high - low) * x / (2 * end))
+    return Typed(call("sin", 2 * math.pi * turns), ONE)
+
+
+def _polar(node: tree.Call, arguments: list[Typed]) -> Value:
+    r, angle = arguments
+    if angle.dimension not in (None, ONE):
+        raise Wrong(
+            DimensionMismatch(
+                node.arguments[1].span,
+                f"An angle is a bare number, but `{node.arguments[1].span.text}` is {describe(angle.dimension)}",
+                "Write it in deg or rad.",
+            )
+        )
+    return tuple(Typed(multiply(r.expression, call(f, angle.expression)), r.dimension) for f in ("cos", "sin"))
+
+
+_BY_UNITS: dict[str, Callable[[str], Builder]] = {
+    "bare": _pure,
+    "same": _keeping,
+    "ratio": _bare_result,
+    "root": lambda _: _sqrt,
+}
+
+FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
+    **{r.name: (r.arity, r.usage or f"{r.name}(x)", _BY_UNITS[r.units](r.name)) for r in OPERATORS.values() if r.units},
+    "ln": (1, "ln(x)", _pure("log")),
+    "step": (1, "step(time - 1 s)", _step),
+    "pulse": (3, "pulse(time, 1 s, 2 s)", _pulse),
+    "ramp": (3, "ramp(time, 1 s, 2 s)", _rise(lambda u: u)),
+    "smoothstep3": (3, "smoothstep3(time, 1 s, 2 s)", _rise(_smooth3)),
+    "smoothstep5": (3, "smoothstep5(time, 1 s, 2 s)", _rise(_smooth5)),
+    "smoothstep7": (3, "smoothstep7(time, 1 s, 2 s)", _rise(_smooth7)),
+    "smoothstep9": (3, "smoothstep9(time, 1 s, 2 s)", _rise(_smooth9)),
+    "chirp": (4, "chirp(time, 1 Hz, 20 Hz, 10 s)", _chirp),
+    "polar": (2, "polar(radius, angle)", _polar),
+    "rotate": (2, "rotate((x, y), angle)", _polar),
+}

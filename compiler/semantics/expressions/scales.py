@@ -1,0 +1,76 @@
+"""Units as they are written: symbols, prefixes and powers become scales."""
+
+from __future__ import annotations
+
+from ...graph.units import ONE, UNITS, Scale
+from ...syntax import tree
+from ..names.errors import UnknownUnit
+from ..names.statement_errors import Wrong, suggestion
+
+
+def scale_of(unit: tree.Unit) -> Scale:
+    """The scale of a unit as written."""
+    key = (*[(symbol, exponent) for symbol, exponent, _ in unit.factors], unit.number)
+    found = _SCALES.get(key)
+    if found is None:
+        found = _scale_of(unit)
+        if len(_SCALES) < 4096:
+            _SCALES[key] = found
+    return found
+
+
+_SCALES: dict[tuple[object, ...], Scale] = {}  # a large file has many quantities and few units
+
+
+def _scale_of(unit: tree.Unit) -> Scale:
+    result = Scale(ONE, unit.number)
+    for symbol, exponent, span in unit.factors:
+        scale = UNITS.get(symbol)
+        if scale is None:
+            raise Wrong(UnknownUnit(span, f"`{symbol}` is not a unit", _unit_advice(symbol)))
+        if scale.offset and (len(unit.factors) > 1 or exponent != 1):
+            what = f"`{symbol}` is an absolute temperature and cannot stand in a product"
+            raise Wrong(UnknownUnit(span, what, "Use K."))
+        raised = scale if exponent == 1 else scale**exponent
+        if raised is None:
+            raise Wrong(
+                UnknownUnit(span, f"`{symbol}^({exponent})` is no rational number of SI units", "Convert it first.")
+            )
+        result = raised if len(unit.factors) == 1 and unit.number == 1 else result * raised
+    return result
+
+
+def is_absolute(unit: tree.Unit) -> bool:
+    """Return True for a unit of temperature with an offset from 0 K."""
+    return any(UNITS[symbol].offset for symbol, _, _ in unit.factors if symbol in UNITS)
+
+
+def _unit_advice(symbol: str) -> str:
+    if symbol == "dB":
+        return "A ratio in dB stands alone after its number: `20 dB`."
+    if symbol.startswith("_"):
+        return "Digits stand without separators: `1000`."
+    for cut in range(1, len(symbol)):
+        if symbol[:cut] in UNITS and symbol[cut:] in UNITS:
+            return f"A product is written in brackets: `[{symbol[:cut]}*{symbol[cut:]}]`."
+    usual = {
+        "sec": "s",
+        "seconds": "s",
+        "meter": "m",
+        "Ohm": "ohm",
+        "degree": "deg",
+        "l": "L",
+        "gram": "g",
+        "volt": "V",
+        "amp": "A",
+    }
+    if symbol in usual:
+        return f"Write `{usual[symbol]}`."
+    return suggestion(symbol, list(UNITS), "See the list of units in the language reference.")
+
+
+def bare(expression: tree.ExpressionSyntax) -> bool:
+    """Return True for a number without unit, with or without a sign."""
+    if isinstance(expression, tree.Negative):
+        return bare(expression.operand)
+    return isinstance(expression, tree.Literal) and expression.unit is None

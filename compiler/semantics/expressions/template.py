@@ -1,0 +1,184 @@
+"""Template of one place of the text: formulas over slots, with units. The readings of the slots are looked up in each instance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+
+from ...algebra.expression import Apply, Expression, Number, Symbol, divide, multiply, negate, substitute, symbols
+from ...algebra.formula import Bound, Formula
+from ...fast_dataclass import dataclass
+from ...graph.network import Law, Own, Reference
+from ...graph.units import ONE, Dimension
+from ...source import Span
+from ...syntax import tree
+from ..names.errors import DimensionMismatch
+from ..names.scope import Scope
+from ..names.statement_errors import Wrong, describe, unit_hint
+
+
+@dataclass(frozen=True, slots=True)
+class Typed:
+    """A formula's expression with its dimension; `truth` marks a condition."""
+
+    expression: Expression
+    dimension: Dimension | None
+    truth: bool = False
+
+
+Value = Typed | tuple[Typed, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """Reading of a slot: a path of the text, and the item if it is a list."""
+
+    path: tree.PathSyntax | tree.Call  # a call is `integral(…)` or `delay(…)`, a signal of its own
+    item: int | None
+    base: bool = False  # read in the scope of the instance, not of a loop: by a function of the model
+
+    @property
+    def words(self) -> str:
+        """The path as written."""
+        return self.path.words if isinstance(self.path, tree.PathSyntax) else f"{self.path.function}(…)"
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """Points of a table (period and seed of a noise) as expressions over slots, whose values are known only in an instance."""
+
+    function: str
+    span: Span
+    places: tuple[Expression, ...]
+    values: tuple[Expression, ...]
+    cells: tuple[Span, ...] = ()  # places of the numbers in the text
+
+
+@dataclass(frozen=True, slots=True)
+class Template:
+    """One compiled place in the text: value(s) over slots, and the reading of each slot."""
+
+    value: Value
+    slots: tuple[Slot, ...]
+    formulas: tuple[Formula, ...]
+    checks: tuple[Check, ...] = ()
+    lists: tuple[tuple[tree.PathSyntax, int], ...] = ()  # lists that it reads, with the lengths that they had
+
+    @property
+    def scalar(self) -> Typed:
+        assert isinstance(self.value, Typed)
+        return self.value
+
+
+# Quantity of a path, for the compiler of expressions: its dimension, or those of its items.
+@dataclass(frozen=True, slots=True)
+class Readable:
+    """Quantity that a path denotes in an expression."""
+
+    dimensions: tuple[Dimension | None, ...]
+    is_list: bool
+    values: tuple[float | None, ...] = ()  # of constants
+    truth: bool = False
+    fixed: bool = False  # numbers of the text: the same in every instance
+
+
+Resolve = Callable[[tree.PathSyntax | tree.Call, Scope], Readable]
+
+
+@dataclass(frozen=True, slots=True)
+class OwnVariable:
+    """A law's own variable."""
+
+    own: Own
+    dimension: Dimension
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledLaw:
+    """A law, the readings of its slots, and the stored quantity of each port (`q` or `p`; empty for a port that stores nothing)."""
+
+    law: Law
+    slots: tuple[Slot, ...]
+    stored: tuple[str, ...]
+    remembered: tuple[
+        str, ...
+    ]  # integrals of its own flow (`q`) or effort (`p`) that the law reads, in the slots after all others
+    checks: tuple[Check, ...]  # points of tables, known per instance
+    lists: tuple[tuple[tree.PathSyntax, int], ...]  # lists that it reads, with their lengths
+
+
+def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot], Reference]) -> Bound:
+    """Bind the formula to the readings of its slots in this instance. Only slots that occur in it remain."""
+    if not template.slots:
+        return Bound(formula, ())
+    kept, used = _kept(formula)
+    return Bound(kept, tuple([lookup(template.slots[i]) for i in used]))
+
+
+@lru_cache(4096)
+def _kept(formula: Formula) -> tuple[Formula, tuple[int, ...]]:
+    """The formula over the slots that occur in it, and their numbers."""
+    used = tuple(sorted({s.key for s in _slots(formula.expression)}))
+    if used == tuple(range(formula.arity)):
+        return formula, used
+    renumbered = {old: new for new, old in enumerate(used)}
+    return Formula(len(used), substitute(formula.expression, lambda s: Symbol(renumbered[s.key]))), used
+
+
+def _slots(x: Expression) -> list[Symbol]:
+    return [s for s in symbols(x) if isinstance(s.key, int)]
+
+
+# ---------------------------------------------------------------- numbers and lists
+
+
+def has_value(x: Expression) -> bool:
+    """Return False for an operation on numbers that could not be folded, and for a number outside the range of doubles."""
+    if isinstance(x, Number):
+        return math.isfinite(x.value)
+    return not (isinstance(x, Apply) and all(isinstance(o, Number) for o in x.operands))
+
+
+def each(f: Callable[[Typed], Typed], value: Value) -> Value:
+    """Apply a function of one number to a number or to each item of a list."""
+    return tuple(map(f, value)) if isinstance(value, tuple) else f(value)
+
+
+def negated(value: Typed) -> Typed:
+    """-value."""
+    return Typed(negate(value.expression), value.dimension)
+
+
+def times(a: Typed, b: Typed, direction: int) -> Typed:
+    """a*b, or a/b if the direction is -1."""
+    if direction > 0:
+        if a.dimension is None or b.dimension is None:
+            return Typed(multiply(a.expression, b.expression), None)
+        return Typed(multiply(a.expression, b.expression), a.dimension * b.dimension)
+    bottom = b.dimension or ONE
+    return Typed(divide(a.expression, b.expression), None if a.dimension is None else a.dimension / bottom)
+
+
+def common_dimension(parts: list[tuple[Typed, Span]], what: str) -> Dimension | None:
+    """Dimension that all values share; None if all are bare zeros. Raises `Wrong`."""
+    known: tuple[Dimension, Span] | None = None
+    for value, span in parts:
+        if value.dimension is None:
+            continue
+        if known is None:
+            known = (value.dimension, span)
+        elif value.dimension != known[0]:
+            text = (
+                f"{what}: `{known[1].text}` is {describe(known[0])}, but `{span.text}` is {describe(value.dimension)}"
+            )
+            bare, other = (value.dimension, known[0]) if value.dimension == ONE else (known[0], value.dimension)
+            raise Wrong(DimensionMismatch(span, text, unit_hint(bare, other)))
+    return None if known is None else known[0]
+
+
+def bare_number(value: Typed, node: tree.ExpressionSyntax, what: str) -> None:
+    """Raise `Wrong` for a quantity with a unit."""
+    if value.dimension not in (None, ONE):
+        text = f"{what} `{node.span.text}` must be a bare number, but it is {describe(value.dimension)}"
+        raise Wrong(DimensionMismatch(node.span, text, "Divide it by a reference of the same unit."))

@@ -1,0 +1,1 @@
+"""`multibody` blocks: parts and their attributes."""

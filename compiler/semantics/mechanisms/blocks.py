@@ -1,0 +1,142 @@
+"""`multibody` blocks: bodies, frames and joints with their geometry bound."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ...graph.domains import DOMAINS
+from ...graph.mechanism import ATTITUDE, ORIGIN, SPATIAL_JOINTS, Joint, Mechanism, domain_of, freedoms_of, reactions_of
+from ...graph.units import METRE, SECOND
+from ...syntax import tree
+from ..names.errors import UnknownAttribute, UnknownName, WrongMechanism, WrongType
+from ..names.part_kinds import instead_in_the_plane, kinds_of
+from ..names.scope import Array, Broken, DeclaredPart, MechanismEntry, PartEntry, Scope
+from ..names.statement_errors import Wrong, suggestion
+from ..resolution.declarations import Declarations
+from .bodies import read_body, read_frame
+from .joint_limits import joint_limits
+from .joints import Places, read_joint
+from .part_attributes import PartAttributes, vector
+
+SPACES = {None: True, "planar": True, "spatial": False}
+
+
+def declare_mechanism(elaborator: Declarations, scope: Scope, statement: tree.MechanismSyntax) -> MechanismEntry:
+    """Declare the names of a mechanism's parts."""
+    if statement.space not in SPACES:
+        space = str(statement.space)
+        hint = suggestion(space, ["planar", "spatial"], "Write `multibody name : planar` or `: spatial`.")
+        raise Wrong(UnknownName(statement.span, space, "the kinds of mechanism", hint))
+    parts = Scope(scope.definition, scope.path, scope.suffix, scope)
+    entry = MechanismEntry(scope.full(statement.name), parts, statement.span, SPACES[statement.space])
+    declared: list[DeclaredPart] = []
+    _declare(elaborator, parts, statement.statements, entry, declared)
+    elaborator.mechanism_parts[entry.name] = declared
+    return entry
+
+
+def _declare(
+    elaborator: Declarations,
+    scope: Scope,
+    statements: tuple[tree.SyntaxNode, ...],
+    entry: MechanismEntry,
+    declared: list[DeclaredPart],
+) -> None:
+    for statement in statements:
+        if isinstance(statement, tree.Quantities):
+            elaborator.declare_quantities(scope, statement, {})
+    for statement in statements:
+        if isinstance(statement, tree.Declaration):
+            elaborator.guard(_declare_part, elaborator, scope, statement, entry, declared)
+            for name in statement.names:
+                entry.parts.entries.setdefault(name.name, Broken(name.span))
+        elif isinstance(statement, tree.LoopSyntax):
+            for number in elaborator.rounds(statement, scope):
+                _declare(
+                    elaborator,
+                    elaborator.round_scope(scope, statement.name, number),
+                    statement.statements,
+                    entry,
+                    declared,
+                )
+
+
+def _declare_part(
+    elaborator: Declarations,
+    scope: Scope,
+    statement: tree.Declaration,
+    entry: MechanismEntry,
+    declared: list[DeclaredPart],
+) -> None:
+    kind, planar = statement.kind, entry.planar
+    if planar and kind in SPATIAL_JOINTS:
+        what = f"A `{kind}` joint leaves the plane, and `{entry.name}` is planar"
+        raise Wrong(WrongMechanism(statement.span, what, instead_in_the_plane(kind)))
+    kinds = kinds_of(planar)
+    if kind not in kinds:
+        listed = f"In it stand body, frame, and the joints {', '.join(kinds[2:])}."
+        what = f"A {'planar' if planar else 'spatial'} mechanism has no `{kind}`"
+        raise Wrong(WrongMechanism(statement.span, what, suggestion(kind, list(kinds), listed)))
+    ports = {f: DOMAINS[domain_of(f"{kind}.{f}")] for f in freedoms_of(kind, planar)}
+    groups = {"reaction": found} if (found := reactions_of(kind, planar)) else {}
+    if kind == "body" and not planar:
+        groups["attitude"] = ATTITUDE
+    for name in statement.names:
+        elaborator.counted(name.span)
+        index = elaborator.index_of(name.index, scope)
+        local = name.name if index is None else f"{name.name}[{', '.join(map(str, index))}]"
+        if index is None and scope.suffix:
+            raise Wrong(
+                WrongType(
+                    name.span, "An index", "a name alone", f"What stands in a `for` carries an index: `{name.name}[…]`."
+                )
+            )
+        part = PartEntry(entry.name, local, kind, ports, name.span, groups)
+        home = entry.parts
+        if index is None:
+            elaborator.enter(home, name.name, part, name.span)
+        else:
+            array = home.entries.get(name.name)
+            if array is None:
+                array = Array(name.name, name.span)
+                elaborator.enter(home, name.name, array, name.span)
+            if not isinstance(array, Array) or index in array.items:
+                raise Wrong(WrongMechanism(name.span, f"`{local}` is declared twice", "Rename one of the two."))
+            array.items[index] = part
+        declared.append(DeclaredPart(part, statement, scope, planar))
+
+
+def build_mechanism(
+    elaborator: Declarations, scope: Scope, statement: tree.MechanismSyntax, entry: MechanismEntry
+) -> Mechanism:
+    """Read the attributes of all parts. Joints come last, as they may refer to frames."""
+    readers = [PartAttributes(elaborator, part) for part in elaborator.mechanism_parts.get(entry.name, [])]
+    kinds = [r.part.entry.kind for r in readers]
+    bodies = [elaborator.guard(read_body, r) for r, kind in zip(readers, kinds, strict=True) if kind == "body"]
+    frames = [elaborator.guard(read_frame, r, entry) for r, kind in zip(readers, kinds, strict=True) if kind == "frame"]
+    declared = frozenset(r.part.entry.name for r in readers if r.part.entry.kind == "body")
+    places = Places({b.name: b for b in bodies if b}, {f.name: f for f in frames if f}, declared)
+    joints: list[Joint] = []
+    for reader, kind in zip(readers, kinds, strict=True):
+        if kind not in ("body", "frame"):
+            joint = elaborator.guard(read_joint, reader, entry, places)
+            joints += [joint] if joint else []
+            elaborator.limits += joint_limits(reader)
+    gravity = ORIGIN
+    for setting in _settings(statement.statements):
+        if setting.name != "gravity":
+            point = "(x, y)" if entry.planar else "(x, y, z)"
+            hint = suggestion(setting.name, ["gravity"], f"A setting of a mechanism is `gravity = {point}`.")
+            elaborator.tell(UnknownAttribute(setting.span, entry.name, setting.name, hint))
+            continue
+        acceleration = METRE / SECOND**2
+        bound = elaborator.guard(vector, elaborator, setting.value, entry.parts, acceleration, "Gravity", entry.planar)
+        gravity = bound or gravity
+    return Mechanism(
+        entry.name, tuple(places.bodies.values()), tuple(places.frames.values()), tuple(joints), gravity, statement.span,
+        entry.planar,
+    )  # fmt: skip
+
+
+def _settings(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[tree.SettingSyntax]:
+    return (s for s in statements if isinstance(s, tree.SettingSyntax))

@@ -1,0 +1,293 @@
+"""Domains spread along bonds, once per model definition: from declared ports, junctions and the letters of laws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from ...graph.domains import BUNDLES, COMPONENT_DOMAINS, DOMAINS, GENERIC
+from ...graph.elements import ELEMENTS
+from ...graph.mechanism import domain_of, freedoms_of
+from ...source import Span
+from ...syntax import tree
+from .errors import UnknownName
+from .port_domains import DomainTable, Key
+from .scope import ModelDefinition
+from .statement_errors import suggestion
+
+ELEMENT_KINDS = (*ELEMENTS, "0", "1", "splitter")
+
+
+def domain_table(definition: ModelDefinition, table_of: Callable[[ModelDefinition], DomainTable]) -> DomainTable:
+    """Spread the domains of one definition; `table_of` gives those of the models it uses."""
+    return _Spreading(definition, table_of).table
+
+
+class _Spreading:
+    """Domains given by the declarations of one definition, then spread along its bonds."""
+
+    def __init__(self, definition: ModelDefinition, table_of: Callable[[ModelDefinition], DomainTable]) -> None:
+        self.table, self.table_of = DomainTable(), table_of
+        self.file = definition.file
+        self.kinds: dict[str, tree.Declaration] = {}
+        self.walls: dict[str, tree.PortItem] = {}
+        model = definition.model
+        self.slots = slot_defaults(model.statements)
+        self.mechanisms = {m.name: _parts(m) for m in _flat(model.statements) if isinstance(m, tree.MechanismSyntax)}
+        names = set(_names(model.statements)) | set(definition.file.constants)
+        told: Told = {}
+        for statement in _flat(model.statements):
+            if isinstance(statement, tree.Declaration):
+                self.kinds.update({d.name: statement for d in statement.names})
+                if statement.kind in ELEMENT_KINDS and not model.plain:
+                    _learn_from_declaration(self.table, statement, names, told)
+            elif isinstance(statement, tree.PortsSyntax):
+                for item in statement.items:
+                    self._wall(item)
+        for statement in _flat(model.statements):
+            if isinstance(statement, tree.Bonds) and not model.plain:
+                self._bonds(statement)
+        self.table.guess()
+
+    def _wall(self, item: tree.PortItem) -> None:
+        """A port of the model itself."""
+        self.walls[item.name] = item
+        for component, domain in wall_components(item).items():
+            if domain is not None and domain in DOMAINS:
+                self.table.learn((item.name, component), domain, item.span)
+            elif domain is not None:
+                every = "Domains: " + ", ".join(DOMAINS) + ", planar, spatial."
+                hint = suggestion(domain, [*DOMAINS, *BUNDLES], every)
+                self.table.diagnostics.append(UnknownName(item.span, domain, "the list of domains", hint))
+
+    def _bonds(self, statement: tree.Bonds) -> None:
+        for group in statement.places:
+            for place in group:
+                self._nested(place)
+        for first, second in zip(statement.places, statement.places[1:], strict=False):
+            for tail in first:
+                for head in second:
+                    self._connect(self._ends(tail, False), self._ends(head, True), head.span)
+
+    def _nested(self, place: tree.PathSyntax | tree.Nest) -> None:
+        if isinstance(place, tree.Nest):
+            for member in place.members:
+                self._connect(self._ends(place, False), self._ends(member, True), member.span)
+                self._nested(member)
+
+    def _connect(self, tails: dict[str, Key], heads: dict[str, Key], span: Span) -> None:
+        for component in tails.keys() & heads.keys():
+            self.table.join(tails[component], heads[component], span)
+
+    def _ends(self, place: tree.PathSyntax | tree.Nest, is_head: bool) -> dict[str, Key]:
+        """Map from component to the key of the port that a bond reaches at a place."""
+        if isinstance(place, tree.Nest):
+            return {"": (f"@{place.span.start}", "")}
+        members = [s.name for s in place.steps if isinstance(s, tree.Member)]
+        if place.head in self.mechanisms:
+            return _mechanism_ends(self.table, self.mechanisms[place.head], place, members)
+        if place.head in self.walls:
+            wanted = members[:1] or list(wall_components(self.walls[place.head]))
+            return {("" if members else c): (place.head, c) for c in wanted}
+        declaration = self.kinds.get(place.head)
+        if declaration is None:
+            return {}
+        if is_two_sided(declaration):
+            return {"": (place.head, "1" if is_head else "2")}
+        if declaration.kind in ELEMENT_KINDS:
+            if members:
+                return {"": (place.head, members[0])}
+            return {p: (place.head, p) for p in element_ports(declaration, place.head)}
+        return self._ends_of_instance(place, declaration.kind, members)
+
+    def _ends_of_instance(self, place: tree.PathSyntax, kind: str, members: list[str]) -> dict[str, Key]:
+        """The same map for a port of an instance; the domain table of its model gives the domains."""
+        inner = self.file.models.get(self.slots.get(kind, kind))
+        if inner is None or not members:
+            return {}
+        item = next((i for i in wall_items(inner.model) if i.name == members[0]), None)
+        if item is None:
+            return {}
+        inner_table = self.table_of(inner)
+        result: dict[str, Key] = {}
+        for component in members[1:2] or list(wall_components(item)):
+            key = (place.head, members[0], component)
+            domain = inner_table.of(members[0], component)
+            if domain is not None:
+                self.table.learn(key, domain.name, place.span)
+            result["" if members[1:] else component] = key
+        return result
+
+
+def is_slot(item: tree.Item) -> bool:
+    """Return True if a parameter stands for a model."""
+    return item.unit is not None and [name for name, _, _ in item.unit.factors] == ["model"]
+
+
+def slot_defaults(statements: tuple[tree.SyntaxNode, ...]) -> dict[str, str]:
+    """Default models of a model's slots, by slot name."""
+    items = (i for s in statements if isinstance(s, tree.Quantities) for i in s.items if is_slot(i))
+    return {i.name: i.value.words for i in items if isinstance(i.value, tree.PathSyntax)}
+
+
+def wall_items(model: tree.ModelSyntax) -> Iterator[tree.PortItem]:
+    """Declared ports of a model. Ports in loops occur once."""
+    for statement in _flat(model.statements):
+        if isinstance(statement, tree.PortsSyntax):
+            yield from statement.items
+
+
+def wall_components(item: tree.PortItem) -> dict[str, str | None]:
+    """The scalar ports of a port of a model, with their declared domains."""
+    if item.domain is not None and item.domain in BUNDLES:
+        return dict(BUNDLES[item.domain])
+    if item.components:
+        return {c.name: c.domain or COMPONENT_DOMAINS.get(c.name) for c in item.components}
+    return {"": item.domain}
+
+
+def is_two_sided(declaration: tree.Declaration) -> bool:
+    """Return True for a transducer with sides 1 and 2; one that lists its ports has those instead."""
+    row = ELEMENTS.get(declaration.kind)
+    return row is not None and row.sides and not any(d.components for d in declaration.names)
+
+
+def element_ports(declaration: tree.Declaration, name: str) -> tuple[str, ...]:
+    """The names of an element's scalar ports."""
+    if is_two_sided(declaration):
+        return ("1", "2")
+    declared = next(d for d in declaration.names if d.name == name)
+    return tuple(c.name for c in declared.components) or ("",)
+
+
+def _flat(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[tree.SyntaxNode]:
+    for statement in statements:
+        yield statement
+        if isinstance(statement, tree.LoopSyntax):
+            yield from _flat(statement.statements)
+
+
+def _names(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[str]:
+    for statement in _flat(statements):
+        if isinstance(statement, tree.Quantities) and statement.role != "output":
+            yield from (i.name for i in statement.items)
+        elif isinstance(statement, tree.LoopSyntax):
+            yield statement.name
+
+
+def _parts(mechanism: tree.MechanismSyntax) -> dict[str, tuple[str, ...]]:
+    """The ports of a mechanism's parts."""
+    parts = {}
+    for statement in _flat(mechanism.statements):
+        if isinstance(statement, tree.Declaration):
+            ports = freedoms_of(statement.kind, mechanism.space != "spatial")
+            parts.update({d.name: ports for d in statement.names})
+    return parts
+
+
+def _mechanism_ends(
+    table: DomainTable, parts: dict[str, tuple[str, ...]], place: tree.PathSyntax, members: list[str]
+) -> dict[str, Key]:
+    if not members:
+        return {}
+    freedoms = parts.get(members[0], ())
+    wanted = members[1:2] or list(freedoms)
+    result: dict[str, Key] = {}
+    for component in wanted:
+        if component not in freedoms:
+            continue
+        key = (place.head, members[0], component)
+        table.learn(key, domain_of(f"{members[0]}.{component}"), place.span)
+        result["" if members[1:] or len(freedoms) == 1 else component] = key
+    return result
+
+
+# Cache for the laws of one model: (words of the law, two-sided, port) -> letters used there, and the domain that they imply.
+Told = dict[tuple[str, bool, str], tuple[set[str], str | None]]
+
+
+def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, names: set[str], told: Told) -> None:
+    definition = declaration.definition
+    for declared in declaration.names:
+        for component in declared.components:
+            domain = component.domain or (
+                COMPONENT_DOMAINS.get(component.name) if declaration.kind == "splitter" else None
+            )
+            if domain is not None:
+                if domain in DOMAINS:
+                    table.learn((declared.name, component.name), domain, component.span)
+                else:
+                    hint = suggestion(domain, list(DOMAINS), "Domains: " + ", ".join(DOMAINS) + ".")
+                    table.diagnostics.append(UnknownName(component.span, domain, "the list of domains", hint))
+        if isinstance(definition, tree.PathSyntax) and not definition.steps:
+            if definition.head not in DOMAINS:
+                hint = suggestion(definition.head, list(DOMAINS), "Domains: " + ", ".join(DOMAINS) + ".")
+                table.diagnostics.append(UnknownName(definition.span, definition.head, "the list of domains", hint))
+            else:
+                for port in element_ports(declaration, declared.name):
+                    table.learn((declared.name, port), definition.head, definition.span)
+        elif isinstance(definition, tree.LawSyntax):
+            for port in element_ports(declaration, declared.name):
+                words = definition.span.text, is_two_sided(declaration), port
+                if words not in told:
+                    told[words] = _told_by(_letters(definition, declaration, port, names))
+                letters, domain = told[words]
+                if domain is not None:
+                    table.guesses.append(((declared.name, port), domain, letters, definition.span))
+
+
+def _told_by(letters: set[str]) -> tuple[set[str], str | None]:
+    """The one domain that has all these letters; None if several have them, or none."""
+    fitting = [
+        d for d in DOMAINS.values() if d.typed and d.guessed and letters and all(w in d.letters or w in GENERIC for w in letters)
+    ]  # fmt: skip
+    return letters, fitting[0].name if len(fitting) == 1 else None
+
+
+_LETTERS = frozenset(letter for d in DOMAINS.values() for letter in d.letters if letter) - set(GENERIC)
+
+
+def _letters(law: tree.LawSyntax, declaration: tree.Declaration, port: str, names: set[str]) -> set[str]:
+    """The specific letters that a law uses for one port."""
+    found: set[str] = set()
+    two_sided = is_two_sided(declaration)
+    for path in paths_of(law):
+        if two_sided:
+            if not path.steps and path.head[-1:] == port:
+                found.add(path.head[:-1])
+        elif port:
+            if path.head == port and len(path.steps) == 1 and isinstance(path.steps[0], tree.Member):
+                found.add(path.steps[0].name)
+        elif not path.steps and path.head not in names:
+            found.add(path.head)
+    return found & _LETTERS
+
+
+def paths_of(node: tree.SyntaxNode) -> Iterator[tree.PathSyntax]:
+    """All paths that are read in an expression or law."""
+    stack: list[tree.SyntaxNode] = [node]
+    while stack:
+        item = stack.pop()
+        match item:
+            case tree.LawSyntax():
+                for equation in item.equations:
+                    stack += [equation.left, equation.right]
+            case tree.PathSyntax():
+                yield item
+            case tree.Sum():
+                stack += [t for _, t in item.terms]
+            case tree.Product():
+                stack += [f for _, f in item.factors]
+            case tree.Negative():
+                stack.append(item.operand)
+            case tree.Power():
+                stack += [item.base, item.exponent]
+            case tree.VectorSyntax():
+                stack += item.items
+            case tree.Call():
+                stack += item.arguments
+            case tree.Comparison():
+                stack += [item.left, item.right]
+            case tree.Logical():
+                stack += item.operands
+            case tree.ChoiceSyntax():
+                stack += [item.value, item.condition, item.otherwise]

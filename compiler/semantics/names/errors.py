@@ -1,0 +1,422 @@
+"""Errors in names, units, laws and connections: BG1xx."""
+
+from __future__ import annotations
+
+from ...errors import Diagnostic
+from ...fast_dataclass import dataclass
+from ...source import Span
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownName(Diagnostic):
+    """BG101."""
+
+    code = "BG101"
+    title = "There is no `{name}` in {where}"
+    advice = "{hint}"
+    name: str
+    where: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownFunction(Diagnostic):
+    """BG109."""
+
+    code = "BG109"
+    title = "There is no function `{name}`"
+    advice = "{hint}"
+    name: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownUnit(Diagnostic):
+    """BG102."""
+
+    code = "BG102"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class DimensionMismatch(Diagnostic):
+    """BG103."""
+
+    code = "BG103"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class DuplicateName(Diagnostic):
+    """BG104."""
+
+    code = "BG104"
+    title = "The name `{name}` is already taken in this model"
+    advice = "Rename one of the two."
+    name: str
+    first: Span
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return ((self.first, "it was first used here"),)
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownKind(Diagnostic):
+    """BG105."""
+
+    code = "BG105"
+    title = "`{kind}` is neither a kind of element nor a model"
+    advice = "{hint}"
+    kind: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class NotStatic(Diagnostic):
+    """BG106."""
+
+    code = "BG106"
+    title = "{what} must be known before the run, but `{name}` changes during it"
+    advice = "Use numbers, parameters and constants here."
+    what: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle(Diagnostic):
+    """BG107."""
+
+    code = "BG107"
+    title = "{what}: {chain}"
+    advice = "Break the circle at one of these names."
+    what: str
+    chain: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongArguments(Diagnostic):
+    """BG108."""
+
+    code = "BG108"
+    title = "`{function}` takes {expected}, not {count}"
+    advice = "Write it as `{usage}`."
+    function: str
+    expected: str
+    count: int
+    usage: str
+
+
+@dataclass(frozen=True, slots=True)
+class MissingValue(Diagnostic):
+    """BG110."""
+
+    code = "BG110"
+    title = "{role} `{name}` has no value"
+    advice = 'Give it one where it is declared, or set it: in an instance `{{ {short} = … }}`, on the command line `--set "{name}=…"`.'
+    role: str
+    name: str
+    short: str
+    instance: Span | None = None
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return () if self.instance is None else ((self.instance, "the instance that needs it"),)
+
+
+@dataclass(frozen=True, slots=True)
+class WrongType(Diagnostic):
+    """BG111."""
+
+    code = "BG111"
+    title = "{what} is expected here, this is {found}"
+    advice = "{hint}"
+    what: str
+    found: str
+    hint: str = "Write what is expected instead."
+
+
+@dataclass(frozen=True, slots=True)
+class WrongIndex(Diagnostic):
+    """BG112."""
+
+    code = "BG112"
+    title = "`{name}` has no item {index}"
+    advice = "{hint}"
+    name: str
+    index: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownDomain(Diagnostic):
+    """BG114."""
+
+    code = "BG114"
+    title = "The domain of `{name}` is not known"
+    advice = "Give it after a colon, as in `1 body : translation`, on it or on what it is bonded to, or write the law in a domain's letters."
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class DomainConflict(Diagnostic):
+    """BG115."""
+
+    code = "BG115"
+    title = "`{name}` is {first} here, but joined to `{neighbour}`, which is {second}"
+    advice = "Two domains meet only through a transducer: TF, GY or a field with a port in each."
+    name: str
+    first: str
+    neighbour: str
+    second: str
+    other: Span
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return ((self.other, f"{self.second} because of this"),)
+
+
+@dataclass(frozen=True, slots=True)
+class NameClash(Diagnostic):
+    """BG116."""
+
+    code = "BG116"
+    title = "`{name}` could be a variable of `{element}` or the {role} of that name"
+    advice = "Rename the {role}, or write the variable as `{generic}`."
+    name: str
+    element: str
+    role: str
+    generic: str
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignVariable(Diagnostic):
+    """BG117."""
+
+    code = "BG117"
+    title = "The law of `{element}` reads `{name}`, which changes during a run"
+    advice = "{hint}"
+    element: str
+    name: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class NeedlessM(Diagnostic):
+    """BG118."""
+
+    code = "BG118"
+    title = "`{kind} {element}` is modulated in name only: its law reads nothing that changes elsewhere"
+    advice = "Write `{plain} {element}`."
+    kind: str
+    element: str
+    plain: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongLaw(Diagnostic):
+    """BG119."""
+
+    code = "BG119"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownAttribute(Diagnostic):
+    """BG120."""
+
+    code = "BG120"
+    title = "`{owner}` has no attribute `{name}`"
+    advice = "{hint}"
+    owner: str
+    name: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongValue(Diagnostic):
+    """BG122."""
+
+    code = "BG122"
+    title = "`{attribute}` of `{owner}` cannot be `{value}`"
+    advice = "{hint}"
+    attribute: str
+    owner: str
+    value: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongConnection(Diagnostic):
+    """BG121."""
+
+    code = "BG121"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+    others: tuple[tuple[Span, str], ...] = ()
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return self.others
+
+
+@dataclass(frozen=True, slots=True)
+class Unsupported(Diagnostic):
+    """BG130."""
+
+    code = "BG130"
+    title = "{what} is not supported by this version"
+    advice = "{hint}"
+    what: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongImport(Diagnostic):
+    """BG131."""
+
+    code = "BG131"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class NoSingleModel(Diagnostic):
+    """BG132."""
+
+    code = "BG132"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+
+
+NO_NAMES = "Write an expression that has a finite value."  # the advice where no name has a value to tell
+
+
+@dataclass(frozen=True, slots=True)
+class NoValue(Diagnostic):
+    """BG133."""
+
+    code = "BG133"
+    title = "This has no finite value: {why}"
+    advice = "{values}"
+    why: str
+    values: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReservedName(Diagnostic):
+    """BG134."""
+
+    code = "BG134"
+    title = "`{name}` is reserved"
+    advice = (
+        "Choose another name; reserved are only the words that begin statements, "
+        "`if else and or not in to over true false time pi ground`, and for models the kinds of elements."
+    )
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongMechanism(Diagnostic):
+    """BG140."""
+
+    code = "BG140"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongExperiment(Diagnostic):
+    """BG150."""
+
+    code = "BG150"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class WrongTable(Diagnostic):
+    """BG151."""
+
+    code = "BG151"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+    others: tuple[tuple[Span, str], ...] = ()
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return self.others
+
+
+@dataclass(frozen=True, slots=True)
+class WrongColumn(Diagnostic):
+    """BG152."""
+
+    code = "BG152"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+    others: tuple[tuple[Span, str], ...] = ()
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return self.others
+
+
+@dataclass(frozen=True, slots=True)
+class WrongEvent(Diagnostic):
+    """BG153."""
+
+    code = "BG153"
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class TooMany(Diagnostic):
+    """BG160."""
+
+    code = "BG160"
+    title = "{what}: more than {limit}"
+    advice = "{hint}"
+    what: str
+    limit: int
+    hint: str = "The limit protects against files that never end; split the model."
+
+
+@dataclass(frozen=True, slots=True)
+class TooLongRow(Diagnostic):
+    """BG162: nested more deeply than the compiler follows."""
+
+    code = "BG162"
+    title = "In `{model}` quantities, functions or expressions read one another in a row that is too long to follow"
+    advice = "Shorten the row: write several steps as one expression, or with `for` over elements that store something."
+    model: str
+
+
+@dataclass(frozen=True, slots=True)
+class TooManyMistakes(Diagnostic):
+    """BG161: the limit on reported errors is reached."""
+
+    code = "BG161"
+    title = "More than {limit} mistakes: what else is wrong is not told"
+    advice = "Mend these first; one cause may be behind many of them."
+    limit: int

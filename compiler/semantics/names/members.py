@@ -1,0 +1,207 @@
+"""Names after a point: variables of elements, their ports, and parts of mechanisms."""
+
+from __future__ import annotations
+
+from ...graph.domains import DOMAINS, GENERIC, Domain
+from ...graph.elements import ELEMENTS
+from ...graph.mechanism import domain_of
+from ...graph.network import Quantity, Reading
+from ...syntax import tree
+from .domain_table import paths_of
+from .errors import UnknownName, WrongType
+from .part_kinds import noun_of
+from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, PartEntry, Scalar, WallEntry
+from .statement_errors import Wrong, suggestion
+
+
+def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Scalar:
+    """`spring.x`: a variable of an element, or the stored quantity of its port of that name."""
+    row = ELEMENTS.get(entry.kind)  # None: a junction
+    stored = row.stored if row is not None and len(row.stored) == 1 else ""
+    if "1" in entry.ports:
+        letter, side = name[:-1], name[-1:]
+        domain = entry.ports.get(side)
+        variable = domain.variable(letter) if domain else None
+        if domain is None or variable not in ("e", "f"):
+            raise Wrong(
+                UnknownName(
+                    path.span,
+                    name,
+                    f"`{entry.name}`",
+                    "A transducer has efforts and flows with the number of the side: `e1`, `f2`.",
+                )
+            )
+        return Scalar(
+            Reading(entry.name, side, variable), domain.dimension(variable), "reading", f"{entry.name}.{name}"
+        )
+    if "" not in entry.ports:
+        if name not in entry.ports:
+            hint = suggestion(name, list(entry.ports), f"Its ports: {', '.join(entry.ports)}.")
+            raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))
+        variable = stored or "e"
+        return Scalar(
+            Reading(entry.name, name, variable),
+            entry.ports[name].dimension(variable),
+            "reading" if stored else "port",
+            f"{entry.name}.{name}",
+        )
+    domain = entry.ports[""]
+    variable = domain.variable(name)
+    if row is not None and variable is not None and variable in row.remembered and _in_law(entry, variable):
+        full = f"{entry.name}.{domain.letter(variable)}"
+        return Scalar(Quantity(full), domain.dimension(variable), "signal", f"{entry.name}.{name}")
+    allowed = row.readable if row is not None else {"0": "e", "1": "f"}.get(entry.kind, "ef")
+    if variable is None or variable not in allowed:
+        hint = "It has " + ", ".join(domain.letter(v) for v in allowed) + "."
+        if entry.kind in "01" and variable is not None:
+            hint += " The bonds of a junction share only that; integrate with a C, or read an element on it."
+        raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))
+    return Scalar(Reading(entry.name, "", variable), domain.dimension(variable), "reading", f"{entry.name}.{name}")
+
+
+def _in_law(entry: ElementEntry, variable: str) -> bool:
+    """Return True if the law of a one-port reads one of its own variables."""
+    law, words = entry.declaration.definition, {variable, entry.ports[""].letter(variable)}
+    return law is not None and any(path.words in words for path in paths_of(law))
+
+
+def part_member(part: PartEntry, name: str, path: tree.PathSyntax) -> Scalar | GroupEntry:
+    """`arm.pin.phi`: a coordinate of a body, joint or frame; its reaction or attitude as a whole.
+
+    A joint with one degree of freedom also has its rate and effort.
+    """
+    if name in part.groups:
+        return GroupEntry(part, name)
+    if name in part.ports:
+        return Scalar(
+            Reading(part.mechanism, f"{part.name}.{name}", "q"),
+            part.ports[name].dimension("q"),
+            "reading",
+            f"{part.mechanism}.{part.name}.{name}",
+        )
+    if len(part.ports) == 1:
+        ((port, domain),) = part.ports.items()
+        variable = domain.variable(name)
+        if variable in ("e", "f", "q"):
+            return Scalar(
+                Reading(part.mechanism, f"{part.name}.{port}", variable),
+                domain.dimension(variable),
+                "reading",
+                f"{part.mechanism}.{part.name}.{name}",
+            )
+    known = [*part.ports, *part.groups]
+    if name == "reaction":
+        hint = (
+            f"A {noun_of(part.kind)} holds nothing, so it has no reaction; what acts on it is read as {_efforts(part)}."
+        )
+    elif name == "attitude" and part.kind != "body":
+        hint = "The attitude is a body's, in space."
+    else:
+        listed = ", ".join(known) or "no freedom"
+        rates = [f"`{port}.{domain.letter('f')}`" for port, domain in part.ports.items()][
+            :: max(1, len(part.ports) - 1)
+        ]
+        hint = suggestion(
+            name, known, f"It has {listed}" + (f"; rates are read as {', '.join(rates)}." if rates else ".")
+        )
+    raise Wrong(UnknownName(path.span, name, f"`{part.mechanism}.{part.name}`", hint))
+
+
+def _efforts(part: PartEntry) -> str:
+    """The first and last effort of a part."""
+    found = [f"`{port}.{domain.letter('e')}`" for port, domain in part.ports.items()]
+    return ", ".join(dict.fromkeys((found[0], found[-1])))
+
+
+def group_member(group: GroupEntry, name: str, path: tree.PathSyntax) -> Scalar:
+    """`pin.reaction.x`, `top.attitude.w`."""
+    components = group.part.groups[group.name]
+    if name not in components:
+        hint = suggestion(name, list(components), f"It has {', '.join(components)}.")
+        where = f"`{group.part.mechanism}.{group.part.name}.{group.name}`"
+        raise Wrong(UnknownName(path.span, name, where, hint))
+    return group_members(group)[components.index(name)]
+
+
+def group_members(group: GroupEntry) -> tuple[Scalar, ...]:
+    """All components of a group: efforts of a reaction, four bare numbers of an attitude."""
+    variable = "e" if group.name == "reaction" else "q"
+    found = []
+    for component in group.part.groups[group.name]:
+        port = f"{group.part.name}.{group.name}.{component}"
+        dimension = DOMAINS[domain_of(port)].dimension(variable)
+        name = f"{group.part.mechanism}.{port}"
+        found.append(Scalar(Reading(group.part.mechanism, port, variable), dimension, "reading", name))
+    return tuple(found)
+
+
+def wall_member(entry: WallEntry, name: str, path: tree.PathSyntax) -> Scalar:
+    """`film.b.S_dot`: effort or flow of the bond that passes through a port of a model; of a multibond its component first."""
+    if "" in entry.ports:
+        return wall_variable(entry, "", name, path)
+    domain = entry.ports.get(name)
+    if domain is None:
+        hint = suggestion(name, list(entry.ports), f"Its components: {', '.join(entry.ports)}.")
+        raise Wrong(UnknownName(path.span, name, f"the port `{entry.name}`", hint))
+    return Scalar(Reading(entry.name, name, "e"), domain.dimension("e"), "port", f"{entry.name}.{name}")
+
+
+def wall_variable(entry: WallEntry, component: str, letter: str, path: tree.PathSyntax) -> Scalar:
+    """`ends.phi.M`: effort or flow of the whole bond at a model port, the same from inside and outside."""
+    domain, name = entry.ports[component], f"{entry.name}.{component}".rstrip(".")
+    variable = domain.variable(letter)
+    if variable not in ("e", "f"):
+        hint = f"It has {domain.letter('e')}, {domain.letter('f')}: a port stores nothing."
+        raise Wrong(UnknownName(path.span, letter, f"the port `{name}`", hint))
+    return Scalar(Reading(entry.name, component, variable), domain.dimension(variable), "reading", f"{name}.{letter}")
+
+
+def port_variable(node: str, port: str, domain: Domain, letter: str, path: tree.PathSyntax) -> Scalar:
+    """`plates.q.u`: a variable of one port of a node."""
+    variable = domain.variable(letter)
+    if variable is None:
+        raise Wrong(
+            UnknownName(
+                path.span,
+                letter,
+                f"`{node}.{port}`",
+                "It has " + ", ".join(domain.letter(v) for v in GENERIC[:3]) + ".",
+            )
+        )
+    return Scalar(Reading(node, port, variable), domain.dimension(variable), "reading", f"{node}.{port}.{letter}")
+
+
+def not_a_number(entry: Entry, path: tree.PathSyntax) -> Wrong:
+    """Error for a name that denotes no number; its advice lists the names that could be read instead."""
+    name = path.words
+    match entry:
+        case ElementEntry():
+            domain = next(iter(entry.ports.values()))
+            letters = ", ".join(
+                f"`{name}.{domain.letter(v)}`"
+                for v in ("ef" if entry.kind not in "01" else ("e" if entry.kind == "0" else "f"))
+            )
+            return Wrong(
+                WrongType(path.span, "A number", f"the element `{name}`", f"Read one of its variables: {letters}.")
+            )
+        case WallEntry(ports=ports):
+            component, domain = next(iter(ports.items()))
+            full = f"{name}.{component}".rstrip(".")
+            hint = f"Read its effort or flow: `{full}.{domain.letter('e')}`, `{full}.{domain.letter('f')}`."
+            return Wrong(WrongType(path.span, "A number", f"the port `{name}`", hint))
+        case InstanceEntry():
+            return Wrong(
+                WrongType(
+                    path.span,
+                    "A number",
+                    f"the instance `{name}`",
+                    "Read something in it: an output, or the variable of an element.",
+                )
+            )
+        case GroupEntry(part=part, name=group):
+            first, last = part.groups[group][0], part.groups[group][-1]
+            hint = f"Read one of its components: `{name}.{first}` to `.{last}`."
+            return Wrong(WrongType(path.span, "A number", f"the {group} of `{part.name}`", hint))
+    return Wrong(
+        WrongType(path.span, "A number", f"`{name}`, which is none", "Read one of its variables: `.x`, `.phi`, `.x.v`.")
+    )

@@ -1,0 +1,268 @@
+"""Names and their meanings in each instance. Quantities are resolved at their first use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import field
+from pathlib import Path
+
+from ...fast_dataclass import dataclass
+from ...graph.domains import Domain
+from ...graph.network import Reference
+from ...graph.units import Dimension
+from ...source import Source, Span
+from ...syntax import tree
+from .column_file import Sheet
+from .port_domains import DomainTable
+
+STATIC_ROLES = frozenset({"parameter", "constant", "index", "number"})
+RESERVED = frozenset(
+    [
+        "model",
+        "plain",
+        "import",
+        "from",
+        "parameter",
+        "constant",
+        "input",
+        "output",
+        "signal",
+        "mode",
+        "port",
+        "multibody",
+        "for",
+        "when",
+        "every",
+        "require",
+        "experiment",
+        "function",
+        "if",
+        "else",
+        "and",
+        "or",
+        "not",
+        "in",
+        "to",
+        "over",
+        "true",
+        "false",
+        "time",
+        "pi",
+        "ground",
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """A number with a dimension (None: a bare zero, which fits any)."""
+
+    reference: Reference
+    dimension: Dimension | None
+    role: str  # parameter, constant, input, signal, output, index, number, time, reading
+    name: str
+    truth: bool = False  # a condition with a name: 1 or 0 as a number
+
+
+@dataclass(frozen=True, slots=True)
+class Items:
+    """A list or a point, items from 1."""
+
+    name: str
+    items: tuple[Scalar, ...]
+
+
+@dataclass(slots=True)
+class Pending:
+    """A quantity that is not resolved yet."""
+
+    item: tree.Item
+    role: str
+    name: str  # full name
+    value: tree.ExpressionSyntax | None  # the binding, or the default
+    scope: Scope  # scope in which `value` is read
+    owner: Scope  # scope of the declaration
+    is_default: bool
+    state: str = "waiting"  # waiting, busy, done, broken
+    result: Scalar | Items | None = None
+
+
+@dataclass(slots=True)
+class Array:
+    """An indexed name: items by index tuple."""
+
+    name: str
+    span: Span
+    items: dict[tuple[int, ...], Entry] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ElementEntry:
+    """An element or junction of this scope."""
+
+    name: str  # full name
+    kind: str  # "Se", "C", …, "0", "1", "splitter"
+    declaration: tree.Declaration
+    ports: Mapping[str, Domain]  # port name ("" for the only one) -> domain
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class WallEntry:
+    """A port of a model, a hole in its wall: components by name, "" for a scalar one."""
+
+    name: str
+    ports: Mapping[str, Domain]
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceEntry:
+    """An instance of a model."""
+
+    name: str
+    scope: Scope
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class PartEntry:
+    """A body, joint or frame of a mechanism."""
+
+    mechanism: str  # full name of the mechanism
+    name: str  # its own name: `guide[1]`
+    kind: str
+    ports: Mapping[str, Domain]
+    span: Span
+    groups: Mapping[str, tuple[str, ...]]  # names that can only be read: `reaction`; `attitude` for a body in space
+
+
+@dataclass(frozen=True, slots=True)
+class GroupEntry:
+    """`pin.reaction`, `top.attitude`: quantities that can only be read, one component at a time."""
+
+    part: PartEntry
+    name: str
+
+
+@dataclass(slots=True)
+class MechanismEntry:
+    """A mechanism with its parts."""
+
+    name: str
+    parts: Scope
+    span: Span
+    planar: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """A name whose declaration has an error that is already reported."""
+
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class SlotEntry:
+    """A parameter that stands for a model, which its name denotes as a kind."""
+
+    definition: ModelDefinition
+    span: Span
+
+
+Entry = (
+    SlotEntry
+    | Broken
+    | Scalar
+    | Items
+    | Pending
+    | Array
+    | ElementEntry
+    | WallEntry
+    | InstanceEntry
+    | PartEntry
+    | GroupEntry
+    | MechanismEntry
+)
+
+
+@dataclass(slots=True, eq=False)
+class FileScope:
+    """One file: its own and imported models, its constants and functions."""
+
+    source: Source
+    models: dict[str, ModelDefinition]
+    constants: dict[str, tuple[tree.Item, tree.Quantities]]
+    functions: dict[str, tree.FunctionSyntax]
+    missing: set[str] = field(default_factory=set)  # models that could not be read; already reported
+    root: Path | None = None  # the project folder
+    library: Path | None = None
+    sheets: dict[Path, Sheet] = field(default_factory=dict)  # files of columns that have been read
+
+
+@dataclass(slots=True, eq=False)
+class ModelDefinition:
+    """A model as defined in its file."""
+
+    model: tree.ModelSyntax
+    file: FileScope
+    domains: DomainTable | None = None
+    functions: dict[str, tree.FunctionSyntax] = field(init=False)  # its own, beside those of the file
+
+    def __post_init__(self) -> None:
+        self.functions = {s.name: s for s in self.model.statements if isinstance(s, tree.FunctionSyntax)}
+
+    @property
+    def name(self) -> str:
+        return self.model.name
+
+
+@dataclass(slots=True, eq=False)
+class Scope:
+    """Names of one instance, or of one round of a loop in it (then `outer` is set)."""
+
+    definition: ModelDefinition
+    path: str  # "" or "comb[1]."
+    suffix: str = ""  # "[2]" in the second round of a loop
+    outer: Scope | None = None
+    entries: dict[str, Entry] = field(default_factory=dict)
+    stands: Span | None = None  # declaration of the instance
+
+    @property
+    def plain(self) -> bool:
+        return self.definition.model.plain
+
+    def full(self, name: str) -> str:
+        return self.path + name
+
+    def find(self, name: str) -> Entry | None:
+        """Entry of that name in this scope, or in the scopes around it within the instance."""
+        scope: Scope | None = self
+        while scope is not None:
+            if name in scope.entries:
+                return scope.entries[name]
+            scope = scope.outer
+        return None
+
+    def base(self) -> Scope:
+        """Scope of the whole instance, outside its loops."""
+        scope = self
+        while scope.outer is not None:
+            scope = scope.outer
+        return scope
+
+    def names(self) -> Iterator[str]:
+        scope: Scope | None = self
+        while scope is not None:
+            yield from scope.entries
+            scope = scope.outer
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredPart:
+    """A declared part before its attributes are read."""
+
+    entry: PartEntry
+    declaration: tree.Declaration
+    scope: Scope
+    planar: bool

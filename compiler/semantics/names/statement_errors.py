@@ -1,0 +1,59 @@
+"""Errors of one statement, raised as exceptions while it is read, and the advice of their messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from itertools import islice
+
+from ...errors import Diagnostic
+from ...graph.units import ONE, Dimension
+from ...syntax import tree
+
+MAXIMUM_COMPARED = 500  # names that a suggestion is chosen from: comparing is slow
+
+MAXIMUM_MISTAKES = 200  # errors reported for one file
+
+
+class Wrong(Exception):
+    """An error in one statement. It is collected, and the next statement is read."""
+
+    def __init__(self, diagnostic: Diagnostic) -> None:
+        self.diagnostic = diagnostic
+        super().__init__(diagnostic.code)
+
+
+class AlreadyTold(Exception):
+    """A reference to a name whose declaration has an error that is already reported."""
+
+
+def suggestion(name: str, known: Iterable[str], otherwise: str = "") -> str:
+    """ "Did you mean …?", if something is close."""
+    name = name[:60]
+    near = (
+        word
+        for word in islice(known, 20 * MAXIMUM_COMPARED)
+        if min(len(word), len(name)) >= 0.4 * max(len(word), len(name))  # others are never close enough
+    )
+    close = get_close_matches(name, list(islice(near, MAXIMUM_COMPARED)), n=2, cutoff=0.6)
+    if not close:
+        return otherwise
+    return "Did you mean " + " or ".join(f"`{c}`" for c in close) + "?"
+
+
+def describe(dimension: Dimension | None) -> str:
+    """A dimension in words."""
+    if dimension is None:
+        return "a bare zero"
+    return "a bare number" if dimension == ONE else f"in [{dimension}]"
+
+
+def unit_hint(found: Dimension | None, wanted: Dimension | None, written: tree.ExpressionSyntax | None = None) -> str:
+    """Advice for a quantity of another unit; `written` is its expression in the text."""
+    if found == ONE and wanted is not None:
+        return f"A number needs its unit, in brackets if it has several symbols: `2 [{wanted}]`; only zero needs none."
+    if isinstance(written, tree.Literal) and wanted == ONE:
+        return "Write a bare number; an angle may be in `deg`, a share in `percent`."
+    if isinstance(written, tree.Literal) and wanted is not None:
+        return f"Write a quantity in [{wanted}], as `2 [{wanted}]`."
+    return "Check the units of the names in it, and whether a factor is missing."

@@ -1,0 +1,1 @@
+"""Instances, elements, laws and events; bonds between nodes."""

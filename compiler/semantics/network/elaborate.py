@@ -1,0 +1,283 @@
+"""Elaboration: the declarations of every instance enter its scope; elements, bonds and mechanisms are collected.
+
+All names of an instance are declared first (loops unrolled, nested instances opened), so their order in the text does not matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from ...graph.domains import Domain
+from ...graph.elements import ELEMENTS
+from ...scene import Override
+from ...source import Span
+from ...syntax import tree
+from ..expressions.own_functions import check_function
+from ..mechanisms.blocks import declare_mechanism
+from ..names.domain_table import ELEMENT_KINDS, element_ports, wall_components
+from ..names.errors import Cycle, DuplicateName, TooMany, UnknownAttribute, UnknownKind, Unsupported, WrongType
+from ..names.scope import (
+    Broken,
+    ElementEntry,
+    InstanceEntry,
+    MechanismEntry,
+    ModelDefinition,
+    Pending,
+    Scalar,
+    Scope,
+    SlotEntry,
+    WallEntry,
+)
+from ..names.statement_errors import AlreadyTold, Wrong, suggestion
+from ..resolution.declarations import Declarations
+from ..resolution.elaboration_cache import ElaborationCache
+from ..resolution.resolver import indexed
+
+MAXIMUM_HIERARCHY = 60  # models within models
+
+
+class Elaborator(Declarations):
+    """Elaboration of one model. `part` allows open ports."""
+
+    def __init__(self, overrides: Iterable[Override], part: bool, known: ElaborationCache) -> None:
+        super().__init__(overrides, part, known)
+        self.elements: list[tuple[Scope, tree.Declaration, ElementEntry]] = []
+        self.bonds: list[tuple[Scope, tree.Bonds]] = []
+        self.stands: dict[str, Span] = {}  # instance -> where it is declared
+        self.requirements: list[tuple[Scope, tree.RequirementSyntax]] = []
+        self.events: list[tuple[Scope, tree.EventSyntax]] = []
+        self.mechanisms: list[tuple[Scope, tree.MechanismSyntax, MechanismEntry]] = []
+        self.swept: tuple[tree.StudySyntax, ...] = ()  # an experiment's own names: those that it sweeps
+        self.structure_broken = False  # then missing connections would be reported for the wrong reason
+
+    # ------------------------------------------------------------ declaring
+    def open_root(self, definition: ModelDefinition) -> Scope:
+        """Elaborate the main model."""
+        self.root = self.instantiate(definition, "", {}, ())
+        return self.root
+
+    def instantiate(
+        self,
+        definition: ModelDefinition,
+        path: str,
+        bindings: Mapping[str, tuple[tree.Attribute, Scope]],
+        chain: tuple[ModelDefinition, ...],
+        stands: Span | None = None,
+    ) -> Scope:
+        """Elaborate one instance. `bindings` are its attributes, each with the scope in which it is read."""
+        scope = Scope(definition, path, stands=stands)
+        if stands is not None:
+            self.stands[path.removesuffix(".")] = stands
+        if not chain:
+            self.root = scope  # loops and indices may already read what is set from outside
+            self._enter_swept(scope)
+        self.table_of(definition)
+        chain = (*chain, definition)
+        self._declare(scope, definition.model.statements, bindings, chain)
+        for name, (attribute, _) in bindings.items():
+            entry = scope.entries.get(name)
+            settable = isinstance(entry, Pending) and entry.role in ("parameter", "input")
+            if not settable and not isinstance(entry, SlotEntry | Broken):
+                known = [
+                    n for n, e in scope.entries.items() if isinstance(e, Pending) and e.role in ("parameter", "input")
+                ]
+                hint = suggestion(name, known, f"Its parameters and inputs: {', '.join(known) or 'none'}.")
+                if isinstance(entry, Pending) and entry.role == "constant":
+                    hint = "It is a `constant`, which cannot be set from outside; declare it as `parameter`."
+                self.tell(UnknownAttribute(attribute.span, definition.name, name, hint))
+        return scope
+
+    def _enter_swept(self, root: Scope) -> None:
+        """Enter swept names that the model does not have as names of the experiment, with their first values."""
+        own = {i.name for s in root.definition.model.statements if isinstance(s, tree.Quantities) for i in s.items}
+        for study in self.swept:
+            path = study.paths[0]
+            if not path.steps and path.head not in own:
+                item = tree.Item(path.span, path.head, None, study.unit, study.values[0], None)
+                pending = Pending(item, "parameter", path.head, study.values[0], root, root, True)
+                self.guard(self.enter, root, path.head, pending, path.span)
+                self.pending.append(pending)
+
+    def _declare(
+        self,
+        scope: Scope,
+        statements: tuple[tree.SyntaxNode, ...],
+        bindings: Mapping[str, tuple[tree.Attribute, Scope]],
+        chain: tuple[ModelDefinition, ...],
+    ) -> None:
+        later: list[tree.SyntaxNode] = []
+        functions: list[tree.FunctionSyntax] = []
+        for statement in statements:
+            match statement:
+                case tree.Quantities():
+                    self.guard(self.declare_quantities, scope, statement, bindings)
+                case tree.PortsSyntax():
+                    self.guard(self._declare_ports, scope, statement)
+                case tree.Declaration() | tree.LoopSyntax() | tree.MechanismSyntax():
+                    later.append(statement)
+                case tree.Bonds():
+                    self.bonds.append((scope, statement))
+                case tree.RequirementSyntax():
+                    self.requirements.append((scope, statement))
+                case tree.EventSyntax():
+                    self.events.append((scope, statement))
+                case tree.FunctionSyntax():
+                    functions.append(statement)
+        for statement in later:
+            match statement:
+                case tree.Declaration():
+                    before = len(self.diagnostics)
+                    self.guard(self._declare_parts, scope, statement, chain)
+                    for declared in statement.names:
+                        if declared.name not in scope.base().entries:
+                            scope.base().entries[declared.name] = Broken(declared.span)
+                            self.structure_broken = True
+                    self.structure_broken |= len(self.diagnostics) > before
+                case tree.MechanismSyntax():
+                    self.guard(self._declare_mechanism, scope, statement)
+                case tree.LoopSyntax():
+                    self.guard(self._unroll, scope, statement, chain)
+        for function in functions:  # when all names are known
+            self.guard(check_function, scope, function)
+
+    def _declare_ports(self, scope: Scope, statement: tree.PortsSyntax) -> None:
+        for item in statement.items:
+            index = self.index_of(item.index, scope)
+            if index is None and scope.outer is not None:
+                hint = f"What stands in a `for` carries an index: `{item.name}[{_loop_names(scope)}]`."
+                raise Wrong(WrongType(item.span, "An index", "a name alone", hint))
+            ports = {}
+            for component in wall_components(item):
+                domain = self.domain_of(scope, (item.name, component))
+                if domain is None:
+                    raise self.unknown_domain(scope, item.span, item.name)
+                ports[component] = domain
+            local = item.name if index is None else indexed(item.name, index)
+            wall = WallEntry(scope.full(local), ports, item.span)
+            self.enter_indexed(scope, item.name, index, wall, item.span)
+            self.walls[wall.name] = wall
+
+    def _declare_parts(self, scope: Scope, statement: tree.Declaration, chain: tuple[ModelDefinition, ...]) -> None:
+        if statement.kind in ELEMENT_KINDS:
+            if statement.kind in scope.definition.file.missing:  # a model has the same name; already reported
+                raise AlreadyTold
+            for declared in statement.names:
+                self.guard(self._declare_element, scope, statement, declared)
+            return
+        slot = scope.find(statement.kind)
+        if isinstance(slot, Broken):
+            raise AlreadyTold
+        definition = (
+            slot.definition if isinstance(slot, SlotEntry) else scope.definition.file.models.get(statement.kind)
+        )
+        if definition is None and statement.kind in scope.definition.file.missing:
+            raise AlreadyTold
+        if definition is None:
+            known = [*ELEMENT_KINDS, *scope.definition.file.models]
+            hint = suggestion(
+                statement.kind,
+                known,
+                f"Kinds: {' '.join(ELEMENT_KINDS)}, and the models of this file or imported into it.",
+            )
+            raise Wrong(UnknownKind(statement.span, statement.kind, hint))
+        if definition in chain:
+            names = " -> ".join(d.name for d in (*chain[chain.index(definition) :], definition))
+            raise Wrong(Cycle(statement.span, "A model contains itself", names))
+        if len(chain) >= MAXIMUM_HIERARCHY:
+            raise Wrong(TooMany(statement.span, "Models within models", MAXIMUM_HIERARCHY))
+        if statement.definition is not None:
+            raise Wrong(
+                WrongType(
+                    statement.definition.span,
+                    "The end of the line or `{`",
+                    "a law",
+                    f"`{statement.kind}` is a model: its parameters are set in braces.",
+                )
+            )
+        for declared in statement.names:
+            self.counted(declared.span)
+            index = self.index_of(declared.index, scope)
+            local = indexed(declared.name, index) if index is not None else declared.name
+            if index is None and scope.outer is not None:
+                raise Wrong(
+                    WrongType(
+                        declared.span,
+                        "An index",
+                        "a name alone",
+                        f"What stands in a `for` carries an index: `{declared.name}[{_loop_names(scope)}]`.",
+                    )
+                )
+            bindings: dict[str, tuple[tree.Attribute, Scope]] = {}
+            for attribute in statement.attributes:
+                if attribute.target is not None or attribute.name in bindings:
+                    self.tell(
+                        UnknownAttribute(
+                            attribute.span,
+                            declared.name,
+                            attribute.span.text.split("=")[0].strip(),
+                            "Parameters and inputs are set once, as `name = value`.",
+                        )
+                    )
+                    continue
+                bindings[attribute.name] = (attribute, scope)
+            inner = self.instantiate(definition, scope.full(local) + ".", bindings, chain, declared.span)
+            self.enter_indexed(
+                scope, declared.name, index, InstanceEntry(scope.full(local), inner, declared.span), declared.span
+            )
+
+    def _declare_element(self, scope: Scope, statement: tree.Declaration, declared: tree.Declared) -> None:
+        self.counted(declared.span)
+        row = ELEMENTS.get(statement.kind)
+        if row is not None and len(declared.components) < row.least_ports > 1:
+            raise Wrong(WrongType(declared.span, "Two or more ports in parentheses", "a name alone", row.ports_advice))
+        index = self.index_of(declared.index, scope)
+        if index is None and scope.outer is not None:
+            raise Wrong(
+                WrongType(
+                    declared.span,
+                    "An index",
+                    "a name alone",
+                    f"What stands in a `for` carries an index: `{declared.name}[{_loop_names(scope)}]`.",
+                )
+            )
+        local = indexed(declared.name, index) if index is not None else declared.name
+        ports: dict[str, Domain] = {}
+        for port in element_ports(statement, declared.name):
+            domain = self.domain_of(scope, (declared.name, port))
+            if domain is None:
+                name = f"{declared.name}.{port}" if port and port not in "12" else declared.name
+                raise self.unknown_domain(scope, declared.span, name)
+            if port in ports:
+                raise Wrong(DuplicateName(declared.span, port, declared.span))
+            ports[port] = domain
+        entry = ElementEntry(scope.full(local), statement.kind, statement, ports, declared.span)
+        self.enter_indexed(scope, declared.name, index, entry, declared.span)
+        self.elements.append((scope, statement, entry))
+        self.element_names[entry.name] = entry
+
+    def _unroll(self, scope: Scope, loop: tree.LoopSyntax, chain: tuple[ModelDefinition, ...]) -> None:
+        for number in self.rounds(loop, scope):
+            inner = self.round_scope(scope, loop.name, number)
+            self._declare(inner, loop.statements, {}, chain)
+
+    def _declare_mechanism(self, scope: Scope, statement: tree.MechanismSyntax) -> None:
+        if scope.outer is not None:
+            raise Wrong(
+                Unsupported(
+                    statement.span,
+                    "A `multibody` block in a `for`",
+                    "Put the `for` inside the block, or the block into a model of its own.",
+                )
+            )
+        entry = declare_mechanism(self, scope, statement)
+        self.enter(scope, statement.name, entry, statement.span)
+        self.mechanisms.append((scope, statement, entry))
+
+
+def _loop_names(scope: Scope) -> str:
+    names: list[str] = []
+    inner: Scope | None = scope
+    while inner is not None and inner.outer is not None:
+        names += [n for n, e in inner.entries.items() if isinstance(e, Scalar) and e.role == "index"]
+        inner = inner.outer
+    return ", ".join(reversed(names))

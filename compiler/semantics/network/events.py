@@ -1,0 +1,125 @@
+"""`when CONDITION { … }` and `every PERIOD { … }`: conditions of each instance, and the assignments at an event."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...algebra.expression import ONE as TRUE
+from ...algebra.expression import ZERO, select
+from ...algebra.formula import Bound, Formula
+from ...graph.domains import DOMAINS
+from ...graph.network import Action, Element, Event, Node, Quantity, Reading
+from ...graph.units import ONE, SECOND
+from ...syntax import tree
+from ..expressions.template import Typed
+from ..names.errors import DimensionMismatch, NotStatic, WrongEvent, WrongType
+from ..names.scope import STATIC_ROLES, Scalar, Scope
+from ..names.statement_errors import Wrong, describe, unit_hint
+from .elaborate import Elaborator
+from .requirements import read_condition
+
+STORED_BY = {"q": "qe", "p": "pf"}  # stored quantity -> variables that determine it
+
+
+def read_events(elaborator: Elaborator, nodes: Sequence[Node]) -> tuple[Event, ...]:
+    """Read the events of all instances. Errors are collected."""
+    elements = {n.name: n for n in nodes if isinstance(n, Element)}
+    found = [elaborator.guard(_read, elaborator, scope, event, elements) for scope, event in elaborator.events]
+    return tuple(item for item in found if item is not None)
+
+
+def _read(elaborator: Elaborator, scope: Scope, event: tree.EventSyntax, elements: dict[str, Element]) -> Event:
+    period: Bound | None = None
+    condition = Bound(Formula(0, ZERO), ())
+    if event.sampled:
+        period = _period(elaborator, event.condition, scope)
+    else:
+        hint = "Compare it with something: `when x < 0 m { … }`."
+        _, condition = read_condition(elaborator, event.condition, scope, hint)
+    actions: dict[Quantity | Reading, Action] = {}
+    for reset in event.resets:
+        action = elaborator.guard(_action, elaborator, scope, reset, elements)
+        if action is None:
+            continue
+        if action.target in actions:
+            what = f"`{action.words}` is set twice at one instant"
+            elaborator.tell(WrongEvent(reset.span, what, "Leave one of the two out, or choose with `a if c else b`."))
+        actions[action.target] = action
+    span = event.condition.span
+    words = " ".join(span.source.text[span.start :].partition("{")[0].split())
+    return Event(scope.path.removesuffix("."), condition, words, tuple(actions.values()), span, period)
+
+
+def _period(elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope) -> Bound:
+    """Sampling period of an event: a time that is known before the run. Raises `Wrong`."""
+    target = Scalar(0.0, ONE if scope.plain else SECOND, "number", "period")
+    bound = read_value(elaborator, value, scope, target, "What stands after `every`", static=True)
+    number = elaborator.value_of(bound, value.span)
+    if number is not None and not number > 0:
+        raise Wrong(
+            WrongType(value.span, "A time", f"{number:g} s", "A period is longer than nothing: `every 1 ms { … }`.")
+        )
+    return bound
+
+
+def _action(elaborator: Elaborator, scope: Scope, reset: tree.Reset, elements: dict[str, Element]) -> Action:
+    words = reset.target.words
+    found = elaborator.lookup(reset.target, scope)
+    if not isinstance(found, Scalar):
+        raise Wrong(WrongType(reset.target.span, "One quantity", "a list", f"Set its items: `{words}[1] = …`."))
+    target = found.reference
+    match target:
+        case Quantity(name):
+            if found.role != "mode" and not elaborator.is_integral(name):
+                hint = "Events set what is stored, `mode`s and signals that are `integral(…)`; all else follows from those."
+                raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", hint))
+        case Reading(node, _, variable) if node in elaborator.mechanism_parts:
+            if variable not in "qf":
+                hint = "Of a part of a mechanism events set a coordinate, `x` or `phi`, or a rate, `x.v`."
+                raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", hint))
+        case Reading(node, port, variable):
+            _check_storage(reset, elements.get(node), port, variable)
+        case _:
+            hint = "Events set what is stored, `mode`s and signals that are `integral(…)`."
+            raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", hint))
+    assert not isinstance(target, float)
+    return Action(target, read_value(elaborator, reset.value, scope, found, f"`{words}`"), words, reset.span)
+
+
+def _check_storage(reset: tree.Reset, element: Element | None, port: str, variable: str) -> None:
+    """Raise `Wrong` unless the element's port stores something and the variable determines it."""
+    words = reset.target.words
+    if element is None or not element.stored:
+        hint = "It stores nothing: set the storages that are tied to it."
+        raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", hint))
+    number = next(i for i, p in enumerate(element.ports) if p.name == port)
+    allowed = STORED_BY[element.stored[number]]
+    if variable not in allowed:
+        domain = DOMAINS[element.ports[number].domain]
+        prefix = f"{element.name}.{port}" if port else element.name
+        names = " or ".join(f"`{prefix}.{domain.letter(v)}`" for v in allowed)
+        raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", f"Set {names}."))
+
+
+def read_value(
+    elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, target: Scalar, what: str, static: bool = False
+) -> Bound:
+    """New value of a target: for a mode that is a truth a condition (1 or 0), else a number of its unit. Raises `Wrong`."""
+    template = elaborator.template(value, scope)
+    typed = template.value
+    if not isinstance(typed, Typed):
+        raise Wrong(WrongType(value.span, "A single number", "a list"))
+    if target.truth != typed.truth:
+        kinds = ("A condition", "a number") if target.truth else ("A number", "a condition")
+        example = "true" if target.truth else "1 if c else 0"
+        raise Wrong(WrongType(value.span, kinds[0], kinds[1], f"{what} is {kinds[0].lower()}: `… = {example}`."))
+    wanted = target.dimension or ONE
+    if not scope.plain and typed.dimension not in (None, wanted):
+        text = f"{what} is {describe(wanted)}, but `{value.span.text}` is {describe(typed.dimension)}"
+        raise Wrong(DimensionMismatch(value.span, text, unit_hint(typed.dimension, wanted, value)))
+    for slot in template.slots if static else ():
+        if elaborator.scalar_at(slot, scope).role not in STATIC_ROLES:
+            raise Wrong(NotStatic(slot.path.span, what, slot.words))
+    if not typed.truth:
+        return elaborator.bind(template, template.formulas[0], scope)
+    return elaborator.bind(template, Formula(len(template.slots), select(typed.expression, TRUE, ZERO)), scope)

@@ -1,0 +1,317 @@
+"""Nodes and bonds of the graph, made from the elaborated declarations: elements with their laws, junctions, mechanisms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...algebra.expression import ZERO, Symbol
+from ...algebra.formula import Bound, bind
+from ...fast_dataclass import dataclass
+from ...graph.domains import Domain
+from ...graph.elements import ELEMENTS, Kind
+from ...graph.network import (
+    Bond,
+    BondEnd,
+    Element,
+    Integral,
+    Junction,
+    Law,
+    MechanismNode,
+    Node,
+    Port,
+    Quantity,
+    Reading,
+    Switch,
+)
+from ...syntax import tree
+from ..expressions.template import CompiledLaw
+from ..mechanisms.blocks import build_mechanism
+from ..mechanisms.part_attributes import static_bounds
+from ..names.errors import UnknownAttribute, WrongLaw, WrongMechanism, WrongValue
+from ..names.scope import ElementEntry, Scope
+from ..names.statement_errors import AlreadyTold, Wrong, suggestion
+from ..resolution.elaboration_cache import ElaborationCache
+from .connect import Connector
+from .elaborate import Elaborator
+from .laws import compile_law
+from .requirements import read_condition
+from .transducers import expand_transducers
+
+# A scope (which lives as long as this does), an element's kind, its ports with their domains, and a law's words.
+_Wording = tuple[int, str, tuple[tuple[str, str, bool], ...], str]
+
+
+class Nodes:
+    """Builder of the nodes and bonds of the flat graph."""
+
+    def __init__(self, elaborator: Elaborator, known: ElaborationCache) -> None:
+        self.elaborator = elaborator
+        self.nodes: list[Node] = []
+        self.bonds: list[Bond] = []
+        self.switches: list[Switch] = []
+        self.walls: dict[tuple[str, str], int] = {}
+        self.ends: dict[tuple[str, str], BondEnd] = {}
+        self._laws = known.laws
+        self._alike: dict[_Wording, CompiledLaw] = {}
+        self._interned = known.interned
+
+    def build(self) -> None:
+        elaborator = self.elaborator
+        for scope, declaration, entry in elaborator.elements:
+            before = len(self.nodes)
+            elaborator.guard(self._element, scope, declaration, entry)
+            if (
+                len(self.nodes) == before and declaration.kind != "splitter"
+            ):  # its law is wrong: its bonds can still be checked
+                for number, port in enumerate(entry.ports):
+                    self.ends[entry.name, port] = BondEnd(before, number)
+                self.nodes.append(_placeholder(entry))
+        connector = Connector(elaborator)
+        connector.connect()
+        for name, kind, domain, scope, span in connector.anonymous:
+            self.ends[name, ""] = BondEnd(len(self.nodes), 0)
+            self.nodes.append(Junction(name, Kind(kind), domain, f"{scope.definition.name}.{kind}(…)", span))
+        self._mechanisms(connector)
+        self.bonds = connector.bonds(self.ends)
+        self.walls = connector.passed
+        self._share_ports()
+        expand_transducers(self.nodes, self.bonds)
+
+    def _element(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> None:
+        if declaration.kind == "splitter":
+            return
+        index = len(self.nodes)
+        definition = f"{scope.definition.name}.{entry.name.removeprefix(scope.path).split('[')[0]}"
+        if declaration.kind in ("0", "1"):
+            if isinstance(declaration.definition, tree.LawSyntax):
+                raise Wrong(
+                    WrongLaw(
+                        declaration.definition.span,
+                        f"The junction `{entry.name}` has a law",
+                        "A junction has none: a 0-junction shares its effort, a 1-junction its flow.",
+                    )
+                )
+            domain = next(iter(entry.ports.values()))
+            self.ends[entry.name, ""] = BondEnd(index, 0)
+            self.nodes.append(Junction(entry.name, Kind(declaration.kind), domain.name, definition, entry.span))
+            for attribute in declaration.attributes:
+                self._active(scope, attribute, entry)
+            return
+        compiled, alike = self._law(scope, declaration, entry)
+        arguments = tuple(self.elaborator.scalar_at(slot, scope).reference for slot in compiled.slots)
+        if alike is not None and not compiled.checks:  # with points of tables, each error has its own place in the text
+            self._alike.setdefault(alike, compiled)
+        ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
+        for number, port in enumerate(ports):
+            self.ends[entry.name, port.name] = BondEnd(index, number)
+        attributes = self._attributes(scope, declaration, entry, compiled.stored or compiled.remembered)
+        row = ELEMENTS[declaration.kind]
+        if compiled.remembered:
+            arguments += self._remember(entry, compiled.remembered, attributes.starts.pop(0, None))
+        self.nodes.append(
+            Element(
+                entry.name, row.node, row.letters != declaration.kind or bool(compiled.remembered), ports, compiled.law, arguments, compiled.stored,
+                attributes.starts, attributes.nominals, attributes.prefer, attributes.require, definition, entry.span,
+            )
+        )  # fmt: skip
+
+    def _remember(
+        self, entry: ElementEntry, variables: tuple[str, ...], start: tuple[str, Bound] | None
+    ) -> tuple[Quantity, ...]:
+        """Add the integrals that a law reads: the displacement is that of its flow, the momentum that of its effort."""
+        found = []
+        (domain,) = entry.ports.values()
+        for variable in variables:
+            name = f"{entry.name}.{domain.letter(variable)}"
+            rate = bind(Symbol(Reading(entry.name, "", {"q": "f", "p": "e"}[variable])))
+            first = start[1] if start is not None and start[0] == variable else bind(ZERO)
+            self.elaborator.remember(Integral(name, rate, first, entry.span), str(domain.dimension(variable)))
+            found.append(Quantity(name))
+        return tuple(found)
+
+    def _active(self, scope: Scope, attribute: tree.Attribute, entry: ElementEntry) -> None:
+        """Read the condition under which a junction is active."""
+        known = any(s.junction == entry.name for s in self.switches)
+        if attribute.name != "active" or attribute.target is not None or known:
+            raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, "A junction has `active`, once."))
+        hint = "A junction is on where a condition holds: `active = not open`, `active = x > 0 m`."
+        _, condition = read_condition(self.elaborator, attribute.value, scope, hint)
+        self.switches.append(Switch(entry.name, condition, attribute.span))
+
+    def _law(
+        self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry
+    ) -> tuple[CompiledLaw, _Wording | None]:
+        """Return the law of an element, and its text if it is the first element with that text.
+
+        A law is compiled once for all instances, and once for all elements of a scope with the same text.
+        """
+        elaborator = self.elaborator
+        known = self._laws.setdefault(id(declaration), [])
+        found = next((law for law in known if elaborator.same_lists(law.lists, scope)), None)
+        alike: _Wording | None = None
+        if found is None and declaration.definition is not None:
+            domains = tuple((port, domain.name, domain.typed) for port, domain in entry.ports.items())
+            alike = id(scope), declaration.kind, domains, declaration.definition.span.text
+            found = self._alike.get(alike)
+        if found is None:
+            try:
+                compiled = compile_law(
+                    declaration, entry.name, entry.ports, scope, elaborator.resolve, elaborator.scalar_at
+                )
+            except Wrong:
+                if elaborator.table_of(scope.definition).diagnostics:
+                    raise AlreadyTold from None  # with a wrong domain its letters mean nothing
+                raise
+            found = replace(compiled, law=self._interned.setdefault(compiled.law, compiled.law))
+            known.append(found)
+        elaborator.check(found.checks, found.slots, scope)
+        return found, alike
+
+    def _attributes(
+        self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry, stored: tuple[str, ...]
+    ) -> _Attributes:
+        result = _Attributes({}, {}, None, None)
+        ports = list(entry.ports)
+        for attribute in declaration.attributes:
+            self.elaborator.guard(self._attribute, scope, attribute, entry, ports, stored, result)
+        return result
+
+    def _attribute(
+        self,
+        scope: Scope,
+        attribute: tree.Attribute,
+        entry: ElementEntry,
+        ports: list[str],
+        stored: tuple[str, ...],
+        result: _Attributes,
+    ) -> None:
+        """One attribute of an element."""
+        row = ELEMENTS[entry.kind]
+        numbers = ["start", "nominal"] if row.stored else ["start"] if row.remembered else []
+        if attribute.name in numbers:
+            self._stored_value(scope, attribute, entry, ports, stored, result)
+            return
+        if attribute.name not in ("prefer", "require"):
+            known = [*numbers, "prefer", "require"]
+            hint = suggestion(attribute.name, known, f"`{entry.kind}` has: {', '.join(known)}.")
+            raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
+        word = attribute.value.words if isinstance(attribute.value, tree.PathSyntax) else attribute.value.span.words
+        allowed = ["integral", "derivative", "effort", "flow"] if row.stored else ["effort", "flow"]
+        if word not in allowed:
+            hint = suggestion(word, allowed, f"It can be: {', '.join(allowed)}.")
+            raise Wrong(WrongValue(attribute.value.span, attribute.name, entry.name, word, hint))
+        if attribute.name == "prefer":
+            result.prefer = word
+        else:
+            result.require = word
+
+    def _stored_value(
+        self,
+        scope: Scope,
+        attribute: tree.Attribute,
+        entry: ElementEntry,
+        ports: list[str],
+        all_stored: tuple[str, ...],
+        result: _Attributes,
+    ) -> None:
+        words = attribute.target.words if attribute.target is not None else ""
+        port, letter = ("", words) if ports == [""] else (words.partition(".")[0], words.partition(".")[2])
+        domain: Domain | None = entry.ports.get(port)
+        stored = all_stored[ports.index(port) if port in ports else 0]
+        variable = None if domain is None else (domain.variable(letter) if letter else stored)
+        allowed = stored + {"q": "e", "p": "f"}[stored] if ELEMENTS[entry.kind].stored else "".join(all_stored)
+        if (
+            domain is None
+            or variable is None
+            or variable not in allowed
+            or (attribute.name == "nominal" and variable != stored)
+        ):
+            names = [f"{p}.{d.letter(v)}" if p else d.letter(v) for p, d in entry.ports.items() for v in allowed]
+            raise Wrong(
+                UnknownAttribute(
+                    attribute.span,
+                    entry.name,
+                    f"{attribute.name} {words}".strip(),
+                    f"Write `{attribute.name} {names[0]} = …`; it can name: {', '.join(names)}.",
+                )
+            )
+        (bound,) = static_bounds(
+            self.elaborator, attribute.value, scope, domain.dimension(variable), f"`{attribute.name} {words}`", 1
+        )
+        target = result.starts if attribute.name == "start" else result.nominals
+        number = ports.index(port)
+        if number in target:
+            raise Wrong(UnknownAttribute(attribute.span, entry.name, f"{attribute.name} {words}", "It is given twice."))
+        target[number] = (variable, bound)
+
+    def _mechanisms(self, connector: Connector) -> None:
+        elaborator = self.elaborator
+        for scope, statement, entry in elaborator.mechanisms:
+            mechanism = build_mechanism(elaborator, scope, statement, entry)
+            used = dict.fromkeys(
+                t.port for s in connector.segments for t in (s.tail, s.head) if t.node == entry.name and not t.side
+            )
+            ports = tuple(Port(p, elaborator.port_domain(entry.name, p).name) for p in used)
+            for number, port in enumerate(ports):
+                self.ends[entry.name, port.name] = BondEnd(len(self.nodes), number)
+            if not mechanism.bodies and not elaborator.diagnostics:
+                elaborator.tell(
+                    WrongMechanism(
+                        statement.span,
+                        f"The mechanism `{entry.name}` has no body",
+                        "Declare what moves: `body name { mass = … }`.",
+                    )
+                )
+            self.nodes.append(
+                MechanismNode(
+                    entry.name,
+                    Kind.MECHANISM,
+                    ports,
+                    mechanism,
+                    f"{scope.definition.name}.{statement.name}",
+                    entry.span,
+                )
+            )
+
+    def _share_ports(self) -> None:
+        """Insert a 1-junction at each port of a mechanism with several bonds, which share its flow."""
+        by_port: dict[BondEnd, list[int]] = {}
+        for number, bond in enumerate(self.bonds):
+            for end in (bond.tail, bond.head):
+                if isinstance(self.nodes[end.node], MechanismNode):
+                    by_port.setdefault(end, []).append(number)
+        for end, numbers in by_port.items():
+            if len(numbers) < 2:
+                continue
+            node = self.nodes[end.node]
+            assert isinstance(node, MechanismNode)
+            port = node.ports[end.port]
+            junction = BondEnd(len(self.nodes), 0)
+            self.nodes.append(Junction(f"{node.name}.{port.name}", Kind.ONE, port.domain, node.definition, node.span))
+            for number in numbers:
+                bond = self.bonds[number]
+                moved = (
+                    Bond(junction, bond.head, bond.domain, bond.span)
+                    if bond.tail == end
+                    else Bond(bond.tail, junction, bond.domain, bond.span)
+                )
+                self.bonds[number] = moved
+            first = self.bonds[numbers[0]]
+            self.bonds.append(Bond(junction, end, port.domain, first.span))
+
+
+@dataclass(slots=True)
+class _Attributes:
+    starts: dict[int, tuple[str, Bound]]
+    nominals: dict[int, tuple[str, Bound]]
+    prefer: str | None
+    require: str | None
+
+
+def _placeholder(entry: ElementEntry) -> Node:
+    """Node in place of one with an error, so that its bonds can be checked. The graph is never used."""
+    if entry.kind in ("0", "1"):
+        return Junction(entry.name, Kind(entry.kind), next(iter(entry.ports.values())).name, "", entry.span)
+    ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
+    kind = ELEMENTS[entry.kind].node
+    return Element(entry.name, kind, False, ports, Law((), None, 0), (), (), {}, {}, None, None, "", entry.span)

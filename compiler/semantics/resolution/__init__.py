@@ -1,0 +1,1 @@
+"""Resolution of names and quantities in each instance."""

@@ -1,0 +1,199 @@
+"""Declarations of names in scopes: single names, indexed names, quantities, slots and the rounds of loops."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from ...errors import CompilationFailed
+from ...graph.domains import DOMAINS, Domain
+from ...graph.network import Requirement
+from ...graph.units import ONE
+from ...scene import Override
+from ...source import Span
+from ...syntax import tree
+from ..names.domain_table import domain_table, is_slot, wall_components, wall_items
+from ..names.errors import DuplicateName, ReservedName, TooMany, UnknownDomain, UnknownKind, WrongConnection
+from ..names.port_domains import DomainTable
+from ..names.scope import (
+    RESERVED,
+    Array,
+    Broken,
+    DeclaredPart,
+    Entry,
+    ModelDefinition,
+    Pending,
+    Scalar,
+    Scope,
+    SlotEntry,
+)
+from ..names.statement_errors import AlreadyTold, Wrong, suggestion
+from .elaboration_cache import ElaborationCache
+from .quantities import QuantityResolver
+from .resolver import indexed
+
+MAXIMUM_INSTANCES = 100_000  # instances, elements, junctions, quantities and rounds of loops together
+MAXIMUM_ROUNDS = 100_000  # rounds of one loop
+
+
+class Declarations(QuantityResolver):
+    """Names of one model's instances, entered one by one and counted."""
+
+    def __init__(self, overrides: Iterable[Override], part: bool, known: ElaborationCache) -> None:
+        super().__init__(overrides, part, known)
+        self.mechanism_parts: dict[
+            str, list[DeclaredPart]
+        ] = {}  # mechanism -> its parts, whose attributes are read later
+        self.limits: list[Requirement] = []  # those of joints
+        self.count = 0
+        self._tables = known.tables
+
+    def table_of(self, definition: ModelDefinition) -> DomainTable:
+        """Domain table of a definition, computed once."""
+        key = id(definition)
+        if key not in self._tables:
+            self._tables[key] = DomainTable()  # seen by a model that contains itself; the cycle is reported elsewhere
+            self._tables[key] = domain_table(definition, self.table_of)
+            self.diagnostics += self._tables[key].diagnostics
+        return self._tables[key]
+
+    def counted(self, span: Span, more: int = 1) -> None:
+        """Count one more instance, element, junction, quantity or round, up to the limit."""
+        self.count += more
+        if self.count > MAXIMUM_INSTANCES:
+            limit = TooMany(span, "Instances, elements, junctions, quantities and rounds", MAXIMUM_INSTANCES)
+            raise CompilationFailed([*self.diagnostics, limit])
+
+    def domain_of(self, scope: Scope, key: tuple[str, ...]) -> Domain | None:
+        if scope.plain:
+            return DOMAINS["untyped"]
+        return self.table_of(scope.definition).of(*key)
+
+    def unknown_domain(self, scope: Scope, span: Span, name: str) -> Exception:
+        """Error for a port of unknown domain. If the domains of its model have errors, these are already reported: `AlreadyTold`."""
+        if self.table_of(scope.definition).diagnostics:
+            return AlreadyTold()
+        return Wrong(UnknownDomain(span, name))
+
+    def enter(self, scope: Scope, name: str, entry: Entry, span: Span) -> None:
+        """Enter a name in a scope. If it is declared twice, the later declaration in the text is the error."""
+        if name in RESERVED:
+            raise Wrong(ReservedName(span, name))
+        before = scope.entries.get(name)
+        if before is None:
+            scope.entries[name] = entry
+            return
+        first = before.item.span if isinstance(before, Pending) else getattr(before, "span", span)
+        if isinstance(before, Broken):
+            raise AlreadyTold
+        if first.source is span.source and first.start > span.start:  # quantities are entered before elements
+            scope.entries[name] = entry
+            self.tell(DuplicateName(first, name, span))
+            return
+        raise Wrong(DuplicateName(span, name, first))
+
+    def enter_indexed(self, scope: Scope, name: str, index: tuple[int, ...] | None, entry: Entry, span: Span) -> None:
+        if index is None:
+            self.enter(scope, name, entry, span)
+            return
+        home = scope.base()
+        array = home.entries.get(name)
+        if isinstance(array, Broken):
+            raise AlreadyTold
+        if array is None:
+            array = Array(name, span)
+            self.enter(home, name, array, span)
+        if not isinstance(array, Array) or index in array.items:
+            first = array.item.span if isinstance(array, Pending) else getattr(array, "span", span)
+            raise Wrong(DuplicateName(span, indexed(name, index), first))
+        array.items[index] = entry
+
+    def declare_quantities(
+        self, scope: Scope, statement: tree.Quantities, bindings: Mapping[str, tuple[tree.Attribute, Scope]]
+    ) -> None:
+        for item in statement.items:
+            before = len(self.diagnostics)
+            self.guard(self._declare_quantity, scope, statement.role, item, bindings)
+            if len(self.diagnostics) > before:
+                scope.entries.setdefault(item.name, Broken(item.span))
+
+    def _declare_quantity(
+        self, scope: Scope, role: str, item: tree.Item, bindings: Mapping[str, tuple[tree.Attribute, Scope]]
+    ) -> None:
+        if role == "parameter" and is_slot(item):
+            self._declare_slot(scope, item, bindings)
+            return
+        self.counted(item.span)
+        index = self.index_of(item.index, scope)
+        value, where, is_default = item.value, scope, True
+        if item.name in bindings and role in ("parameter", "input") and index is None:
+            value, where, is_default = bindings[item.name][0].value, bindings[item.name][1], False
+        local = indexed(item.name, index) if index is not None else item.name + scope.suffix
+        pending = Pending(item, role, scope.full(local), value, where, scope, is_default)
+        self.enter_indexed(scope, item.name, index, pending, item.span)
+        self.pending.append(pending)
+
+    def _declare_slot(
+        self, scope: Scope, item: tree.Item, bindings: Mapping[str, tuple[tree.Attribute, Scope]]
+    ) -> None:
+        """Declare a slot, `parameter Joint: model = Flexure`: a kind that an instance or a setting may replace by another model."""
+        default = self._model_of(item.value, scope, item.span)
+        found, span = default, item.span
+        override = self.overrides.get(scope.full(item.name))
+        if override is not None:
+            self.used_overrides.add(override.path)
+            value = None if isinstance(override.value, float) else override.value
+            found, span = self._model_of(value, scope, override.span), override.span
+        elif item.name in bindings:
+            attribute, where = bindings[item.name]
+            found, span = self._model_of(attribute.value, where, attribute.span), attribute.span
+        wanted, given = self._walls(default), self._walls(found)
+        if wanted != given:
+            what = f"`{found.name}` cannot stand for `{default.name}`: its ports are {_listed(given)}, not {_listed(wanted)}"
+            raise Wrong(WrongConnection(span, what, "A model in a slot has ports of the same names and domains."))
+        self.enter(scope, item.name, SlotEntry(found, item.span), item.span)
+
+    def _model_of(self, value: tree.ExpressionSyntax | None, scope: Scope, span: Span) -> ModelDefinition:
+        """Return the model that the value of a slot names."""
+        name = value.words if isinstance(value, tree.PathSyntax) else ""
+        entry = scope.find(name)
+        if isinstance(entry, SlotEntry):
+            return entry.definition
+        definition = scope.definition.file.models.get(name)
+        if definition is None:
+            hint = suggestion(
+                name, list(scope.definition.file.models), "A slot names a model: `parameter Joint: model = Flexure`."
+            )
+            raise Wrong(UnknownKind(span if value is None else value.span, name or "this", hint))
+        return definition
+
+    def _walls(self, definition: ModelDefinition) -> dict[str, str]:
+        """Ports of a model, by name, with the names of their domains."""
+        table = self.table_of(definition)
+        walls = {}
+        for item in wall_items(definition.model):
+            name = item.name if item.index is None else f"{item.name}[…]"
+            for component in wall_components(item):
+                domain = table.of(item.name, component)
+                walls[f"{name}.{component}".rstrip(".")] = domain.name if domain else "unknown"
+        return walls
+
+    def rounds(self, loop: tree.LoopSyntax, scope: Scope) -> range:
+        """The numbers that a loop runs over."""
+        if loop.name in RESERVED:
+            raise Wrong(ReservedName(loop.span, loop.name))
+        first, last = self.integer(loop.range.first, scope), self.integer(loop.range.last, scope)
+        if last - first >= MAXIMUM_ROUNDS:
+            raise Wrong(TooMany(loop.range.span, "Rounds of a `for`", MAXIMUM_ROUNDS))
+        self.counted(loop.range.span, max(0, last - first + 1))
+        return range(first, last + 1)
+
+    @staticmethod
+    def round_scope(scope: Scope, name: str, number: int) -> Scope:
+        """The scope of one round."""
+        inner = Scope(scope.definition, scope.path, f"{scope.suffix}[{number}]", scope)
+        inner.entries[name] = Scalar(float(number), ONE, "index", name)
+        return inner
+
+
+def _listed(walls: Mapping[str, str]) -> str:
+    return ", ".join(f"{name}: {domain}" for name, domain in walls.items()) or "none"

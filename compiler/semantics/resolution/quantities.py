@@ -1,0 +1,410 @@
+"""Quantities: parameters, constants, inputs, signals, outputs, and signals with memory. Each is resolved at its first use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+from ...algebra.expression import ZERO, Number, select, substitute, symbols
+from ...algebra.formula import Bound, Formula
+from ...graph.network import Delay, Integral, Named, Quantity
+from ...graph.units import ONE, SECOND, Dimension, Scale
+from ...scene import Override
+from ...source import Span
+from ...syntax import tree
+from ..expressions.expression_compiler import ExpressionCompiler
+from ..expressions.scales import scale_of
+from ..expressions.template import Template, Typed, Value
+from ..names.domain_table import paths_of
+from ..names.errors import Cycle, DimensionMismatch, MissingValue, NotStatic, TooMany, WrongType
+from ..names.scope import STATIC_ROLES, Array, InstanceEntry, Items, Pending, Scalar, Scope
+from ..names.statement_errors import AlreadyTold, Wrong, describe, unit_hint
+from .elaboration_cache import ElaborationCache
+from .resolver import Resolver
+
+UNCHANGING_ROLES = ("parameter", "constant", "mode")  # their values are known before the run; of a mode the first one
+MAXIMUM_ROW = 40  # quantities that wait for one another at once
+
+
+class QuantityResolver(Resolver):
+    """Resolver of quantities, each once. A cycle is found at the reference that closes it."""
+
+    def __init__(self, overrides: Iterable[Override], part: bool, known: ElaborationCache) -> None:
+        super().__init__(overrides, part, known)
+        self._memories: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
+        self._remembered: dict[str, Integral] = {}
+        self._delays: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
+        self._nested: dict[tuple[int, int], Scalar] = {}
+        self._keep_scopes: list[Scope] = []  # their identity is a key above
+        self._inferring = False
+        self._waiting = 0  # quantities that are being resolved, one because of the other
+        self._entered: set[int] = set()  # those whose turn comes
+
+    # ------------------------------------------------------------ quantities
+    def quantity(self, pending: Pending) -> Scalar | Items:
+        """Resolve a quantity: its dimension, its definition, and its value if it is constant during a run."""
+        if pending.state == "done":
+            assert pending.result is not None
+            return pending.result
+        if pending.state == "broken":
+            raise AlreadyTold
+        if pending.state == "busy" and self._inferring:
+            return Scalar(Quantity(pending.name), None, pending.role, pending.name)
+        if pending.state == "busy":
+            pending.state = "broken"
+            what = (
+                "A signal depends on itself without a storage between"
+                if pending.role in ("signal", "output", "input")
+                else "These depend on each other"
+            )
+            busy = [p.name for p in self.pending if p.state == "busy"]
+            self.tell(
+                Cycle(
+                    pending.item.span,
+                    what,
+                    " -> ".join([pending.name, *[name for name in busy if name != pending.name], pending.name]),
+                )
+            )
+            raise AlreadyTold
+        if not self._inferring:
+            self._resolve_what_it_reads(pending)
+        if pending.state != "waiting":
+            return self.quantity(pending)
+        if self._waiting >= MAXIMUM_ROW:
+            raise Wrong(self._too_long(pending))
+        pending.state = "busy"
+        self._waiting += 1
+        try:
+            pending.result = self._resolve_quantity(pending)
+        except (Wrong, AlreadyTold) as problem:
+            pending.state = "broken"
+            if isinstance(problem, Wrong):
+                self.tell(problem.diagnostic)
+            raise AlreadyTold from None
+        finally:
+            self._waiting -= 1
+        pending.state = "done"
+        return pending.result
+
+    def _too_long(self, pending: Pending) -> TooMany:
+        if self._inferring:  # an integral's rate is read later; only its unit is inferred now
+            hint = f"Say the unit of one of them: `{pending.role} {pending.item.name} : m = …`."
+            return TooMany(
+                pending.item.span, "Integrals in a row that take their units from one another", MAXIMUM_ROW, hint
+            )
+        return TooMany(pending.item.span, "Quantities that read each other in a ring", MAXIMUM_ROW)
+
+    def _resolve_what_it_reads(self, pending: Pending) -> None:
+        """Resolve the quantities that a quantity depends on, in an order in which each only needs resolved ones.
+
+        Without this, long chains of quantities would recurse too deeply. Quantities missed here are resolved at their first use.
+        """
+        rows = [(pending, self._reads(pending))]
+        entered = {id(pending)} - self._entered
+        self._entered |= entered
+        while rows:
+            current, reads = rows[-1]
+            following = next((p for p in reads if p.state == "waiting" and id(p) not in self._entered), None)
+            if following is not None:
+                entered.add(id(following))
+                self._entered.add(id(following))
+                rows.append((following, self._reads(following)))
+                continue
+            rows.pop()
+            if rows and current.state == "waiting":
+                self.guard(self.quantity, current)
+        self._entered -= entered
+
+    def _reads(self, pending: Pending) -> Iterator[Pending]:
+        """Quantities that its value names. Those in an integral are left out: they are read when all names are known."""
+        value = pending.value
+        if value is None or (isinstance(value, tree.Call) and value.function == "integral"):
+            return
+        for path in paths_of(value):
+            entry = pending.scope.find(path.head)
+            for step in path.steps:
+                if isinstance(entry, InstanceEntry) and isinstance(step, tree.Member):
+                    entry = entry.scope.entries.get(step.name)
+                elif isinstance(entry, Array) and isinstance(step, tree.Index):
+                    try:
+                        entry = entry.items.get(self.index_of(step, pending.scope) or ())
+                    except (Wrong, AlreadyTold):
+                        entry = None  # reported when it is read
+            if isinstance(entry, Pending):
+                yield entry
+
+    def _resolve_quantity(self, pending: Pending) -> Scalar | Items:
+        item = pending.item
+        override = self.overrides.get(pending.name)
+        if override is not None and pending.role in ("parameter", "input"):
+            self.used_overrides.add(pending.name)
+        else:
+            override = None
+        unit = scale_of(item.unit) if item.unit is not None else None
+        if unit is not None and pending.owner.plain:
+            raise Wrong(WrongType(item.span, "A bare number", "a unit", "A `plain model` has no units."))
+        declared = None if unit is None else unit.dimension
+        if (
+            declared is None and (not pending.is_default or override is not None) and item.value is not None
+        ):  # the default gives the dimension
+            found = self._dimension(self.template(item.value, pending.owner, unit).value)
+            declared = found or (None if pending.owner.plain else ONE)  # a bare zero is a bare number
+        if override is None:
+            return self._valued(pending, pending.value, pending.scope, declared, unit if pending.is_default else None)
+        if override.value is None:
+            return self._enter_later(pending, "", declared, item.span)
+        if isinstance(override.value, float):
+            return self._enter_quantity(pending, "", Bound(_constant(override.value), ()), declared, item.span)
+        return self._valued(pending, override.value, self.root, declared, None)
+
+    def _valued(
+        self,
+        pending: Pending,
+        value: tree.ExpressionSyntax | None,
+        scope: Scope,
+        declared: Dimension | None,
+        unit: Scale | None,
+    ) -> Scalar | Items:
+        """Quantity from its value, which is read in `scope`. Bare numbers in it are in `unit`."""
+        if value is None:
+            return self._without_value(pending, declared)
+        if isinstance(value, tree.Call) and value.function == "integral" and len(value.arguments) == 2:
+            if pending.role in UNCHANGING_ROLES:
+                raise Wrong(NotStatic(value.span, f"The {pending.role} `{pending.name}`", f"{value.function}(…)"))
+            return self._integral(value, scope, pending.name, pending.role, declared, pending.item.description or "")
+        template = self.template(value, scope, unit)
+        if pending.role in UNCHANGING_ROLES:
+            self._require_static(template, scope, pending)
+        self._check_value(pending, template.value, value, declared)
+        dimension = declared if declared is not None else self._dimension(template.value) or ONE
+        bounds = [self.bind(template, f, scope) for f in template.formulas]
+        if isinstance(template.value, tuple):
+            items = tuple(
+                self._enter_quantity(pending, f"[{i}]", bound, part.dimension or dimension, value.span)
+                for i, (bound, part) in enumerate(zip(bounds, template.value, strict=True), 1)
+            )
+            return Items(pending.name, items)
+        bound = bounds[0]
+        if template.value.truth:
+            truth = select(bound.formula.expression, Number(1.0), ZERO)
+            bound = Bound(Formula(bound.formula.arity, truth), bound.arguments)
+        entered = self._enter_quantity(pending, "", bound, dimension, value.span)
+        return replace(entered, truth=True) if template.value.truth else entered
+
+    def _without_value(self, pending: Pending, declared: Dimension | None) -> Scalar:
+        """Quantity that has no value, which is allowed only in a part."""
+        item = pending.item
+        if not self.part:
+            roles = {"parameter": "Parameter", "input": "Input", "constant": "Constant", "mode": "Mode"}
+            role = roles.get(pending.role, "Signal")
+            self.tell(MissingValue(item.span, role, pending.name, item.name, pending.owner.base().stands))
+            raise AlreadyTold
+        self.quantities[pending.name] = Named(
+            pending.name, pending.role, str(declared or ONE), None, None, item.span, item.description or ""
+        )
+        return Scalar(Quantity(pending.name), declared or ONE, pending.role, pending.name)
+
+    def _check_value(
+        self,
+        pending: Pending,
+        typed: Typed | tuple[Typed, ...],
+        value: tree.ExpressionSyntax,
+        declared: Dimension | None,
+    ) -> None:
+        """Raise `Wrong` for a value of another dimension, or for a list in place of a single number."""
+        item = pending.item
+        for part in typed if isinstance(typed, tuple) else (typed,):
+            if declared is not None and part.dimension is not None and part.dimension != declared:
+                what = f"`{item.name}` is {describe(declared)}, but `{value.span.text}` is {describe(part.dimension)}"
+                raise Wrong(DimensionMismatch(value.span, what, unit_hint(part.dimension, declared, value)))
+        if not isinstance(typed, tuple):
+            return
+        if value is not item.value and item.value is not None:
+            default = self.template(item.value, pending.owner, scale_of(item.unit) if item.unit is not None else None)
+            if not isinstance(default.value, tuple):
+                hint = "Its default is a single number; give it one, or an item of the list."
+                raise Wrong(WrongType(value.span, f"A single number for `{item.name}`", "a list", hint))
+        if pending.role in ("input", "mode"):
+            hints = {"input": "An input is one signal.", "mode": "Declare a mode for each: `mode on[i] = false`."}
+            raise Wrong(WrongType(value.span, "A single number", "a list", hints[pending.role]))
+
+    # ------------------------------------------------------------ signals with memory
+    def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
+        """Integral or delay inside a larger expression: a signal that the author gave no name."""
+        key = (id(call), id(scope))
+        if key not in self._nested:
+            self._keep_scopes.append(scope)
+            name = scope.full(f"{call.function} at line {call.span.line}{scope.suffix}")
+            names = {f"{name} ({i})" if i else name for i in range(len(self._nested) + 1)} - self.quantities.keys()
+            if call.function == "delay":
+                self._nested[key] = self._delay(call, scope, min(names))
+            else:
+                self._nested[key] = self._integral(call, scope, min(names), "signal", None, "")
+        return self._nested[key]
+
+    def _integral(
+        self, call: tree.Call, scope: Scope, name: str, role: str, declared: Dimension | None, description: str
+    ) -> Scalar:
+        """Enter an integral. It is known at once, so that it can depend on itself; its rate is read when all names are known."""
+        rate, start = call.arguments
+        template = self.template(start, scope)
+        dimension = declared or self._dimension(template.value)
+        if dimension is None and not scope.plain:
+            dimension = self._inferred(rate, scope)
+        named = Named(name, role, str(dimension or ONE), None, None, call.span, description)
+        self.quantities[name] = named
+        self._memories.append((name, call, scope, dimension))
+        return Scalar(Quantity(name), dimension if not scope.plain else None, role, name)
+
+    def _delay(self, call: tree.Call, scope: Scope, name: str) -> Scalar:
+        """Enter a delay. It is known at once, so that its argument can depend on it; the argument is read when all names are known."""
+        dimension = None if scope.plain else self._looked_at(call.arguments[0], scope)
+        self.quantities[name] = Named(name, "signal", str(dimension or ONE), None, None, call.span, "")
+        self._delays.append((name, call, scope, dimension))
+        return Scalar(Quantity(name), dimension, "signal", name)
+
+    def _inferred(self, rate: tree.ExpressionSyntax, scope: Scope) -> Dimension | None:
+        """Dimension of an integral from its rate. In the rate, the integral itself fits any dimension."""
+        found = self._looked_at(rate, scope)
+        return None if found is None else found * SECOND
+
+    def _looked_at(self, expression: tree.ExpressionSyntax, scope: Scope) -> Dimension | None:
+        """Dimension of an expression. Quantities that are being resolved fit any dimension."""
+        before, self._inferring = self._inferring, True
+        try:
+            return self._dimension(ExpressionCompiler(scope, self.resolve).compile(expression).value)
+        finally:
+            self._inferring = before
+
+    def remember(self, integral: Integral, unit: str) -> None:
+        """Enter an integral of an element's own effort or flow."""
+        self._remembered[integral.name] = integral
+        self.quantities[integral.name] = Named(integral.name, "signal", unit, None, None, integral.span)
+
+    def is_integral(self, name: str) -> bool:
+        """Return True for an integral."""
+        return name in self._remembered or any(name == known for known, *_ in self._memories)
+
+    def integrals(self) -> dict[str, Integral]:
+        """Signals with memory, with their rates read now."""
+        result = dict(self._remembered)
+        position = 0
+        while position < len(self._memories):  # a rate may contain another integral
+            name, call, scope, dimension = self._memories[position]
+            position += 1
+            found = self.guard(self._read_integral, name, call, scope, dimension)
+            if found is not None:
+                result[name] = found
+        return result
+
+    def delays(self) -> dict[str, Delay]:
+        """Delayed signals, with their arguments and delay times."""
+        result: dict[str, Delay] = {}
+        position = 0
+        while position < len(self._delays):  # an argument of a delay may contain another delay
+            name, call, scope, dimension = self._delays[position]
+            position += 1
+            found = self.guard(self._read_delay, name, call, scope, dimension)
+            if found is not None:
+                result[name] = found
+        return result
+
+    def _read_delay(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Delay:
+        value, lag = (self.template(part, scope) for part in call.arguments)
+        typed = value.value
+        if not isinstance(typed, Typed) or typed.truth:
+            raise Wrong(WrongType(call.arguments[0].span, "A single number", "something else"))
+        if not scope.plain and typed.dimension not in (None, dimension or ONE):
+            what = f"What is delayed is {describe(typed.dimension)}, but where it is read it is {describe(dimension or ONE)}"
+            raise Wrong(DimensionMismatch(call.arguments[0].span, what, unit_hint(typed.dimension, dimension or ONE)))
+        late = self.static(call.arguments[1], scope, "A delay", ONE if scope.plain else SECOND)
+        if not late > 0:
+            raise Wrong(WrongType(call.arguments[1].span, "A time", f"{late:g} s", "A delay is longer than nothing."))
+        return Delay(
+            name, self.bind(value, value.formulas[0], scope), self.bind(lag, lag.formulas[0], scope), call.span
+        )
+
+    def _read_integral(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Integral:
+        bounds = []
+        per_second = None if dimension is None else dimension / SECOND
+        for part, wanted in zip(call.arguments, (per_second, dimension), strict=True):
+            template = self.template(part, scope)
+            value = template.value
+            if not isinstance(value, Typed):
+                raise Wrong(WrongType(part.span, "A single number", "a list"))
+            if not scope.plain and value.dimension is not None and wanted is not None and value.dimension != wanted:
+                what = f"`{part.span.text}` is {describe(value.dimension)}, but an integral in [{dimension}] needs {describe(wanted)}"
+                raise Wrong(DimensionMismatch(part.span, what, unit_hint(value.dimension, wanted)))
+            bounds.append(self.bind(template, template.formulas[0], scope))
+        for slot in self.template(call.arguments[1], scope).slots:
+            if self.scalar_at(slot, scope).role not in STATIC_ROLES:
+                raise Wrong(NotStatic(slot.path.span, "The start of an integral", slot.words))
+        self.value_of(bounds[1], call.arguments[1].span, decides=False)
+        return Integral(name, bounds[0], bounds[1], call.span)
+
+    @staticmethod
+    def _dimension(value: Value) -> Dimension | None:
+        parts = value if isinstance(value, tuple) else (value,)
+        return next((p.dimension for p in parts if p.dimension is not None), None)
+
+    def _require_static(self, template: Template, scope: Scope, pending: Pending) -> None:
+        for slot in template.slots:
+            scalar = self.scalar_at(slot, scope)
+            if scalar.role not in STATIC_ROLES:
+                raise Wrong(NotStatic(slot.path.span, f"The {pending.role} `{pending.name}`", slot.words))
+
+    def _enter_quantity(
+        self, pending: Pending, suffix: str, bound: Bound, dimension: Dimension | None, span: Span
+    ) -> Scalar:
+        name = pending.name + suffix
+        role = pending.role
+        if suffix and name in self.overrides and role == "parameter":
+            self.used_overrides.add(name)
+            override = self.overrides[name].value
+            if override is None:
+                return self._enter_later(pending, suffix, dimension, span)
+            if isinstance(override, float):
+                bound = Bound(_constant(override), ())
+            else:
+                template = self.template(override, self.root)
+                self._require_static(template, self.root, pending)
+                found = self._dimension(template.value)
+                if isinstance(template.value, tuple):
+                    raise Wrong(WrongType(override.span, f"A single number for `{name}`", "a list"))
+                if found is not None and found != dimension:
+                    raise Wrong(
+                        DimensionMismatch(
+                            override.span,
+                            f"`{name}` is {describe(dimension)}, but `{override.span.text}` is {describe(found)}",
+                            unit_hint(found, dimension, override),
+                        )
+                    )
+                bound = self.bind(template, template.formulas[0], self.root)
+        value = self.value_of(bound, span, decides=False) if role in ("parameter", "constant") else None
+        if role == "constant" and value is not None and _reads_nothing(bound):
+            return Scalar(value, dimension, role, name)  # a number with a name: nothing is left to be computed
+        self.quantities[name] = Named(
+            name, role, str(dimension or ONE), bound, value, pending.item.span, pending.item.description or ""
+        )
+        return Scalar(Quantity(name), dimension, role, name)
+
+    def _enter_later(self, pending: Pending, suffix: str, dimension: Dimension | None, span: Span) -> Scalar:
+        """Enter a number that only a run knows, a parameter or an input, as an argument of the program."""
+        name = pending.name + suffix
+        if name in self.overrides:
+            self.used_overrides.add(name)
+        description = pending.item.description or ""
+        self.quantities[name] = Named(name, "parameter", str(dimension or ONE), None, None, span, description)
+        return Scalar(Quantity(name), dimension, pending.role, name)
+
+
+def _constant(value: float) -> Formula:
+    return Formula(0, Number(value))
+
+
+def _reads_nothing(bound: Bound) -> bool:
+    """Return True if only numbers are left after folding: `a*sin(0)` does not read `a`."""
+    if all(isinstance(a, float) for a in bound.arguments):
+        return True
+    arguments = [Number(a) if isinstance(a, float) else None for a in bound.arguments]
+    return not any(symbols(substitute(bound.formula.expression, lambda s: arguments[s.key] or s)))

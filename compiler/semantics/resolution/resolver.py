@@ -1,0 +1,455 @@
+"""Name resolution: paths, quantities (each resolved at its first use), and values known before the run.
+
+Each place of the text is compiled once; an instance only looks up the readings of its slots.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
+from typing import Any
+
+from ...algebra.expression import Expression, Number, evaluate
+from ...algebra.formula import Bound, Formula, bind
+from ...algebra.interpolate import OutsideTable
+from ...errors import CompilationFailed, Diagnostic, ValuesNeeded
+from ...graph.domains import DOMAINS, Domain
+from ...graph.mechanism import domain_of
+from ...graph.network import TIME, Named, Quantity, Reading
+from ...graph.run_time_parameters import behind
+from ...graph.units import ONE, SECOND, Dimension, Scale
+from ...scene import Override
+from ...source import Span
+from ...syntax import tree
+from ..expressions.expression_compiler import ExpressionCompiler
+from ..expressions.scales import scale_of
+from ..expressions.tables import check_static
+from ..expressions.template import Check, Readable, Slot, Template, Typed, bind_template
+from ..names.errors import (
+    NO_NAMES,
+    DimensionMismatch,
+    NotStatic,
+    NoValue,
+    TooManyMistakes,
+    UnknownName,
+    WrongIndex,
+    WrongType,
+)
+from ..names.members import (
+    element_member,
+    group_member,
+    group_members,
+    not_a_number,
+    part_member,
+    port_variable,
+    wall_member,
+    wall_variable,
+)
+from ..names.scope import (
+    STATIC_ROLES,
+    Array,
+    Broken,
+    ElementEntry,
+    Entry,
+    GroupEntry,
+    InstanceEntry,
+    Items,
+    MechanismEntry,
+    PartEntry,
+    Pending,
+    Scalar,
+    Scope,
+    WallEntry,
+)
+from ..names.statement_errors import MAXIMUM_MISTAKES, AlreadyTold, Wrong, describe, suggestion, unit_hint
+from .elaboration_cache import ElaborationCache
+
+SHOWN = 60  # characters of a line in an error
+
+
+class Resolver(ABC):
+    """Look-up in scopes. `diagnostics` collects errors; `part` allows missing values (for `check`)."""
+
+    root: Scope  # scope in which settings from outside are read
+
+    def __init__(self, overrides: Iterable[Override], part: bool, known: ElaborationCache) -> None:
+        self.part = part
+        self.overrides = {o.path: o for o in overrides if o.role == "set"}
+        self.used_overrides: set[str] = set()
+        self.later = frozenset(o.path for o in self.overrides.values() if o.value is None)  # known when a run begins
+        self.asked: dict[str, Span] = {}  # quantities without a value whose value decides something, and where it does
+        self.positive: list[tuple[str, Bound]] = []  # expressions that a run must find not negative
+        self.diagnostics: list[Diagnostic] = []
+        self.quantities: dict[str, Named] = {}
+        self.pending: list[Pending] = []
+        self.element_names: dict[str, ElementEntry] = {}
+        self.walls: dict[str, WallEntry] = {}  # ports of models
+        self._file_constants: dict[str, Pending] = {}
+        self._templates = known.templates
+        self._keep = known.nodes
+
+    def tell(self, diagnostic: Diagnostic) -> None:
+        """Collect an error. Raises `CompilationFailed` if there are too many."""
+        self.diagnostics.append(diagnostic)
+        if len(self.diagnostics) >= MAXIMUM_MISTAKES:
+            raise CompilationFailed([*self.diagnostics, TooManyMistakes(diagnostic.span, MAXIMUM_MISTAKES)])
+
+    def guard(self, action: Callable[..., Any], *arguments: Any) -> Any:
+        """Run one statement. On an error, collect it and return None."""
+        try:
+            return action(*arguments)
+        except Wrong as wrong:
+            self.tell(wrong.diagnostic)
+        except AlreadyTold:
+            pass
+        return None
+
+    # ------------------------------------------------------------ static values
+    def index_of(self, index: tree.Index | None, scope: Scope) -> tuple[int, ...] | None:
+        return None if index is None else tuple(self.integer(i, scope) for i in index.items)
+
+    def integer(self, expression: tree.ExpressionSyntax, scope: Scope) -> int:
+        """A whole number with a value known before the run."""
+        value = self.static(expression, scope, "A range or index")
+        if value != round(value) or abs(value) > 1e9:
+            raise Wrong(
+                WrongType(expression.span, "A whole number", f"{value:g}", "Ranges and indices count: 1, 2, 3.")
+            )
+        return round(value)
+
+    def static(self, expression: tree.ExpressionSyntax, scope: Scope, what: str, dimension: Dimension = ONE) -> float:
+        """A number in SI with a value known before the run."""
+        if isinstance(expression, tree.Literal) and expression.unit is None and dimension == ONE:
+            return float(expression.number)
+        if isinstance(expression, tree.PathSyntax) and not expression.steps:  # the index of a loop, nearly always
+            entry = scope.find(expression.head)
+            if isinstance(entry, Scalar) and entry.role == "index" and dimension == ONE:
+                assert isinstance(entry.reference, float)
+                return entry.reference
+        template = self.template(expression, scope)
+        typed = template.value
+        if not isinstance(typed, Typed):
+            raise Wrong(WrongType(expression.span, "A single number", "a list"))
+        if typed.dimension is not None and typed.dimension != dimension:
+            raise Wrong(
+                DimensionMismatch(
+                    expression.span,
+                    f"{what} is {describe(dimension)}, but `{expression.span.text}` is {describe(typed.dimension)}",
+                    unit_hint(typed.dimension, dimension, expression),
+                )
+            )
+        for slot in template.slots:
+            scalar = self.scalar_at(slot, scope)
+            if scalar.role not in STATIC_ROLES:
+                raise Wrong(NotStatic(slot.path.span, what, slot.words))
+        value = self.value_of(self.bind(template, template.formulas[0], scope), expression.span)
+        if value is None:
+            self.need_no_values()
+            raise AlreadyTold
+        return value
+
+    def need_no_values(self) -> None:
+        """Raise `ValuesNeeded` if a decision depends on values that only a run knows."""
+        if not self.later:
+            return
+        why: dict[str, str] = {}
+        for name, span in self.asked.items():
+            for needed in behind([name], self.quantities) & self.later:
+                line = " ".join(span.source.line(span.line).split())
+                why.setdefault(needed, f"line {span.line}, `{line[:SHOWN]}{'…' if len(line) > SHOWN else ''}`")
+        if why:
+            raise ValuesNeeded(why)
+
+    def value_of(self, bound: Bound, span: Span, decides: bool = True) -> float | None:
+        """Value of a quantity that is constant during a run; None if it depends on a quantity without a value. Raises `Wrong`.
+
+        `decides`: the compiler chooses or refuses something by this value, so it must be known before anything is compiled.
+        """
+        unknown: set[str] = set()
+
+        def lookup(key: int) -> float:
+            reference = bound.arguments[key]
+            if isinstance(reference, Quantity):
+                value = self.quantities[reference.name].value
+                if value is None:
+                    unknown.add(reference.name)
+                    raise AlreadyTold
+                return value
+            if isinstance(reference, float):
+                return reference
+            raise AlreadyTold
+
+        try:
+            value = evaluate(bound.formula.expression, lookup)
+        except AlreadyTold:
+            if decides:
+                self.asked = dict.fromkeys(unknown, span) | self.asked
+            return None
+        except (ArithmeticError, ValueError) as error:
+            raise Wrong(NoValue(span, _why(error), self._values(bound))) from None
+        if not math.isfinite(value):
+            raise Wrong(NoValue(span, "it overflows", self._values(bound)))
+        return value
+
+    def _values(self, bound: Bound) -> str:
+        parts = []
+        for reference in bound.arguments:
+            if isinstance(reference, Quantity) and reference.name in self.quantities:
+                named = self.quantities[reference.name]
+                parts.append(
+                    f"{named.name} = {named.value:g} {named.unit if named.unit != '1' else ''}".strip()
+                    if named.value is not None
+                    else named.name
+                )
+        return "With " + ", ".join(parts) + "." if parts else NO_NAMES
+
+    # ------------------------------------------------------------ expressions
+    def template(self, expression: tree.ExpressionSyntax, scope: Scope, unit: Scale | None = None) -> Template:
+        """Compile an expression, once per place in the text (and per lengths of the lists that it reads)."""
+        known = self._templates.setdefault((id(expression), unit), [])
+        for template in known:
+            if self.same_lists(template.lists, scope):
+                return template
+        self._keep.append(expression)
+        known.append(ExpressionCompiler(scope, self.resolve, unit=unit).compile(expression))
+        return known[-1]
+
+    def same_lists(self, lists: Iterable[tuple[tree.PathSyntax, int]], scope: Scope) -> bool:
+        """Return True if the lists have the same lengths here as when the template was made."""
+        for path, length in lists:
+            found = self.lookup(path, scope)
+            if not isinstance(found, Items) or len(found.items) != length:
+                return False
+        return True
+
+    def bind(self, template: Template, formula: Formula, scope: Scope) -> Bound:
+        """Bind a formula to the readings of its slots in this scope. Raises `Wrong` if a table has wrong points here."""
+        self.check(template.checks, template.slots, scope)
+        return bind_template(template, formula, lambda slot: self.scalar_at(slot, scope).reference)
+
+    def check(self, checks: Iterable[Check], slots: Sequence[Slot], scope: Scope) -> None:
+        """Check the points of tables with their values in this scope."""
+        for check in checks:
+            check_static(check, lambda x, check=check: self._point(x, check, slots, scope))  # type: ignore[misc]
+
+    def _point(self, x: Expression, check: Check, slots: Sequence[Slot], scope: Scope) -> float | None:
+        """Value of a point of a table; None if it has none yet. Raises `Wrong` if it changes during a run."""
+        bound = bind(x)
+        arguments = []
+        what = "The seed or period of a noise" if check.function == "noise" else "A point of a table"
+        for key in bound.arguments:
+            if not isinstance(key, int):
+                raise Wrong(NotStatic(check.span, what, f"{check.function}(…)"))
+            found = self.scalar_at(slots[key], scope)
+            if found.role not in STATIC_ROLES:
+                raise Wrong(NotStatic(slots[key].path.span, what, slots[key].words))
+            arguments.append(found.reference)
+        return self.value_of(Bound(bound.formula, tuple(arguments)), check.span)
+
+    def scalar_at(self, slot: Slot, scope: Scope) -> Scalar:
+        """Quantity that a slot reads in this scope."""
+        scope = scope.base() if slot.base else scope
+        if isinstance(slot.path, tree.Call):
+            return self.nested_memory(slot.path, scope)
+        if slot.words == "time" and scope.find("time") is None:
+            return Scalar(TIME, None if scope.plain else SECOND, "time", "time")
+        found = self.lookup(slot.path, scope)
+        if isinstance(found, Items):
+            if slot.item is None or slot.item >= len(found.items):
+                raise Wrong(
+                    WrongIndex(
+                        slot.path.span, found.name, str((slot.item or 0) + 1), f"It has {len(found.items)} items here."
+                    )
+                )
+            return found.items[slot.item]
+        return found
+
+    def resolve(self, path: tree.PathSyntax | tree.Call, scope: Scope) -> Readable:
+        """Dimensions of the quantity that a path reads, or of an integral."""
+        if isinstance(path, tree.Call):
+            return Readable((self.nested_memory(path, scope).dimension,), False)
+        found = self.lookup(path, scope)
+        if isinstance(found, Items):
+            values = tuple(map(_known, found.items))
+            fixed = None not in values and self._fixed(path, scope)
+            return Readable(tuple(i.dimension for i in found.items), True, values, fixed=fixed)
+        return Readable((found.dimension,), False, (_known(found),), found.truth)
+
+    def _fixed(self, path: tree.PathSyntax, scope: Scope) -> bool:
+        """Return True for a list that is a `constant` of literal numbers: it is the same in every instance."""
+        entry = scope.find(path.head) or self._file_constant(path.head, scope)
+        if path.steps or not isinstance(entry, Pending) or entry.role != "constant" or entry.value is None:
+            return False
+        unit = None if entry.item.unit is None else scale_of(entry.item.unit)
+        return all(isinstance(f.expression, Number) for f in self.template(entry.value, entry.scope, unit).formulas)
+
+    def lookup(self, path: tree.PathSyntax, scope: Scope) -> Scalar | Items:
+        """Return the quantity or list that a path reads. Raises `Wrong` or `AlreadyTold`."""
+        entry = scope.find(path.head)
+        if entry is None:
+            entry = self._file_constant(path.head, scope)
+        if entry is None:
+            here = scope.names() if path.steps else _readable(scope)  # an element may be before a point
+            names = chain(here, scope.definition.file.constants)
+            hint = suggestion(path.head, names, "Declare it with `parameter`, `constant`, `signal` or `input`.")
+            raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
+        name = path.head
+        for step in path.steps:
+            if isinstance(entry, Broken):
+                break
+            entry = self._step(entry, step, name, path, scope)
+            name += f".{step.name}" if isinstance(step, tree.Member) else "[…]"
+        if isinstance(entry, Broken):
+            raise AlreadyTold
+        if isinstance(entry, Pending):
+            return self.quantity(entry)
+        if isinstance(entry, Scalar) and entry.role == "port":
+            raise Wrong(
+                WrongType(
+                    path.span, "A number", f"the port `{name}`", f"Read its effort or flow, as `{path.words}.e`, `.f`."
+                )
+            )
+        if isinstance(entry, Scalar | Items):
+            return entry
+        if isinstance(entry, GroupEntry) and entry.name == "attitude":
+            return Items(name, group_members(entry))
+        if isinstance(entry, Array):
+            first = next(iter(entry.items.values()))
+            if not isinstance(first, Scalar | Pending):
+                what = f"Say which: `{indexed(path.words, next(iter(entry.items)))}`, and which of its variables."
+                raise Wrong(WrongType(path.span, "A number", f"the array `{path.words}`", what))
+            items = [self._as_scalar(e) for _, e in sorted(entry.items.items())]
+            return Items(entry.name, tuple(items))
+        raise not_a_number(entry, path)
+
+    def _as_scalar(self, entry: Entry) -> Scalar:
+        if isinstance(entry, Pending):
+            found = self.quantity(entry)
+            if isinstance(found, Scalar):
+                return found
+        if isinstance(entry, Scalar):
+            return entry
+        raise AlreadyTold
+
+    def _file_constant(self, name: str, scope: Scope) -> Entry | None:
+        found = scope.definition.file.constants.get(name)
+        if found is None:
+            return None
+        item, _ = found
+        home = Scope(scope.definition, "")
+        pending = Pending(item, "constant", name, item.value, home, home, True)
+        key = f"{scope.definition.file.source.name}:{name}"
+        return self._file_constants.setdefault(key, pending)
+
+    def _step(
+        self, entry: Entry, step: tree.Member | tree.Index, name: str, path: tree.PathSyntax, scope: Scope
+    ) -> Entry:
+        if isinstance(step, tree.Index):
+            index = tuple(self.integer(i, scope) for i in step.items)
+            if isinstance(entry, Pending):
+                entry = self.quantity(entry)
+            if isinstance(entry, Items):
+                if len(index) == 1 and 1 <= index[0] <= len(entry.items):
+                    return entry.items[index[0] - 1]
+                raise Wrong(
+                    WrongIndex(path.span, name, ", ".join(map(str, index)), f"Its items are 1 to {len(entry.items)}.")
+                )
+            if isinstance(entry, Array):
+                if index in entry.items:
+                    return entry.items[index]
+                known = sorted(entry.items)
+                raise Wrong(
+                    WrongIndex(
+                        path.span,
+                        name,
+                        ", ".join(map(str, index)),
+                        f"Known are {indexed(name, known[0])} to {indexed(name, known[-1])}.",
+                    )
+                )
+            raise Wrong(WrongIndex(path.span, name, ", ".join(map(str, index)), "It is no list and no array."))
+        match entry:
+            case InstanceEntry():
+                inner = entry.scope.entries.get(step.name)
+                if inner is None:
+                    hint = suggestion(step.name, list(entry.scope.entries), f"It has {', '.join(entry.scope.entries)}.")
+                    raise Wrong(
+                        UnknownName(path.span, step.name, f"`{name}`, which is a `{entry.scope.definition.name}`", hint)
+                    )
+                return inner
+            case ElementEntry():
+                return element_member(entry, step.name, path)
+            case WallEntry():
+                return wall_member(entry, step.name, path)
+            case MechanismEntry():
+                part = entry.parts.entries.get(step.name)
+                if part is None:
+                    hint = suggestion(step.name, list(entry.parts.entries), f"It has {', '.join(entry.parts.entries)}.")
+                    raise Wrong(UnknownName(path.span, step.name, f"the mechanism `{name}`", hint))
+                return part
+            case PartEntry():
+                return part_member(entry, step.name, path)
+            case GroupEntry():
+                return group_member(entry, step.name, path)
+            case Scalar(reference=Reading(node, port), role="port") if node in self.walls:
+                return wall_variable(self.walls[node], port, step.name, path)
+            case Scalar(reference=Reading(_, port), name=whole) if ".attitude." in port:
+                raise Wrong(UnknownName(path.span, step.name, f"`{whole}`", "An attitude is four bare numbers."))
+            case Scalar(reference=Reading(node, port, variable), role=role) if role == "port" or variable in "qp":
+                # `stage.platform.x.v`, `spring.x.F`: a port's other variables behind its displacement
+                return port_variable(node, port, self.port_domain(node, port), step.name, path)
+            case Array():
+                first = indexed(name, next(iter(entry.items)))
+                raise Wrong(
+                    WrongType(path.span, "One item", f"the array `{name}`", f"Say which: `{first}.{step.name}`.")
+                )
+        raise Wrong(
+            UnknownName(path.span, step.name, f"`{name}`", "Only instances, elements and mechanisms have inner names.")
+        )
+
+    def port_domain(self, node: str, port: str) -> Domain:
+        """Domain of a port of a node that is already declared."""
+        element = self.element_names.get(node)
+        if element is not None:
+            return element.ports[port]
+        return DOMAINS[domain_of(port)]
+
+    # ------------------------------------------------------------ what is resolved when it is asked for
+    @abstractmethod
+    def quantity(self, pending: Pending) -> Scalar | Items:
+        """Resolve a quantity: its dimension, its definition, and its value if it is constant during a run."""
+
+    @abstractmethod
+    def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
+        """Integral or delay inside a larger expression: a signal that the author gave no name."""
+
+
+def _readable(scope: Scope) -> Iterator[str]:
+    """Names in a scope that denote numbers."""
+    for name in scope.names():
+        entry = scope.find(name)
+        if isinstance(entry, Array):
+            entry = next(iter(entry.items.values()), None)
+        if isinstance(entry, Scalar | Items | Pending):
+            yield name
+
+
+def _known(scalar: Scalar) -> float | None:
+    return scalar.reference if isinstance(scalar.reference, float) else None
+
+
+def _why(error: Exception) -> str:
+    """Cause of a failed calculation, in words."""
+    if isinstance(error, OutsideTable):
+        return str(error)
+    if isinstance(error, ZeroDivisionError):
+        return "a division by zero"
+    if isinstance(error, OverflowError):
+        return "it overflows"
+    return "a root or logarithm of a negative number, or an inverse function outside its range"
+
+
+def indexed(name: str, index: tuple[int, ...]) -> str:
+    """The name of one item of an array."""
+    return f"{name}[{', '.join(map(str, index))}]"
