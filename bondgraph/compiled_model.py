@@ -34,7 +34,7 @@ class RunKeywords(TypedDict, total=False):
     """Options of a call that runs a model, beside experiment, settings, end and instants; each overrides the experiment.
 
     `rtol`, `atol`: tolerances. `energy` adds the energy balance. `outputs`: only these. `target`: native (machine code) or numpy; by default the first
-    that this machine has. `solver`: automatic, exponential (linear models), explicit, radau, rodas (stiff models) or energy (lossless models).
+    that this machine has. `solver`: a word of `compiler.solvers.SOLVERS`.
     `bandwidth`: a frequency as text or in Hz; faster modes need not be followed, and the result's `left_out` reports the truncated ones.
     """
 

@@ -54,13 +54,14 @@ if TYPE_CHECKING:
     from .reduction.order import blocks
     from .reduction.state_space import LinearLoop, StateSpace, Unknown
     from .scene import (
-        SOLVERS, Analysis, ContinuationRequest, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan,
-        RandomParameter, RunMetadata, Scene, Study,
+        Analysis, ContinuationRequest, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, RandomParameter,
+        RunMetadata, Scene, Study,
     )  # fmt: skip
     from .semantics.names.domain_table import ELEMENT_KINDS
     from .semantics.names.scope import RESERVED
     from .semantics.expressions.unit import read_unit
     from .semantics.names.project_folder import project_folder
+    from .solvers import AUTOMATIC, SOLVERS
     from .source import Source, Span, read_text
     from .source_file import read_source
     from .syntax import parse_expression, parse_law

@@ -17,10 +17,6 @@ if TYPE_CHECKING:
     from .syntax.tree import ExpressionSyntax
 
 
-# Solvers of an experiment: the run chooses; matrix exponential, DOP853, Radau, Rodas5P, a method that conserves energy.
-SOLVERS = ("automatic", "exponential", "explicit", "radau", "rodas", "energy")
-
-
 @dataclass(frozen=True, slots=True)
 class Override:
     """A parameter or input set from outside: an expression of the text, a number in SI, or (None) a number that only a run knows.
@@ -206,7 +202,7 @@ class Plan:
     start: float = 0.0
     stop: float | None = None
     settings: Mapping[str, float] = field(default_factory=dict)  # rtol, atol, points
-    solver: str | None = None  # one of `SOLVERS`
+    solver: str | None = None  # one of `solvers.SOLVERS`
     bandwidth: float | None = None  # in cycles per second: faster modes need not be followed
     tolerances: Mapping[str, float] = field(default_factory=dict)  # variable -> absolute tolerance
     report: tuple[Reported, ...] = ()

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from compiler.api import SOLVERS
+
 from .options import (
     TABLES,
     check_target,
@@ -54,7 +56,7 @@ if TYPE_CHECKING:
 @click.option(
     "--solver",
     metavar="SOLVER",
-    help="automatic, exponential, explicit, radau, rodas or energy (keeps that of lossless models).",
+    help=", ".join(s.word + f" ({s.purpose})" * bool(s.purpose) for s in SOLVERS.values()) + ".",
 )
 @click.option(
     "--bandwidth", metavar="FREQUENCY", help="What is faster need not be followed: `50 kHz`, or a number of Hz."

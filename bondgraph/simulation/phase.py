@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import AUTOMATIC
+
 from ..errors import NotLossless, RateNotFinite, RunFailed, StepsCollapsed, UsageError
 from ..results.checkpoint import Checkpoint
 from ..results.records import EnergyBalance, EventRecord, ToleranceDoubt
@@ -16,7 +18,6 @@ from .constraints.constraints import Constraints
 from .initialization.consistent_start import consistent_start
 from .integration.integrate import integrate
 from .integration.integration_state import PhaseProblem
-from .integrators.methods import AUTOMATIC
 from .loops.loops import LoopSolver
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor

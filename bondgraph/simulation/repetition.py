@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from compiler.api import AUTOMATIC, SOLVERS
+
 from ..errors import RunFailed, UsageError
 from ..results.run_check import FACTOR, OutputDifference, RunCheck
 
@@ -21,22 +23,14 @@ if TYPE_CHECKING:
 PARTS = 61
 TIGHTEST = 1e-12
 NEAR = 1e-9  # fraction of the run: an instant this near to an event may belong to either side of it
-# Prefix of the name of the run's solver -> methods of another family; the first that can run the model is used.
-OTHERS = (
-    ("matrix exponential", ("explicit", "radau")),
-    ("Dormand-Prince", ("radau",)),
-    ("Gauss", ("explicit", "radau")),
-    ("Rodas", ("radau",)),
-    ("Radau", ("rodas", "radau")),
-)
 
 
 def check_run(result: Result, repeat: Callable[[Wanted], Result], wanted: Wanted) -> RunCheck:
     """Compare a finished run with its repetition; `repeat` makes a run of the same model, experiment and settings."""
     rtol = max(result.rtol / 10, TIGHTEST)
-    methods = next((m for name, m in OTHERS if result.solver.startswith(name)), ("automatic",))
+    methods = (row.others for row in SOLVERS.values() if row.name and result.solver.startswith(row.name))
     failure = ""
-    for solver in methods:
+    for solver in next(methods, (AUTOMATIC,)):
         asked = replace(wanted, solver=solver, rtol=rtol, points=len(result.time), energy=False, parts=PARTS)
         try:
             return compare(result, repeat(asked), rtol)

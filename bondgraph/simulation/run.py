@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compiler.api import CompilationFailed
+from compiler.api import SOLVERS, CompilationFailed
 
 from ..errors import ManyRuns, RunFailed, UsageError
 from ..prepared import chosen_target, many_runs
@@ -39,7 +39,6 @@ DEFAULT_RTOL = 1e-6
 RTOL = 1e-13, 0.1
 ATOL = 1e-200, 1e200  # range in SI units: squares of values relative to it must be finite
 DEFAULT_POINTS = 501
-ENERGY_METHOD = "energy"  # the solver that needs the stored energy as a function
 MOST_CHOICES = 1000  # changes of the state selection in one run
 MOST_AT_ONCE = 100  # phases that begin at one instant
 RECENT = 4  # phases back within which one of the same program decides the method that goes on
@@ -180,7 +179,7 @@ def run(
 
 def _conserving(scene: Scene, solver: str | None) -> Scene:
     """Return the scene compiled for this solver: with or without the stored energy."""
-    wanted = solver == ENERGY_METHOD
+    wanted = solver in SOLVERS and SOLVERS[solver].conserving
     return scene if scene.conserving == wanted else replace(scene, conserving=wanted)
 
 

@@ -331,6 +331,8 @@ class ValueWriter:
             if not isinstance(function.kind, Handed):
                 raise self._fail(node, "only functions can be called")
             return self._called(function.text, function.kind.arguments, function.kind.result, node)
+        if isinstance(node.func, ast.Subscript):
+            return self._chosen_call(node.func, node)
         assert isinstance(node.func, ast.Name)
         name = node.func.id
         if name in self.variables:
@@ -346,6 +348,22 @@ class ValueWriter:
             raise self._fail(node, f"`{name}` is unknown")
         self.module.need(known)
         return self._called(f"@{name}", *signature(known), node)
+
+    def _chosen_call(self, which: ast.Subscript, node: ast.Call) -> Value:
+        """Call the item of a tuple of functions that an index names; the last for any other index."""
+        functions = self.home.get(ast.unparse(which.value))
+        if not isinstance(functions, tuple) or len({str(signature(f)) for f in functions}) != 1:
+            raise self._fail(node, f"`{ast.unparse(which.value)}` is no tuple of functions of one type")
+        index = self._as(self._value(which.slice), INT, node)
+        chosen = ""
+        for number, function in reversed([*enumerate(functions)]):
+            self.module.need(function)
+            if not chosen:
+                chosen = f"@{function.__name__}"
+                continue
+            equal = self._emit(BOOL, f"icmp eq i64 {index.text}, {number}")
+            chosen = self._emit(None, f"select i1 {equal.text}, ptr @{function.__name__}, ptr {chosen}").text
+        return self._called(chosen, *signature(functions[0]), node)
 
     def _called(self, function: str, kinds: Sequence[Any], result: Any, node: ast.Call) -> Value:
         if len(kinds) != len(node.args) or node.keywords:

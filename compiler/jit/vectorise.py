@@ -53,8 +53,11 @@ class Vectorised:
             self._made.setdefault(known[node.name], home[node.name])
         package = module.rpartition(".")[0]
         for name, value in known.items():
-            if isinstance(value, FunctionType) and value.__module__.rpartition(".")[0] == package:
-                home[name] = self[value]
+            several = value if isinstance(value, tuple) else (value,)
+            if several and all(
+                isinstance(f, FunctionType) and f.__module__.rpartition(".")[0] == package for f in several
+            ):
+                home[name] = tuple(self[f] for f in several) if several is value else self[value]
 
 
 class _Vectoriser(ast.NodeTransformer):

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import SOLVERS
+
 from ...numerics.quadrature import GAUSS, KRONROD, PLACES, too_coarse
 from ..integrators import exponential
 from ..monitors.step_failure import not_finite
@@ -44,7 +46,7 @@ def exactly(stepper: IntegrationState, stretch: Segment, x: Any) -> Any | None:
         stepper.add(*work[0])
     stepper.result.steps += len(cut.starts)
     stepper.count({"exponential": len(form.known) - known})
-    stepper.result.solvers["matrix exponential"] = None
+    stepper.result.solvers[SOLVERS["exponential"].name] = None
     return states[-1]
 
 

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, Protocol, Union
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import AUTOMATIC, Program
 
 from ...errors import RunFailed, StepsCollapsed
 from ...numerics.quadrature import work_of
 from ..constraints.constraints import Constraints
-from ..integrators.methods import AUTOMATIC, NAMES
+from ..integrators.methods import METHODS
 from ..integrators.radau import INNER
 from ..loops.loops import LoopSolver
 from ..monitors.growth_warning import notes_of_beyond
@@ -63,7 +63,7 @@ class PhaseProblem:
 
     `tolerances` need a pilot run, so they are found on use. `powers` are integrated along the solution, outside the error control. `watch` checks
     each accepted step. `linear`: the rates are affine in the states. `off`: junctions that are off in this program. `solver`: one of
-    `methods.SOLVERS`. `leaving`: modal truncation at a bandwidth.
+    `compiler.solvers.SOLVERS`. `leaving`: modal truncation at a bandwidth.
     """
 
     program: Program
@@ -211,7 +211,7 @@ class IntegrationState:
 
     def name(self, method: int, target: str) -> None:
         """Note in the result the method and target of the steps."""
-        self.result.solvers[f"{NAMES[method]}, {target}"] = None
+        self.result.solvers[f"{METHODS[method].name}, {target}"] = None
 
     def count(self, evaluations: Mapping[str, int]) -> None:
         for name, count in evaluations.items():

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import AUTOMATIC
+
 from ...errors import StepsCollapsed
 from ..integrators.limits import NEAR
-from ..integrators.methods import AUTOMATIC, RADAU
+from ..integrators.methods import RADAU
 from ..integrators.radau import StepFailed
 from ..monitors.step_failure import MOST_STEPS
 from ..segments.timeline import Segment
@@ -163,13 +165,12 @@ class InterpretedIntegrator:
             stepper.result.handover = stepper.choice.look(solver.time, self.state, stretch.mode)
             if stepper.result.handover is not None:
                 return True
-        if solver.method != RADAU:
-            if stepper.solver == AUTOMATIC and solver.is_stiff and not solver.finished:
-                stepper.result.settled = RADAU
-                stepper.name(RADAU, self.target)
-                stepper.count(solver.evaluations)
-                self.solver = interpreted(stepper, stretch.up_to(solver.time, stretch.stop), self.state, RADAU)
-                self.solver.hold_to(absolute)
+        if stepper.solver == AUTOMATIC and solver.is_stiff and not solver.finished:
+            stepper.result.settled = RADAU
+            stepper.name(RADAU, self.target)
+            stepper.count(solver.evaluations)
+            self.solver = interpreted(stepper, stretch.up_to(solver.time, stretch.stop), self.state, RADAU)
+            self.solver.hold_to(absolute)
         elif stepper.constraints and not solver.finished:
             self._past_singular_pose(solver)
             if stepper.result.handover is not None:
@@ -207,6 +208,6 @@ class InterpretedIntegrator:
             stepper,
             self.stretch.up_to(end, self.stretch.stop),
             after,
-            RADAU,
+            solver.method,
             min(solver.wish, NEAR * 0.5 * crossed.size),
         )

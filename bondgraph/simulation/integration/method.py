@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import AUTOMATIC, SOLVERS
+
 from ...errors import UsageError
-from ..integrators.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU, RODAS
+from ..integrators.methods import EXPLICIT, METHODS, RADAU
 from ..integrators.radau import StepFailed
 from ..segments.timeline import Segment
 from .reference import interpreted
@@ -32,21 +34,13 @@ ENOUGH = 64  # most discrete modes examined: others are assumed to be like most 
 
 def method_of(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> int:
     """Return the method that goes on from state x. Raises `UsageError` where the requested one is not possible."""
-    explicit = _obstacle_to_explicit(stepper)
-    if stepper.solver == "explicit" and explicit:
-        raise UsageError(
-            f"an explicit method cannot step through this model: {explicit}; leave the solver to choose, or name `radau`"
-        )
-    if stepper.solver == "energy":
-        _check_conserving(stepper, explicit)
-        return ENERGY
-    if stepper.solver == "rodas":
-        _check_rodas(stepper, len(x), compiled)
-        return RODAS
     if stepper.solver != AUTOMATIC:
-        return EXPLICIT if stepper.solver == "explicit" else RADAU
+        solver = SOLVERS[stepper.solver]
+        if obstacle := _obstacle(stepper, solver.refused, len(x), compiled):
+            raise UsageError(solver.refusal.format(obstacle))
+        return METHODS.index(solver)
     if (
-        explicit
+        _obstacle(stepper, METHODS[EXPLICIT].refused, len(x), compiled)
         or stepper.program.bends is not None
         or stepper.history is not None
         or (len(x) > LARGEST_INTERPRETED and not compiled)
@@ -79,36 +73,18 @@ def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Any, compiled: 
     return _tried(stepper, stretch, x, compiled)
 
 
-def _obstacle_to_explicit(stepper: IntegrationState) -> str:
-    """Return the reason why an explicit method is not possible; empty if it is."""
-    if stepper.constraints:
-        return "closed loops hold its states on constraints"
-    return "the unknowns of its algebraic loops are found with each step" if len(stepper.program.unknowns.names) else ""
-
-
-def _check_rodas(stepper: IntegrationState, states: int, compiled: bool) -> None:
-    """Raise `UsageError` for models that are not possible with a method that needs exact derivatives and solves once per stage."""
-    if stepper.constraints:
-        obstacle = "closed loops hold its states on constraints"
-    elif stepper.history is not None:
-        obstacle = "delayed signals have no exact slope in time"
-    elif states > LARGEST and not compiled:
-        obstacle = f"without machine code it is for up to {LARGEST} states and unknowns, these are {states}"
-    else:
-        return
-    raise UsageError(f"Rodas5P cannot step through this model: {obstacle}; leave the solver to choose, or name `radau`")
-
-
-def _check_conserving(stepper: IntegrationState, obstacle: str) -> None:
-    """Raise `UsageError` for models that are not possible with an energy-conserving method."""
-    if stepper.program.hybrid is not None:
-        obstacle = "events change what it stores"
-    elif stepper.history is not None:
-        obstacle = "delayed signals are no storage"
-    elif stepper.program.bends is not None:
-        obstacle = "its laws bend, which equal steps do not see"
-    if obstacle:
-        raise UsageError(f"no method keeps the energy of this model: {obstacle}; leave the solver to choose")
+def _obstacle(stepper: IntegrationState, refused: tuple[tuple[str, str], ...], states: int, compiled: bool) -> str:
+    """Return the reason why a method that refuses these properties is not possible; empty if it is."""
+    program = stepper.program
+    has = {
+        "constraints": bool(stepper.constraints),
+        "unknowns": bool(program.unknowns.names),
+        "events": program.hybrid is not None,
+        "delays": stepper.history is not None,
+        "kinks": program.bends is not None,
+        "size": states > LARGEST and not compiled,
+    }
+    return next((reason.format(most=LARGEST, states=states) for name, reason in refused if has[name]), "")
 
 
 def _spectrum(stepper: IntegrationState, stretch: Segment, x: Any) -> Any:

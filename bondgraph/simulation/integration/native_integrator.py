@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import AUTOMATIC, Program
 
 from ...errors import StepsCollapsed
-from ..integrators import dop853
 from ..integrators.compiled.advance import FINISHED, FLIP, HANDOVER, MORE, STIFF
 from ..integrators.compiled.run import CompiledRadau, obstacle, steps
 from ..integrators.limits import NEAR
-from ..integrators.methods import AUTOMATIC, ENERGY, EXPLICIT, RADAU
+from ..integrators.methods import EXPLICIT, METHODS, PARTS, RADAU
 from ..integrators.radau import StepFailed
 from ..monitors.step_failure import MOST_COMPILED, MOST_STEPS
 from ..segments.timeline import Segment
@@ -50,7 +49,7 @@ def native_integrator(
     stepper: IntegrationState, machine: NativeIntegrator | None, stretch: Segment, x: Any, method: int, size: float
 ) -> NativeIntegrator:
     """Return the integrator of the segments so far, where it fits the next one, or a new one. `size`: of all steps, for a method with equal steps."""
-    if machine is None or method == ENERGY or machine.tolerances is not stepper.tolerances:
+    if machine is None or METHODS[method].conserving or machine.tolerances is not stepper.tolerances:
         return NativeIntegrator(stepper, stretch, x, method, size)
     machine.begin_at(stretch, x, method)
     return machine
@@ -179,7 +178,7 @@ class NativeIntegrator:
         stepper, solver = self.stepper, self.solver
         self._note()
         self.noted = True
-        parts = 1 if solver.record.method == RADAU else dop853.PARTS
+        parts = PARTS[solver.record.method]
         mark, before, start = stepper.marked(), self.stretch, solver.last_step[0]
         self.stretch = stepper.follow_step(solver.last_step, parts, self.stretch, self._states_at, solver.roots)
         flip = stepper.flip

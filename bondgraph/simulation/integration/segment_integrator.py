@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UsageError
-from ..integrators.methods import ENERGY
+from ..integrators.methods import METHODS
 from ..segments.timeline import Segment
 from .integration_state import IntegrationState
 from .stateless import without_states
@@ -96,7 +96,7 @@ class SegmentIntegrator(IntegrationState):
         self.name(method, target)
         self.check_rates(stretch.start, x, stretch.mode)
         size = np.inf
-        if method == ENERGY:
+        if METHODS[method].conserving:
             from .conserving import equal_steps
 
             size = equal_steps(self, stretch, x, compiled)

@@ -1,14 +1,18 @@
-"""Integration methods: the names that an author uses, and their names in a result."""
+"""Integration methods: the rows of the table of solvers that make steps, by their numbers in compiled code."""
 
 from __future__ import annotations
 
-from compiler.api import SOLVERS
+from compiler.api import AUTOMATIC, SOLVERS
 
 from ...errors import UsageError
 
-AUTOMATIC = "automatic"
-RADAU, EXPLICIT, ENERGY, RODAS = 0, 1, 2, 3  # indices of the methods in compiled code
-NAMES = {RADAU: "Radau IIA 5", EXPLICIT: "Dormand-Prince 8", ENERGY: "Gauss 6 with constant energy", RODAS: "Rodas5P"}
+METHODS = tuple(row for row in SOLVERS.values() if row.parts)
+EXPLICIT, RADAU = (METHODS.index(SOLVERS[word]) for word in ("explicit", "radau"))
+# Facts of the methods, for compiled code.
+PARTS, ESTIMATES = (tuple(getattr(row, name) for row in METHODS) for name in ("parts", "estimate"))
+STIFF, CONSERVING, THROUGH_ENDS = (
+    tuple(int(getattr(row, name)) for row in METHODS) for name in ("stiff", "conserving", "through_ends")
+)
 
 
 def chosen_solver(word: str | None) -> str:

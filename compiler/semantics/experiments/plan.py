@@ -10,7 +10,8 @@ from ...algebra.formula import Bound, Formula
 from ...errors import CompilationFailed, Diagnostic, ValuesNeeded
 from ...graph.network import Named
 from ...graph.units import ONE, SECOND
-from ...scene import SOLVERS, Analysis, Fitting, Inverting, Override, Plan, Reported, Scene, Study
+from ...scene import Analysis, Fitting, Inverting, Override, Plan, Reported, Scene, Study
+from ...solvers import SOLVERS
 from ...source import Source, Span
 from ...syntax import parse_expression, tree
 from ..expressions.scales import scale_of

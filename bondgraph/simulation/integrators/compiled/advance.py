@@ -5,17 +5,16 @@ The methods are written here only; where there is no machine code, the same sour
 
 from __future__ import annotations
 
+from importlib import import_module
 from math import isfinite, sqrt, ulp
 
 from ..dop853 import OFTEN
-from ..methods import ENERGY, EXPLICIT, RODAS
+from ..methods import CONSERVING, ESTIMATES, METHODS
 from ..radau import FIRST_ULPS
 from ..tolerances import first_length
-from .conserving import conserving_step, take_energy
 from .dense_output import sample
-from .explicit import explicit_step
-from .radau_step import rates, step
-from .rosenbrock import rosenbrock_step
+from .energy_step import take_energy
+from .radau_step import rates
 from .singular_poses import GOES_ON, begin_watch, watch
 from .step_acceptance import add_work, grow, steep
 from .stepper import IntegratorWorkspace
@@ -23,6 +22,8 @@ from .zero_crossings import may_flip
 
 FINISHED, MORE, LOOK, HANDOVER = 0, 1, 2, 3  # results of `advance`, besides the reasons why there is no step
 FLIP = 11  # a condition may cross zero in the last step: the caller sets its end (`until`), or another mode
+# The step of each method, by its number: a new one is a row of the table of solvers and a module of this folder.
+STEPS = tuple(getattr(import_module(f".{row.word}_step", __package__), f"{row.word}_step") for row in METHODS)
 STIFF = 10  # stability limits the steps of an explicit method
 
 
@@ -62,20 +63,15 @@ def advance(s: IntegratorWorkspace, most: int) -> int:
 
 def one_step(s: IntegratorWorkspace) -> int:
     """Make one accepted step of the method; return 0, or the reason why there is none."""
-    if s.method == EXPLICIT:
-        return explicit_step(s)
-    if s.method == ENERGY:
-        return conserving_step(s)
-    if s.method == RODAS:
-        return rosenbrock_step(s)
-    return step(s)
+    failed: int = STEPS[s.method](s)
+    return failed
 
 
 def begin(s: IntegratorWorkspace) -> None:
     """Compute the first rates and the first step size (Hairer, Nørsett and Wanner, Solving ODEs I, section II.4)."""
     rates(s, s.time, s.state, s.rate)
     begin_watch(s)
-    if s.method == ENERGY:
+    if CONSERVING[s.method] != 0:
         take_energy(s)
     span = s.stop - s.time
     d0 = 0.0
@@ -97,8 +93,7 @@ def begin(s: IntegratorWorkspace) -> None:
         if isfinite(s.scale[i]):
             d2 += (s.f[i] - s.rate[i]) / s.scale[i] * ((s.f[i] - s.rate[i]) / s.scale[i])
     d2 = sqrt(d2) / sqrt(float(s.n)) / h0
-    order = 0.125 if s.method == EXPLICIT else 0.25
-    h1 = first_length(d1, d2, order)
+    h1 = first_length(d1, d2, 1.0 / float(ESTIMATES[s.method]))
     if not isfinite(h1):
         h1 = h0
     s.size = min(max(min(100.0 * h0, h1), FIRST_ULPS * ulp(s.time)), span)

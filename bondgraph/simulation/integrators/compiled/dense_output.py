@@ -6,8 +6,8 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from .. import dop853, radau
-from ..methods import ENERGY, RADAU
-from .conserving import sample_step
+from ..methods import CONSERVING, THROUGH_ENDS
+from .energy_step import sample_step
 from .polynomials import collocation, quintic
 from .projection import hold
 from .stepper import IntegratorWorkspace
@@ -41,7 +41,7 @@ def sample(s: IntegratorWorkspace) -> bool:
     size = min(s.time, s.until) - start
     if leaves(s, start) or leaves(s, min(s.time, s.until)):
         return True
-    if s.method != RADAU:
+    if THROUGH_ENDS[s.method] == 0:
         for k in range(4):
             if leaves(s, start + INNER[k] * size):
                 return True
@@ -66,11 +66,11 @@ def leaves(s: IntegratorWorkspace, time: float) -> bool:
 def state_at(s: IntegratorWorkspace, time: float, out: Floats) -> None:
     """Compute the state in SI within the last step: the quintic, unless it differs from the collocation polynomial by more than that one's error."""
     n = s.n
-    if s.method == ENERGY:
+    if CONSERVING[s.method] != 0:
         sample_step(s, time, out)
     else:
         collocation(s, time, out)
-    if s.ends == 3 and s.method == RADAU:
+    if s.ends == 3 and THROUGH_ENDS[s.method] != 0:
         quintic(s, time, s.w)
         for i in range(n):
             limit = 10.0 * (s.absolute[i] + s.relative * abs(s.end_state[2 * n + i]))

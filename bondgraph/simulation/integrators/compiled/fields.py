@@ -15,7 +15,7 @@ from ...monitors.state_selection import WORST
 from ...segments.timeline import LOOKS, Segment, Signals, inside
 from .. import dop853
 from ..factorise import is_large
-from ..methods import ENERGY, RADAU
+from ..methods import METHODS, RADAU
 from ..radau import STUBBORN
 from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance, stagnation_tolerance
 from .factors import ComplexFactors, Factors, room_for
@@ -80,7 +80,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
     n = len(program.states.names) + len(program.unknowns.names)
     differential, entries = len(program.states.names), len(program.pattern[0])
     large = is_sparse(program)
-    order = 3 * n if method == ENERGY else 0 if large else n  # size of the linear systems
+    order = 3 * n if METHODS[method].conserving else 0 if large else n  # size of the linear systems
     dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
     conditions = () if program.hybrid is None else program.hybrid.conditions
     narrow = program.time_functions is not None and bool(program.time_functions.conditions)
@@ -99,8 +99,8 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "rounded": 0.0,
         "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0, "negative": 0,
         "factorised_size": 0.0, "jacobian": room(entries), "steepness": room(n), "inner_jacobian": room(entries),
-        "inner": room_for(Factors, 0 if method == ENERGY or large else n), "sparse": int(large),
-        "real": room_for(Factors, order), "complex": room_for(ComplexFactors, 0 if method == ENERGY else order), "ends": 0,
+        "inner": room_for(Factors, 0 if METHODS[method].conserving or large else n), "sparse": int(large),
+        "real": room_for(Factors, order), "complex": room_for(ComplexFactors, 0 if METHODS[method].conserving else order), "ends": 0,
         "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
         "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
         "change": room(3 * n), "last_change": room(3 * n), "scale": room(n), "per_tolerance": room(n), "new": room(n), "error": room(n),

@@ -14,12 +14,12 @@ import numpy as np
 from compiler.api import Program
 
 from .. import dop853, ends, radau
-from ..methods import ENERGY, RADAU
+from ..methods import CONSERVING, PARTS, THROUGH_ENDS
 from ..radau import StepFailed
 from .advance import begin, one_step
-from .conserving import sample_step
 from .constraint_functions import Invariants, fields_of
 from .dop853_dense import densify
+from .energy_step import sample_step
 from .in_numpy import interpreted
 from .plain import Unordered, into
 from .projection import ProjectionWorkspace, Square
@@ -112,12 +112,13 @@ class Interpreted:
     @property
     def parts(self) -> int:
         """Parts of a step that are searched for events separately."""
-        return 1 if self.method == RADAU else dop853.PARTS
+        parts: int = PARTS[self.method]
+        return parts
 
     @property
     def inner(self) -> tuple[float, ...]:
         """Fractions of a step at which the limits of a model are checked."""
-        return radau.INNER if self.method == RADAU else dop853.INNER
+        return radau.INNER if THROUGH_ENDS[self.method] else dop853.INNER
 
     @property
     def evaluations(self) -> dict[str, int]:
@@ -128,9 +129,9 @@ class Interpreted:
     def sample(self, times: Any) -> Any:
         """Return states at instants within the last step; shape (times, n)."""
         record = self.record
-        if record.method == RADAU:
+        if THROUGH_ENDS[record.method]:
             return ends.sampled(record, times)
-        if record.method == ENERGY:
+        if CONSERVING[record.method]:
             found = np.empty((len(times), record.n))
             for time, row in zip(np.asarray(times).tolist(), found, strict=True):
                 sample_step(record, time, row)
@@ -153,7 +154,7 @@ class Interpreted:
 
     def collocation(self, times: Any) -> Any:
         """Return the polynomial of the method: integrals along it agree with its states to its order."""
-        return ends.collocation(self.record, times) if self.method == RADAU else self.sample(times)
+        return ends.collocation(self.record, times) if THROUGH_ENDS[self.method] else self.sample(times)
 
 
 def sampled(solver: Any, times: Any) -> Any:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .. import radau
-from ..methods import ENERGY, RADAU
-from .conserving import within_step
+from ..methods import CONSERVING, THROUGH_ENDS
 from .dop853_dense import polynomial
+from .energy_step import within_step
 from .stepper import IntegratorWorkspace
 
 if TYPE_CHECKING:
@@ -32,10 +32,10 @@ def quintic(s: IntegratorWorkspace, time: float, out: Floats) -> None:
 
 def collocation(s: IntegratorWorkspace, time: float, out: Floats) -> None:
     """Put the polynomial of the method in the last step, scaled states, into `out`."""
-    if s.method == ENERGY:
+    if CONSERVING[s.method] != 0:
         within_step(s, time, out)
         return
-    if s.method != RADAU:
+    if THROUGH_ENDS[s.method] == 0:
         polynomial(s, time, out)
         return
     n = s.n

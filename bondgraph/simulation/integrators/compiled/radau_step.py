@@ -35,7 +35,7 @@ NEWTON, ERROR, ROUND_OFF, ORDER = 4, 5, 6, 7  # reasons for no step; the last: t
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 
 
-def step(s: IntegratorWorkspace) -> int:
+def radau_step(s: IntegratorWorkspace) -> int:
     """Make one accepted step; return 0, or the reason why there is none."""
     n = s.n
     least = 10.0 * ulp(s.time)

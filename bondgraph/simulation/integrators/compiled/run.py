@@ -18,7 +18,7 @@ from compiler.api import Program, address_of, record_of
 from ...monitors.state_selection import Choice
 from ...segments.timeline import Segment, Signals, inside
 from .. import dop853, ends, radau, rodas
-from ..methods import ENERGY, RADAU, RODAS
+from ..methods import CONSERVING, METHODS, RADAU, THROUGH_ENDS
 from ..radau import StepFailed
 from .advance import LOOK, MORE
 from .code import POINTER, WHOLE, called
@@ -247,7 +247,7 @@ class CompiledRadau:
     @property
     def _shift(self) -> float:
         """Return the shift of the real matrix, times the step size."""
-        return 1 / rodas.GAMMA if self.method == RODAS else float(radau.MU_REAL)
+        return 1 / rodas.GAMMA if METHODS[self.method].word == "rodas" else float(radau.MU_REAL)
 
     @property
     def record(self) -> Any:
@@ -283,13 +283,13 @@ class CompiledRadau:
     @property
     def inner(self) -> tuple[float, ...]:
         """Fractions of a step at which the limits of a model are checked."""
-        return radau.INNER if self.method == RADAU else dop853.INNER
+        return radau.INNER if THROUGH_ENDS[self.method] else dop853.INNER
 
     def sample(self, times: Any) -> Any:
         """Return states at instants within the last step; shape (times, n)."""
-        if self.method == ENERGY:
+        if CONSERVING[self.method]:
             return self._interpreted(times)
-        if self.method != RADAU:
+        if not THROUGH_ENDS[self.method]:
             before = self.end_state.reshape(3, self.n)[self.ends - 2]
             return dop853.polynomial(self.dense.reshape(7, self.n), before, *self.last_step, times)
         return ends.sampled(self, times)

@@ -10,7 +10,8 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from .. import radau
-from ..methods import RADAU, RODAS
+from ..methods import STIFF as STEEP
+from ..methods import THROUGH_ENDS
 from .factors import Factors, back, eliminate
 from .polynomials import collocation, quintic
 from .radau_step import rates
@@ -26,7 +27,7 @@ MU_REAL = float(radau.MU_REAL)
 
 def has_steep_states(s: IntegratorWorkspace) -> int:
     """Return 1 if a method for stiff equations has stiff states in the last step, and store their steepness."""
-    if (s.method != RADAU and s.method != RODAS) or s.closed.gaps > 0 or s.sparse != 0:
+    if STEEP[s.method] == 0 or s.closed.gaps > 0 or s.sparse != 0:
         return 0
     size = s.time - s.end_time[s.ends - 2]
     for i in range(s.n):
@@ -40,8 +41,8 @@ def has_steep_states(s: IntegratorWorkspace) -> int:
 
 
 def is_unsure(s: IntegratorWorkspace, time: float) -> bool:
-    """Return True if the two polynomials differ in stiff states, or if there is only one; for Rodas5P, if it misses its equations."""
-    if s.method == RODAS:
+    """Return True if the two polynomials differ in stiff states, or if there is only one; for a method with one, if it misses its equations."""
+    if THROUGH_ENDS[s.method] == 0:
         return is_off(s, time)
     if s.ends < 3:
         return True
@@ -111,7 +112,7 @@ def slopes(s: IntegratorWorkspace, time: float, size: float) -> None:
     n = s.n
     late = s.f
     early = s.f[n:]
-    if s.ends == 3 and s.method == RADAU:
+    if s.ends == 3 and THROUGH_ENDS[s.method] != 0:
         quintic(s, time + NEAR * size, late)
         quintic(s, time - NEAR * size, early)
     else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .. import radau
-from ..methods import RADAU
+from ..methods import THROUGH_ENDS
 from .stepper import IntegratorWorkspace
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ P = tuple(radau.P.ravel().tolist())
 
 def tried_at(s: IntegratorWorkspace, at: float, out: Floats) -> None:
     """Compute the state of Radau from its stages, that of DOP853 from the results of `dop853_dense.densify_between`."""
-    if s.method == RADAU:
+    if THROUGH_ENDS[s.method] != 0:
         from_stages(s, at, out)
     else:
         value_at(s, at, s.state, out)

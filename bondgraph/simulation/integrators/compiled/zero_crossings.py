@@ -6,8 +6,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from ....numerics import indicators
-from .. import dop853
-from ..methods import RADAU
+from ..methods import PARTS
 from .dense_output import state_at
 from .projection import put_multipliers
 from .stepper import IntegratorWorkspace
@@ -15,7 +14,7 @@ from .stepper import IntegratorWorkspace
 if TYPE_CHECKING:
     from compiler.api import Floats
 
-PLACES, GRID, LAST, PARTS = indicators.PLACES, indicators.GRID, indicators.LAST, dop853.PARTS
+PLACES, GRID, LAST = indicators.PLACES, indicators.GRID, indicators.LAST
 SHARES = tuple(indicators.SHARES.tolist())
 COEFFICIENTS, ON_GRID = (tuple(a.ravel().tolist()) for a in (indicators.COEFFICIENTS, indicators.ON_GRID))
 CONVERGED, SURE = indicators.CONVERGED, indicators.SURE
@@ -26,7 +25,7 @@ def may_flip(s: IntegratorWorkspace) -> bool:
     if s.root_narrow > 0:
         return True
     start = s.end_time[s.ends - 2]
-    parts = 1 if s.method == RADAU else PARTS
+    parts = PARTS[s.method]
     begin = start
     roots_at(s, start, s.root_seen)
     for k in range(parts):

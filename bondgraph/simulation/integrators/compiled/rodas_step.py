@@ -42,7 +42,7 @@ CAREFUL = rodas.CAREFUL
 MOST_BENDS = rodas.MOST_BENDS
 
 
-def rosenbrock_step(s: IntegratorWorkspace) -> int:
+def rodas_step(s: IntegratorWorkspace) -> int:
     """Make one accepted step; return 0, or the reason why there is none."""
     least = 10.0 * ulp(s.time)
     size = first_size(s, s.size, least, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC)

@@ -17,7 +17,7 @@ C, A, B, WITHIN = gauss.C, gauss.A, gauss.B, gauss.WITHIN
 ITERATIONS, SLOW, CLOSE, PROJECTIONS = gauss.ITERATIONS, gauss.SLOW, gauss.CLOSE, gauss.PROJECTIONS
 
 
-def conserving_step(s: IntegratorWorkspace) -> int:
+def energy_step(s: IntegratorWorkspace) -> int:
     """Make one step of the common size; return 0, or the reason why there is none."""
     n = s.n
     end = s.stop if s.time + 1.5 * s.size >= s.stop else s.time + s.size

@@ -1,0 +1,63 @@
+"""Solvers of an experiment, one row each: the words of an author, and the facts by which a run chooses, refuses, names and repeats.
+
+The steps of a method are the module and function `<word>_step` in `bondgraph/simulation/integrators/compiled/`.
+"""
+
+from __future__ import annotations
+
+from .fast_dataclass import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Solver:
+    """A solver of an experiment. Without `parts` it makes no steps.
+
+    `parts` of a step are searched for events separately. `estimate`: order of the error estimate plus one. `through_ends`: within a step, a polynomial
+    through the last step ends holds. `others`: solvers of another family that repeat a run, the first that can. `refused`: properties of a model that
+    it cannot take, each with the reason, put into `refusal`.
+    """
+
+    word: str
+    name: str = ""  # in a result; also the beginning of it
+    purpose: str = ""
+    parts: int = 0
+    estimate: int = 4
+    stiff: bool = False
+    through_ends: bool = False
+    conserving: bool = False  # equal steps that keep the stored energy
+    others: tuple[str, ...] = ("automatic",)
+    refused: tuple[tuple[str, str], ...] = ()
+    refusal: str = ""
+
+
+AUTOMATIC = "automatic"
+_LEAVE = "; leave the solver to choose"
+_CANNOT = " cannot step through this model: {}" + _LEAVE + ", or name `radau`"
+_CONSTRAINTS = "constraints", "closed loops hold its states on constraints"
+_UNKNOWNS = "unknowns", "the unknowns of its algebraic loops are found with each step"
+_ROWS = (
+    Solver(AUTOMATIC),
+    Solver("exponential", "matrix exponential", "linear models", others=("explicit", "radau")),
+    Solver(
+        "explicit", "Dormand-Prince 8", parts=4, estimate=8, others=("radau",),
+        refused=(_CONSTRAINTS, _UNKNOWNS), refusal="an explicit method" + _CANNOT,
+    ),
+    Solver("radau", "Radau IIA 5", parts=1, stiff=True, through_ends=True, others=("rodas", "radau")),
+    Solver(
+        "rodas", "Rodas5P", "stiff models", parts=4, stiff=True, others=("radau",),
+        refused=(
+            _CONSTRAINTS, ("delays", "delayed signals have no exact slope in time"),
+            ("size", "without machine code it is for up to {most} states and unknowns, these are {states}"),
+        ),
+        refusal="Rodas5P" + _CANNOT,
+    ),
+    Solver(
+        "energy", "Gauss 6 with constant energy", "keeps that of lossless models", parts=4, conserving=True, others=("explicit", "radau"),
+        refused=(
+            ("events", "events change what it stores"), ("delays", "delayed signals are no storage"),
+            ("kinks", "its laws bend, which equal steps do not see"), _CONSTRAINTS, _UNKNOWNS,
+        ),
+        refusal="no method keeps the energy of this model: {}" + _LEAVE,
+    ),
+)  # fmt: skip
+SOLVERS = {row.word: row for row in _ROWS}
