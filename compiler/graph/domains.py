@@ -22,6 +22,11 @@ class Domain:
     typed: bool = True
     guessed: bool = True  # True if the letters of a law may imply it
 
+    @property
+    def has_power(self) -> bool:
+        """True if effort times flow is a power."""
+        return self.typed and self.effort * self.flow == WATT
+
     def dimension(self, variable: str) -> Dimension:
         """Dimension of `e`, `f`, `q` or `p`."""
         if not self.typed:

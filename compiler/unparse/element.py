@@ -68,8 +68,8 @@ def _changes(node: Element, reference: Quantity | Reading, words: Words) -> bool
 def _law_text(node: Element, words: Words, sides: Sequence[Expression]) -> str:
     printer = words.printer
     if node.law.energy is not None:
-        true_power = all(DOMAINS[p.domain].typed and p.domain != "pseudothermal" for p in node.ports)
-        return f"energy = {printer.text(sides[0], JOULE if true_power else printer.usual(sides[0]))}"
+        has_power = all(DOMAINS[p.domain].has_power for p in node.ports)
+        return f"energy = {printer.text(sides[0], JOULE if has_power else printer.usual(sides[0]))}"
     texts = []
     for left, right in zip(sides[0::2], sides[1::2], strict=True):
         wanted = printer.rigid(left) or printer.rigid(right) or printer.usual(left)

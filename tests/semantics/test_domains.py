@@ -59,13 +59,18 @@ def test_every_domain_can_be_named(name: str) -> None:
     assert (domain(found, "a"), domain(found, "r")) == (name, name)
 
 
-@pytest.mark.parametrize("name", [d.name for d in DOMAINS.values() if d.typed and d.name != "pseudothermal"])
+@pytest.mark.parametrize("name", [d.name for d in DOMAINS.values() if d.has_power])
 def test_power_is_a_power_in_every_domain(name: str) -> None:
     """effort * flow is in watts, displacement is the integral of flow and momentum that of effort."""
     d = DOMAINS[name]
     assert str(d.effort * d.flow) == "W"
     assert d.dimension("q") / d.flow == d.dimension("p") / d.effort
     assert str(d.dimension("q") / d.flow) == "s"
+
+
+def test_domains_without_power() -> None:
+    """Pseudo bonds: what flows is conserved, but effort times flow is no power."""
+    assert [d.name for d in DOMAINS.values() if not d.has_power] == ["pseudothermal", "untyped"]
 
 
 def test_along_chains_fans_and_nests() -> None:

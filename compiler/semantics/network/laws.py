@@ -174,8 +174,7 @@ def _energy(
                 f"The energy of `{name}` reads `{symbol.key.variable}`",
                 f"An energy is a function of what is stored, its {row.stored_words}, alone.",
             )
-    true_power = all(d.typed and d.name != "pseudothermal" for d in ports.values())
-    if true_power and typed.dimension not in (None, JOULE):
+    if all(d.has_power for d in ports.values()) and typed.dimension not in (None, JOULE):
         raise Wrong(
             DimensionMismatch(
                 definition.span, f"The energy of `{name}` must be in [N*m], but it is {describe(typed.dimension)}", ""
