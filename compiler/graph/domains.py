@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..fast_dataclass import dataclass
-from .units import AMPERE, KELVIN, METRE, MOLE, NEWTON, ONE, PASCAL, SECOND, VOLT, WATT, Dimension
+from .units import AMPERE, KELVIN, KILOGRAM, METRE, MOLE, NEWTON, ONE, PASCAL, SECOND, VOLT, WATT, Dimension
 
 EFFORT, FLOW, DISPLACEMENT, MOMENTUM = "e", "f", "q", "p"
 GENERIC = (EFFORT, FLOW, DISPLACEMENT, MOMENTUM)
@@ -63,6 +63,7 @@ DOMAINS: Mapping[str, Domain] = {
         Domain("chemical", NEWTON * METRE / MOLE, MOLE / SECOND, ("mu", "n_dot", "n", None)),
         Domain("acoustic", PASCAL, METRE**3 / SECOND, ("P", "Q", "V", "Gamma"), guessed=False),
         Domain("pseudothermal", KELVIN, WATT, ("T", "Q_dot", "Q", None), guessed=False),
+        Domain("pneumatic", PASCAL, KILOGRAM / SECOND, ("P", "m_dot", "m", None), guessed=False),
         Domain("untyped", ONE, ONE, ("e", "f", "q", "p"), typed=False),
     )
 }

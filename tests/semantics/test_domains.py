@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+import bondgraph
 from compiler.graph.domains import DOMAINS
 from compiler.graph.network import BondGraph, Element, Junction
 from tests.compiling import compiled, mistake, mistakes, node_of
@@ -68,9 +69,25 @@ def test_power_is_a_power_in_every_domain(name: str) -> None:
     assert str(d.dimension("q") / d.flow) == "s"
 
 
+def test_a_chamber_is_filled_through_a_choked_orifice() -> None:
+    """Isothermal: P = m R T/V, and a mass flow that does not depend on the pressure in the chamber, so the pressure rises linearly."""
+    text = """model Chamber {
+  parameter R = 287 [J/(kg*K)], T = 293 K, V = 1 L
+  1 inlet : pneumatic
+  Sf choked : m_dot = 1 [g/s]
+  C chamber : P = m*R*T/V { start = 1.2 g }
+  choked -> inlet -> chamber
+  output P = chamber.P
+  experiment fill { simulate 0 .. 2 s { points = 3 } }
+}
+"""
+    found = bondgraph.load(text).simulate()
+    assert found["P"] == pytest.approx([287 * 293 * m / 1e-3 for m in (1.2e-3, 2.2e-3, 3.2e-3)], rel=1e-12)
+
+
 def test_domains_without_power() -> None:
     """Pseudo bonds: what flows is conserved, but effort times flow is no power."""
-    assert [d.name for d in DOMAINS.values() if not d.has_power] == ["pseudothermal", "untyped"]
+    assert [d.name for d in DOMAINS.values() if not d.has_power] == ["pseudothermal", "pneumatic", "untyped"]
 
 
 def test_along_chains_fans_and_nests() -> None:
