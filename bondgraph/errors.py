@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
 
 class BondgraphError(Exception):
@@ -11,13 +11,12 @@ class BondgraphError(Exception):
     It is raised as `UsageError("BR408", "there are no data:", "name a file")`; its text is the sentence and the advice.
     """
 
-    def __init__(self, *words: str) -> None:
-        super().__init__(*words)
-        self.code, sentence, self.advice = ("", *words, "") if len(words) == 1 else (*words, "")[:3]
-        self.sentence = sentence.rstrip(":;,")
+    def __init__(self, code: str, sentence: str, advice: str = "") -> None:
+        super().__init__(code, sentence, advice)
+        self.code, self.sentence, self.advice = code, sentence.rstrip(":;,."), advice
 
     def __str__(self) -> str:
-        return " ".join(self.args[1:] or self.args)
+        return " ".join(filter(None, self.args[1:]))
 
 
 class UsageError(BondgraphError):
@@ -51,39 +50,34 @@ class RunInterrupted(KeyboardInterrupt):
 class RunBroken(BondgraphError):
     """Raised for a defect of this program, or of the machine, in the middle of a run; `result` is the part computed up to then."""
 
-    def __init__(self, what: str, result: object = None) -> None:
-        super().__init__(what)
-        self.result: Any = result
+    result: Any = None
 
 
 class PointBroken(RunFailed):
     """Raised for the same at one of many points; the others went on."""
 
 
-class RateNotFinite(RunFailed):
-    """Raised if a rate is not finite, at a time and state; shape (n,), unknowns of loops included."""
+class FailedAt(RunFailed):
+    """Raised for equations that fail at one time and state; shape (n,), unknowns of loops included."""
 
-    def __init__(self, what: str, time: float, state: Any, mode: Any = None) -> None:
-        super().__init__(what)
+    def at(self, time: float, state: Any, mode: Any) -> Self:
+        """Return the error with its time, state and mode."""
         self.time, self.state, self.mode = time, state, mode
-
-    def __reduce__(self) -> tuple[type[RateNotFinite], tuple[Any, ...], dict[str, Any]]:
-        return (
-            type(self),
-            (str(self), self.time, self.state, self.mode),
-            self.__dict__,
-        )  # for the transfer between processes
+        return self
 
 
-class StepsCollapsed(RunFailed):
-    """Raised if no step is short enough at a time and state; `ahead`: points ever further along the flow."""
+class RateNotFinite(FailedAt):
+    """Raised if a rate is not finite."""
 
-    def __init__(self, what: str, time: float, state: Any, ahead: tuple[tuple[float, Any], ...], mode: Any) -> None:
-        super().__init__(what)
-        self.time, self.state, self.ahead, self.mode = time, state, ahead, mode
 
-    def __reduce__(self) -> tuple[type[StepsCollapsed], tuple[Any, ...], dict[str, Any]]:
-        return type(self), (str(self), self.time, self.state, self.ahead, self.mode), self.__dict__
+class StepsCollapsed(FailedAt):
+    """Raised if the steps lead no further. `ahead`: points ever further along the flow; empty where the steps are not too short."""
+
+    ahead: tuple[tuple[float, Any], ...] = ()
+
+
+class NotLossless(FailedAt):
+    """Raised if an energy-conserving method was requested for a model that gains or loses energy."""
 
 
 class MissingPackage(BondgraphError, ImportError):
@@ -95,14 +89,3 @@ class UnknownOutput(KeyError):
 
     def __str__(self) -> str:
         return str(self.args[0])  # KeyError itself would show the quoted representation of the message
-
-
-class NotLossless(RunFailed):
-    """Raised if an energy-conserving method was requested for a model that gains or loses energy; with time and state."""
-
-    def __init__(self, time: float, state: Any, mode: Any) -> None:
-        super().__init__(f"at t = {time:.9g} s the model gains or loses energy")
-        self.time, self.state, self.mode = time, state, mode
-
-    def __reduce__(self) -> tuple[type[NotLossless], tuple[Any, ...], dict[str, Any]]:
-        return type(self), (self.time, self.state, self.mode), self.__dict__

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import cache
-from .errors import UsageError
+from .errors import ManyRuns, UsageError
 from .results.records import Column
 
 if TYPE_CHECKING:
@@ -37,18 +37,24 @@ def chosen_target(target: str | None) -> str:
     return target
 
 
-def many_runs(plan: Plan, scene: Scene) -> str | None:
-    """Return the reason why the experiment of a scene is more than one run, or none; None if it is one. Settings are not swept."""
+def many_runs(plan: Plan, scene: Scene) -> ManyRuns | None:
+    """Return the error of an experiment of a scene that is more than one run, or none; None if it is one. Settings are not swept."""
     set_here = {o.path for o in scene.overrides}
     names = ", ".join(f"`{s.name}`" for s in plan.sweeps if s.name not in set_here)
     if names:
-        return f"the experiment `{plan.experiment}` sweeps {names}: it is many runs, which `Model.run` makes"
+        return ManyRuns(
+            "BR611", f"the experiment `{plan.experiment}` sweeps {names}: it is many runs, which `Model.run` makes"
+        )
     varied = {d.name for s in plan.studies for d in getattr(s, "vary", ())}
     if not varied <= set_here:
-        return f"the experiment `{plan.experiment}` is a `montecarlo`: it is many runs, which `Model.run` makes"
+        return ManyRuns(
+            "BR612", f"the experiment `{plan.experiment}` is a `montecarlo`: it is many runs, which `Model.run` makes"
+        )
     if plan.studies and plan.stop is None:
         steps = ", ".join(f"`{s.role}`" for s in plan.studies)
-        return f"the experiment `{plan.experiment}` simulates nothing, but has {steps}: `Model.run` does that"
+        return ManyRuns(
+            "BR613", f"the experiment `{plan.experiment}` simulates nothing, but has {steps}: `Model.run` does that"
+        )
     return None
 
 

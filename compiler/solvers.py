@@ -27,12 +27,11 @@ class Solver:
     conserving: bool = False  # equal steps that keep the stored energy
     others: tuple[str, ...] = ("automatic",)
     refused: tuple[tuple[str, str], ...] = ()
-    refusal: str = ""
+    refusal: tuple[str, str] = ("", "")  # sentence and advice
 
 
 AUTOMATIC = "automatic"
-_LEAVE = "; leave the solver to choose"
-_CANNOT = " cannot step through this model: {}" + _LEAVE + ", or name `radau`"
+_CANNOT, _OTHERS = "cannot step through this model", "leave the solver to choose, or name `radau`"
 _CONSTRAINTS = "constraints", "closed loops hold its states on constraints"
 _UNKNOWNS = "unknowns", "the unknowns of its algebraic loops are found with each step"
 _ROWS = (
@@ -40,7 +39,7 @@ _ROWS = (
     Solver("exponential", "matrix exponential", "linear models", others=("explicit", "radau")),
     Solver(
         "explicit", "Dormand-Prince 8", parts=4, estimate=8, others=("radau",),
-        refused=(_CONSTRAINTS, _UNKNOWNS), refusal="an explicit method" + _CANNOT,
+        refused=(_CONSTRAINTS, _UNKNOWNS), refusal=(f"an explicit method {_CANNOT}", _OTHERS),
     ),
     Solver("radau", "Radau IIA 5", parts=1, stiff=True, through_ends=True, others=("rodas", "radau")),
     Solver(
@@ -49,7 +48,7 @@ _ROWS = (
             _CONSTRAINTS, ("delays", "delayed signals have no exact slope in time"),
             ("size", "without machine code it is for up to {most} states and unknowns, these are {states}"),
         ),
-        refusal="Rodas5P" + _CANNOT,
+        refusal=(f"Rodas5P {_CANNOT}", _OTHERS),
     ),
     Solver(
         "energy", "Gauss 6 with constant energy", "keeps that of lossless models", parts=4, conserving=True, others=("explicit", "radau"),
@@ -57,7 +56,7 @@ _ROWS = (
             ("events", "events change what it stores"), ("delays", "delayed signals are no storage"),
             ("kinks", "its laws bend, which equal steps do not see"), _CONSTRAINTS, _UNKNOWNS,
         ),
-        refusal="no method keeps the energy of this model: {}" + _LEAVE,
+        refusal=("no method keeps the energy of this model", "leave the solver to choose"),
     ),
 )  # fmt: skip
 SOLVERS = {row.word: row for row in _ROWS}

@@ -418,15 +418,17 @@ def operating_point(
     return placed(model.prepared(scene, True, target), asked)
 
 
-def _delayed(made: Prepared) -> str:
+def _delayed(made: Prepared) -> UsageError:
     """Return the refusal of a model with delays: the first of them, its line, and a law of states instead."""
     space = made.compilation.state_space
     first = space.delays[0]
     name, place = space.variables[first.value].name, f"{first.span.source.name}:{first.span.line}"
     what = "a signal" if name.startswith("_") or not name else f"`{name}`"
-    return (
-        f"{place}: the `delay` of {what} is an earlier value and no state: no linear analysis is made. Simulate, or write for `delay(x, T)` "
-        "Padé's first order, `2*z - x` with `signal z = integral(2*(x - z)/T, x0)`, which follows frequencies well below 1/T"
+    return UsageError(
+        "BR262",
+        f"{place}: the `delay` of {what} is an earlier value and no state: no linear analysis is made.",
+        "Simulate, or write for `delay(x, T)` Padé's first order, `2*z - x` with `signal z = integral(2*(x - z)/T, x0)`, which "
+        "follows frequencies well below 1/T",
     )
 
 
@@ -444,7 +446,7 @@ def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = No
     begins = plan.start if asked.time is None else asked.time
     plan = replace(plan, equilibrium=asked.state == "equilibrium", start=begins, tolerances={})
     if program.delays is not None:
-        raise UsageError(_delayed(made))
+        raise _delayed(made)
     with np.errstate(all="ignore"):
         options = PhaseOptions(plan, 1e-6, None, False, values or {})
         leg = Phase(made, np.array([begins, begins + AHEAD]), options)

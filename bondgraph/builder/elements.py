@@ -132,7 +132,7 @@ class Elements:
         """Add an element of any kind of the language: `element("R", "damper", "F = r*v")`. Raises `UsageError`."""
         own = name_of(name)
         if kind not in ELEMENTS:
-            raise UsageError(f"`{own}`: `{kind}` is no kind of element; they are {', '.join(ELEMENTS)}")
+            raise UsageError("BR540", f"`{own}`: `{kind}` is no kind of element; they are {', '.join(ELEMENTS)}")
         for word in given:
             if word not in Given.__annotations__:
                 raise UsageError(

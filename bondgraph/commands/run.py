@@ -105,7 +105,7 @@ def command(
         }  # fmt: skip
         try:
             if analyses and start is None and over is None and plot_energy is None:
-                raise ManyRuns("the experiment has analyses besides its simulation")
+                raise ManyRuns("BR610", "the experiment has analyses besides its simulation")
             result = chosen.simulate(asked, start=start, check=check, **arguments)
         except ManyRuns:
             if start is not None:

@@ -99,7 +99,7 @@ class Shown(AnalysedModel):
     def show(self, stage: str, experiment: str | None = "") -> str:
         """Return one stage of the compiler as stable text; `STAGES` lists them."""
         if stage not in STAGES:
-            raise UsageError(f"there is no stage `{stage}`; stages are {', '.join(STAGES)}")
+            raise UsageError("BR609", f"there is no stage `{stage}`; stages are {', '.join(STAGES)}")
         from ..presentation.text.stages import stage_text
 
         return stage_text(self.compilation(api.Scene(self.model, experiment)), stage)
@@ -114,5 +114,5 @@ class Shown(AnalysedModel):
     def compile(self, target: str = "numpy") -> str:
         """Return the source of a separate program, with every parameter and input as an argument. Raises `CompilationFailed`, `UsageError`."""
         if target not in (targets := api.text_targets()):
-            raise UsageError(f"there is no target `{target}`; targets are {', '.join(targets)}")
+            raise UsageError("BR602", f"there is no target `{target}`; targets are {', '.join(targets)}")
         return self.compilation(api.Scene(self.model, None, free=frozenset({"*"}))).text(target)

@@ -24,17 +24,21 @@ def read_result(path: str | os.PathLike[str]) -> Result:
 
     path = Path(path)
     if path.stat().st_size > LARGEST:
-        raise UsageError(f"{path} is larger than a result can be")
+        raise UsageError("BR907", f"{path} is larger than a result can be")
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         told = json.loads(str(arrays[RUN].item()))
         if told["schema"] != ARCHIVE:
-            raise UsageError(f"{path} was written by another version of bondgraph ({told['schema']})")
+            raise UsageError(
+                "BR908",
+                f"{path} was written by another version of bondgraph ({told['schema']});",
+                "run it again with this version",
+            )
         return _result(told, arrays)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, EOFError, zipfile.BadZipFile) as problem:
         raise UsageError(
-            f"{path} is no result of a run, as `--out R.npz` writes it ({type(problem).__name__})"
+            "BR909", f"{path} is no result of a run, as `--out R.npz` writes it ({type(problem).__name__})"
         ) from None
 
 

@@ -49,7 +49,8 @@ class Ensemble:
         for outcome in self.outcomes:
             if not isinstance(outcome, Exception):
                 return outcome
-        raise RunFailed(f"none of {len(self)} runs has a result" + (f"; the first: {self.outcomes[0]}" if self.outcomes else ""))  # fmt: skip
+        first = f"; the first: {self.outcomes[0]}" if self.outcomes else ""
+        raise RunFailed("BR904", f"none of {len(self)} runs has a result{first}")
 
     @property
     def time(self) -> Array:
@@ -58,7 +59,9 @@ class Ensemble:
 
         time = self._first.time
         if any(not isinstance(o, Exception) and not np.array_equal(o.time, time) for o in self.outcomes):
-            raise UsageError("the runs are reported at different instants: `to` and `points` make them the same")
+            raise UsageError(
+                "BR905", "the runs are reported at different instants: `to` and `points` make them the same"
+            )
         return time
 
     def unit(self, name: str) -> str:

@@ -46,7 +46,7 @@ def dataset(arrays: Arrays) -> Any:
     try:
         import xarray
     except ImportError as error:
-        raise MissingPackage('this needs xarray: pip install "bondgraph-lang[xarray]"') from error
+        raise MissingPackage("BR901", "this needs xarray:", 'pip install "bondgraph-lang[xarray]"') from error
     coordinates = {n: ((n,), v, {"units": unit}) for n, (v, unit) in arrays.coordinates.items()}
     variables = {n: (dims, v, {"units": unit}) for n, (dims, v, unit) in arrays.variables.items()}
     return xarray.Dataset(variables, coordinates, _attributes(arrays))
@@ -57,7 +57,9 @@ def write_arrays(path: str | os.PathLike[str], arrays: Arrays) -> None:
     match Path(path).suffix.lower():
         case ".csv":
             if len({d for dims, _, _ in arrays.variables.values() for d in dims}) > 1:
-                raise UsageError(f"a CSV file has one dimension; write `{path}` as {', '.join(ENDINGS[1:])}")
+                raise UsageError(
+                    "BR903", "a CSV file has one dimension;", f"write `{path}` as {', '.join(ENDINGS[1:])}"
+                )
             everything = dict(arrays.coordinates) | {n: (v, u) for n, (_, v, u) in arrays.variables.items()}
             write_csv(path, {n: v for n, (v, _) in everything.items()}, {n: u for n, (_, u) in everything.items()})
         case ".npz":
@@ -67,7 +69,9 @@ def write_arrays(path: str | os.PathLike[str], arrays: Arrays) -> None:
         case ".mat":
             _matlab(path, arrays)
         case _:
-            raise UsageError(f"a table is written to a file that ends in {', '.join(ENDINGS)}, not to `{path}`")
+            raise UsageError(
+                "BR902", f"a table is written to a file that ends in {', '.join(ENDINGS)}, not to `{path}`"
+            )
 
 
 def write_columns(

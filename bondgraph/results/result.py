@@ -145,7 +145,7 @@ class Result:
         try:
             import pandas
         except ImportError as error:
-            raise MissingPackage('a table needs pandas: pip install "bondgraph-lang[table]"') from error
+            raise MissingPackage("BR906", "a table needs pandas:", 'pip install "bondgraph-lang[table]"') from error
         table = pandas.DataFrame(self.values, index=pandas.Index(self.time, name="time"), columns=list(self.names))
         table.attrs["units"] = {"time": "s"} | {column.name: column.unit for column in self.columns}
         return table

@@ -145,7 +145,9 @@ class Phase:
         names = program.states.names
         if not np.isfinite(state).all():
             bad = [n for n, x in zip(names, state, strict=False) if not np.isfinite(x)]
-            raise RunFailed(f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so")
+            raise RunFailed(
+                "BR731", f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so"
+            )
         first, horizon = stretches[0], stretches[-1].stop - self.plan.start
         if self.begin is not None and program.hybrid is not None:
             from .events.begin import continued
@@ -211,8 +213,9 @@ class Phase:
         """Raise `RunFailed` where ideal diodes or switches turn on or off at an equilibrium that was computed in another mode."""
         if not np.array_equal(mode, assumed) or not np.allclose(state, rest, rtol=1e-9, atol=0.0):
             raise RunFailed(
-                "no equilibrium was found: ideal diodes or switches do not stay as they are where the model would rest; start it nearer to its "
-                "rest, or give them resistances"
+                "BR732",
+                "no equilibrium was found: ideal diodes or switches do not stay as they are where the model would rest;",
+                "start it nearer to its rest, or give them resistances",
             )
 
     def _settle_history(self, history: History, start: float) -> None:
@@ -230,8 +233,10 @@ class Phase:
             self.events = None
             self.state, self.start_notes = self._start(self.program, self.compilation, self.constraints, self.stretches)
         raise RunFailed(
+            "BR733",
             f"at t = {start:.9g} s what is delayed and the state at the start do not settle on each other: each makes the other larger, or goes to "
-            "and fro; give the start itself instead of `equilibrium`, or delay what does not read itself"
+            "and fro;",
+            "give the start itself instead of `equilibrium`, or delay what does not read itself",
         )
 
     def _tolerances(self) -> Tolerances:
@@ -263,7 +268,8 @@ class Phase:
                 if factor is None:
                     told = f" (it follows `{self.program.states.names[index]}`)" if index >= 0 else ""
                     raise UsageError(
-                        f"the tolerance of `{name}` cannot be held: it is no state of this run{told}; states are {', '.join(variables)}"
+                        "BR719",
+                        f"the tolerance of `{name}` cannot be held: it is no state of this run{told}; states are {', '.join(variables)}",
                     )
                 value /= abs(factor)
             result[index] = min(value, result.get(index, value))
@@ -349,7 +355,7 @@ class Phase:
 
             modes = self._modes(failed.mode)
             cause = cause_of(program, self.compilation.state_space, failed.time, failed.state, self.parameters, modes)
-            raise RunFailed(f"{failed}: {cause}") from None
+            raise RunFailed("BR745", f"{failed}: {cause}") from None
         except StepsCollapsed as failed:
             raise self._explained(failed) from None
         except NotLossless as failed:
@@ -388,8 +394,8 @@ class Phase:
         for ahead in failed.ahead:
             cause = cause_ahead(self.program, space, here, ahead, self.parameters, self._modes(failed.mode))
             if cause is not None:
-                return RunFailed(f"no step leads on from t = {failed.time:.9g} s: just ahead {cause}")
-        return RunFailed(str(failed))
+                return RunFailed("BR746", f"no step leads on from t = {failed.time:.9g} s: just ahead {cause}")
+        return failed
 
     def cut(self) -> None:
         """Keep the part that is certain: up to the last accepted step, or up to the last finite output."""
@@ -478,8 +484,9 @@ class Phase:
             or "a law of its storages or joints does"
         )
         return UsageError(
-            f"no method keeps the energy of this model: at t = {failed.time:.9g} s it is not lossless ({names}); "
-            "leave the solver to choose, which holds the tolerance"
+            "BR718",
+            f"no method keeps the energy of this model: at t = {failed.time:.9g} s it is not lossless ({names});",
+            "leave the solver to choose, which holds the tolerance",
         )
 
     @property

@@ -34,7 +34,7 @@ def resumed(
     """Return the scene and the handover from which the run goes on, and its remaining output instants. Raises `UsageError`."""
     end = before.checkpoint
     if end is None:
-        raise UsageError("the result says nothing of where its run ended, so nothing goes on from it")
+        raise UsageError("BR721", "the result says nothing of where its run ended, so nothing goes on from it")
     _check_model(before, end, prepared, values, energy)
     scene = replace(scene, preferences=end.preferences)
     hybrid = prepared.program.hybrid
@@ -42,12 +42,13 @@ def resumed(
         scene = replace(scene, off=end.off)
     if made(scene, energy).facts.identity != end.identity:
         raise UsageError(
-            f"the result is of other equations than `{prepared.program.name}` has now: its text, the settings of its inputs, the experiment or "
-            "the outputs that are asked for are not the same"
+            "BR722",
+            f"the result is of other equations than `{prepared.program.name}` has now: its text, the settings of its inputs, the experiment or the "
+            "outputs that are asked for are not the same",
         )
     left = instants[instants > end.time + 1e-12 * (instants[-1] - instants[0])]
     if not len(left):
-        raise UsageError(f"the result ends at t = {end.time:.9g} s already: let the run go further (--to)")
+        raise UsageError("BR723", f"the result ends at t = {end.time:.9g} s already:", "let the run go further (--to)")
     peaks, known = dict(end.peaks), end.magnitudes
     # beyond the horizon of the stored magnitudes: they hold for the past only
     if instants[-1] > end.until * (1 + SAME):
@@ -70,26 +71,30 @@ def _check_model(
     """Raise `UsageError` if the result belongs to another model, or has other outputs or other parameters."""
     program, plan = prepared.program, prepared.plan
     if before.model != program.name:
-        raise UsageError(f"the result is of the model `{before.model}`, not of `{program.name}`")
+        raise UsageError("BR724", f"the result is of the model `{before.model}`, not of `{program.name}`")
     if before.experiment != plan.experiment:
-        name = (f"`{e}`" if e is not None else "no experiment" for e in (before.experiment, plan.experiment))
-        raise UsageError("the result is of {}, this run of {}: name the same with -e".format(*name))
+        old, new = (f"`{e}`" if e is not None else "no experiment" for e in (before.experiment, plan.experiment))
+        raise UsageError("BR725", f"the result is of {old}, this run of {new}:", "name the same with -e")
     if before.names != program.outputs.names:
         raise UsageError(
-            f"the result has the outputs {', '.join(before.names)}, this run {', '.join(program.outputs.names)}: ask for the same"
+            "BR726",
+            f"the result has the outputs {', '.join(before.names)}, this run {', '.join(program.outputs.names)}:",
+            "ask for the same",
         )
     if energy and before.energy is None:
         raise UsageError(
-            "the result has no energy balance, so that of the whole cannot be told: run both with --energy, or none"
+            "BR727",
+            "the result has no energy balance, so that of the whole cannot be told:",
+            "run both with --energy, or none",
         )
     now = {n: values.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)}
     other = [n for n in now if n in end.parameters and not _same(now[n], end.parameters[n])]
     if other:
         told = "; ".join(f"`{n}` was {end.parameters[n]:.9g} and is {now[n]:.9g}" for n in other[:SHOWN])
-        raise UsageError(f"the result is of other parameters: {told} (SI)")
+        raise UsageError("BR728", f"the result is of other parameters: {told} (SI)")
     missing = [n for n in _needed(prepared) if n not in end.stored]
     if missing and set(now) != set(end.parameters):
-        raise UsageError(f"the result knows nothing of {', '.join(f'`{n}`' for n in missing[:SHOWN])}")
+        raise UsageError("BR729", f"the result knows nothing of {', '.join(f'`{n}`' for n in missing[:SHOWN])}")
 
 
 def _needed(prepared: Prepared) -> tuple[str, ...]:

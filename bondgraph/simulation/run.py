@@ -14,7 +14,7 @@ import numpy as np
 
 from compiler.api import SOLVERS, CompilationFailed
 
-from ..errors import ManyRuns, RunFailed, UsageError
+from ..errors import RunFailed, UsageError
 from ..prepared import chosen_target, many_runs
 from ..quantities import behind
 from ..results.records import EnergyBalance, LimitLeft
@@ -128,7 +128,7 @@ def run(
     plan = made(scene, energy).plan
     many = many_runs(plan, scene)
     if many is not None:
-        raise ManyRuns(many)
+        raise many
     stop = _stop(plan, to)
     solver = chosen_solver(wanted.solver if wanted.solver is not None else plan.solver)
     scene = _conserving(scene, solver)
@@ -173,7 +173,9 @@ def run(
 
         what = f"{type(broken).__name__}: {broken}"
         result = run.cut(f"it broke off: {what}")
-        raise RunBroken(f"{what}, after t = {run.reached:.9g} s", result) from broken
+        error = RunBroken("BR710", f"{what}, after t = {run.reached:.9g} s")
+        error.result = result
+        raise error from broken
     return run.result("")
 
 
@@ -190,7 +192,7 @@ def _uncompiled(run: Run, failed: CompilationFailed) -> RunFailed:
     how = f" without {', '.join(f'`{name}`' for name in off)}" if off else " with other states"
     told = "; ".join(d.sentence for d in failed.diagnostics[:3])
     time = run.reached if begin is None else begin.time
-    found = RunFailed(f"at t = {time:.9g} s the model goes on{how}, and then has no equations: {told}")
+    found = RunFailed("BR709", f"at t = {time:.9g} s the model goes on{how}, and then has no equations: {told}")
     found.result = run.cut(f"it failed: {found}")
     return found
 
@@ -260,8 +262,9 @@ class Run:
         if len(last) == MOST_AT_ONCE and last[0].stretches[0].start == begin.time:
             names = ", ".join(f"`{n}`" for n in sorted({*(begin.off or ())} | {n for leg in last for n in leg.off}))
             raise RunFailed(
-                f"at t = {begin.time:.9g} s junctions go on and off without end ({names}): no set of them agrees with its own "
-                "conditions; give them a hysteresis, or put a resistor or a storage beside them"
+                "BR707",
+                f"at t = {begin.time:.9g} s junctions go on and off without end ({names}): no set of them agrees with its own conditions;",
+                "give them a hysteresis, or put a resistor or a storage beside them",
             )
 
     def _companion(self) -> Companion | None:
@@ -396,8 +399,9 @@ def _check_choice(
         possible = False
     if not possible:
         raise RunFailed(
-            f"at t = {begin.time:.9g} s `{begin.dependent}` follows from `{begin.state}` so steeply that its error would be "
-            f"{WORST:g} times that of `{begin.state}`, and no other choice of states is possible there"
+            "BR708",
+            f"at t = {begin.time:.9g} s `{begin.dependent}` follows from `{begin.state}` so steeply that its error would be {WORST:g} times "
+            f"that of `{begin.state}`, and no other choice of states is possible there",
         )
 
 
@@ -419,10 +423,10 @@ def _stop(plan: Plan, to: str | float | None) -> float:
     stop = plan.stop if to is None else (seconds(to) if isinstance(to, str) else float(to))
     if stop is None:
         raise UsageError(
-            "nothing says how long to run: give an end with --to, or an experiment with `simulate 0 .. 1 s`"
+            "BR701", "nothing says how long to run:", "give an end with --to, or an experiment with `simulate 0 .. 1 s`"
         )
     if not plan.start < stop < float("inf"):
-        raise UsageError(f"the end of the run, {stop:g} s, does not lie after its start, {plan.start:g} s")
+        raise UsageError("BR702", f"the end of the run, {stop:g} s, does not lie after its start, {plan.start:g} s")
     return stop
 
 
@@ -430,7 +434,7 @@ def seconds(text: str) -> float:
     """Return the time in s of a text such as `20 ms`, or of a bare number of seconds."""
     found = _number("--to", text, "s")
     if found is None:
-        raise UsageError(f"`{text}` is no time: write `20 ms`, or a number of seconds")
+        raise UsageError("BR703", f"`{text}` is no time:", "write `20 ms`, or a number of seconds")
     return found
 
 
@@ -438,7 +442,7 @@ def hertz(given: str | float) -> float:
     """Return the frequency in Hz of a text such as `50 kHz`, or of a bare number of Hz. Raises `UsageError`."""
     found = _number("--bandwidth", given, "Hz") if isinstance(given, str) else float(given)
     if found is None or not 0 < found < float("inf"):
-        raise UsageError(f"`{given}` is no bandwidth: write `50 kHz`, or a number of Hz")
+        raise UsageError("BR704", f"`{given}` is no bandwidth:", "write `50 kHz`, or a number of Hz")
     return found
 
 
@@ -466,11 +470,11 @@ def _count(points: int) -> int:
     except TypeError:
         count = 0
     if not 2 <= count <= 10_000_000:
-        raise UsageError("--points is a whole number from 2 to 10 000 000")
+        raise UsageError("BR705", "--points is a whole number from 2 to 10 000 000")
     return count
 
 
 def _checked(name: str, value: float, low: float, high: float) -> float:
     if not low <= value <= high:
-        raise UsageError(f"{name} = {value:g} is outside {low:g} to {high:g}")
+        raise UsageError("BR706", f"{name} = {value:g} is outside {low:g} to {high:g}")
     return value

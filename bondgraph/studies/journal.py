@@ -63,16 +63,20 @@ class Journal:
             self._write(head)
             return {}
         if not content.startswith(SCHEMA):
-            raise self._closed(f"`{self.path}` is no journal of a study")
+            self.close()
+            raise UsageError("BR467", f"`{self.path}` is no journal of a study")
         if not content.startswith(head):
-            raise self._closed(
-                f"`{self.path}` is the journal of another study: the model, what is asked, the points or this program have changed "
-                "since; name another file, or remove it"
+            self.close()
+            raise UsageError(
+                "BR468",
+                f"`{self.path}` is the journal of another study: the model, what is asked, the points or this program have changed since;",
+                "name another file, or remove it",
             )
         try:
             found, whole = _records(content, len(head))
         except pickle.UnpicklingError as problem:
-            raise self._closed(f"`{self.path}` holds what no study writes ({problem}): it is not read") from None
+            self.close()
+            raise UsageError("BR469", f"`{self.path}` holds what no study writes ({problem}): it is not read") from None
         self._stream.seek(whole)
         self._stream.truncate()
         return {i: x for i, x in found.items() if i < len(points)}
@@ -94,10 +98,6 @@ class Journal:
         self._stream.write(content)
         self._stream.flush()
         os.fsync(self._stream.fileno())
-
-    def _closed(self, what: str) -> UsageError:
-        self.close()
-        return UsageError(what)
 
 
 def digest_of(model: AnalysedModel, question: Question, points: Sequence[Any]) -> bytes:
@@ -164,7 +164,7 @@ def _readable(answer: Any) -> Any:
     try:
         _Known(io.BytesIO(_packed(answer))).load()
     except Exception:
-        return RunFailed(str(answer))
+        return RunFailed("BR466", f"{answer}")
     return answer
 
 

@@ -38,9 +38,9 @@ def _broken(problem: Exception) -> PointBroken:
     within = isinstance(problem, RunBroken)
     what = str(problem) if within else f"{type(problem).__name__}: {problem}"
     if isinstance(problem.__cause__ if within else problem, MemoryError):
-        found = PointBroken(f"there is not enough memory ({what})")
+        found = PointBroken("BR463", f"there is not enough memory ({what})")
     else:
-        found = PointBroken(f"a defect of ours, not of your file ({what})")
+        found = PointBroken("BR464", f"a defect of ours, not of your file ({what})")
         found.add_note("".join(traceback.format_exception(problem)))
     found.result = getattr(problem, "result", None)
     return found
@@ -49,6 +49,7 @@ def _broken(problem: Exception) -> PointBroken:
 def check_some_stand(found: Sequence[Any]) -> None:
     """Raise `RunBroken` if all points failed by a defect, which then concerns the request."""
     if found and all(isinstance(x, PointBroken) for x in found):
-        broken = RunBroken(str(found[0]), found[0].result)
+        broken = RunBroken("BR465", f"no point could be computed: {found[0]}")
+        broken.result = found[0].result
         broken.__notes__ = list(getattr(found[0], "__notes__", ()))
         raise broken

@@ -81,7 +81,7 @@ def test_what_is_wrong_at_all_points_is_an_error(monkeypatch: pytest.MonkeyPatch
         with pytest.raises(RunBroken, match="ZeroDivisionError: by zero") as caught:
             call()
         assert "in simulate" in caught.value.__notes__[0]
-    for problem in (MissingPackage("get it"), FileNotFoundError("data.csv"), KeyboardInterrupt()):
+    for problem in (MissingPackage("BR906", "get it"), FileNotFoundError("data.csv"), KeyboardInterrupt()):
         monkeypatch.undo()
         breaking(monkeypatch, {81.0: problem})
         with pytest.raises(type(problem)):
@@ -93,7 +93,9 @@ def test_what_broke_goes_from_process_to_process_and_through_a_journal(
 ) -> None:
     model, given = bondgraph.load(TEXT), [{"k": 80.0 + i} for i in range(3)]
     result = model.simulate()
-    breaking(monkeypatch, {81.0: RunBroken("ZeroDivisionError: no, after t = 0.5 s", result)})
+    broken = RunBroken("BR710", "ZeroDivisionError: no, after t = 0.5 s")
+    broken.result = result
+    breaking(monkeypatch, {81.0: broken})
     for _ in range(2):
         journal = bondgraph.Journal(tmp_path / "j")
         found = model.simulate_many(given, workers=Workers(1, journal=journal))
@@ -123,8 +125,9 @@ def test_all_that_goes_wrong_in_runs_goes_from_process_to_process() -> None:
     """With the data of the exception besides its message."""
     result, state = bondgraph.load(TEXT).simulate(), np.array([1.0, 2.0])
     for problem in (
-        RunInterrupted("interrupted at t = 1 s", result), RunBroken("broken", result), RateNotFinite("no number", 1.0, state),
-        StepsCollapsed("none", 1.0, state, ((2.0, state),), None), NotLossless(1.0, state, None), PointBroken("a defect"),
+        RunInterrupted("interrupted at t = 1 s", result), RunBroken("BR710", "broken"), PointBroken("BR464", "a defect"),
+        RateNotFinite("BR781", "no number").at(1.0, state, None), StepsCollapsed("BR786", "none").at(1.0, state, None),
+        NotLossless("BR720", "lossy").at(1.0, state, None),
     ):  # fmt: skip
         problem.result = result
         again: Any = pickle.loads(pickle.dumps(problem))

@@ -200,7 +200,7 @@ def test_what_others_tell_pickle_is_not_in_a_journal(tmp_path: Path, monkeypatch
     for _ in range(2):
         journal = Journal(tmp_path / "j")
         found = journal.begun(bondgraph.load(TEXT), Counting(), POINTS)
-        journal.add({3: bondgraph.RunFailed("at t = 1 s")})
+        journal.add({3: bondgraph.RunFailed("BR748", "at t = 1 s")})
         journal.close()
     assert type(found[3]) is bondgraph.RunFailed and str(found[3]) == "at t = 1 s"
 

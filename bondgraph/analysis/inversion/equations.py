@@ -62,7 +62,7 @@ class InversionEquations:
         self.columns = self.all + len(drives)
         self.rows = sum(d + 1 for d in self.degrees) + (self.all - self.count) + self.held
         if self.free < 0:
-            raise UsageError(never_apart(self.outputs, self.degrees))
+            raise UsageError("BR325", f"the inputs cannot move {together(self.outputs, self.degrees)}")
         program = point.program
         self.units = (*program.states.units, *program.unknowns.units, *(f"drive {i}" for i in range(len(drives))))
 
@@ -133,11 +133,11 @@ class InversionEquations:
         return given
 
 
-def never_apart(outputs: Sequence[str], degrees: Sequence[int]) -> str:
-    """Return the message for outputs that the inputs cannot move independently."""
+def together(outputs: Sequence[str], degrees: Sequence[int]) -> str:
+    """Return the words for outputs that the inputs cannot move independently."""
     names, orders = ", ".join(f"`{n}`" for n in outputs), ", ".join(map(str, degrees))
     return (
-        f"the inputs cannot move {names} apart from one another: differentiated {orders} times, as often as it takes for an input to show, "
+        f"{names} apart from one another: differentiated {orders} times, as often as it takes for an input to show, "
         "they move with the same of the inputs, or say the same"
     )
 

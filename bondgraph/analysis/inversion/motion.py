@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunFailed
-from .equations import Evaluated, InversionEquations, never_apart
+from .equations import Evaluated, InversionEquations, together
 
 ITERATIONS = 25
 CLOSE = 1e-13  # relative to the magnitudes: size of the last step
@@ -149,7 +149,7 @@ class _Solver:
             if found is None:
                 step *= 0.5
                 if step < 1.0 / STAGES:
-                    raise RunFailed(self._lost(reached, worst))
+                    raise self._lost(reached, worst)
                 continue
             unknowns, reached, step = found, share, 2 * step
         return unknowns
@@ -165,11 +165,12 @@ class _Solver:
             row += degree + 1
         return rest
 
-    def _lost(self, reached: float, worst: int) -> str:
+    def _lost(self, reached: float, worst: int) -> RunFailed:
         names = ", ".join(f"`{n}`" for n in self.equations.outputs)
-        return (
+        return RunFailed(
+            "BR326",
             f"no inputs were found that lead {names} along the path: Newton's method fails at t = {self.times[worst]:.6g} s, "
-            f"at {100 * reached:.3g} % of the way from rest"
+            f"at {100 * reached:.3g} % of the way from rest",
         )
 
     def _newton(self, unknowns: Any, wanted: Any) -> tuple[Any | None, int]:
@@ -218,7 +219,8 @@ class _Solver:
     def _refuse_singular(self, matrix: Any) -> None:
         sizes = np.linalg.svd(matrix, compute_uv=False)
         if sizes[-1] < SINGULAR * sizes[0]:
-            raise RunFailed(never_apart(self.equations.outputs, self.equations.degrees))
+            names = together(self.equations.outputs, self.equations.degrees)
+            raise RunFailed("BR325", f"the inputs cannot move {names}")
 
     def _together(self, found: Evaluated, unknowns: Any, scale: Any) -> Any:
         """Return the Newton step of one sparse system: the equations of all instants, the steps of the internal dynamics, and their end conditions."""

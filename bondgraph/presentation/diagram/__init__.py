@@ -38,8 +38,8 @@ def mechanism_of(model: CompiledModel, name: str | None, experiment: str | None,
     graph = model.compilation().whole_graph
     names = [node.name for node in _mechanisms(graph)]
     if not names or (name is None and len(names) > 1) or (name is not None and name not in names):
-        told = f"it has {', '.join(f'`{n}`' for n in names)}: name one" if names else "it has none"
-        raise UsageError(f"which mechanism of `{graph.name}` is to be drawn? {told}")
+        choice = f"it has {', '.join(f'`{n}`' for n in names)}: name one" if names else "it has none"
+        raise UsageError("BR939", f"which mechanism of `{graph.name}` is to be drawn? {choice}")
     place = names.index(name or names[0])
     if at is None:
         return draw_mechanism(mechanism_geometry_of(graph, _mechanisms(graph)[place]))

@@ -51,7 +51,7 @@ def shapes_of(model: CompiledModel, experiment: str | None, name: str | None, co
     node = next((n for n in nodes if name is None or n.name == name), None)
     if node is None or (name is None and len(nodes) > 1):
         raise UsageError(
-            f"which mechanism is to be drawn? there is {', '.join(f'`{n.name}`' for n in nodes) or 'none'}"
+            "BR935", f"which mechanism is to be drawn? there is {', '.join(f'`{n.name}`' for n in nodes) or 'none'}"
         )
     rest = mechanism_geometry_of(found.graph, node, _poses(found, node, found.rest))
     pictures = []
@@ -63,7 +63,7 @@ def shapes_of(model: CompiledModel, experiment: str | None, name: str | None, co
         if len(pictures) == count:
             break
     if not pictures:
-        raise UsageError(f"no mode moves the mechanism `{node.name}`")
+        raise UsageError("BR938", f"no mode moves the mechanism `{node.name}`")
     return _sheet(pictures, f"modes of {node.name}")
 
 

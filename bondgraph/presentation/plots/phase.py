@@ -30,9 +30,9 @@ def plot_phase(result: Result, path: str | os.PathLike[str], over: str) -> None:
     check_picture(path)
     shown = {item.name: (item.unit, values) for item, values in result.shown()}
     if over not in shown:
-        raise UsageError(f"the run shows no `{over}`; it shows {', '.join(shown) or 'nothing'}")
+        raise UsageError("BR929", f"the run shows no `{over}`; it shows {', '.join(shown) or 'nothing'}")
     if len(shown) < 2:
-        raise UsageError(f"there is nothing to draw over `{over}`: the run shows no other output")
+        raise UsageError("BR930", f"there is nothing to draw over `{over}`: the run shows no other output")
     drawn(lambda: _phase(result.title, over, shown), path)
 
 
@@ -70,7 +70,9 @@ def plot_branch(found: Branch, path: str | os.PathLike[str], names: Sequence[str
     check_picture(path)
     unknown = [n for n in names if n not in found.outputs and n not in found.states]
     if unknown:
-        raise UsageError(f"the branch has no `{unknown[0]}`; it has {', '.join((*found.outputs, *found.states))}")
+        raise UsageError(
+            "BR931", f"the branch has no `{unknown[0]}`; it has {', '.join((*found.outputs, *found.states))}"
+        )
     chosen = list(names) or list(found.outputs) or list(found.states)
     drawn(lambda: _branch(found, chosen[:PANELS]), path)
 

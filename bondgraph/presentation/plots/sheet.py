@@ -44,9 +44,9 @@ def check_picture(path: str | os.PathLike[str]) -> None:
     from importlib.util import find_spec
 
     if Path(path).suffix.lower() not in ENDINGS:
-        raise UsageError(f"a plot is written to a file that ends in {', '.join(ENDINGS)}, not to `{path}`")
+        raise UsageError("BR927", f"a plot is written to a file that ends in {', '.join(ENDINGS)}, not to `{path}`")
     if find_spec("matplotlib") is None:
-        raise MissingPackage('a plot needs matplotlib: pip install "bondgraph-lang[plot]"')
+        raise MissingPackage("BR928", "a plot needs matplotlib:", 'pip install "bondgraph-lang[plot]"')
 
 
 def drawn(make: Callable[[], Figure], path: str | os.PathLike[str]) -> None:

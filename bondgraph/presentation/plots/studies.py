@@ -38,7 +38,7 @@ def plot_tornado(found: MonteCarlo, path: str | os.PathLike[str]) -> None:
 def _panels(found: MonteCarlo, what: str, height: float) -> tuple[Figure, list[Axes]]:
     count = min(len(found.quantities), PANELS)
     if not count:
-        raise UsageError("there is nothing to draw: the study has no quantity")
+        raise UsageError("BR926", "there is nothing to draw: the study has no quantity")
     across = min(count, COLUMNS)
     down = -(-count // across)
     figure = sheet(f"{heading(found.model, found.experiment)}, {what}", 4.2 * across + 0.6, 0.8 + height * down)

@@ -24,10 +24,11 @@ def plot_surface(found: Outcome, name: str, path: str | os.PathLike[str]) -> Non
     """Draw the output `name` into `path`; completely or not at all. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     if len(found.swept) != 2:
-        raise UsageError("a relief is of two quantities that are swept")
+        raise UsageError("BR932", "a relief is of two quantities that are swept")
     if name not in found.names or name in found.swept:
         raise UsageError(
-            f"there is no `{name}` to draw; there is {', '.join(n for n in found.names if n not in found.swept)}"
+            "BR933",
+            f"there is no `{name}` to draw; there is {', '.join(n for n in found.names if n not in found.swept)}",
         )
     drawn(lambda: _figure(found, name), path)
 

@@ -107,8 +107,10 @@ class SingularPoseMonitor:
             assert constraints.assembled is not None
             names = ", ".join(f"`{n}`" for n in constraints.assembled.redundant[:SHOWN])
             raise RunFailed(
-                f"at t = {time:.9g} s {names}, which followed from the other constraints at the start, no longer "
-                "do: the mechanism is drawn in a special pose; start it elsewhere, or leave a joint out"
+                "BR743",
+                f"at t = {time:.9g} s {names}, which followed from the other constraints at the start, no longer do: the mechanism is drawn in a "
+                "special pose;",
+                "start it elsewhere, or leave a joint out",
             )
 
     def other_rows(self, time: float, state: Any, mode: Any, step: float) -> bool:

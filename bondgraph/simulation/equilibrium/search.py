@@ -41,7 +41,7 @@ def found_by(search: EquilibriumSearch, state: Any) -> Any:
         raise search.not_finite(slope, x)
     if not np.isfinite(abs(jacobian).max()):
         raise RunFailed(
-            f"at t = {search.time:.9g} s the rates have slopes that are not finite: no equilibrium is found"
+            "BR753", f"at t = {search.time:.9g} s the rates have slopes that are not finite: no equilibrium is found"
         )
     if not slope.any():
         return search.rested(x)

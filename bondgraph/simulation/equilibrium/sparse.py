@@ -58,11 +58,11 @@ class SparseSearch(EquilibriumSearch):
         from scipy.sparse.linalg import splu
 
         if not np.isfinite(matrix.data).all():
-            raise RunFailed("the Jacobian has no numbers there")
+            raise RunFailed("BR751", "the Jacobian has no numbers there")
         try:
             return splu(matrix)
         except RuntimeError as singular:
-            raise RunFailed(f"the Jacobian is singular there ({singular})") from singular
+            raise RunFailed("BR752", f"the Jacobian is singular there ({singular})") from singular
 
     def fastest(self, jacobian: Any) -> float:
         """Return at least the largest eigenvalue: that of the matrix of absolute values, by power iteration, which is independent of units."""

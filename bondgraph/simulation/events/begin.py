@@ -74,7 +74,9 @@ def with_mode(space: Prepared, constraints: Constraints, state: Any, first: Segm
         if mode.tobytes() in seen:
             break
         seen.add(mode.tobytes())
-    raise RunFailed(f"at t = {first.start:.9g} s the starts and the conditions of the model contradict each other")
+    raise RunFailed(
+        "BR773", f"at t = {first.start:.9g} s the starts and the conditions of the model contradict each other"
+    )
 
 
 def off_in(constraints: Constraints, full: Any, first: Segment) -> tuple[str, ...]:

@@ -129,9 +129,10 @@ class Companion:
         """Return the error that no conducting set is consistent."""
         names = ", ".join(f"`{v.junction.rpartition('.')[0] or v.junction}`" for v in self.valves)
         return RunFailed(
-            f"at t = {time:.9g} s no set of conducting and blocking valves among {names} goes on: none of them keeps every "
-            "effort at or below zero and every flow at or above zero; look for a source that works against another "
-            "through valves, or put a resistor in line with one of them"
+            "BR766",
+            f"at t = {time:.9g} s no set of conducting and blocking valves among {names} goes on: none of them keeps every effort at or below zero "
+            "and every flow at or above zero;",
+            "look for a source that works against another through valves, or put a resistor in line with one of them",
         )
 
     def _refused(self, time: float) -> frozenset[bytes]:
@@ -186,8 +187,9 @@ class Companion:
             found = self._solved(at, on, step, 0, moved)
             if found is None or not np.isfinite(found[1][chosen]).all():
                 raise RunFailed(
-                    f"at t = {at.time:.9g} s an impulse passes, and nothing determines what it adds to `{names[0]}`: put a resistor or a "
-                    "damper where the storages are tied"
+                    "BR768",
+                    f"at t = {at.time:.9g} s an impulse passes, and nothing determines what it adds to `{names[0]}`:",
+                    "put a resistor or a damper where the storages are tied",
                 )
             passed.append(step * found[1])
         long, short = passed
@@ -198,8 +200,10 @@ class Companion:
         bad = np.flatnonzero(grows[chosen])
         if len(bad):
             raise RunFailed(
-                f"at t = {at.time:.9g} s an impulse passes, and what `{names[bad[0]]}` integrates has no integral across it: it is not "
-                "proportional to the current or force of the impulse; put a resistor or a damper where the storages are tied"
+                "BR767",
+                f"at t = {at.time:.9g} s an impulse passes, and what `{names[bad[0]]}` integrates has no integral across it: it is not proportional "
+                "to the current or force of the impulse;",
+                "put a resistor or a damper where the storages are tied",
             )
         known = dict(zip(outputs, limit.tolist(), strict=True))
         self._refuse_products(at, jumps, known)
@@ -212,8 +216,9 @@ class Companion:
             reading = [n for n, i in self.integrals.items() if any(v in among for v in i.reads)]
             if reading:
                 raise RunFailed(
-                    f"at t = {at.time:.9g} s an impulse changes `{name}`, and what it adds to `{reading[0]}` is not known: put a spring or a damper "
-                    "where a junction ties it"
+                    "BR769",
+                    f"at t = {at.time:.9g} s an impulse changes `{name}`, and what it adds to `{reading[0]}` is not known:",
+                    "put a spring or a damper where a junction ties it",
                 )
 
     def _check_passed(self, at: Instant, jumps: Mapping[str, float], passed: Mapping[str, float]) -> None:
@@ -224,8 +229,10 @@ class Companion:
                 abs(jump), abs(at.stored.get(name, 0.0)), 1e-6 * size
             ):
                 raise RunFailed(
+                    "BR770",
                     f"at t = {at.time:.9g} s an impulse changes `{name}` by {jump:.6g}, but the currents or forces across it add {passed[name]:.6g}: "
-                    "what integrals take of it is not known; put a resistor or a damper where the storages are tied"
+                    "what integrals take of it is not known;",
+                    "put a resistor or a damper where the storages are tied",
                 )
 
     def _refuse_products(self, at: Instant, jumps: Mapping[str, float], passed: Mapping[str, float]) -> None:
@@ -234,9 +241,11 @@ class Companion:
         for name, k, factor in ((n, k, f) for n, i in self.integrals.items() for k, f in enumerate(i.factors)):
             if passed[f"factor {k} of {name}"] and (factor.moving or not jumped.isdisjoint(factor.coefficients)):
                 raise RunFailed(
+                    "BR771",
                     f"at t = {at.time:.9g} s an impulse passes, and what `{name}` integrates has no integral across it: it multiplies the current or "
-                    "force of the impulse by what may jump with it; integrate the current or force alone, compute energies from what is stored, or put "
-                    "a resistor or a damper where the storages are tied"
+                    "force of the impulse by what may jump with it;",
+                    "integrate the current or force alone, compute energies from what is stored, or put a resistor or a damper where the storages "
+                    "are tied",
                 )
 
     def _solved(

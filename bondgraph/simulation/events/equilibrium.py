@@ -57,8 +57,9 @@ def rest_with_events(constraints: Constraints, state: Any, first: Segment, event
         at = after
     acted = ", ".join(dict.fromkeys(str(events.hybrid.events[i]) for h in events.log for i in h.events))
     raise RunFailed(
-        f"no equilibrium was found: in no mode that holds at a rest does the model stay there{f' ({acted})' * bool(acted)}; the "
-        "conditions of the model make it go to and fro, as a thermostat does"
+        "BR757",
+        f"no equilibrium was found: in no mode that holds at a rest does the model stay there{f' ({acted})' * bool(acted)}; the conditions of the "
+        "model make it go to and fro, as a thermostat does",
     )
 
 
@@ -77,7 +78,8 @@ def sampled_settings(program: Program, constraints: Constraints) -> tuple[tuple[
         for setting in event.settings:
             if event.sampled and setting.kind != "mode":
                 raise RunFailed(
-                    f"no equilibrium was found: `{event}` sets `{setting.words}` at each sample, which is stored"
+                    "BR758",
+                    f"no equilibrium was found: `{event}` sets `{setting.words}` at each sample, which is stored",
                 )
             if event.sampled:
                 result.append((place, setting.position, period))
@@ -154,7 +156,7 @@ class SampledSearch(EquilibriumSearch):
     def not_finite(self, slope: Any, full: Any) -> RunFailed:
         """Return the same as `EquilibriumSearch.not_finite`."""
         bad = ", ".join(f"`{self.names[i]}`" for i in np.flatnonzero(~np.isfinite(slope))[:4])
-        return RunFailed(f"at t = {self.time:.9g} s the rate of {bad} is not finite")
+        return RunFailed("BR759", f"at t = {self.time:.9g} s the rate of {bad} is not finite")
 
     def drivers(self, place: int) -> str:
         """Return the same as `EquilibriumSearch.drivers`."""

@@ -167,7 +167,7 @@ class Events:
         else:
             names = self._listed([self.hybrid.events[i] for i in acted[-4:]])
             raise RunFailed(
-                f"at t = {at.time:.9g} s {names} cause each other without end; let one of them ask for more"
+                "BR774", f"at t = {at.time:.9g} s {names} cause each other without end;", "let one of them ask for more"
             )
         self._record(Happening(at.time, tuple(map(int, changed)), tuple(acted)))
         self._check_left(at.time, acted)
@@ -252,7 +252,7 @@ class Events:
                 if self.left.get(key, 0) >= LEFT:
                     own = [h for h in self.log if i in h.events]
                     if _shrinks(np.diff([h.time for h in own])):
-                        raise RunFailed(self._piled(time, own[-LEFT:]))
+                        raise self._piled(time, own[-LEFT:])
                 self.left[key] = 0
 
     def rising(self, at: Moment) -> bool:
@@ -279,7 +279,7 @@ class Events:
                     self.floor[flipping] = 4 * self.noise(now, self.roots(now.time, now.state, now.mode))[flipping]
                     return now
                 if between is None:
-                    raise RunFailed(self._sliding(at.time, flipping))
+                    raise self._sliding(at.time, flipping)
                 return between
             seen[key] = len(trail)
             trail.append(now.mode)
@@ -447,7 +447,7 @@ class Events:
         if bad:
             names = ", ".join(f"`{self.settings[i].words}` ({_place(self.settings[i].span)})" for i in bad)
             raise RunFailed(
-                f"at t = {at.time:.9g} s events cannot set {names}: the model ties it to what stays as it is"
+                "BR775", f"at t = {at.time:.9g} s events cannot set {names}: the model ties it to what stays as it is"
             )
         return Moment(at.time, np.concatenate([x, at.state[self.count :]]), at.mode)
 
@@ -458,14 +458,16 @@ class Events:
             setting = self.settings[i]
             if not np.isfinite(values[i]):
                 raise RunFailed(
-                    f"at t = {time:.9g} s the new value of `{setting.words}` ({_place(setting.span)}) is not finite"
+                    "BR776",
+                    f"at t = {time:.9g} s the new value of `{setting.words}` ({_place(setting.span)}) is not finite",
                 )
             before = owner.setdefault((setting.kind, setting.position), i)
             if before != i:
                 both = self._listed([self.hybrid.events[self.owners[j]] for j in (before, i)])
                 raise RunFailed(
-                    f"at t = {time:.9g} s {both} set `{setting.words}` at one instant; make one event of them, or let "
-                    "one of them ask that the other does not hold"
+                    "BR777",
+                    f"at t = {time:.9g} s {both} set `{setting.words}` at one instant;",
+                    "make one event of them, or let one of them ask that the other does not hold",
                 )
 
     # ------------------------------------------------------------ messages
@@ -474,24 +476,26 @@ class Events:
         if len(self.log) > MOST_AT_ONCE:
             first = self.log[-MOST_AT_ONCE]
             if happening.time - first.time <= SHORT * max(abs(happening.time), 1e-300):
-                raise RunFailed(self._piled(happening.time, self.log[-MOST_AT_ONCE:]))
+                raise self._piled(happening.time, self.log[-MOST_AT_ONCE:])
 
-    def _piled(self, time: float, last: Sequence[Happening]) -> str:
+    def _piled(self, time: float, last: Sequence[Happening]) -> RunFailed:
         events = dict.fromkeys(i for h in last for i in h.events)
         conditions = dict.fromkeys(i for h in last for i in h.conditions)
         what = self._listed([self.hybrid.events[i] for i in events]) if events else self.listed_conditions(conditions)
-        return (
+        root = "" if events else "; a root that goes through zero is written `sign(x)*sqrt(abs(x))`, without `if`"
+        return RunFailed(
+            "BR779",
             f"at t = {time:.9g} s {what} {'act' if events else 'change'} again and again in no time, {len(last)} times within "
-            f"{last[-1].time - last[0].time:.3g} s: end it by a `mode` that an event sets where little is left, "
-            "and a junction that is `active` without it"
-            + ("" if events else "; a root that goes through zero is written `sign(x)*sqrt(abs(x))`, without `if`")
+            f"{last[-1].time - last[0].time:.3g} s:",
+            f"end it by a `mode` that an event sets where little is left, and a junction that is `active` without it{root}",
         )
 
-    def _sliding(self, time: float, conditions: Any) -> str:
-        return (
+    def _sliding(self, time: float, conditions: Any) -> RunFailed:
+        return RunFailed(
+            "BR780",
             f"at t = {time:.9g} s {self.listed_conditions(conditions)} cannot hold and cannot fail: on either side the motion leads "
-            "back to the other, and the model slides along between them. Give it a law for that: a `mode` that sticks "
-            "and the events that set it, a hysteresis, or a smooth law (tanh) in place of the jump"
+            "back to the other, and the model slides along between them.",
+            "Give it a law for that: a `mode` that sticks and the events that set it, a hysteresis, or a smooth law (tanh) in place of the jump",
         )
 
     def listed_conditions(self, numbers: Any) -> str:

@@ -75,7 +75,7 @@ def first_flip(
             continue
         count += 1
         if count > MOST_PARTS:
-            raise RunFailed(_unresolved(events, low, np.flatnonzero((near & ~seen.converged) | hidden)))
+            raise _unresolved(events, low, np.flatnonzero((near & ~seen.converged) | hidden))
         on_grid = ON_GRID @ seen.coefficients
         dips = seen.dips(on_grid, low == start)
         if bounded is not None and halved <= MOST_HIDDEN:
@@ -183,8 +183,9 @@ def _wrong(events: Events, roots: Any, said: Any) -> Any:
     return np.isfinite(roots) & (events.truth(roots) != said) & (np.abs(roots) >= events.floor)
 
 
-def _unresolved(events: Events, time: float, conditions: Any) -> str:
-    return (
-        f"near t = {time:.9g} s {events.listed_conditions(conditions)} changes too often within a step to be followed; "
-        "give the noise or the jumps in it a longer period, or let a signal that is smooth decide"
+def _unresolved(events: Events, time: float, conditions: Any) -> RunFailed:
+    return RunFailed(
+        "BR778",
+        f"near t = {time:.9g} s {events.listed_conditions(conditions)} changes too often within a step to be followed;",
+        "give the noise or the jumps in it a longer period, or let a signal that is smooth decide",
     )

@@ -53,8 +53,10 @@ def rates_closed(
             given = np.flatnonzero(~movable[:count] & ~poses[:count])
             rates = [constraints.program.states.names[i].rpartition(".")[0] for i in given]
             raise RunFailed(
-                f"the starts of rates of {_told(tuple(dict.fromkeys((*rates, *claimed))))} cannot hold together: in this pose `{opening}` "
-                "would not stay closed; leave one of them out"
+                "BR736",
+                f"the starts of rates of {_told(tuple(dict.fromkeys((*rates, *claimed))))} cannot hold together: in this pose `{opening}` would not "
+                "stay closed;",
+                "leave one of them out",
             )
         found = loose
     return found
@@ -141,14 +143,18 @@ def choose_rows(constraints: Constraints, time: float, state: Any, mode: Any) ->
     beside = _moved_aside(constraints, time, state, mode, here)
     if beside is None and rank < positions:
         raise RunFailed(
-            f"at t = {time:.9g} s the mechanism is drawn in a pose from which it cannot move although {_told(_lost(constraints, here))} "
-            "would let it: its bars are stretched out; draw it a little beside, or leave a joint out"
+            "BR737",
+            f"at t = {time:.9g} s the mechanism is drawn in a pose from which it cannot move although {_told(_lost(constraints, here))} would let it: "
+            "its bars are stretched out;",
+            "draw it a little beside, or leave a joint out",
         )
     _, order, generic = _rank(constraints, time, state if beside is None else beside, mode)
     if generic > rank:
         raise RunFailed(
+            "BR738",
             f"at t = {time:.9g} s the mechanism starts in a singular pose: {_told(_lost(constraints, here))} let it go on in several ways "
-            f"there ({positions - rank} motions instead of {positions - generic}), and nothing says in which; start it a little beside"
+            f"there ({positions - rank} motions instead of {positions - generic}), and nothing says in which;",
+            "start it a little beside",
         )
     taking = np.zeros(constraints.gaps, dtype=bool)
     taking[order[:generic]] = True

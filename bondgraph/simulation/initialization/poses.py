@@ -131,7 +131,7 @@ def posed(problem: PoseProblem) -> tuple[Any, str | None]:
         opened = alone.values(z)
         closed = follow(alone, z, SolutionPath(lambda s: (1.0 - s) * opened, lambda _: -opened))
         if not closed.arrived or problem.missed(closed.z) > CLOSED:
-            raise RunFailed(_open(problem, closed.z))
+            raise _open(problem, closed.z)
         z = closed.z
     elif problem.gaps:
         z = newton(alone, z, np.zeros(problem.gaps), close=0.0)[0]
@@ -148,12 +148,12 @@ def _along(problem: PoseProblem, z: Any) -> tuple[Any, str | None]:
     beside = _beside(problem, z)
     if beside:
         return _from_singular(problem, z, beside)
-    tried: list[str] = []
+    tried: list[RunFailed] = []
     for chosen in _choices(problem, z):
         found = _followed(problem, chosen, z, tried)
         if found is not None:
             return found, None
-    raise RunFailed(tried[0])
+    raise tried[0]
 
 
 def _from_singular(problem: PoseProblem, z: Any, beside: Sequence[Any]) -> tuple[Any, str | None]:
@@ -161,24 +161,28 @@ def _from_singular(problem: PoseProblem, z: Any, beside: Sequence[Any]) -> tuple
 
     It exists where all paths from there end in one pose, and for open chains.
     """
-    several = f"the start of {_names(problem.given)} (line {problem.given[0].line}) can be reached in several ways from the drawing, a singular pose"
-    advice = "draw the mechanism a little beside it, on the side that is meant"
+    several = RunFailed(
+        "BR741",
+        f"the start of {_names(problem.given)} (line {problem.given[0].line}) can be reached in several ways from the drawing, "
+        "a singular pose, and nothing says in which:",
+        "draw the mechanism a little beside it, on the side that is meant",
+    )
     gaps = slice(0, problem.gaps)
     if any(_rank(problem.slopes(b)[gaps]) > _rank(problem.slopes(z)[gaps]) for b in beside):
-        raise RunFailed(f"{several}, and nothing says in which: {advice}")
-    tried: list[str] = []
+        raise several
+    tried: list[RunFailed] = []
     ends = [_followed(problem, chosen, b, tried) for b in beside for chosen in _choices(problem, b)[:1]]
     reached = [e for e in ends if e is not None]
     if not reached:
-        raise RunFailed(tried[0])
+        raise tried[0]
     if all(np.abs(e - reached[0]).max() < APART for e in reached):
         return reached[0], None
     if problem.gaps:
-        raise RunFailed(f"{several}, and nothing says in which: {advice}")
-    return reached[0], f"{several}; one of them is taken: {advice}"
+        raise several
+    return reached[0], f"{several.sentence}; one of them is taken: {several.advice}"
 
 
-def _followed(problem: PoseProblem, chosen: Sequence[int], z: Any, tried: list[str]) -> Any:
+def _followed(problem: PoseProblem, chosen: Sequence[int], z: Any, tried: list[RunFailed]) -> Any:
     """Return the pose with all start values, followed along some of them; None if it is not reached, with the reason added to `tried`."""
     along = replace(problem, given=tuple(problem.given[i] for i in chosen))
     path = _path(along, z)
@@ -321,8 +325,8 @@ def _here(problem: PoseProblem, z: Any) -> list[float]:
     return [float(claims[g.read] if g.claim >= 0 else state[problem.places[g.state]]) for g in problem.given]
 
 
-def _short(problem: PoseProblem, end: Followed) -> str:
-    """Return the message for a path that ends before its start values."""
+def _short(problem: PoseProblem, end: Followed) -> RunFailed:
+    """Return the error of a path that ends before its start values."""
     given, here = problem.given, _here(problem, end.z)
     reached = ", ".join(f"`{g.name}` = {_shown(g, v)}" for g, v in list(zip(given, here, strict=True))[:4])
     why = (
@@ -335,11 +339,15 @@ def _short(problem: PoseProblem, end: Followed) -> str:
         if end.fold
         else "draw it beyond that pose, on the branch that is meant"
     )
-    return f"the start of {_names(given)} (line {given[0].line}) cannot hold: from the drawing it can be reached up to {reached}; {why}: {advice}"
+    return RunFailed(
+        "BR739",
+        f"the start of {_names(given)} (line {given[0].line}) cannot hold: from the drawing it can be reached up to {reached}; {why}:",
+        f"{advice}",
+    )
 
 
-def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: Any) -> str:
-    """Return the message for start values that contradict each other."""
+def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: Any) -> RunFailed:
+    """Return the error of start values that contradict each other."""
     items, here = [problem.given[i] for i in off], _here(problem, z)
     there = ", ".join(f"`{problem.given[i].name}` = {_shown(problem.given[i], here[i])}" for i in off[:4])
     joint = _opened(problem, off, z)
@@ -348,9 +356,10 @@ def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: An
         if joint is not None
         else f"the start of {_names(items)} (line {items[0].line}) cannot hold together with those of {_names(along.given)}"
     )
-    return (
-        f"{beginning}: the mechanism ties them to each other, and on the branch that is drawn {there} there; leave one of them out, "
-        "or draw the mechanism on the other branch"
+    return RunFailed(
+        "BR740",
+        f"{beginning}: the mechanism ties them to each other, and on the branch that is drawn {there} there;",
+        "leave one of them out, or draw the mechanism on the other branch",
     )
 
 
@@ -367,15 +376,18 @@ def _opened(problem: PoseProblem, off: Sequence[int], z: Any) -> str | None:
     return problem.constraints.program.invariants.names[worst].rpartition(".")[0]
 
 
-def _open(problem: PoseProblem, z: Any) -> str:
-    """Return the message for joints that do not close."""
+def _open(problem: PoseProblem, z: Any) -> RunFailed:
+    """Return the error of joints that do not close."""
     constraints = problem.constraints
     gaps = problem.values(z)[: problem.gaps]
     worst = int(np.argmax(np.abs(gaps)))
     names = constraints.program.invariants
     joint = names.names[worst].rpartition(".")[0]
     left = abs(float(gaps[worst])) * (problem.length if constraints.lengths[worst] else 1.0)
-    return f"`{joint}` cannot be closed: {left:.3g} {names.units[worst]} are left open; the parts do not reach each other there"
+    return RunFailed(
+        "BR742",
+        f"`{joint}` cannot be closed: {left:.3g} {names.units[worst]} are left open; the parts do not reach each other there",
+    )
 
 
 # ---------------------------------------------------------------- from a program

@@ -85,16 +85,18 @@ def _check_lossless(stepper: IntegrationState, stretch: Segment, times: Any, sta
     found = program.stored_energy(times, states, *fixed)
     if not np.isfinite(found).all():
         raise RunFailed(
-            "the energy that the model stores cannot be computed from its laws between the start and the states of the run; "
-            "give the storages by `energy = …`, or leave the solver to choose"
+            "BR716",
+            "the energy that the model stores cannot be computed from its laws between the start and the states of the run;",
+            "give the storages by `energy = …`, or leave the solver to choose",
         )
     rates = program.derivative(times, states, *fixed)
     if rates.any() and not found[:, 1:].any():
         raise UsageError(
-            "no method keeps the energy of this model: nothing in it stores any; leave the solver to choose"
+            "BR717", "no method keeps the energy of this model: nothing in it stores any;", "leave the solver to choose"
         )
     flows = found[:, 1:] * rates
     lost = np.abs(flows.sum(axis=1))
     worst = int(np.argmax(lost))
     if lost[worst] > LOST * np.abs(flows).sum(axis=1).max():
-        raise NotLossless(float(times[worst]), states[worst], stretch.mode)
+        failed = NotLossless("BR720", f"at t = {times[worst]:.9g} s the model gains or loses energy")
+        raise failed.at(float(times[worst]), states[worst], stretch.mode)

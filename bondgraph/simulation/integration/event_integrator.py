@@ -72,7 +72,7 @@ class EventIntegrator(SegmentIntegrator):
                 now = Moment(stop, x, self.mode)
                 continue
             if len(events.log) >= self.most_events:
-                raise RunFailed(f"more than {self.most_events} events act before t = {stop:.9g} s")
+                raise RunFailed("BR764", f"more than {self.most_events} events act before t = {stop:.9g} s")
             now = self._happen(Moment(flip.time, flip.state, self.mode), flip.conditions)
 
     def finish(self, last: Segment, x: Any) -> Any:

@@ -37,7 +37,8 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Any, compiled: boo
     if stepper.solver != AUTOMATIC:
         solver = SOLVERS[stepper.solver]
         if obstacle := _obstacle(stepper, solver.refused, len(x), compiled):
-            raise UsageError(solver.refusal.format(obstacle))
+            sentence, advice = solver.refusal
+            raise UsageError("BR712", f"{sentence}: {obstacle};", f"{advice}")
         return METHODS.index(solver)
     if (
         _obstacle(stepper, METHODS[EXPLICIT].refused, len(x), compiled)

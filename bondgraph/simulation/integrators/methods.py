@@ -20,5 +20,5 @@ def chosen_solver(word: str | None) -> str:
     if word is None:
         return AUTOMATIC
     if word not in SOLVERS:
-        raise UsageError(f"there is no solver `{word}`; solvers are {', '.join(SOLVERS)}")
+        raise UsageError("BR711", f"there is no solver `{word}`; solvers are {', '.join(SOLVERS)}")
     return word

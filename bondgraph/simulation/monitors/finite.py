@@ -30,7 +30,8 @@ def check_finite(program: Program, space: StateSpace, instants: Any, values: Any
     names = [n for n, bad in zip(program.outputs.names, wrong[point], strict=True) if bad]
     named = ", ".join(f"`{n}`" for n in names[:6]) + (", …" if len(names) > 6 else "")
     cause = cause_of(program, space, float(instants[point]), states[point], parameters)
-    raise RunFailed(f"at t = {instants[point]:.9g} s {named} {'is' if len(names) == 1 else 'are'} not finite: {cause}")
+    verb = "is" if len(names) == 1 else "are"
+    raise RunFailed("BR748", f"at t = {instants[point]:.9g} s {named} {verb} not finite: {cause}")
 
 
 def cause_of(

@@ -45,7 +45,8 @@ def not_finite(program: Program, time: float, slope: Any, state: Any, mode: Any)
     bad = [names[i] for i in np.flatnonzero(~np.isfinite(slope))[:4]]
     values = ", ".join(f"{n} = {v:.6g}" for n, v in list(zip(names, state, strict=True))[:6])
     rates = " and ".join(f"`{b}`" for b in bad)
-    return RateNotFinite(f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})", time, state, mode)
+    found = RateNotFinite("BR781", f"at t = {time:.9g} s the rate of {rates} is not finite (with {values})")
+    return found.at(time, state, mode)
 
 
 def failure(context: SegmentContext, solver: LastStep, what: str, mode: Any, explicit: bool, most: int) -> RunFailed:
@@ -57,20 +58,22 @@ def failure(context: SegmentContext, solver: LastStep, what: str, mode: Any, exp
         slope = program.derivative(solver.time, state, context.inputs, context.constants, mode)
     if not np.isfinite(slope).all():
         return not_finite(program, solver.time, slope, state, mode)
-    told = stuck(context, solver, what, state, slope, most)
+    found = None
     if what == "steps":
         start, stop = solver.last_step
         found = limiting_mode(context, float(stop), state, mode, float(stop - start), np.array(solver.error))
-        if found is not None:
-            told += f". The steps follow {found}: {advice(found, explicit)}"
+    limit = "" if found is None else f". The steps follow {found}: {advice(found, explicit)}"
+    error = _cause(context, solver, what, (state, slope), f"{most} steps", limit).at(solver.time, state, mode)
     if what in ("newton", "error"):
-        places = ahead(program, tolerances, context.whole, solver.time, state, slope)
-        return StepsCollapsed(told, solver.time, state, places, mode)
-    return RunFailed(told)
+        error.ahead = ahead(program, tolerances, context.whole, solver.time, state, slope)
+    return error
 
 
-def stuck(context: SegmentContext, solver: LastStep, what: str, state: Any, slope: Any, most: int) -> str:
-    program, tolerances = context.program, context.tolerances
+def _cause(
+    context: SegmentContext, solver: LastStep, what: str, here: tuple[Any, Any], most: str, limit: str
+) -> StepsCollapsed:
+    """Return the error by the part that failed last, at a state with its slope `here`; `limit`: words on the mode that limits the steps."""
+    program, tolerances, (state, slope) = context.program, context.tolerances, here
     names, units = _names(program), (*program.states.units, *program.unknowns.units)
     share = np.abs(solver.error)
     worst = (
@@ -80,29 +83,36 @@ def stuck(context: SegmentContext, solver: LastStep, what: str, state: Any, slop
     begin = f"the solver cannot hold rtol = {tolerances.relative:g} at t = {solver.time:.9g} s"
     huge = int(np.argmax(np.maximum(np.abs(state), np.abs(slope))))
     if max(abs(state[huge]), abs(slope[huge])) > HUGE:
-        return (
+        return StepsCollapsed(
+            "BR782",
             f"{begin}: `{names[huge]}` (now {state[huge]:.6g} {units[huge]}, and changing by {slope[huge]:.6g} a second) becomes too large "
-            "for a number. Likely causes: a law that grows like an exponential, or a unit that is missing"
+            "for a number.",
+            f"Likely causes: a law that grows like an exponential, or a unit that is missing{limit}",
         )
     loops = len(program.unknowns.names) > 0 and tolerances.relative > LOOSE
     bend = ". A loop with a law that bends within the tolerance, as a diode's at hundreds of volts, needs a tighter one"
     steep = bend if loops else ""
     if what == "steps":
-        return (
-            f"the run gets no further than t = {solver.time:.9g} s within {most} steps; {value} holds the steps down. "
-            "Likely causes: a fast oscillation that nothing damps, or a tolerance below what doubles can hold"
+        return StepsCollapsed(
+            "BR783",
+            f"the run gets no further than t = {solver.time:.9g} s within {most}; {value} holds the steps down.",
+            f"Likely causes: a fast oscillation that nothing damps, or a tolerance below what doubles can hold{limit}",
         )
     if what == "round-off":
-        return (
+        return StepsCollapsed(
+            "BR784",
             f"{begin}: shorter steps make the error of {value} no smaller, so it is round-off: quantities of very different size "
-            f"are subtracted from each other. Loosen the tolerance, or give its `nominal`{steep}"
+            "are subtracted from each other.",
+            f"Loosen the tolerance, or give its `nominal`{steep}",
         )
     if what == "newton":
-        return (
-            f"{begin}: its equations could not be solved, however short the step; {value} is involved. Likely causes: a law that "
-            f"jumps, an algebraic loop that loses its solution there, or a singular model{steep}"
+        return StepsCollapsed(
+            "BR785",
+            f"{begin}: its equations could not be solved, however short the step; {value} is involved.",
+            f"Likely causes: a law that jumps, an algebraic loop that loses its solution there, or a singular model{steep}",
         )
-    return (
-        f"{begin}: its step fell below round-off; {value} changes fastest. Likely causes: a jump in a law, a solution that "
-        "grows without bound, or a tolerance below what doubles can hold"
+    return StepsCollapsed(
+        "BR786",
+        f"{begin}: its step fell below round-off; {value} changes fastest.",
+        "Likely causes: a jump in a law, a solution that grows without bound, or a tolerance below what doubles can hold",
     )

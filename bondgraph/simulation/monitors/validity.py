@@ -87,20 +87,22 @@ class ValidityMonitor:
         values = self.program.limit_values(at, state_at(at), *self.fixed, mode)[0, self.places[number]]
         shown = tuple((name, float(v), unit) for (name, unit), v in zip(note.values, values, strict=True))
         if note.kind == "table":
-            raise RunFailed(_outside(note, time, shown))
+            raise _outside(note, time, shown)
         stands = _place(note.stands) if note.stands is not None else ""
         left = LimitLeft(time, note.owner, note.words, note.text, shown, _place(note.span), stands)
         self.left[number] = left
 
 
-def _outside(note: LimitNote, time: float, values: tuple[tuple[str, float, str], ...]) -> str:
+def _outside(note: LimitNote, time: float, values: tuple[tuple[str, float, str], ...]) -> RunFailed:
     (name, value, unit), (_, low, _), (_, high, _) = values
     suffix = behind(unit)
     asked = f"at {name} = {value:.9g}{suffix}" if unit else f"at {value:.9g} (SI)"
     kind = "a table" if note.words == "inverse" else f"the table `{note.words}(…)`"
-    return (
+    return RunFailed(
+        "BR747",
         f"at t = {time:.9g} s {kind} of `{note.owner}` ({_place(note.span)}) is asked {asked}, but it goes from "
-        f"{low:.9g} to {high:.9g}{suffix}; give it more points, or keep what it is asked at within its ends (min, max)"
+        f"{low:.9g} to {high:.9g}{suffix};",
+        "give it more points, or keep what it is asked at within its ends (min, max)",
     )
 
 

@@ -223,7 +223,7 @@ def _multiples(period: float, start: float, stop: float) -> Any:
     """Return the sample instants of an event."""
     if not period > 0 or (stop - start) / period > MOST_SAMPLES:
         raise RunFailed(
-            f"an event every {period:g} s for {stop - start:g} s acts more than {MOST_SAMPLES} times, or never"
+            "BR761", f"an event every {period:g} s for {stop - start:g} s acts more than {MOST_SAMPLES} times, or never"
         )
     times = period * np.arange(np.floor(start / period), np.ceil(stop / period) + 1)
     return times[(times > start) & (times < stop)]
@@ -397,8 +397,9 @@ def _places(program: Program, constants: Any, length: float) -> int:
     places = max(UNBOUNDED, int(min(PER_PERIOD * length / period, 10 * MAXIMUM_GRID)))
     if places > MAXIMUM_GRID:
         raise RunFailed(
-            f"a condition on a noise with a period of {period:g} s changes too often to be followed for {length:g} s; "
-            "give the noise a longer period, or a smooth law instead of the condition"
+            "BR762",
+            f"a condition on a noise with a period of {period:g} s changes too often to be followed for {length:g} s;",
+            "give the noise a longer period, or a smooth law instead of the condition",
         )
     return places
 
@@ -416,8 +417,9 @@ def _looked_at(program: Program, constants: Any, start: float, stop: float) -> t
         places *= 4
         if places > MAXIMUM_GRID:
             raise RunFailed(
-                f"a condition on time changes too often to be followed: some {changes} times or more between {start:.6g} s and "
-                f"{stop:.6g} s; end the run earlier, or use a smooth law instead of the condition"
+                "BR763",
+                f"a condition on time changes too often to be followed: some {changes} times or more between {start:.6g} s and {stop:.6g} s;",
+                "end the run earlier, or use a smooth law instead of the condition",
             )
 
 

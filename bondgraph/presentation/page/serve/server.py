@@ -39,17 +39,19 @@ class Server(ThreadingHTTPServer):
         self.connections = Connections(self.limits.connections)
         host = host.strip().removeprefix("[").removesuffix("]")
         if not host:
-            raise UsageError("`--host` is empty; 127.0.0.1 is this machine alone, 0.0.0.0 all addresses that it has")
+            raise UsageError(
+                "BR924", "`--host` is empty;", "127.0.0.1 is this machine alone, 0.0.0.0 all addresses that it has"
+            )
         if ":" in host:
             self.address_family = socket.AF_INET6
         try:
             super().__init__((host, port), Handler)
         except (OSError, ValueError, TypeError) as problem:
-            words = (
-                f"the server cannot listen on `{host}`, port {port}: {getattr(problem, 'strerror', None) or problem}"
-            )
-            advice = "`--host` is a name or an address of this machine, `--port 0` takes any free port"
-            raise UsageError(f"{words}; {advice}") from None
+            raise UsageError(
+                "BR925",
+                f"the server cannot listen on `{host}`, port {port}: {getattr(problem, 'strerror', None) or problem};",
+                "`--host` is a name or an address of this machine, `--port 0` takes any free port",
+            ) from None
         self.session = session
         self.guard = Guard(host, self.server_port)
 

@@ -157,12 +157,12 @@ class Session:
 
     def _checked(self, experiment: str, settings: Mapping[str, float]) -> Loaded:
         if self.loaded is None:
-            raise UsageError("there is no model yet")
+            raise UsageError("BR921", "there is no model yet")
         if experiment not in experiment_names(self.loaded.watched):
-            raise UsageError("there is no such experiment")
+            raise UsageError("BR922", "there is no such experiment")
         known = {p["name"] for p in self.loaded.document.data["parameters"]}
         if not set(settings) <= known:
-            raise UsageError("there is no such parameter")
+            raise UsageError("BR923", "there is no such parameter")
         return self.loaded
 
 
