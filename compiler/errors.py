@@ -24,9 +24,8 @@ class Diagnostic:
     title: ClassVar[str] = ""
     advice: ClassVar[str] = ""
     span: Span
-    stands: tuple[tuple[Span, str], ...] = field(
-        default=(), kw_only=True
-    )  # the instances that it is in, outermost first
+    # the instances that it is in, outermost first
+    stands: tuple[tuple[Span, str], ...] = field(default=(), kw_only=True)
 
     def _fill(self, template: str) -> str:
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("span", "stands")}

@@ -44,20 +44,17 @@ class Scene:
     overrides: tuple[Override, ...] = ()
     free: frozenset[str] = frozenset()
     outputs: tuple[str, ...] | None = None
-    extra_outputs: tuple[
-        tuple[str, str], ...
-    ] = ()  # name -> expression of the model that is an output in this scene alone
-    preferences: tuple[
-        tuple[str, str], ...
-    ] = ()  # storage -> integral or derivative, chosen again in the middle of a run
+    # name -> expression of the model that is an output in this scene alone
+    extra_outputs: tuple[tuple[str, str], ...] = ()
+    # storage -> integral or derivative, chosen again in the middle of a run
+    preferences: tuple[tuple[str, str], ...] = ()
     by: tuple[str, ...] = ()  # additional quantities to differentiate by; those that nothing reads are left out
     off: tuple[str, ...] | None = None  # junctions that are off; None: as at the start
     fixed: frozenset[str] = frozenset()  # of the settings: a zero is fixed for the whole run, as in the text
     conserving: bool = False  # the run asks for the stored energy and its slopes at each step
     companion: bool = False  # the companion network instead of the model; `off` are then its other switched junctions
-    opened: bool = (
-        False  # loops are cut at both variables of each nonlinear law in them, for a solution that has to be looked for
-    )
+    # loops are cut at both variables of each nonlinear law in them, for a solution that has to be looked for
+    opened: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,9 +224,7 @@ class RunMetadata:
     following: Mapping[str, tuple[int, float | None]] = field(default_factory=dict)
     valves: tuple[Valve, ...] = ()  # switched junctions that act together
     gaps: tuple[str, ...] = ()  # all two-terminal switches, valves first
-    integrals: tuple[
-        Integrand, ...
-    ] = ()  # rates of signals with memory, where junctions switch: impulses pass into them
-    laws: tuple[
-        tuple[int, int, int, bool], ...
-    ] = ()  # of opened loops: row, argument and value as places among the unknowns, and whether the argument is an effort
+    # rates of signals with memory, where junctions switch: impulses pass into them
+    integrals: tuple[Integrand, ...] = ()
+    # of opened loops: row, argument and value as places among the unknowns, and whether the argument is an effort
+    laws: tuple[tuple[int, int, int, bool], ...] = ()

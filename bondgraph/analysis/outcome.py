@@ -40,9 +40,8 @@ class Point:
     responses: tuple[Response, ...] = ()
     run: Result | None = None
     failure: str = ""  # reason for missing results
-    analyses: tuple[
-        tuple[str, Any], ...
-    ] = ()  # results of other steps, by the word of the step, in the order of the experiment
+    # results of other steps, by the word of the step, in the order of the experiment
+    analyses: tuple[tuple[str, Any], ...] = ()
 
     def of(self, role: str) -> Any:
         """Return the result of the first step with that word: `of("invert").inputs`. Raises `UsageError`."""

@@ -103,9 +103,8 @@ class Phase:
         self.doubts: tuple[ToleranceDoubt, ...] = ()  # about tolerances
         self.trajectory = Trajectory(np.empty((0, 0)))
         self.watch = ValidityMonitor(program, self.constants, self.inputs, self.rtol)
-        self.held: dict[str, Any] | None = (
-            None  # stored quantities at the end of the phase before, later those at the end of this phase
-        )
+        # stored quantities at the end of the phase before, later those at the end of this phase
+        self.held: dict[str, Any] | None = None
         self.scene: Scene = compilation.scene
         self.whole = False  # True once the phase has reached its end
         self.used: Any = None  # the magnitudes, if they were needed

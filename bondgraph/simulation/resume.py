@@ -53,9 +53,8 @@ def resumed(
     # beyond the horizon of the stored magnitudes: they hold for the past only
     if instants[-1] > end.until * (1 + SAME):
         for name, value in known.items():
-            idle = (
-                value == 1.0 and end.stored.get(name) == 0.0
-            )  # a state that never moved has the magnitude 1 in SI, which has no meaning
+            # a state that never moved has the magnitude 1 in SI, which has no meaning
+            idle = value == 1.0 and end.stored.get(name) == 0.0
             peaks[name] = max(peaks.get(name, 0.0), 0.0 if idle else value)
         known = {}
     on = {(owner, place): truth for owner, place, truth in end.on}

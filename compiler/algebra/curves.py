@@ -63,9 +63,8 @@ class Curve:
         s = x - self.bases[piece]
         a, b, c, d = self.rows[piece].T
         value = ((d * s + c) * s + b) * s
-        return a + np.where(
-            np.isfinite(value), value, np.where(b == 0, 0.0, b * s)
-        )  # straight beyond an end, however far
+        # straight beyond an end, however far
+        return a + np.where(np.isfinite(value), value, np.where(b == 0, 0.0, b * s))
 
     def values(self, x: Any) -> Any:
         """Values at places of any shape; not a number outside of the table, unless it is of a derivative."""

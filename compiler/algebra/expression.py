@@ -111,9 +111,8 @@ def lift(value: Expression | float) -> Expression:
 # ---------------------------------------------------------------- constructors
 
 
-LONGEST_OPENED = (
-    64  # operands of a sum or product that is opened in another: a product squared fifty times has 2^50 factors
-)
+# operands of a sum or product that is opened in another: a product squared fifty times has 2^50 factors
+LONGEST_OPENED = 64
 
 
 def _opens(x: Expression, operator: str) -> TypeGuard[Apply]:

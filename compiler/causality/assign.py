@@ -144,9 +144,8 @@ def _cancelling(graph: BondGraph) -> Iterator[Stroke]:
     cancelling ones would close a loop of gain 1. Junctions of one kind that are joined by bonds count as one.
     """
     home = _joined(graph)
-    between: dict[
-        tuple[int, int], list[tuple[int, int, int]]
-    ] = {}  # a 0 and a 1 -> bonds, each with its own 0 and 1 or -1
+    # a 0 and a 1 -> bonds, each with its own 0 and 1 or -1
+    between: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
     for number, bond in enumerate(graph.bonds):
         tail, head = bond.tail.node, bond.head.node
         kinds = graph.nodes[tail].kind, graph.nodes[head].kind

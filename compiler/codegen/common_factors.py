@@ -123,9 +123,8 @@ class _Products:
         for node, numbers in self.made_of.items():
             for pair in _pairs(numbers):
                 having.setdefault(pair, {})[node] = None
-        turn = (
-            count()
-        )  # of pairs that are as frequent, the one met first: so equal laws are put together in the same way
+        # of pairs that are as frequent, the one met first: so equal laws are put together in the same way
+        turn = count()
         heap = [(-len(nodes), next(turn), pair) for pair, nodes in having.items() if len(nodes) > 1]
         heapify(heap)
         while heap:

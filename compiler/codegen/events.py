@@ -40,9 +40,8 @@ class LoweredEvents:
     targets: tuple[Expression, ...] = ()  # targets that are computed from states
     actives: tuple[Expression, ...] = ()
     periods: tuple[Expression, ...] = ()  # of sampled events, of parameters
-    conjugates: tuple[
-        Expression, ...
-    ] = ()  # efforts and flows of states, then of dependent storages, where junctions switch
+    # efforts and flows of states, then of dependent storages, where junctions switch
+    conjugates: tuple[Expression, ...] = ()
     events: tuple[EventNote, ...] = ()
     junctions: tuple[tuple[str, Span], ...] = ()
 

@@ -50,46 +50,39 @@ class Lowered:
     rates: tuple[Expression, ...] = ()  # of the states, then the residuals of the unknowns
     jacobian: dict[tuple[int, int], Expression] = field(default_factory=dict)  # (row, column) -> nonzero entry
     starts: tuple[Expression, ...] = ()
-    claims: tuple[
-        Expression, ...
-    ] = ()  # residuals of the starts of computed variables; `moved` minus the drawing; claims on poses
+    # residuals of the starts of computed variables; `moved` minus the drawing; claims on poses
+    claims: tuple[Expression, ...] = ()
     forced: tuple[Expression, ...] = ()  # signals of time that must not jump
     invariants: tuple[Expression, ...] = ()  # gaps (and norms), then the rates of gaps: all zero along a run
-    invariant_slopes: dict[tuple[int, int], Expression] = field(
-        default_factory=dict
-    )  # (invariant, state); of rates only by states that no residual depends on
+    # (invariant, state); of rates only by states that no residual depends on
+    invariant_slopes: dict[tuple[int, int], Expression] = field(default_factory=dict)
     dependents: tuple[Expression, ...] = ()  # contents of storages in derivative form
-    sensitivities: dict[tuple[int, int], Expression] = field(
-        default_factory=dict
-    )  # (dependent, state) -> changing slope
+    # (dependent, state) -> changing slope
+    sensitivities: dict[tuple[int, int], Expression] = field(default_factory=dict)
     nominals: tuple[Expression | None, ...] = ()
     outputs: dict[str, Expression] = field(default_factory=dict)
     switches: list[Expression] = field(default_factory=list)  # conditions on time alone, in the order of the mode
     instants: list[Expression] = field(default_factory=list)  # known instants of kinks and jumps, of parameters
     crossings: list[Expression] = field(default_factory=list)  # other functions of time whose zeros are such instants
     events: LoweredEvents = field(default_factory=LoweredEvents)
-    crossing_places: list[tuple[str, Span, str]] = field(
-        default_factory=list
-    )  # owner and place of each of these, and the condition that changes there
-    time_roots: tuple[
-        Expression, ...
-    ] = ()  # each of these functions and its derivative by time, then what may be narrow of the signals
+    # owner and place of each of these, and the condition that changes there
+    crossing_places: list[tuple[str, Span, str]] = field(default_factory=list)
+    # each of these functions and its derivative by time, then what may be narrow of the signals
+    time_roots: tuple[Expression, ...] = ()
     periods: list[Expression] = field(default_factory=list)  # no step may be longer than any of these, of parameters
     limits: list[Limit] = field(default_factory=list)  # validity limits of the run
     lags: tuple[Expression, ...] = ()  # of delayed signals, of parameters
     delayed: tuple[Expression, ...] = ()  # their undelayed values
-    bends: list[Expression] = field(
-        default_factory=list
-    )  # zero where a law of states bends: steps end there if it shows
+    # zero where a law of states bends: steps end there if it shows
+    bends: list[Expression] = field(default_factory=list)
     signals: tuple[Expression, ...] = ()  # signals of time alone: a step must not pass over their extrema
     solved: Solved | None = None  # with the multipliers of closing joints solved for
     energy: tuple[Expression, ...] = ()  # stored energy, then its gradient by the states, on request
     differentiated: int = 0  # formulas whose partial derivatives were formed
     whole: bool = True  # with the slopes
     by: tuple[int, ...] = ()  # variables by which all is differentiated beside states and unknowns
-    slopes: dict[int, dict[int, Expression]] = field(
-        default_factory=dict
-    )  # variable -> column (states, unknowns, then `by`) -> nonzero slope
+    # variable -> column (states, unknowns, then `by`) -> nonzero slope
+    slopes: dict[int, dict[int, Expression]] = field(default_factory=dict)
 
     def event_symbol(self, position: int) -> Symbol:
         """Symbol of an item of the mode that does not depend on time alone."""

@@ -59,9 +59,8 @@ class TimeFunction:
     span: Span
 
 
-LEAVES = frozenset(
-    {"number", "time", "constant", "input", "mode", "state"}
-)  # operators of `TimeFunctions` without operands
+# operators of `TimeFunctions` without operands
+LEAVES = frozenset({"number", "time", "constant", "input", "mode", "state"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,22 +161,19 @@ class Hybrid:
     start: Callable[[Array], Array]  # constants -> those, at the start
     timed: tuple[int, ...]
     conditions: tuple[ConditionNote, ...]
-    roots: Callable[
-        [float, Array, Array, Array, Array], Array
-    ]  # as Program.output -> left less right of each condition
+    # as Program.output -> left less right of each condition
+    roots: Callable[[float, Array, Array, Array, Array], Array]
     events: tuple[EventNote, ...]
     triggers: Callable[[float, Array, Array, Array, Array], Array]  # the same -> 1 or 0 for each event
     values: Callable[[float, Array, Array, Array, Array], Array]  # the same -> what the settings of all events set
     targets: Callable[[float, Array, Array, Array, Array], Array]  # the same -> what is computed and set, as it is
     sampling: Callable[[Array], Array]  # constants -> periods of the sampled events, in their order
-    mode_at: Callable[
-        [float, Array, Array, Array], Array
-    ]  # time, state, inputs, constants -> mode with modes as they start
+    # time, state, inputs, constants -> mode with modes as they start
+    mode_at: Callable[[float, Array, Array, Array], Array]
     junctions: tuple[tuple[str, Span], ...]
     actives: Callable[[float, Array, Array, Array, Array], Array]  # the same -> 1 or 0 for each switched junction
-    conjugates: Callable[
-        [float, Array, Array, Array, Array], Array
-    ]  # the same, where junctions switch -> of states and dependents, efforts for displacements and flows for momenta
+    # the same, where junctions switch -> of states and dependents, efforts for displacements and flows for momenta
+    conjugates: Callable[[float, Array, Array, Array, Array], Array]
     switches_signals: bool  # True if `Program.signals` change at events that depend on states
 
 
@@ -226,9 +222,8 @@ class Program:
     constants: Callable[[Array], Array]  # parameters -> all that depends on parameters alone
     start: Callable[[Array], Array]  # constants -> state
     nominal: Callable[[Array], Array]  # constants -> nominal magnitudes given by the author (0: none)
-    derivative: Callable[
-        [float, Array, Array, Array, Array], Array
-    ]  # time, state, inputs, constants, mode -> (…, n): rates of the states, then what must vanish
+    # time, state, inputs, constants, mode -> (…, n): rates of the states, then what must vanish
+    derivative: Callable[[float, Array, Array, Array, Array], Array]
     pattern: tuple[Array, Array]  # rows and columns of the Jacobian's entries
     jacobian_entries: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, entries)
     jacobian: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, n, n), dense
@@ -236,21 +231,17 @@ class Program:
     claims: Callable[[float, Array, Array, Array, Array], Array]  # the same -> residuals of given starts
     dependents: NameTable  # contents of storages in derivative form
     dependent: Callable[[float, Array, Array, Array, Array], Array]  # the same -> those
-    sensitivity_pattern: tuple[
-        Array, Array
-    ]  # dependents and states, where the slope of one by the other changes in a run
+    # dependents and states, where the slope of one by the other changes in a run
+    sensitivity_pattern: tuple[Array, Array]
     sensitivities: Callable[[float, Array, Array, Array, Array], Array]  # the same -> these slopes
     forced: Callable[[float, Array, Array, Array, Array], Array]  # the same -> what must not jump with time
-    signals: Callable[
-        [Array, Array, Array, Array], Array
-    ]  # time, inputs, constants, mode -> what rates read of time alone
-    powers: Callable[
-        [float, Array, Array, Array, Array], Array
-    ]  # the same -> power into each port, then stored energies
+    # time, inputs, constants, mode -> what rates read of time alone
+    signals: Callable[[Array, Array, Array, Array], Array]
+    # the same -> power into each port, then stored energies
+    powers: Callable[[float, Array, Array, Array, Array], Array]
     instants: Callable[[Array], Array]  # constants -> instants of kinks and jumps
-    crossings: Callable[
-        [Array, Array, Array], Array
-    ]  # time, constants, mode -> functions of time whose zeros are such instants
+    # time, constants, mode -> functions of time whose zeros are such instants
+    crossings: Callable[[Array, Array, Array], Array]
     switches: Callable[[Array, Array], Array]  # time, constants -> mode
     periods: Callable[[Array], Array]  # constants -> times that no step may be longer than
     limits: tuple[LimitNote, ...]
@@ -262,12 +253,10 @@ class Program:
     invariant_slopes: Callable[[float, Array, Array, Array, Array], Array]  # as output -> the slopes there
     multipliers: tuple[int, ...]  # for each gap that has a multiplier, its place among the unknowns, else -1
     rates: tuple[int, ...]  # for each gap the row of its rate among the invariants, else -1
-    parts: tuple[
-        int, ...
-    ]  # for each gap the parameter that says whether it takes part (1) or follows from others (0), else -1
-    eliminated: tuple[
-        int, ...
-    ]  # the unknowns that `solved` solves for, in its order: multipliers, and balances of massless bodies
+    # for each gap the parameter that says whether it takes part (1) or follows from others (0), else -1
+    parts: tuple[int, ...]
+    # the unknowns that `solved` solves for, in its order: multipliers, and balances of massless bodies
+    eliminated: tuple[int, ...]
     solved: Callable[[float, Array, Array, Array, Array], Array] | None
     # as derivative, for any multipliers in the state: zero in their rows, and then the multipliers; None if there are none
     operations: int = 0  # of the derivative
@@ -280,9 +269,8 @@ class Program:
     stored_energy: Callable[[float, Array, Array, Array, Array], Array] | None = None
     # as output -> all energy that is stored, then its slopes by the states; None if the scene does not ask for it
     time_functions: TimeFunctions | None = None  # None: none has to be looked at
-    functions: Mapping[str, Callable[..., Array]] = field(
-        default_factory=dict
-    )  # all that it has, by name (see `functions.py`)
+    # all that it has, by name (see `functions.py`)
+    functions: Mapping[str, Callable[..., Array]] = field(default_factory=dict)
     kept: dict[object, Any] = field(init=False, default_factory=dict, repr=False)
     # results of runs that depend on the program alone, computed once; never those that depend on a run's values
 

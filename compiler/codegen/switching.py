@@ -139,9 +139,8 @@ class Switching:
         elif x.operator in ("min", "max"):
             g = operands[0] - operands[1]
         elif x.operator == "linear" and x.operands[0] == ZERO:
-            knots = domain(
-                x
-            )  # counted from knot to knot, and a sine of the count: one function for any number of knots
+            # counted from knot to knot, and a sine of the count: one function for any number of knots
+            knots = domain(x)
             g = call(
                 "sin", Number(pi) * table("linear", operands[1], knots, [Number(float(i)) for i in range(len(knots))])
             )

@@ -40,9 +40,8 @@ class Valve:
     conducting: float  # value of the mode where it conducts, 1 or 0
     events: tuple[tuple[str, int], tuple[str, int]]
     span: Span
-    sign: float = (
-        1.0  # times the effort of its gap where it blocks: not above zero; times its flow where it conducts: not below
-    )
+    # times the effort of its gap where it blocks: not above zero; times its flow where it conducts: not below
+    sign: float = 1.0
 
 
 def with_gaps(graph: BondGraph) -> tuple[BondGraph, tuple[Valve, ...]]:

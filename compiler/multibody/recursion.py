@@ -51,9 +51,8 @@ class Recursion:
         self.loads: list[Row] = []
         self.steps: list[list[Elimination]] = [[] for _ in self.moving]
         self.lent: dict[tuple[int, int], tuple[Expression, int]] = {}
-        self.idle: Mapping[
-            int, Matrix
-        ] = {}  # links with turns that move nothing: an inertia about these (`idle_turns.py`)
+        # links with turns that move nothing: an inertia about these (`idle_turns.py`)
+        self.idle: Mapping[int, Matrix] = {}
         self.known: dict[int, Row] = {}  # accelerations of points of reference and axes
         self.pushed: dict[int, Vector] = {}  # loads not in these yet: world forces on floating bodies
         self.gravity = self.script.place(kinematics.mechanism.gravity, "gravity", "m/s^2")

@@ -29,9 +29,8 @@ class Differentiator:
         self.variables: list[Variable] = list(system.variables)
         self.diagnostics: list[Diagnostic] = []
         self.assigned = {a.target: a for a in system.assignments}
-        self.order: dict[
-            int, int
-        ] = {}  # variable that is a derivative -> how often something was differentiated for it
+        # variable that is a derivative -> how often something was differentiated for it
+        self.order: dict[int, int] = {}
         self.forced: list[tuple[int, Derivative]] = []  # differentiated signals of time alone, which must not jump
         self._rates = {s.variable: s.rate for s in system.states}
         self._derivatives: dict[int, int] = {}  # variable -> that of its derivative

@@ -115,9 +115,8 @@ class StateSpace:
     limits: tuple[Validity, ...] = ()
     invariants: tuple[Invariant, ...] = ()
     balances: tuple[MomentumBalance, ...] = ()
-    pieced: frozenset[int] = (
-        frozenset()
-    )  # derivatives of others, and smoothly joined pieces: their conditions are no events
+    # derivatives of others, and smoothly joined pieces: their conditions are no events
+    pieced: frozenset[int] = frozenset()
     discretes: tuple[Discrete, ...] = ()
     events: tuple[EventRow, ...] = ()
     switches: tuple[JunctionSwitch, ...] = ()

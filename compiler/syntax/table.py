@@ -22,9 +22,8 @@ class Rule:
     origin: str
     size: int
     name: str
-    taken: (
-        tuple[tuple[int, bool, int], ...] | None
-    )  # place, whether it is a list to be opened, how many None before; None: all
+    # place, whether it is a list to be opened, how many None before; None: all
+    taken: tuple[tuple[int, bool, int], ...] | None
     after: int  # number of None after them
     single: bool  # a single part is passed on
 

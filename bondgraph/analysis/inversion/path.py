@@ -156,9 +156,8 @@ def curve_through(points: Any, name: str, start: float, stop: float) -> Any:
             f"the path goes from {start:.6g} s to {stop:.6g} s, and what is wanted of `{name}` by points from {times[0]:.6g} s to {times[-1]:.6g} s",
         )
     still = [(k, 0.0) for k in range(1, (DEGREE + 1) // 2)]
-    span = float(
-        times[-1] - times[0]
-    )  # unit of time: derivatives of order 9 in 1/s are too large for the system of a spline
+    # unit of time: derivatives of order 9 in 1/s are too large for the system of a spline
+    span = float(times[-1] - times[0])
     spline = make_interp_spline((times - times[0]) / span, values, k=DEGREE, bc_type=(still, still))
     return lambda at, k: spline((np.asarray(at) - times[0]) / span, k) / span**k
 

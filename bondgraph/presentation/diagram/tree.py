@@ -178,9 +178,8 @@ def _arranged(
         start = _foot(nodes[node], side)
         least = start + shortest(nodes[branch.child]) + roomy * branch.heavy + GAP + block.reach
         x, y = side
-        free = (
-            start if not (x and y) else max(start, 14.5 / min(abs(x), abs(y)))
-        )  # slanted bonds separate from the others there
+        # slanted bonds separate from the others there
+        free = start if not (x and y) else max(start, 14.5 / min(abs(x), abs(y)))
         distance = _clear(draft.taken, block, side, free, least)
         draft.cost += 5000.0 * (distance == math.inf)
         distance = least if distance == math.inf else distance

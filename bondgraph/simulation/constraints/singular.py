@@ -56,9 +56,8 @@ class SingularPoseMonitor:
 
     def __init__(self, constraints: Constraints, loops: LoopSolver, passed: list[SingularPose]) -> None:
         self.constraints, self.loops, self.passed = constraints, loops, passed
-        self.seen: list[
-            tuple[float, float]
-        ] = []  # instants of the last three steps, and smallest singular values there
+        # instants of the last three steps, and smallest singular values there
+        self.seen: list[tuple[float, float]] = []
         self.ahead = np.inf  # extrapolated time until the singular value vanishes
         self.behind = np.inf
         self.comes = False  # True if it seems to vanish there, without a minimum before

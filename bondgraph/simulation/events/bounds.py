@@ -20,13 +20,11 @@ from compiler.api import Program, Ranges
 from ...arrays import Array, BoolArray
 from ...numerics.indicators import GRID, ON_GRID, PLACES, SURE, Interpolants
 
-BEYOND = (
-    1 / cos((PLACES - 1) * pi / (2 * GRID)) - 1
-)  # fraction of half a range by which a polynomial may exceed it between the places of the grid
+# fraction of half a range by which a polynomial may exceed it between the places of the grid
+BEYOND = 1 / cos((PLACES - 1) * pi / (2 * GRID)) - 1
 SEEN = 0.25  # least fraction of a range that values must cover
-HALVED = (
-    0.6  # largest fraction of the range on a part that the range on half of it may have, if it shrinks with the part
-)
+# largest fraction of the range on a part that the range on half of it may have, if it shrinks with the part
+HALVED = 0.6
 ROUNDING = 1e-12  # fraction of the largest value: smaller ranges are ignored
 
 

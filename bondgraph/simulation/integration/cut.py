@@ -37,6 +37,5 @@ def is_sure(stepper: IntegrationState, start: float, stop: float, mode: Any, sta
     tolerances = stepper.tolerances
     allowed = tolerances.absolute[:count] + tolerances.relative * np.abs(states[:, :count])
     off = np.abs(size * rates - moved) / allowed
-    return not bool(
-        (off > ALLOWED).any()
-    )  # NaN counts as sure: the law of this side has ended, which no shorter step would change
+    # NaN counts as sure: the law of this side has ended, which no shorter step would change
+    return not bool((off > ALLOWED).any())

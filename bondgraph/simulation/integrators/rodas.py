@@ -47,9 +47,8 @@ _H = np.array([
      -52.072871366152654, -59.78993625266729, -0.15582684282751913, 4.883087185713722],
 ])  # fmt: skip
 ROWS = 3
-WITHIN = tuple(
-    np.stack([_H[0], _H[1] + _H[2], -_H[2]]).ravel().tolist()
-)  # the same in powers of s and 1 - s in turns, as `dop853.polynomial`
+# the same in powers of s and 1 - s in turns, as `dop853.polynomial`
+WITHIN = tuple(np.stack([_H[0], _H[1] + _H[2], -_H[2]]).ravel().tolist())
 ASIDE = 1e-3  # fraction of a step: distance of three rates for their derivative by time
 CAREFUL = 10.0  # factor on the estimate, which is closer to the error than that of Radau
 SHORTEST, LONGEST, SAFETY = 0.2, 6.0, 0.9  # ratios of two steps; safety factor of the estimate

@@ -28,15 +28,13 @@ ARRIVED = 1e-6  # the same, for an end that is accepted although no step gets cl
 UNDECIDED = 1e-13  # relative to the largest singular value: directions below are undetermined and left unchanged
 BEGIN = 1e-6  # first value of all unknowns: laws may have no derivative at zero
 PROBES = (1e-2, 1.0, 1e2, 1e4)  # arguments at which the sense of a law is determined
-SAMPLES = tuple(
-    s * 10.0**e for e in np.arange(-6, 4.5, 0.5).tolist() for s in (-1.0, 1.0)
-)  # arguments at which derivatives are sampled
+# arguments at which derivatives are sampled
+SAMPLES = tuple(s * 10.0**e for e in np.arange(-6, 4.5, 0.5).tolist() for s in (-1.0, 1.0))
 DOUBLINGS, BISECTIONS = 120, 120
 MOST = 1e150  # largest residual in the search for an argument
 
-Law = tuple[
-    int, int, int, bool
-]  # row, indices of argument and value among the unknowns; True if the argument is an effort
+# row, indices of argument and value among the unknowns; True if the argument is an effort
+Law = tuple[int, int, int, bool]
 At = tuple[float, Any, Any, Any]  # time, inputs, constants, mode
 
 

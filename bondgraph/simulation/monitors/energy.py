@@ -21,9 +21,8 @@ if TYPE_CHECKING:
 
 LEFT_OUT = "left out"
 UNEXPLAINED = 1e4  # in units of rtol times the energy turnover: larger residuals are reported
-GIVEN = (
-    1e-6  # relative to the largest power of a resistor, and to the mean of all: delivered power below this is ignored
-)
+# relative to the largest power of a resistor, and to the mean of all: delivered power below this is ignored
+GIVEN = 1e-6
 
 
 def energy_balance(

@@ -159,9 +159,8 @@ def _decided(function: OneFunction, low: Any, high: Any, stretch: Any) -> tuple[
     middle = 0.5 * (low[rest] + high[rest])
     at_least, at_most = function.at(middle, stretch[rest])
     reach = 0.5 * (high[rest] - low[rest]) * np.maximum(np.abs(falls[rest]), np.abs(rises[rest]))
-    reach = np.where(
-        np.isfinite(least[rest]) & np.isfinite(most[rest]) & ~np.isnan(reach), reach, np.inf
-    )  # else it may jump
+    # else it may jump
+    reach = np.where(np.isfinite(least[rest]) & np.isfinite(most[rest]) & ~np.isnan(reach), reach, np.inf)
     least, most = np.fmax(least[rest], at_least - reach), np.fmin(most[rest], at_most + reach)
     found = _one_sign(least, most)
     blur = ROUNDING * (at_most - at_least)

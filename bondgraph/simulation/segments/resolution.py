@@ -36,9 +36,8 @@ class Resolution:
         self.ranges: Ranges | None = None
         self.used: list[int] | None = None  # positions of the constants that decide
         self.found: dict[int, Any] = {}
-        self.crowded: dict[
-            tuple[str, float, float], None
-        ] = {}  # signals with more peaks than are resolved, and their segments
+        # signals with more peaks than are resolved, and their segments
+        self.crowded: dict[tuple[str, float, float], None] = {}
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -47,12 +47,10 @@ class Segment:
     start: float
     stop: float
     mode: Any
-    resolution: Resolution | None = field(
-        default=None, compare=False, repr=False
-    )  # of the timeline that it is a part of
-    seen: dict[float, tuple[Any, ...]] = field(
-        default_factory=dict, init=False, compare=False, repr=False
-    )  # cache of `signals_on`
+    # of the timeline that it is a part of
+    resolution: Resolution | None = field(default=None, compare=False, repr=False)
+    # cache of `signals_on`
+    seen: dict[float, tuple[Any, ...]] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     def up_to(self, start: float, stop: float, mode: Any = None) -> Segment:
         """Return a part of the segment, in another mode if one is given; the segment itself if the part is all of it."""
@@ -147,9 +145,8 @@ def _searched(
     ranges = Ranges(functions, (function.place, max(function.slope, 0)), constants)
     alone = Ranges(functions, (function.place,), constants)
     if any(functions.nodes[i][0] == "noise" for i in alone.order):
-        _places(
-            program, constants, float(edges[-1] - edges[0])
-        )  # refuses functions that change in each of millions of periods
+        # refuses functions that change in each of millions of periods
+        _places(program, constants, float(edges[-1] - edges[0]))
     if function.slope >= 0 and not ranges.unbounded:
         try:
             found = crossings(OneFunction(ranges, alone, edges, modes))

@@ -71,9 +71,8 @@ class Trajectory:
     final: Any = None
     rounded: float = 0.0  # the most tolerances of rounding that a step was accepted with
     poses: list[SingularPose] = field(default_factory=list)  # singular poses passed on the way
-    handover: PhaseTransition | None = (
-        None  # transition at which the phase ends: other states are integrated from there on
-    )
+    # transition at which the phase ends: other states are integrated from there on
+    handover: PhaseTransition | None = None
     settled: int | None = None  # the method kept for all further segments, and for the next phase of this program
     solvers: dict[str, None] = field(default_factory=dict)  # used, in the order of their first use
     pieces: list[Segment] = field(default_factory=list)  # the segments, with their modes, as they were integrated

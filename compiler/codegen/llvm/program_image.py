@@ -29,9 +29,8 @@ class ProgramImage:
     pattern: tuple[tuple[int, ...], tuple[int, ...]]
     sensitivity_pattern: tuple[tuple[int, ...], tuple[int, ...]]
     invariant_pattern: tuple[tuple[int, ...], tuple[int, ...]]
-    of_invariants: tuple[
-        tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]
-    ]  # multipliers, rates, parts, eliminated
+    # multipliers, rates, parts, eliminated
+    of_invariants: tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]
     limits: tuple[LimitNote, ...]
     operations: int
     differentiated: int

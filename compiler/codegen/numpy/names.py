@@ -17,9 +17,8 @@ class Identifiers:
 
     def __init__(self) -> None:
         self.taken: set[str] = set()
-        self.counts: dict[
-            str, int
-        ] = {}  # of the names that were asked for, so that the thousandth costs no thousand tries
+        # of the names that were asked for, so that the thousandth costs no thousand tries
+        self.counts: dict[str, int] = {}
 
     def of(self, name: str) -> str:
         """A new identifier similar to the name."""

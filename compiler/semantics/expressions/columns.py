@@ -63,9 +63,8 @@ def locate(span: Span, name: str, file: FileScope) -> Path:
         hint = "Save the model as a file to read columns from files beside it."
         raise Wrong(WrongColumn(span, f"`{name}` cannot be found: this text is no file", hint))
     target = (file.source.path.parent / name).resolve()  # links are resolved before the check
-    root = (
-        file.root if file.root is not None else file.source.path.parent
-    )  # a part of the library, in a text that is no file
+    # a part of the library, in a text that is no file
+    root = file.root if file.root is not None else file.source.path.parent
     if not within_project(target, root, file.library):
         hint = "Only files below the project folder are read, as with `import`."
         raise Wrong(WrongColumn(span, f"`{name}` lies outside the project folder", hint))

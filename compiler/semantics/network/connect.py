@@ -55,9 +55,8 @@ class Connector:
     def __init__(self, elaborator: Elaborator) -> None:
         self.elaborator = elaborator
         self.segments: list[DrawnBond] = []
-        self.anonymous: list[
-            tuple[str, str, str, Scope, Span]
-        ] = []  # junctions in place: name, kind, domain, scope, span
+        # junctions in place: name, kind, domain, scope, span
+        self.anonymous: list[tuple[str, str, str, Scope, Span]] = []
         self.names: dict[str, int] = {}
         self.nests: dict[tuple[int, str, str], str] = {}
         self.passed: dict[tuple[str, str], int] = {}  # port of a model and component -> the bond through it

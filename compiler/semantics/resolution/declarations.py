@@ -40,9 +40,8 @@ class Declarations(QuantityResolver):
 
     def __init__(self, overrides: Iterable[Override], part: bool, known: ElaborationCache) -> None:
         super().__init__(overrides, part, known)
-        self.mechanism_parts: dict[
-            str, list[DeclaredPart]
-        ] = {}  # mechanism -> its parts, whose attributes are read later
+        # mechanism -> its parts, whose attributes are read later
+        self.mechanism_parts: dict[str, list[DeclaredPart]] = {}
         self.limits: list[Requirement] = []  # those of joints
         self.count = 0
         self._tables = known.tables

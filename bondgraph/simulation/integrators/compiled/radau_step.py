@@ -90,9 +90,8 @@ def radau_step(s: IntegratorWorkspace) -> int:
         if is_stubborn(s, rejected, size, norm):
             return ROUND_OFF
         size *= wish if rejected <= PATIENT else SMALLEST
-    grown = (
-        GROWN if norm == 1.0 else min(LARGEST, safety * factor(s, size, norm, POWER))
-    )  # a shorter step rounds by more
+    # a shorter step rounds by more
+    grown = GROWN if norm == 1.0 else min(LARGEST, safety * factor(s, size, norm, POWER))
     accept(s, end, size, norm, grown, rejected > 0, iterations)
     if bent > 0:
         after_bend(s, size / max(share, NEAREST))
