@@ -171,7 +171,6 @@ _PLAIN: Mapping[str, Scale] = {
     "t": Scale(KILOGRAM, Fraction(1000)),
     "inch": Scale(METRE, Fraction(254, 10000)),
 }
-_MILLI_ONLY = {"rad", "eV"}
 
 
 def _table() -> dict[str, Scale]:

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 Vector = tuple[float, float, float]
 Turn = tuple[float, float, float, float]  # a unit quaternion w, x, y, z
-UNTURNED: Turn = (1.0, 0.0, 0.0, 0.0)
 # Directions of the picture's right and up, for a mechanism in space.
 RIGHT, UP = (math.cos(math.radians(25)), -math.sin(math.radians(25)), 0.0), (0.24, 0.33, 0.92)
 
