@@ -212,10 +212,9 @@ class Phase:
         """Raise `RunFailed` where ideal diodes or switches turn on or off at an equilibrium that was computed in another mode."""
         if not np.array_equal(mode, assumed) or not np.allclose(state, rest, rtol=1e-9, atol=0.0):
             raise RunFailed(
-                "BR732",
-                "no equilibrium was found: ideal diodes or switches do not stay as they are where the model would rest;",
+                "BR732", "no equilibrium was found: ideal diodes or switches do not stay as they are where the model would rest;",
                 "start it nearer to its rest, or give them resistances",
-            )
+            )  # fmt: skip
 
     def _settle_history(self, history: History, start: float) -> None:
         """Iterate the initial state and the delayed signals until they agree: before the start each delayed signal has its value at the start.
@@ -232,11 +231,10 @@ class Phase:
             self.events = None
             self.state, self.start_notes = self._start(self.program, self.compilation, self.constraints, self.stretches)
         raise RunFailed(
-            "BR733",
-            f"at t = {start:.9g} s what is delayed and the state at the start do not settle on each other: each makes the other larger, or goes to "
+            "BR733", f"at t = {start:.9g} s what is delayed and the state at the start do not settle on each other: each makes the other larger, or goes to "
             "and fro;",
             "give the start itself instead of `equilibrium`, or delay what does not read itself",
-        )
+        )  # fmt: skip
 
     def _tolerances(self) -> Tolerances:
         """Return absolute tolerances per state: the given value, else rtol times the magnitude."""
@@ -267,9 +265,8 @@ class Phase:
                 if factor is None:
                     told = f" (it follows `{self.program.states.names[index]}`)" if index >= 0 else ""
                     raise UsageError(
-                        "BR719",
-                        f"the tolerance of `{name}` cannot be held: it is no state of this run{told}; states are {', '.join(variables)}",
-                    )
+                        "BR719", f"the tolerance of `{name}` cannot be held: it is no state of this run{told}; states are {', '.join(variables)}",
+                    )  # fmt: skip
                 value /= abs(factor)
             result[index] = min(value, result.get(index, value))
         return result
@@ -483,10 +480,9 @@ class Phase:
             or "a law of its storages or joints does"
         )
         return UsageError(
-            "BR718",
-            f"no method keeps the energy of this model: at t = {failed.time:.9g} s it is not lossless ({names});",
+            "BR718", f"no method keeps the energy of this model: at t = {failed.time:.9g} s it is not lossless ({names});",
             "leave the solver to choose, which holds the tolerance",
-        )
+        )  # fmt: skip
 
     @property
     def occurrences(self) -> list[EventRecord]:

@@ -42,10 +42,9 @@ def resumed(
         scene = replace(scene, off=end.off)
     if made(scene, energy).facts.identity != end.identity:
         raise UsageError(
-            "BR722",
-            f"the result is of other equations than `{prepared.program.name}` has now: its text, the settings of its inputs, the experiment or the "
+            "BR722", f"the result is of other equations than `{prepared.program.name}` has now: its text, the settings of its inputs, the experiment or the "
             "outputs that are asked for are not the same",
-        )
+        )  # fmt: skip
     left = instants[instants > end.time + 1e-12 * (instants[-1] - instants[0])]
     if not len(left):
         raise UsageError("BR723", f"the result ends at t = {end.time:.9g} s already:", "let the run go further (--to)")
@@ -76,16 +75,14 @@ def _check_model(
         raise UsageError("BR725", f"the result is of {old}, this run of {new}:", "name the same with -e")
     if before.names != program.outputs.names:
         raise UsageError(
-            "BR726",
-            f"the result has the outputs {', '.join(before.names)}, this run {', '.join(program.outputs.names)}:",
+            "BR726", f"the result has the outputs {', '.join(before.names)}, this run {', '.join(program.outputs.names)}:",
             "ask for the same",
-        )
+        )  # fmt: skip
     if energy and before.energy is None:
         raise UsageError(
-            "BR727",
-            "the result has no energy balance, so that of the whole cannot be told:",
+            "BR727", "the result has no energy balance, so that of the whole cannot be told:",
             "run both with --energy, or none",
-        )
+        )  # fmt: skip
     now = {n: values.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)}
     other = [n for n in now if n in end.parameters and not _same(now[n], end.parameters[n])]
     if other:

@@ -262,10 +262,9 @@ class Run:
         if len(last) == MOST_AT_ONCE and last[0].stretches[0].start == begin.time:
             names = ", ".join(f"`{n}`" for n in sorted({*(begin.off or ())} | {n for leg in last for n in leg.off}))
             raise RunFailed(
-                "BR707",
-                f"at t = {begin.time:.9g} s junctions go on and off without end ({names}): no set of them agrees with its own conditions;",
+                "BR707", f"at t = {begin.time:.9g} s junctions go on and off without end ({names}): no set of them agrees with its own conditions;",
                 "give them a hysteresis, or put a resistor or a storage beside them",
-            )
+            )  # fmt: skip
 
     def _companion(self) -> Companion | None:
         """Return the companion model of the switched junctions, if valves or integrals need it."""
@@ -399,10 +398,9 @@ def _check_choice(
         possible = False
     if not possible:
         raise RunFailed(
-            "BR708",
-            f"at t = {begin.time:.9g} s `{begin.dependent}` follows from `{begin.state}` so steeply that its error would be {WORST:g} times "
+            "BR708", f"at t = {begin.time:.9g} s `{begin.dependent}` follows from `{begin.state}` so steeply that its error would be {WORST:g} times "
             f"that of `{begin.state}`, and no other choice of states is possible there",
-        )
+        )  # fmt: skip
 
 
 def _warnings(legs: Sequence[Phase]) -> tuple[LimitLeft, ...]:

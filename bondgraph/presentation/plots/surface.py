@@ -27,9 +27,8 @@ def plot_surface(found: Outcome, name: str, path: str | os.PathLike[str]) -> Non
         raise UsageError("BR932", "a relief is of two quantities that are swept")
     if name not in found.names or name in found.swept:
         raise UsageError(
-            "BR933",
-            f"there is no `{name}` to draw; there is {', '.join(n for n in found.names if n not in found.swept)}",
-        )
+            "BR933", f"there is no `{name}` to draw; there is {', '.join(n for n in found.names if n not in found.swept)}",
+        )  # fmt: skip
     drawn(lambda: _figure(found, name), path)
 
 

@@ -28,9 +28,8 @@ def plot_outcome(found: Outcome, path: str | os.PathLike[str]) -> None:
     pictured = next((p for p in (*point.responses, *drawable, point.run) if p is not None), None)
     if pictured is None:
         raise UsageError(
-            "BR934",
-            "there is nothing to draw: the experiment has neither a sweep nor a response nor another step that makes a picture",
-        )
+            "BR934", "there is nothing to draw: the experiment has neither a sweep nor a response nor another step that makes a picture",
+        )  # fmt: skip
     pictured.plot(path)
 
 

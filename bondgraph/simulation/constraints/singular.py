@@ -106,11 +106,10 @@ class SingularPoseMonitor:
             assert constraints.assembled is not None
             names = ", ".join(f"`{n}`" for n in constraints.assembled.redundant[:SHOWN])
             raise RunFailed(
-                "BR743",
-                f"at t = {time:.9g} s {names}, which followed from the other constraints at the start, no longer do: the mechanism is drawn in a "
+                "BR743", f"at t = {time:.9g} s {names}, which followed from the other constraints at the start, no longer do: the mechanism is drawn in a "
                 "special pose;",
                 "start it elsewhere, or leave a joint out",
-            )
+            )  # fmt: skip
 
     def other_rows(self, time: float, state: Any, mode: Any, step: float) -> bool:
         """Return True if the active rows are about to become dependent where other rows, so far redundant, do not."""

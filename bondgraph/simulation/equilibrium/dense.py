@@ -194,10 +194,9 @@ class EquilibriumSearch:
             return None
         name = self.names[int(np.argmax(np.abs(way) / size))]
         return RunFailed(
-            "BR754",
-            f"no equilibrium was found: the start is a steady motion, in which `{name}` goes on and nothing else changes;",
+            "BR754", f"no equilibrium was found: the start is a steady motion, in which `{name}` goes on and nothing else changes;",
             'start it without that motion, or analyse what is near the motion with `--at start` (in Python `state="start"`)',
-        )
+        )  # fmt: skip
 
     def rested(self, full: Any) -> Any:
         """Return the state, if all its rates vanish at its scales. Raises `RunFailed` otherwise."""
@@ -230,7 +229,6 @@ class EquilibriumSearch:
         sizes = np.abs(slope) / self.scale(np.zeros(self.count))
         worst = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
         return RunFailed(
-            "BR755",
-            f"no equilibrium was found: the rate of `{self.names[worst]}` does not vanish (now {slope[worst]:.6g}); {self.drivers(worst)}; does "
+            "BR755", f"no equilibrium was found: the rate of `{self.names[worst]}` does not vanish (now {slope[worst]:.6g}); {self.drivers(worst)}; does "
             "something drive the model for ever, or is it unstable there?",
-        )
+        )  # fmt: skip

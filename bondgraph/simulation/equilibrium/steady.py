@@ -116,7 +116,6 @@ def check_steady(made: Prepared, program: Program, moving: dict[str, float]) -> 
             continue
         why = f"nothing changes `{program.states.names[constant[0]]}`" if constant else "nothing reads it"
         raise RunFailed(
-            "BR756",
-            f"no equilibrium was found: `{name}` drifts for ever, by {rate:.6g}{behind(own)} ({drivers(program, place)}; {why});",
+            "BR756", f"no equilibrium was found: `{name}` drifts for ever, by {rate:.6g}{behind(own)} ({drivers(program, place)}; {why});",
             "leave it out, or let something balance what drives it",
-        )
+        )  # fmt: skip

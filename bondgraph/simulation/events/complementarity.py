@@ -129,11 +129,10 @@ class Companion:
         """Return the error that no conducting set is consistent."""
         names = ", ".join(f"`{v.junction.rpartition('.')[0] or v.junction}`" for v in self.valves)
         return RunFailed(
-            "BR766",
-            f"at t = {time:.9g} s no set of conducting and blocking valves among {names} goes on: none of them keeps every effort at or below zero "
+            "BR766", f"at t = {time:.9g} s no set of conducting and blocking valves among {names} goes on: none of them keeps every effort at or below zero "
             "and every flow at or above zero;",
             "look for a source that works against another through valves, or put a resistor in line with one of them",
-        )
+        )  # fmt: skip
 
     def _refused(self, time: float) -> frozenset[bytes]:
         """Return the sets that were refuted at an instant."""
@@ -187,10 +186,9 @@ class Companion:
             found = self._solved(at, on, step, 0, moved)
             if found is None or not np.isfinite(found[1][chosen]).all():
                 raise RunFailed(
-                    "BR768",
-                    f"at t = {at.time:.9g} s an impulse passes, and nothing determines what it adds to `{names[0]}`:",
+                    "BR768", f"at t = {at.time:.9g} s an impulse passes, and nothing determines what it adds to `{names[0]}`:",
                     "put a resistor or a damper where the storages are tied",
-                )
+                )  # fmt: skip
             passed.append(step * found[1])
         long, short = passed
         ratio = IMPULSES[0] / IMPULSES[1]
@@ -200,11 +198,10 @@ class Companion:
         bad = np.flatnonzero(grows[chosen])
         if len(bad):
             raise RunFailed(
-                "BR767",
-                f"at t = {at.time:.9g} s an impulse passes, and what `{names[bad[0]]}` integrates has no integral across it: it is not proportional "
+                "BR767", f"at t = {at.time:.9g} s an impulse passes, and what `{names[bad[0]]}` integrates has no integral across it: it is not proportional "
                 "to the current or force of the impulse;",
                 "put a resistor or a damper where the storages are tied",
-            )
+            )  # fmt: skip
         known = dict(zip(outputs, limit.tolist(), strict=True))
         self._refuse_products(at, jumps, known)
         return {n: known[f"rate of {n}"] for n in names}
@@ -216,10 +213,9 @@ class Companion:
             reading = [n for n, i in self.integrals.items() if any(v in among for v in i.reads)]
             if reading:
                 raise RunFailed(
-                    "BR769",
-                    f"at t = {at.time:.9g} s an impulse changes `{name}`, and what it adds to `{reading[0]}` is not known:",
+                    "BR769", f"at t = {at.time:.9g} s an impulse changes `{name}`, and what it adds to `{reading[0]}` is not known:",
                     "put a spring or a damper where a junction ties it",
-                )
+                )  # fmt: skip
 
     def _check_passed(self, at: Instant, jumps: Mapping[str, float], passed: Mapping[str, float]) -> None:
         """Refuse an impulse whose charges or momenta are not the jumps of the storages that they pass to."""
@@ -229,11 +225,10 @@ class Companion:
                 abs(jump), abs(at.stored.get(name, 0.0)), 1e-6 * size
             ):
                 raise RunFailed(
-                    "BR770",
-                    f"at t = {at.time:.9g} s an impulse changes `{name}` by {jump:.6g}, but the currents or forces across it add {passed[name]:.6g}: "
+                    "BR770", f"at t = {at.time:.9g} s an impulse changes `{name}` by {jump:.6g}, but the currents or forces across it add {passed[name]:.6g}: "
                     "what integrals take of it is not known;",
                     "put a resistor or a damper where the storages are tied",
-                )
+                )  # fmt: skip
 
     def _refuse_products(self, at: Instant, jumps: Mapping[str, float], passed: Mapping[str, float]) -> None:
         """Refuse integrals of an impulse times what jumps with it."""
@@ -241,12 +236,11 @@ class Companion:
         for name, k, factor in ((n, k, f) for n, i in self.integrals.items() for k, f in enumerate(i.factors)):
             if passed[f"factor {k} of {name}"] and (factor.moving or not jumped.isdisjoint(factor.coefficients)):
                 raise RunFailed(
-                    "BR771",
-                    f"at t = {at.time:.9g} s an impulse passes, and what `{name}` integrates has no integral across it: it multiplies the current or "
+                    "BR771", f"at t = {at.time:.9g} s an impulse passes, and what `{name}` integrates has no integral across it: it multiplies the current or "
                     "force of the impulse by what may jump with it;",
                     "integrate the current or force alone, compute energies from what is stored, or put a resistor or a damper where the storages "
                     "are tied",
-                )
+                )  # fmt: skip
 
     def _solved(
         self, at: Instant, guess: Any, step: float, valves: int | None = None, moved: Any = None

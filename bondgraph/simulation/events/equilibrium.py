@@ -57,10 +57,9 @@ def rest_with_events(constraints: Constraints, state: Any, first: Segment, event
         at = after
     acted = ", ".join(dict.fromkeys(str(events.hybrid.events[i]) for h in events.log for i in h.events))
     raise RunFailed(
-        "BR757",
-        f"no equilibrium was found: in no mode that holds at a rest does the model stay there{f' ({acted})' * bool(acted)}; the conditions of the "
+        "BR757", f"no equilibrium was found: in no mode that holds at a rest does the model stay there{f' ({acted})' * bool(acted)}; the conditions of the "
         "model make it go to and fro, as a thermostat does",
-    )
+    )  # fmt: skip
 
 
 def sampled_settings(program: Program, constraints: Constraints) -> tuple[tuple[int, int, float], ...]:
@@ -78,9 +77,8 @@ def sampled_settings(program: Program, constraints: Constraints) -> tuple[tuple[
         for setting in event.settings:
             if event.sampled and setting.kind != "mode":
                 raise RunFailed(
-                    "BR758",
-                    f"no equilibrium was found: `{event}` sets `{setting.words}` at each sample, which is stored",
-                )
+                    "BR758", f"no equilibrium was found: `{event}` sets `{setting.words}` at each sample, which is stored",
+                )  # fmt: skip
             if event.sampled:
                 result.append((place, setting.position, period))
             place += 1

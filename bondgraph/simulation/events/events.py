@@ -457,17 +457,15 @@ class Events:
             setting = self.settings[i]
             if not np.isfinite(values[i]):
                 raise RunFailed(
-                    "BR776",
-                    f"at t = {time:.9g} s the new value of `{setting.words}` ({_place(setting.span)}) is not finite",
-                )
+                    "BR776", f"at t = {time:.9g} s the new value of `{setting.words}` ({_place(setting.span)}) is not finite",
+                )  # fmt: skip
             before = owner.setdefault((setting.kind, setting.position), i)
             if before != i:
                 both = self._listed([self.hybrid.events[self.owners[j]] for j in (before, i)])
                 raise RunFailed(
-                    "BR777",
-                    f"at t = {time:.9g} s {both} set `{setting.words}` at one instant;",
+                    "BR777", f"at t = {time:.9g} s {both} set `{setting.words}` at one instant;",
                     "make one event of them, or let one of them ask that the other does not hold",
-                )
+                )  # fmt: skip
 
     # ------------------------------------------------------------ messages
     def _record(self, happening: Happening) -> None:
@@ -483,19 +481,17 @@ class Events:
         what = self._listed([self.hybrid.events[i] for i in events]) if events else self.listed_conditions(conditions)
         root = "" if events else "; a root that goes through zero is written `sign(x)*sqrt(abs(x))`, without `if`"
         return RunFailed(
-            "BR779",
-            f"at t = {time:.9g} s {what} {'act' if events else 'change'} again and again in no time, {len(last)} times within "
+            "BR779", f"at t = {time:.9g} s {what} {'act' if events else 'change'} again and again in no time, {len(last)} times within "
             f"{last[-1].time - last[0].time:.3g} s:",
             f"end it by a `mode` that an event sets where little is left, and a junction that is `active` without it{root}",
-        )
+        )  # fmt: skip
 
     def _sliding(self, time: float, conditions: Any) -> RunFailed:
         return RunFailed(
-            "BR780",
-            f"at t = {time:.9g} s {self.listed_conditions(conditions)} cannot hold and cannot fail: on either side the motion leads "
+            "BR780", f"at t = {time:.9g} s {self.listed_conditions(conditions)} cannot hold and cannot fail: on either side the motion leads "
             "back to the other, and the model slides along between them.",
             "Give it a law for that: a `mode` that sticks and the events that set it, a hysteresis, or a smooth law (tanh) in place of the jump",
-        )
+        )  # fmt: skip
 
     def listed_conditions(self, numbers: Any) -> str:
         notes = [self.hybrid.conditions[i] for i in numbers]

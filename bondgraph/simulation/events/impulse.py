@@ -119,10 +119,9 @@ def _balanced(held: _Held, x: Any, old: Any, size: Any, time: float) -> Any:
             return y * scale
         last = size_of_step
     raise RunFailed(
-        "BR772",
-        f"at t = {time:.9g} s storages that are tied to each other by a switched junction find no common motion:",
+        "BR772", f"at t = {time:.9g} s storages that are tied to each other by a switched junction find no common motion:",
         "put a resistor or a spring between them",
-    )
+    )  # fmt: skip
 
 
 def _ahead(function: Callable[[Any], Any], y: Any, step: Any) -> Any:

@@ -185,7 +185,6 @@ def _wrong(events: Events, roots: Any, said: Any) -> Any:
 
 def _unresolved(events: Events, time: float, conditions: Any) -> RunFailed:
     return RunFailed(
-        "BR778",
-        f"near t = {time:.9g} s {events.listed_conditions(conditions)} changes too often within a step to be followed;",
+        "BR778", f"near t = {time:.9g} s {events.listed_conditions(conditions)} changes too often within a step to be followed;",
         "give the noise or the jumps in it a longer period, or let a signal that is smooth decide",
-    )
+    )  # fmt: skip

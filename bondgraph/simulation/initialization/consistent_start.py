@@ -141,11 +141,10 @@ def _check_unique(loops: LoopSolver, made: Prepared, full: Any, at: Any) -> None
     elements = ", ".join(f"`{m}`" for m in list(members)[:6])
     line = space.unknowns[differ[0]].span.line
     raise RunFailed(
-        "BR734",
-        f"at t = {at[0]:.9g} s the algebraic loop of {elements} (line {line}) has more than one solution: {'; '.join(lines)}.",
+        "BR734", f"at t = {at[0]:.9g} s the algebraic loop of {elements} (line {line}) has more than one solution: {'; '.join(lines)}.",
         "Nothing in the model chooses between them: put a small storage into the loop (a C beside what gives the flow, an I in line with what gives "
         "the effort) and start it near the one that you mean, or write the law so that only one is left",
-    )
+    )  # fmt: skip
 
 
 def _reach(function: Any, x: Any) -> Any:
@@ -165,7 +164,6 @@ def _check(program: Program, space: StateSpace, constants: Any, value: Any, reac
     said = [space.variables[s.variable].name for s in space.states if s.given]
     against = f" together with those of {', '.join(f'`{n}`' for n in said[:6])}" if said else ""
     raise RunFailed(
-        "BR735",
-        f"the start of {names} (line {bad[0].span.line}) cannot hold{against}: the model ties them to each other;",
+        "BR735", f"the start of {names} (line {bad[0].span.line}) cannot hold{against}: the model ties them to each other;",
         "leave one of them out",
-    )
+    )  # fmt: skip

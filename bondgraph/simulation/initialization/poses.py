@@ -162,11 +162,10 @@ def _from_singular(problem: PoseProblem, z: Any, beside: Sequence[Any]) -> tuple
     It exists where all paths from there end in one pose, and for open chains.
     """
     several = RunFailed(
-        "BR741",
-        f"the start of {_names(problem.given)} (line {problem.given[0].line}) can be reached in several ways from the drawing, "
+        "BR741", f"the start of {_names(problem.given)} (line {problem.given[0].line}) can be reached in several ways from the drawing, "
         "a singular pose, and nothing says in which:",
         "draw the mechanism a little beside it, on the side that is meant",
-    )
+    )  # fmt: skip
     gaps = slice(0, problem.gaps)
     if any(_rank(problem.slopes(b)[gaps]) > _rank(problem.slopes(z)[gaps]) for b in beside):
         raise several
@@ -340,10 +339,9 @@ def _short(problem: PoseProblem, end: Followed) -> RunFailed:
         else "draw it beyond that pose, on the branch that is meant"
     )
     return RunFailed(
-        "BR739",
-        f"the start of {_names(given)} (line {given[0].line}) cannot hold: from the drawing it can be reached up to {reached}; {why}:",
+        "BR739", f"the start of {_names(given)} (line {given[0].line}) cannot hold: from the drawing it can be reached up to {reached}; {why}:",
         f"{advice}",
-    )
+    )  # fmt: skip
 
 
 def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: Any) -> RunFailed:
@@ -357,10 +355,9 @@ def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: An
         else f"the start of {_names(items)} (line {items[0].line}) cannot hold together with those of {_names(along.given)}"
     )
     return RunFailed(
-        "BR740",
-        f"{beginning}: the mechanism ties them to each other, and on the branch that is drawn {there} there;",
+        "BR740", f"{beginning}: the mechanism ties them to each other, and on the branch that is drawn {there} there;",
         "leave one of them out, or draw the mechanism on the other branch",
-    )
+    )  # fmt: skip
 
 
 def _opened(problem: PoseProblem, off: Sequence[int], z: Any) -> str | None:
@@ -385,9 +382,8 @@ def _open(problem: PoseProblem, z: Any) -> RunFailed:
     joint = names.names[worst].rpartition(".")[0]
     left = abs(float(gaps[worst])) * (problem.length if constraints.lengths[worst] else 1.0)
     return RunFailed(
-        "BR742",
-        f"`{joint}` cannot be closed: {left:.3g} {names.units[worst]} are left open; the parts do not reach each other there",
-    )
+        "BR742", f"`{joint}` cannot be closed: {left:.3g} {names.units[worst]} are left open; the parts do not reach each other there",
+    )  # fmt: skip
 
 
 # ---------------------------------------------------------------- from a program

@@ -85,10 +85,9 @@ def _check_lossless(stepper: IntegrationState, stretch: Segment, times: Any, sta
     found = program.stored_energy(times, states, *fixed)
     if not np.isfinite(found).all():
         raise RunFailed(
-            "BR716",
-            "the energy that the model stores cannot be computed from its laws between the start and the states of the run;",
+            "BR716", "the energy that the model stores cannot be computed from its laws between the start and the states of the run;",
             "give the storages by `energy = …`, or leave the solver to choose",
-        )
+        )  # fmt: skip
     rates = program.derivative(times, states, *fixed)
     if rates.any() and not found[:, 1:].any():
         raise UsageError(

@@ -230,11 +230,10 @@ class IntegrationState:
         bad = np.flatnonzero(np.abs(new - old) > 1e-9 * np.maximum(np.abs(new), np.abs(old)))
         if len(bad):
             raise RunFailed(
-                "BR765",
-                f"at t = {time:.9g} s what forces a storage in derivative form jumps from {old[bad[0]]:.6g} to {new[bad[0]]:.6g}: its flow would be "
+                "BR765", f"at t = {time:.9g} s what forces a storage in derivative form jumps from {old[bad[0]]:.6g} to {new[bad[0]]:.6g}: its flow would be "
                 "an impulse;",
                 "put a resistor between source and storage, or let the source rise within a time",
-            )
+            )  # fmt: skip
 
     def check_rates(self, start: float, x: Any, mode: Any) -> None:
         """Raise `RunFailed` if a rate is not finite where a run begins."""

@@ -71,10 +71,9 @@ class LoopSolver:
         if found is None:
             names = ", ".join(f"`{n}`" for n in self.program.unknowns.names[:6])
             raise RunFailed(
-                "BR744",
-                f"at t = {time:.9g} s the algebraic loop of {names} has no solution that could be found;",
+                "BR744", f"at t = {time:.9g} s the algebraic loop of {names} has no solution that could be found;",
                 "check the laws in it (`bondgraph show FILE --stage causality` shows how they hang together), or put a small storage into it",
-            )
+            )  # fmt: skip
         return np.concatenate([state[: self.count], found])
 
     def _opened(self, time: float, state: Any, mode: Any) -> OpenedLoops | None:

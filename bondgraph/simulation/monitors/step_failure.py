@@ -84,35 +84,30 @@ def _cause(
     huge = int(np.argmax(np.maximum(np.abs(state), np.abs(slope))))
     if max(abs(state[huge]), abs(slope[huge])) > HUGE:
         return StepsCollapsed(
-            "BR782",
-            f"{begin}: `{names[huge]}` (now {state[huge]:.6g} {units[huge]}, and changing by {slope[huge]:.6g} a second) becomes too large "
+            "BR782", f"{begin}: `{names[huge]}` (now {state[huge]:.6g} {units[huge]}, and changing by {slope[huge]:.6g} a second) becomes too large "
             "for a number.",
             f"Likely causes: a law that grows like an exponential, or a unit that is missing{limit}",
-        )
+        )  # fmt: skip
     loops = len(program.unknowns.names) > 0 and tolerances.relative > LOOSE
     bend = ". A loop with a law that bends within the tolerance, as a diode's at hundreds of volts, needs a tighter one"
     steep = bend if loops else ""
     if what == "steps":
         return StepsCollapsed(
-            "BR783",
-            f"the run gets no further than t = {solver.time:.9g} s within {most}; {value} holds the steps down.",
+            "BR783", f"the run gets no further than t = {solver.time:.9g} s within {most}; {value} holds the steps down.",
             f"Likely causes: a fast oscillation that nothing damps, or a tolerance below what doubles can hold{limit}",
-        )
+        )  # fmt: skip
     if what == "round-off":
         return StepsCollapsed(
-            "BR784",
-            f"{begin}: shorter steps make the error of {value} no smaller, so it is round-off: quantities of very different size "
+            "BR784", f"{begin}: shorter steps make the error of {value} no smaller, so it is round-off: quantities of very different size "
             "are subtracted from each other.",
             f"Loosen the tolerance, or give its `nominal`{steep}",
-        )
+        )  # fmt: skip
     if what == "newton":
         return StepsCollapsed(
-            "BR785",
-            f"{begin}: its equations could not be solved, however short the step; {value} is involved.",
+            "BR785", f"{begin}: its equations could not be solved, however short the step; {value} is involved.",
             f"Likely causes: a law that jumps, an algebraic loop that loses its solution there, or a singular model{steep}",
-        )
+        )  # fmt: skip
     return StepsCollapsed(
-        "BR786",
-        f"{begin}: its step fell below round-off; {value} changes fastest.",
+        "BR786", f"{begin}: its step fell below round-off; {value} changes fastest.",
         "Likely causes: a jump in a law, a solution that grows without bound, or a tolerance below what doubles can hold",
-    )
+    )  # fmt: skip

@@ -394,10 +394,9 @@ def _places(program: Program, constants: Any, length: float) -> int:
     places = max(UNBOUNDED, int(min(PER_PERIOD * length / period, 10 * MAXIMUM_GRID)))
     if places > MAXIMUM_GRID:
         raise RunFailed(
-            "BR762",
-            f"a condition on a noise with a period of {period:g} s changes too often to be followed for {length:g} s;",
+            "BR762", f"a condition on a noise with a period of {period:g} s changes too often to be followed for {length:g} s;",
             "give the noise a longer period, or a smooth law instead of the condition",
-        )
+        )  # fmt: skip
     return places
 
 
@@ -414,10 +413,9 @@ def _looked_at(program: Program, constants: Any, start: float, stop: float) -> t
         places *= 4
         if places > MAXIMUM_GRID:
             raise RunFailed(
-                "BR763",
-                f"a condition on time changes too often to be followed: some {changes} times or more between {start:.6g} s and {stop:.6g} s;",
+                "BR763", f"a condition on time changes too often to be followed: some {changes} times or more between {start:.6g} s and {stop:.6g} s;",
                 "end the run earlier, or use a smooth law instead of the condition",
-            )
+            )  # fmt: skip
 
 
 def _sampled(program: Program, constants: Any, number: int, edges: Any) -> tuple[list[float], float]:

@@ -48,10 +48,9 @@ class Server(ThreadingHTTPServer):
             super().__init__((host, port), Handler)
         except (OSError, ValueError, TypeError) as problem:
             raise UsageError(
-                "BR925",
-                f"the server cannot listen on `{host}`, port {port}: {getattr(problem, 'strerror', None) or problem};",
+                "BR925", f"the server cannot listen on `{host}`, port {port}: {getattr(problem, 'strerror', None) or problem};",
                 "`--host` is a name or an address of this machine, `--port 0` takes any free port",
-            ) from None
+            ) from None  # fmt: skip
         self.session = session
         self.guard = Guard(host, self.server_port)
 
