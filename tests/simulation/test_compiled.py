@@ -22,7 +22,7 @@ from bondgraph.simulation.integrators import exponential
 from bondgraph.simulation.integrators.compiled import fields, pilot_run
 from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.advance import advance, begin
-from bondgraph.simulation.integrators.compiled.interpreted import Interpreted
+from bondgraph.simulation.integrators.compiled.plain import functions_of
 from bondgraph.simulation.integrators.compiled.sparse import FINE, Pattern, real_back, real_factors
 from bondgraph.simulation.integrators.compiled.stepper import IntegratorWorkspace
 from tests.codegen.test_module import MODELS_OF_FILES
@@ -85,19 +85,14 @@ def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:
 def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ends of steps and error estimates, one by one."""
     seen: dict[str, list[tuple[float, Any]]] = {"native": [], "numpy": []}
-    original, reference = compiled.CompiledRadau.advance, Interpreted.step
+    original = compiled.CompiledRadau.advance
 
     def one(solver: compiled.CompiledRadau, most: int) -> int:
         answer = original(solver, 1)
-        seen["native"].append((solver.last_step[1], np.array(solver.error)))
+        seen["native" if solver.native else "numpy"].append((solver.last_step[1], np.array(solver.error)))
         return answer
 
-    def step(solver: Interpreted) -> None:
-        reference(solver)
-        seen["numpy"].append((solver.last_step[1], np.array(solver.error)))
-
     monkeypatch.setattr(compiled.CompiledRadau, "advance", one)
-    monkeypatch.setattr(Interpreted, "step", step)
     both(MODELS / "manipulator.bg", rtol=rtol, solver="radau")
     assert len(seen["native"]) == len(seen["numpy"]) > 30
     for (here, error), (there, expected) in zip(seen["native"], seen["numpy"], strict=True):
@@ -124,10 +119,7 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(compiled.CompiledRadau, "begin", keep)
     bondgraph.load(MODELS / "pendulum.bg").simulate(to=0.3, target="native", energy=True, points=20, solver=method)
     (solver, values) = made[0]
-    for name in ("derivative", "entries", "signals", "holds", "dependent", "sensitivities", "powers"):
-        values[name] = _into(values[name], name == "signals")
-    values["reported"] = values["reported"].ravel()
-    python = IntegratorWorkspace(**values)
+    python = IntegratorWorkspace(**values | functions_of(IntegratorWorkspace, solver.program))
     with np.errstate(all="ignore"):
         begin(python)
         assert advance(python, 10_000) == 0
@@ -138,16 +130,6 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
             np.testing.assert_array_equal(mine, solver.values[name], err_msg=name)
         elif isinstance(mine, int | float):
             assert mine == solver.values[name], name
-
-
-def _into(function: Any, of_time: bool) -> Any:
-    """A function of the program, in the shape that the stepping calls it in."""
-
-    def call(time: float, state: Any, inputs: Any, constants: Any, mode: Any, out: Any) -> None:
-        found = function(time, inputs, constants, mode) if of_time else function(time, state, inputs, constants, mode)
-        out[: len(found)] = found
-
-    return call
 
 
 @pytest.mark.parametrize("name", ["manipulator.bg", "rectifier.bg", "crane.bg", "pendulum.bg"])

@@ -62,7 +62,7 @@ def test_few_steps_tell_nothing() -> None:
 
 def test_at_the_limit_of_steps_the_error_names_the_mode(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(native_integrator, "MOST_COMPILED", 500)
-    monkeypatch.setattr("bondgraph.simulation.integration.interpreted_integrator.MOST_STEPS", 500)
+    monkeypatch.setattr(native_integrator, "MOST_STEPS", 500)
     with pytest.raises(RunFailed, match=r"Hz, whose energy is mostly in .*`(bell|clamp)`") as failed:
         bondgraph.load(RINGING.format(start="1 mm")).simulate(to=50, points=11, solver="radau")
     told = re.search(r"at ([\d.]+) Hz", str(failed.value))

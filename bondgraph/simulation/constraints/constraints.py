@@ -88,15 +88,14 @@ class Constraints:
     @property
     def compiled(self) -> CompiledConstraints | None:
         """Native version of the constraints, if the program has machine code."""
-        return self.always_compiled if self.gaps and self.program.native is not None else None
+        return self.always_compiled(True) if self.gaps and self.program.native is not None else None
 
-    @property
-    def always_compiled(self) -> CompiledConstraints:
-        """Native version of the constraints, empty if there are none; for a program with machine code."""
-        if self._compiled is None:
+    def always_compiled(self, native: bool) -> CompiledConstraints:
+        """Constraints for the source of the steps, empty if there are none; `native`: in machine code."""
+        if self._compiled is None or self._compiled.native != native:
             from ..integrators.compiled.constraint_functions import CompiledConstraints
 
-            self._compiled = CompiledConstraints(self)
+            self._compiled = CompiledConstraints(self, native)
         return self._compiled
 
     # ------------------------------------------------------------ values and Jacobians

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...errors import RunFailed
 from ...results.records import ToleranceDoubt
-from ..integrators.limits import APART, FINE, LOOK, MISSES, NEAR, NEVER, NOISE
+from ..integrators.limits import APART, FINE, LOOK, NEVER, NOISE
 from ..loops.loops import LoopSolver
 from ..segments.trajectory import SingularPose
 from .constraints import Assembled, Constraints
@@ -56,37 +56,11 @@ class SingularPoseMonitor:
 
     def __init__(self, constraints: Constraints, loops: LoopSolver, passed: list[SingularPose]) -> None:
         self.constraints, self.loops, self.passed = constraints, loops, passed
-        # instants of the last three steps, and smallest singular values there
-        self.seen: list[tuple[float, float]] = []
         self.ahead = np.inf  # extrapolated time until the singular value vanishes
-        self.behind = np.inf
         self.comes = False  # True if it seems to vanish there, without a minimum before
         self.point: SingularPoint | None = None  # the singular point found ahead
         self.tried = np.inf  # time ahead at the last failed try to cross
         self.left = np.inf  # rounding of the last tries
-
-    def begin(self, time: float, state: Any, mode: Any) -> None:
-        """Reset the monitor at the start of a segment, or after a crossing."""
-        self.seen = [(time, self._least(time, state, mode))]
-        self.ahead = self.behind = self.tried = np.inf
-        self.comes = False
-
-    def look(self, time: float, state: Any, mode: Any) -> None:
-        """Update the monitor after an accepted step."""
-        self.seen = [*self.seen[-2:], (time, self._least(time, state, mode))]
-        times, values = zip(*self.seen, strict=True)
-        least = values[-1]
-        slope = (least - values[-2]) / (time - times[-2])
-        bend = 0.0
-        if len(times) > 2:
-            bend = 2 * (slope - (values[1] - values[0]) / (times[1] - times[0])) / (time - times[0])
-            slope += 0.5 * bend * (time - times[1])
-        self.ahead = least / -slope if slope < 0 else np.inf
-        self.behind = least / slope if slope > 0 else np.inf
-        self.comes = np.isfinite(self.ahead) and 0.5 * bend * self.ahead**2 < MISSES * least
-        if not self.comes:
-            self.tried = np.inf
-        self.check_redundant(time, state, mode)
 
     def _opens(self, time: float, state: Any, mode: Any) -> bool:
         """Return True if a residual exceeds rounding of the mechanism's size: magnitudes of coordinates that hardly move are less than that."""
@@ -124,14 +98,6 @@ class SingularPoseMonitor:
         order = qr(slopes.T, mode="economic", pivoting=True)[2][:count]
         kept, best = (np.linalg.svd(slopes[rows], compute_uv=False)[-1] for rows in (constraints.taking, order))
         return bool(best > BETTER * kept)
-
-    @property
-    def longest(self) -> float:
-        """Longest allowed next step."""
-        return NEAR * min(self.ahead, self.behind)
-
-    def _least(self, time: float, state: Any, mode: Any) -> float:
-        return float(self._least_all(np.array([time]), state[None], mode)[0])
 
     def _least_all(self, times: Any, states: Any, mode: Any) -> Any:
         """Return the smallest singular values at several instants, rows in units of their sizes; shape (times,)."""

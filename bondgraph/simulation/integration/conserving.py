@@ -10,11 +10,9 @@ from ...errors import NotLossless, RunFailed, UsageError
 from ..integrators.radau import StepFailed
 from ..segments.timeline import Segment
 from ..segments.trajectory import Tolerances
-from .reference import interpreted
+from .native_integrator import explicit_scout
 
 if TYPE_CHECKING:
-    from ..integrators.compiled.interpreted import Interpreted
-    from ..integrators.compiled.run import CompiledRadau
     from .integration_state import IntegrationState
 
 SCOUT = 1000  # steps of an adaptive pilot run
@@ -26,13 +24,13 @@ FAR = 10.0  # factor by which magnitudes count as wrong
 LOST = 1e-9  # relative to the powers between storages: loss of a lossless model by rounding
 
 
-def equal_steps(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> float:
+def equal_steps(stepper: IntegrationState, stretch: Segment, x: Any) -> float:
     """Return the size of all steps of a segment: that of the short steps of an adaptive method. Raises `NotLossless`, `RunFailed`."""
-    times, states = _looked_ahead(stepper, stretch, x, compiled)
+    times, states = _looked_ahead(stepper, stretch, x)
     for _ in range(ROUNDS):
         if not _measured(stepper, states):
             break
-        times, states = _looked_ahead(stepper, stretch, x, compiled)
+        times, states = _looked_ahead(stepper, stretch, x)
     _check_lossless(stepper, stretch, times, states)
     sizes = np.diff(times)
     if times[-1] >= stretch.stop and len(sizes) > 1:
@@ -42,17 +40,12 @@ def equal_steps(stepper: IntegrationState, stretch: Segment, x: Any, compiled: b
     return span / float(np.ceil(span / (SHARE * np.quantile(usual, SMALL))))
 
 
-def _looked_ahead(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> tuple[Any, Any]:
+def _looked_ahead(stepper: IntegrationState, stretch: Segment, x: Any) -> tuple[Any, Any]:
     """Return the ends of some explicit steps of a pilot run, and the states there."""
     magnitude = stepper.tolerances.magnitude
     times, states = [stretch.start], [x]
     try:
-        if compiled:
-            from .native_integrator import explicit_scout
-
-            solver: Interpreted | CompiledRadau = explicit_scout(stepper, stretch, x)
-        else:
-            solver = interpreted(stepper, stretch, x)
+        solver = explicit_scout(stepper, stretch, x)
         while len(times) <= SCOUT and not solver.finished:
             solver.step()
             times.append(float(solver.time))

@@ -1,4 +1,4 @@
-"""State and services common to the methods for smooth segments: see `segment_integrator.py`, `interpreted_integrator.py` and `native_integrator.py`.
+"""State and services common to the methods for smooth segments: see `segment_integrator.py` and `native_integrator.py`.
 
 States are divided by their magnitudes before the solver gets them, which keeps its linear algebra well scaled.
 """
@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Protocol, Union
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -35,10 +35,8 @@ if TYPE_CHECKING:
     from ..events.events import Events
     from ..events.history import History
     from ..events.locate import Flip, RootsAt, StateAt
-    from ..integrators.compiled.interpreted import Interpreted
     from ..integrators.compiled.run import CompiledRadau
 
-Solver = Union["Interpreted", "CompiledRadau"]
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 MOST_KNOWN = 64  # most modes whose signals are cached
 
@@ -53,7 +51,7 @@ class ModeTruncation(Protocol):
     def begin(self, stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
         """Return the state without its fast oscillations."""
 
-    def cuts(self, stepper: IntegrationState, solver: Solver, steps: int, stretch: Segment) -> bool:
+    def cuts(self, stepper: IntegrationState, solver: CompiledRadau, steps: int, stretch: Segment) -> bool:
         """Return True if a segment is to be cut after so many steps."""
 
 
@@ -202,7 +200,7 @@ class IntegrationState:
         """Return projected states at several instants, with their unknowns; shape (times, n)."""
         return self.loops.solve_all(times, self.constraints.project_all(times, states, mode), mode)
 
-    def tell_crawling(self, solver: Solver, steps: int, mode: Any) -> None:
+    def tell_crawling(self, solver: CompiledRadau, steps: int, mode: Any) -> None:
         """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
         self.result.notes += [
             *notes_of(self.context, solver, steps, mode, self.solver == "explicit"),
@@ -241,11 +239,9 @@ class IntegrationState:
         if not np.isfinite(slope).all():
             raise not_finite(self.program, start, slope, x, mode)
 
-    def failed(self, solver: Solver, what: str, mode: Any) -> RunFailed:
+    def failed(self, solver: CompiledRadau, what: str, mode: Any) -> RunFailed:
         """Return the error that explains why the run ends here."""
-        from ..integrators.compiled.run import CompiledRadau
-
-        most = MOST_COMPILED if isinstance(solver, CompiledRadau) else MOST_STEPS
+        most = MOST_COMPILED if solver.native else MOST_STEPS
         return failure(self.context, solver, what, mode, self.solver == "explicit", most)
 
     def grow(self, x: Any) -> None:
@@ -292,7 +288,7 @@ class IntegrationState:
         """Return True if an event lies where steps collapse: beyond it the law of this side may have no value. Here always False."""
         return False
 
-    def look(self, solver: Solver, stretch: Segment, reported: Any) -> None:
+    def look(self, solver: CompiledRadau, stretch: Segment, reported: Any) -> None:
         """Check the limits of the model at the stages of the last step and at the reported instants within it."""
         start, stop = solver.last_step
         stop = stop if self.flip is None else self.flip.time

@@ -17,7 +17,7 @@ from ...errors import UsageError
 from ..integrators.methods import EXPLICIT, METHODS, RADAU
 from ..integrators.radau import StepFailed
 from ..segments.timeline import Segment
-from .reference import interpreted
+from .native_integrator import explicit_trial
 
 if TYPE_CHECKING:
     from .integration_state import IntegrationState
@@ -50,17 +50,17 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Any, compiled: boo
     if stepper.result.settled is not None:
         return stepper.result.settled
     if stepper.program.hybrid is None:
-        return _by_spectrum(stepper, stretch, x, compiled)
+        return _by_spectrum(stepper, stretch, x)
     # Events return to modes that have been examined before.
     known, key = stepper.methods, np.asarray(stretch.mode).tobytes()
     if key not in known and len(known) >= ENOUGH:
         return max(known.values(), key=list(known.values()).count)
     if key not in known:
-        known[key] = _by_spectrum(stepper, stretch, x, compiled)
+        known[key] = _by_spectrum(stepper, stretch, x)
     return known[key]
 
 
-def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> int:
+def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Any) -> int:
     """Return the method that fits the eigenvalues on a segment."""
     rates = _spectrum(stepper, stretch, x)
     if rates is None:
@@ -71,7 +71,7 @@ def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Any, compiled: 
     dying = rates[-rates.real >= DAMPED * np.abs(rates)]
     if np.abs(dying).max(initial=0.0) * (stretch.stop - stretch.start) > STIFF:
         return RADAU
-    return _tried(stepper, stretch, x, compiled)
+    return _tried(stepper, stretch, x)
 
 
 def _obstacle(stepper: IntegrationState, refused: tuple[tuple[str, str], ...], states: int, compiled: bool) -> str:
@@ -108,20 +108,10 @@ def _spectrum(stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
         return None
 
 
-def _tried(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> int:
+def _tried(stepper: IntegrationState, stretch: Segment, x: Any) -> int:
     """Return the method chosen by some trial steps of the explicit one, which are not kept."""
     try:
-        if compiled:
-            from .native_integrator import explicit_trial
-
-            evaluations, stiff, finished = explicit_trial(stepper, stretch, x, TRIAL)
-        else:
-            solver = interpreted(stepper, stretch, x)
-            for _ in range(TRIAL):
-                solver.step()
-                if solver.finished or solver.is_stiff:
-                    break
-            evaluations, stiff, finished = solver.evaluations, solver.is_stiff, solver.finished
+        evaluations, stiff, finished = explicit_trial(stepper, stretch, x, TRIAL)
     except StepFailed:
         return RADAU
     stepper.count(evaluations)

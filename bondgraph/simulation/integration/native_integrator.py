@@ -1,4 +1,4 @@
-"""Integration of segments in machine code, and the work of Python where it stops: see `compiled/advance.py`."""
+"""Integration of segments by the loop of `compiled/advance.py`, and the work of Python where it stops: after each step, where there is no machine code."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import AUTOMATIC, Program
+from compiler.api import AUTOMATIC
 
 from ...errors import StepsCollapsed
 from ..integrators.compiled.advance import FINISHED, FLIP, HANDOVER, MORE, STIFF
@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from .integration_state import IntegrationState
 
 
-def obstacle_of(program: Program) -> str | None:
-    """Return the reason why machine code does not make the steps, in brackets; None if it does."""
-    found = obstacle(program)
-    return f" ({found})" if found else None
+def target_of(stepper: IntegrationState) -> str:
+    """Return the name in the result of the code that makes the steps."""
+    if stepper.program.native is None:
+        return "numpy" if stepper.history is None else "numpy (delays)"
+    found = obstacle(stepper.program)
+    return f"numpy ({found})" if found else "native"
 
 
 def explicit_trial(stepper: IntegrationState, stretch: Segment, x: Any, most: int) -> tuple[dict[str, int], bool, bool]:
@@ -57,9 +59,10 @@ def native_integrator(
 
 def _solver(stepper: IntegrationState, stretch: Segment, x: Any, method: int) -> CompiledRadau:
     """Return a solver for a segment with steps only: no events, limits or outputs attached yet."""
+    native = not obstacle(stepper.program)
     solver = CompiledRadau(
         stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch, x, stepper.longest,
-        stepper.constraints.always_compiled, stepper.signals(stretch), method,
+        stepper.constraints.always_compiled(native), stepper.signals(stretch), method,
     )  # fmt: skip
     solver.values["automatic"] = _automatic(stepper, method)
     return solver
@@ -71,12 +74,13 @@ def _automatic(stepper: IntegrationState, method: int) -> int:
 
 
 class NativeIntegrator:
-    """Native integrator over successive segments; the data set up for the first segment serves all."""
+    """Integrator of steps over successive segments; the data set up for the first segment serves all."""
 
     def __init__(self, stepper: IntegrationState, stretch: Segment, x: Any, method: int, size: float) -> None:
         self.stepper, self.stretch, self.first = stepper, stretch, stepper.position
         self.tolerances: Tolerances = stepper.tolerances
         self.noted = False  # True while the checkpoint before the last step is stored
+        self.passed = 0  # number of steps after which Python has acted
         solver = self.solver = _solver(stepper, stretch, x, method)
         solver.fixed_size = size if size < np.inf else None
         solver.report(stepper.instants, stepper.position, stepper.result.states)
@@ -92,7 +96,7 @@ class NativeIntegrator:
     def begin_at(self, stretch: Segment, x: Any, method: int) -> None:
         """Go on with another segment."""
         stepper, solver = self.stepper, self.solver
-        self.stretch, self.first, self.noted = stretch, stepper.position, False
+        self.stretch, self.first, self.noted, self.passed = stretch, stepper.position, False, 0
         solver.doubt(stepper.floor)
         if stepper.choice is not None:
             solver.choose(stepper.choice)
@@ -103,13 +107,16 @@ class NativeIntegrator:
     def to_end(self) -> Any:
         """Return the state at the end of the segment, or where it is cut."""
         stepper, solver = self.stepper, self.solver
-        leaving = stepper.leaving
+        answer = MORE
         try:
-            while answer := self._steps(np.inf if leaving is None else leaving.pause):
-                if self._is_cut(answer):
+            while answer != FINISHED:
+                answer = self._steps()
+                if answer != FLIP and not solver.native and self._is_cut_by_delay():
+                    break
+                if answer != FINISHED and self._is_cut(answer):
                     break
         except BaseException:
-            if not self.noted:
+            if solver.native and not self.noted:
                 self._note()
             stepper.result.steps += solver.steps
             stepper.count(solver.evaluations)
@@ -133,10 +140,13 @@ class NativeIntegrator:
         """State at the end of the last step, in SI."""
         return self.solver.state * self.tolerances.magnitude
 
-    def _steps(self, pause: float) -> int:
-        """Step until machine code returns control; 0 at the end of the segment. Raises `RunFailed`."""
-        stepper = self.stepper
-        most = MOST_COMPILED if stepper.most_steps >= MOST_STEPS else stepper.most_steps - stepper.steps
+    def _steps(self) -> int:
+        """Step until the loop returns control; `FINISHED` at the end of the segment. Raises `RunFailed`."""
+        stepper, native = self.stepper, self.solver.native
+        pause = self.solver.steps + 1 if not native else np.inf if stepper.leaving is None else stepper.leaving.pause
+        most = MOST_COMPILED if native else MOST_STEPS
+        if stepper.most_steps < MOST_STEPS:
+            most = stepper.most_steps - stepper.steps
         try:
             return steps(self.solver, self._look, most, pause)
         except StepFailed as failed:
@@ -152,8 +162,27 @@ class NativeIntegrator:
         stepper.look(solver, self.stretch, passed)
         return [*stepper.watch.left]
 
+    def _is_cut_by_delay(self) -> bool:
+        """Complete a step of Python: store delayed signals and a checkpoint. Return True if a delayed signal will jump in this segment."""
+        stepper, solver, history = self.stepper, self.solver, self.stepper.history
+        if solver.steps == self.passed:
+            return False
+        self.passed = solver.steps
+        (start, stop), flip = solver.last_step, stepper.flip
+        if history is not None:
+            stop = stop if flip is None else flip.time
+            history.keep(start, stop, lambda times: self._states_at(times, True), stepper.inputs, self.stretch.mode)
+        if flip is not None:
+            return False
+        self._note()
+        self.first = stepper.position = solver.position
+        if history is None or not history.next_cut(solver.time, self.stretch.stop) < self.stretch.stop:
+            return False
+        stepper.reached = solver.time  # this was unknown when the segment began
+        return True
+
     def _is_cut(self, answer: int) -> bool:
-        """Return True if the segment ends at the instant at which machine code returned control."""
+        """Return True if the segment ends at the instant at which the loop returned control."""
         stepper, solver, stretch = self.stepper, self.solver, self.stretch
         if answer == MORE:
             if stepper.leaving is None or not stepper.leaving.cuts(stepper, solver, solver.steps, stretch):
@@ -164,7 +193,7 @@ class NativeIntegrator:
             self._follow()
         elif answer == STIFF:
             stepper.result.settled = RADAU
-            stepper.name(RADAU, "native")
+            stepper.name(RADAU, target_of(stepper))
             solver.go_on_with(RADAU)
         elif answer == HANDOVER:
             assert stepper.choice is not None

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 class SegmentIntegrator(IntegrationState):
     """Integrator over successive smooth segments, with the requested results."""
 
-    machine: NativeIntegrator | None = None  # the native integrator, from its first segment on
+    machine: NativeIntegrator | None = None  # the integrator of steps, from the first segment on
 
     def let_go(self) -> None:
-        """Release the native integrator, which refers to this object, so that memory is freed at once, without the garbage collector."""
+        """Release the integrator of steps, which refers to this object, so that memory is freed at once, without the garbage collector."""
         self.machine = None
 
     def run_to_end(self, stretch: Segment, x: Any) -> Any:
@@ -84,28 +84,17 @@ class SegmentIntegrator(IntegrationState):
 
     def _by_steps(self, stretch: Segment, x: Any) -> Any:
         """Integrate one segment by a method that chooses its steps."""
-        obstacle: str | None = "" if self.history is None else " (delays)"
-        if self.program.native is not None:
-            from .native_integrator import obstacle_of
-
-            obstacle = obstacle_of(self.program)
         from .method import method_of
+        from .native_integrator import native_integrator, target_of
 
-        compiled = obstacle is None
-        method = method_of(self, stretch, x, compiled)
-        target = "native" if compiled else f"numpy{obstacle}"
+        target = target_of(self)
+        method = method_of(self, stretch, x, target == "native")
         self.name(method, target)
         self.check_rates(stretch.start, x, stretch.mode)
         size = np.inf
         if METHODS[method].conserving:
             from .conserving import equal_steps
 
-            size = equal_steps(self, stretch, x, compiled)
-        if compiled:
-            from .native_integrator import native_integrator
-
-            self.machine = native_integrator(self, self.machine, stretch, x, method, size)
-            return self.machine.to_end()
-        from .interpreted_integrator import one_by_one
-
-        return one_by_one(self, stretch, x, method, size, target)
+            size = equal_steps(self, stretch, x)
+        self.machine = native_integrator(self, self.machine, stretch, x, method, size)
+        return self.machine.to_end()

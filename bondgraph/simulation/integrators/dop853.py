@@ -6,8 +6,6 @@ explain the estimate (II.10.17) and the stages of the dense output. Rows of the 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 STAGES, ALL_STAGES = 12, 16  # stages of a step; with its end and the further stages of the dense output
@@ -147,13 +145,3 @@ LOOKS = (*_SEEN.tolist(), *_BETWEEN.tolist())
 BETWEEN = tuple(np.linalg.solve(np.vander(_SEEN).T, np.vander(_BETWEEN, SEEN).T).T.ravel().tolist())
 THROUGH = tuple(np.linalg.inv(np.vander(_SEEN)).ravel().tolist())  # matrix to the coefficients of that polynomial
 INNER = (0.2, 0.4, 0.6, 0.8)  # fractions of a step at which the limits of a model are checked
-
-
-def polynomial(rows: Any, before: Any, start: float, stop: float, times: Any) -> Any:
-    """Return states at instants within a step, shape (times, n), from the rows of its dense output and the state before it."""
-    at = ((np.asarray(times) - start) / (stop - start))[:, None]
-    value = np.zeros(1)
-    for number, row in enumerate(rows[::-1]):
-        value = (value + row) * (1.0 - at if number % 2 else at)
-    result: Any = before + value
-    return result

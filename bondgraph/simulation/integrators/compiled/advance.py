@@ -1,6 +1,6 @@
-"""Loop over steps in the subset of Python that becomes machine code: as in `interpreted_integrator.py`, with the same decisions, around a step of one method.
+"""Loop over steps in the subset of Python that becomes machine code, around a step of one method.
 
-The methods are written here only; where there is no machine code, the same source runs over numpy (`in_numpy.py`).
+Where there is no machine code, the same source runs over numpy (`in_numpy.py`, `plain.py`).
 """
 
 from __future__ import annotations

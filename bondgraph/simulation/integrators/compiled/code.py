@@ -12,6 +12,7 @@ from compiler.api import MachineCode
 from ....native import kernel
 from .advance import advance, begin
 from .balancing import balance
+from .dense_output import scaled_along
 from .eliminations import plan_eliminations, put_rows
 from .least_degree import least_degree
 from .pilot_loop import coarse
@@ -31,7 +32,7 @@ def machine_code() -> MachineCode:
     def text() -> str:
         from compiler.api import translate
 
-        of_steps: list[Callable[..., Any]] = [begin, advance, euler, coarse, roots_along, states_along]
+        of_steps: list[Callable[..., Any]] = [begin, advance, euler, coarse, roots_along, states_along, scaled_along]
         of_matrices: list[Callable[..., Any]] = [balance, real_factors, least_degree, plan_eliminations, put_rows]
         return translate([*of_steps, hold_all, least_all, rates_all, *of_matrices])
 

@@ -1,22 +1,17 @@
-"""Constraints in machine code, with the functions of `constraints.py`: many instants in one call."""
+"""Constraints for the source of the steps, with the functions of `constraints.py`: many instants in one call."""
 
 from __future__ import annotations
 
-import ctypes
 from typing import Any, Protocol
 
 import numpy as np
 
-from compiler.api import Program, address_of
+from compiler.api import Program
 
 from ...segments.timeline import mode_size
-from .code import called
 from .normal_equations import square
-from .projection import ProjectionWorkspace
-from .record_layout import RecordArray, form_of
-
-_POINTER = ctypes.c_void_p
-_COUNT = ctypes.c_int64
+from .plain import record_for
+from .projection import ProjectionWorkspace, hold_all, least_all, rates_all
 
 
 def fields_of(program: Program, inputs: Any, constants: Any, magnitude: Any, taking: Any) -> dict[str, Any]:
@@ -53,9 +48,9 @@ class Invariants(Protocol):
 
 
 class CompiledConstraints:
-    """Projections and singular values at several instants; the index of the state is last, unknowns included."""
+    """Projections and singular values at several instants; the index of the state is last, unknowns included. `native`: in machine code."""
 
-    def __init__(self, constraints: Invariants) -> None:
+    def __init__(self, constraints: Invariants, native: bool) -> None:
         program, taking = constraints.program, constraints.taking
         magnitude = np.ones(len(program.states.names) + len(program.unknowns.names))
         magnitude[: len(constraints.magnitude)] = constraints.magnitude
@@ -65,19 +60,15 @@ class CompiledConstraints:
             found = fields_of(program, constraints.inputs, constraints.constants, magnitude, taking)
             return {name: value for name, value in found.items() if name not in given}
 
-        self.values = RecordArray(form_of(ProjectionWorkspace, program, taking.tobytes(), values), given)
-        self.redundant = not taking.all()
-        self._here = self.values.address
-        signature = (_POINTER, _COUNT, _POINTER, _POINTER, _POINTER)
-        self._hold, self._least = (called(name, None, *signature) for name in ("hold_all", "least_all"))
-        self._rates = called("rates_all", None, *signature, _POINTER)
+        self.values = record_for(ProjectionWorkspace, program, taking.tobytes(), values, given, native)
+        self.native, self.redundant = native, not taking.all()
 
     def hold(self, times: Any, states: Any, mode: Any) -> tuple[Any, Any]:
         """Return the states projected on their invariants, and the number of nearly dependent rows at each."""
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.array(states, dtype=float)
         weak = np.zeros(len(times), dtype=np.int64)
-        self._hold(self._here, len(times), *map(address_of, (times, states, weak)))
+        self.values.call(hold_all, len(times), times, states, weak)
         return states, weak
 
     def least(self, times: Any, states: Any, mode: Any) -> Any:
@@ -85,7 +76,7 @@ class CompiledConstraints:
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(states, dtype=float)
         out = np.empty(len(times))
-        self._least(self._here, len(times), *map(address_of, (times, states, out)))
+        self.values.call(least_all, len(times), times, states, out)
         return out
 
     def rates(self, times: Any, scaled: Any, unknowns: Any, mode: Any) -> tuple[Any, Any]:
@@ -94,5 +85,5 @@ class CompiledConstraints:
         self.values["full"][self.values["count"] :] = unknowns
         times, scaled = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(scaled, dtype=float)
         out, weak = np.empty_like(scaled), np.zeros(len(times), dtype=np.int64)
-        self._rates(self._here, len(times), *map(address_of, (times, scaled, out, weak)))
+        self.values.call(rates_all, len(times), times, scaled, out, weak)
         return out, weak

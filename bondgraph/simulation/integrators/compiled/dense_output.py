@@ -63,8 +63,8 @@ def leaves(s: IntegratorWorkspace, time: float) -> bool:
     return False
 
 
-def state_at(s: IntegratorWorkspace, time: float, out: Floats) -> None:
-    """Compute the state in SI within the last step: the quintic, unless it differs from the collocation polynomial by more than that one's error."""
+def scaled_at(s: IntegratorWorkspace, time: float, out: Floats) -> None:
+    """Compute the scaled state within the last step: the quintic, unless it differs from the collocation polynomial by more than that one's error."""
     n = s.n
     if CONSERVING[s.method] != 0:
         sample_step(s, time, out)
@@ -76,7 +76,18 @@ def state_at(s: IntegratorWorkspace, time: float, out: Floats) -> None:
             limit = 10.0 * (s.absolute[i] + s.relative * abs(s.end_state[2 * n + i]))
             if abs(s.w[i] - out[i]) <= limit and isfinite(limit):
                 out[i] = s.w[i]
-    for i in range(n):
+
+
+def state_at(s: IntegratorWorkspace, time: float, out: Floats) -> None:
+    """Compute the state in SI there, projected on the constraints."""
+    scaled_at(s, time, out)
+    for i in range(s.n):
         out[i] *= s.magnitude[i]
     if s.closed.gaps > 0:
         hold(s.closed, time, out)
+
+
+def scaled_along(s: IntegratorWorkspace, count: int, times: Floats, out: Floats) -> None:
+    """Compute the scaled states at several instants."""
+    for k in range(count):
+        scaled_at(s, times[k], out[k * s.n :])

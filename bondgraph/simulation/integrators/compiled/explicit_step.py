@@ -1,4 +1,4 @@
-"""One step of DOP853 (see `dop853.py`); one source, as machine code and as Python where there is none (`interpreted.py`).
+"""One step of DOP853 (see `dop853.py`); one source, as machine code and as Python where there is none (`plain.py`).
 
 No step exceeds the stability limit of the fastest mode: a mode without excitation and damping would otherwise be excited by the steps, up to the
 tolerance and beyond, and limit them, and those of the next method, permanently. The rate of that mode comes from the Jacobian, by power

@@ -1,4 +1,4 @@
-"""Initial fields of a `IntegratorWorkspace` at the start of a segment, for machine code and for the same source as Python."""
+"""Initial fields of an `IntegratorWorkspace` at the start of a segment."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...monitors.state_selection import WORST
 from ...segments.timeline import LOOKS, Segment, Signals, inside
 from .. import dop853
 from ..factorise import is_large
-from ..methods import METHODS, RADAU
+from ..methods import METHODS
 from ..radau import STUBBORN
 from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance, stagnation_tolerance
 from .factors import ComplexFactors, Factors, room_for
@@ -30,23 +30,6 @@ def is_sparse(program: Program) -> bool:
     """Return True if the linear algebra is sparse."""
     count = len(program.states.names) + len(program.unknowns.names)
     return is_large(count, len(program.pattern[0])) or count > LARGEST_DENSE
-
-
-def fields_at(
-    program: Program,
-    inputs: Any,
-    constants: Any,
-    tolerances: Tolerances,
-    stretch: Segment,
-    state: Any,
-    longest: float,
-    signals: Signals,
-    method: int = RADAU,
-) -> dict[str, Any]:
-    """Return all fields of a `IntegratorWorkspace` at the start of a segment."""
-    given = given_at(program, inputs, constants, tolerances, stretch, state, longest, signals)
-    bends = 0 if program.bends is None else len(program.bends(stretch.start, state, inputs, constants, stretch.mode))
-    return room_of(program, method, len(signals.allowed), bends) | given
 
 
 def given_at(
@@ -70,7 +53,8 @@ def given_at(
         "first_newton_tolerance": newton_tolerance(relative, FIRST), "creeping_tolerance": creeping_tolerance(relative),
         "stagnation_tolerance": stagnation_tolerance(relative),
         **signal_fields(signals, stretch.start),
-        "earliest": earliest, "latest": latest, "longest": longest, "usual": longest, "time": stretch.start, "stop": stretch.stop, "until": stretch.stop,
+        "earliest": earliest, "latest": latest, "longest": longest, "usual": longest,
+        "time": stretch.start, "stop": float(stretch.stop), "until": float(stretch.stop),
         "state": np.array(scaled, dtype=float), "tolerance": relative,
     }  # fmt: skip
 
@@ -87,12 +71,10 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
     room: Callable[[int], Any] = partial(np.zeros, dtype=float)
     whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
     return {
-        "derivative": program.derivative, "entries": program.jacobian_entries, "signals": program.signals, "holds": program.holds,
-        "dependent": program.dependent, "sensitivities": program.sensitivities, "powers": program.powers, "stored_energy": program.stored_energy,
-        "roots": None if program.hybrid is None else program.hybrid.roots, "root_count": len(conditions), "root_said": whole(len(conditions)),
+        "root_count": len(conditions), "root_said": whole(len(conditions)),
         "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "root_floor": room(len(conditions)),
         "root_seen": room(PLACES * len(conditions)), "root_narrow": int(narrow), "root_form": room(PLACES), "greatest": room(n),
-        "bends": program.bends, "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends),
+        "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends),
         "n": n, "differential": differential, "method": method, "entry_count": entries,
         "seen": room(max(len(LOOKS), len(dop853.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),
         "ahead": 0.0, "behind": 0.0, "tried": 0.0, "comes": 0, "size": 0.0, "rate": room(n),

@@ -58,7 +58,8 @@ class CompiledPilotStep:
         given = {
             "inputs": inputs, "constants": constants, "rows": rows, "columns": columns, "pattern": self.order.values, "smallest": smallest,
         }  # fmt: skip
-        self.values = record_for(Euler, program, lambda: _room(program, constants), given)
+        native = program.native is not None
+        self.values = record_for(Euler, program, "", lambda: _room(program, constants), given, native)
         self.record = self.values.record
         self._step = self.function(euler)
 
@@ -105,7 +106,7 @@ class CompiledPilotRun:
             "euler": steps.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
             "inverse_im": inverse.imag.ravel(), "unit": unit, **dict.fromkeys(("state", "far", "until"), ones),
         }  # fmt: skip
-        self.values = record_for(PilotWorkspace, steps.program, room, given)
+        self.values = record_for(PilotWorkspace, steps.program, "", room, given, steps.program.native is not None)
         self._record = self.values.record
         self._run = steps.function(coarse)
 

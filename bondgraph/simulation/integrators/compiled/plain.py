@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from compiler.api import Program, Record
+from compiler.api import Handed, Program, Record, record_of
 
 from ..factorise import sparse
+from .in_numpy import interpreted
 from .record_layout import RecordArray, form_of
 from .sparse import Pattern
 
@@ -29,7 +31,12 @@ class Plain:
     def put(self, values: Mapping[str, Any]) -> None:
         """Set fields."""
         for name, value in values.items():
-            setattr(self.record, name, value.record if isinstance(value, Plain) else value)
+            setattr(self.record, name, _plain(value))
+
+    def call(self, source: Callable[..., Any], *arguments: Any) -> Any:
+        """Call a function of the source on this record, with integers and arrays."""
+        function = interpreted(source, self.record.n, getattr(self.record, "sparse", 0))
+        return function(self.record, *(a.reshape(-1) if isinstance(a, np.ndarray) else a for a in arguments))
 
     def __getitem__(self, name: str) -> Any:
         return getattr(self.record, name)
@@ -38,26 +45,48 @@ class Plain:
         self.put({name: value})
 
 
+def _plain(value: Any) -> Any:
+    """Return a value of a field as the source reads it: records as objects, lists as arrays."""
+    if isinstance(value, Mapping):
+        return SimpleNamespace(**{name: _plain(inner) for name, inner in value.items()})
+    if isinstance(value, list):
+        return np.array(value, dtype=np.int64)
+    return value.record if isinstance(value, Plain) else value
+
+
 def record_for(
-    noun: type[Record], program: Program, room: Callable[[], Mapping[str, Any]], given: Mapping[str, Any]
-) -> RecordArray | Plain:
-    """Return a record of machine code, or of Python if the program has none; `room`: fields that depend on the program alone."""
-    if program.native is not None:
-        return RecordArray(form_of(noun, program, "", room), given)
-    functions = {"derivative": program.derivative, "entries": program.jacobian_entries}
-    if program.hybrid is not None:
-        functions["roots"] = program.hybrid.roots
-    return Plain(noun, {**room(), **given} | {name: into(function) for name, function in functions.items()})
+    noun: type[Record], program: Program, key: object, room: Callable[[], Mapping[str, Any]], given: Mapping[str, Any], native: bool
+) -> RecordArray | Plain:  # fmt: skip
+    """Return a record of machine code if `native`, else of Python; `room`: fields that depend on the program and the key alone."""
+    if native:
+        return RecordArray(form_of(noun, program, key, room), given)
+    return Plain(noun, {**functions_of(noun, program), **room(), **given})
 
 
-def into(function: Callable[..., Any]) -> Callable[..., None]:
-    """Wrap a function of a program for the call by the source: values go into an argument."""
+def functions_of(noun: type[Record], program: Program) -> dict[str, Callable[..., None]]:
+    """Return the functions of a program that a record names, for calls by the source: values go into an argument."""
+    found: dict[str, Callable[..., None]] = {}
+    count = len(program.states.names) + len(program.unknowns.names)
+    for name, kind in record_of(noun).fields.items():
+        if isinstance(kind, Handed):
+            owner = program.hybrid if name == "roots" else program
+            function: Any = getattr(owner, "jacobian_entries" if name == "entries" else name, None)
+            found[name] = _into(_of_time(function) if name == "signals" else function, count)
+    return found
+
+
+def _into(function: Callable[..., Any], count: int) -> Callable[..., None]:
+    """Wrap a function of `count` states and unknowns, which may be the first numbers of a longer array; an absent one is never called."""
 
     def call(time: float, state: Any, inputs: Any, constants: Any, mode: Any, out: Any) -> None:
-        found = function(time, state, inputs, constants, mode)
+        found = function(time, state[:count], inputs, constants, mode)
         out[: len(found)] = found
 
     return call
+
+
+def _of_time(function: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda time, state, inputs, constants, mode: function(time, inputs, constants, mode)
 
 
 class Unordered:

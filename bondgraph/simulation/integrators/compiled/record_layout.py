@@ -15,6 +15,8 @@ import numpy as np
 
 from compiler.api import INTS, Fields, Handed, Record, address_of, record_of
 
+from .code import POINTER, WHOLE, called
+
 if TYPE_CHECKING:
     from compiler.api import Program
 
@@ -113,6 +115,12 @@ class RecordArray:
                     value = np.ascontiguousarray(value, dtype=wanted)
                 self._arrays[name] = value
                 words[place] = address_of(value)
+
+    def call(self, source: Callable[..., Any], *arguments: Any) -> int:
+        """Call a function of the source on this record, with integers and arrays."""
+        kinds = (WHOLE if isinstance(a, int) else POINTER for a in arguments)
+        values = (a if isinstance(a, int) else address_of(a) for a in arguments)
+        return called(source.__name__, WHOLE, POINTER, *kinds)(self.address, *values)  # type: ignore[no-any-return]
 
     def __getitem__(self, name: str) -> Any:
         found = self._arrays.get(name)

@@ -1,4 +1,4 @@
-"""One step of the Rosenbrock method of `rodas.py`; one source, as machine code and as Python where there is none (`interpreted.py`).
+"""One step of the Rosenbrock method of `rodas.py`; one source, as machine code and as Python where there is none (`plain.py`).
 
 It has no iteration, so its Jacobian must be that of the start of the step, and it needs the partial derivative of the rates by time there. A step
 that would damp a growing mode of the model is halved, as for Radau: then the matrix has a negative determinant.

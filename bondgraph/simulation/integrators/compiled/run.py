@@ -1,7 +1,7 @@
-"""Native integrator: runs `advance.advance` as machine code instead of the loop over steps in `interpreted_integrator.py`.
+"""Steps of a method: runs the loop `advance.advance` as machine code, or as Python where there is none.
 
-The other checks of a step (limits, state selection, work) are done in machine code too. The code returns where Python must decide, and every few
-tens of milliseconds, so that a run can be interrupted.
+The other checks of a step (events, limits, state selection, work) belong to that loop. Machine code returns where Python must decide, and every few
+tens of milliseconds, so that a run can be interrupted; Python returns after each step.
 """
 
 from __future__ import annotations
@@ -17,17 +17,20 @@ from compiler.api import Program, address_of, record_of
 
 from ...monitors.state_selection import Choice
 from ...segments.timeline import Segment, Signals, inside
-from .. import dop853, ends, radau, rodas
-from ..methods import CONSERVING, METHODS, RADAU, THROUGH_ENDS
+from .. import dop853, radau, rodas
+from ..methods import METHODS, RADAU, THROUGH_ENDS
 from ..radau import StepFailed
-from .advance import LOOK, MORE
+from .advance import LOOK, MORE, advance, begin
 from .code import POINTER, WHOLE, called
+from .dense_output import scaled_along
 from .fields import given_at, room_of, signal_fields
 from .ordering import DIAGONAL, on_diagonal, ordered, room_in
+from .plain import Unordered, record_for
 from .radau_step import FAILURES, NEWTON, ORDER
 from .record_layout import RecordArray, form_of
 from .sparse import FINE, Pattern
 from .stepper import IntegratorWorkspace
+from .zero_crossings import roots_along, states_along
 
 if TYPE_CHECKING:
     from ...segments.trajectory import Tolerances
@@ -96,14 +99,14 @@ class Ordered:
 
 
 class CompiledRadau:
-    """Steps of a native method over one segment, with the interface of `interpreted.Interpreted`."""
+    """Steps of a method over one segment, in machine code if `native`."""
 
     def __init__(
         self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
         constraints: CompiledConstraints, signals: Signals, method: int = RADAU,
     ) -> None:  # fmt: skip
-        self.program, self.constraints = program, constraints
-        self.order = Ordered(program, SMALL)
+        self.program, self.constraints, self.native = program, constraints, constraints.native
+        self.order = Ordered(program, SMALL) if self.native else Unordered(program)
         given = given_at(program, inputs, constants, tolerances, stretch, state, longest, signals)
         given |= {"closed": constraints.values, "redundant": int(constraints.redundant), "pattern": self.order.values}
 
@@ -112,17 +115,18 @@ class CompiledRadau:
             bends = 0 if program.bends is None else len(program.bends(*at))
             return room_of(program, method, len(signals.allowed), bends)
 
-        self.values = RecordArray(form_of(IntegratorWorkspace, program, method, room), given)
+        self.values = record_for(IntegratorWorkspace, program, method, room, given, self.native)
+        if not self.native:  # Python examines many instants at once
+            self.values.put({"root_narrow": 1, "always": int(len(program.limits) > 0)})
         self.fixed_size: float | None = None  # size of all steps, for a method with equal steps
         self._mode: Any = None  # the mode set last
         self._begun = False
-        self._record, self._here = self.values.record, self.values.address
-        self._advance = called("advance", WHOLE, POINTER, WHOLE)
+        self._record = self.values.record
 
     def report(self, instants: Any, position: int, states: Any) -> None:
         """Set the array for states at the reported instants, from the index `position` on."""
         self.values.put(
-            {"instants": instants, "instant_count": len(instants), "position": position, "reported": states}
+            {"instants": instants, "instant_count": len(instants), "position": position, "reported": states.reshape(-1)}
         )
 
     def choose(self, choice: Choice) -> None:
@@ -147,7 +151,7 @@ class CompiledRadau:
         self.put_mode(self.values["mode"])
         self._begun = True
         self.__dict__ |= {name: self.values[name] for name in OFTEN}
-        called("begin", None, POINTER)(self._here)
+        self.values.call(begin)
         if self.fixed_size is not None:
             self._record.size = self.fixed_size
 
@@ -215,7 +219,7 @@ class CompiledRadau:
         for name in ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending"):
             setattr(record, name, 0)
         record.last_size = record.last_error = record.contraction = 0.0
-        called("begin", None, POINTER)(self._here)
+        self.values.call(begin)
 
     def went_on(self, position: int, work: Any, traffic: float) -> Any:
         """Return the array of accumulated work, after setting position, work and energy turnover reached by other means."""
@@ -230,13 +234,13 @@ class CompiledRadau:
 
     def advance(self, most: int) -> int:
         """Make up to `most` steps; return the reason for the stop, one of the numbers of `advance.py`. Raises `StepFailed`."""
-        answer: int = self._advance(self._here, most)
+        answer: int = self.values.call(advance, most)
         self.order.record.tolerant = 0
         while answer == ORDER:
             # With an order computed for just these numbers, small pivots are accepted.
             if self.order.choose(self._shift / self.factorised_size, self.jacobian):
                 self.order.record.tolerant = 1
-                answer = self._advance(self._here, 1)
+                answer = self.values.call(advance, 1)
             else:
                 answer = NEWTON
             self.order.record.tolerant = 0
@@ -287,35 +291,26 @@ class CompiledRadau:
 
     def sample(self, times: Any) -> Any:
         """Return states at instants within the last step; shape (times, n)."""
-        if CONSERVING[self.method]:
-            return self._interpreted(times)
-        if not THROUGH_ENDS[self.method]:
-            before = self.end_state.reshape(3, self.n)[self.ends - 2]
-            return dop853.polynomial(self.dense.reshape(7, self.n), before, *self.last_step, times)
-        return ends.sampled(self, times)
+        return self._along(scaled_along, times, self._record.n)
 
     def roots(self, times: Any, mode: Any) -> Any:
         """Return the roots of the conditions at instants within the last step, under a mode; shape (times, conditions)."""
-        return self._all("roots_along", times, mode, self._record.root_count)
+        return self._all(roots_along, times, mode, self._record.root_count)
 
     def states(self, times: Any, mode: Any) -> Any:
         """Return the states in SI there, with the multipliers that belong to them; shape (times, n)."""
-        return self._all("states_along", times, mode, self._record.n)
+        return self._all(states_along, times, mode, self._record.n)
 
-    def _all(self, name: str, times: Any, mode: Any, width: int) -> Any:
+    def _all(self, source: Callable[..., None], times: Any, mode: Any, width: int) -> Any:
         if mode is not self._mode:
             self.put_mode(mode)
+        return self._along(source, times, width)
+
+    def _along(self, source: Callable[..., None], times: Any, width: int) -> Any:
         times = np.ascontiguousarray(times, dtype=float)
         out = np.empty((len(times), width))
-        there, here = map(address_of, (times, out))
-        called(name, None, POINTER, WHOLE, POINTER, POINTER)(self._here, len(times), there, here)
+        self.values.call(source, len(times), times, out)
         return out
-
-    def _interpreted(self, times: Any) -> Any:
-        """Return the last step as data of the source in Python."""
-        from .interpreted import sampled
-
-        return sampled(self, times)
 
 
 def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause: float = np.inf) -> int:
