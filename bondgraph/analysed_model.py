@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .analysis.linear import Linearization
     from .analysis.linear_sensitivity import ResponseSensitivity
     from .analysis.modes import Modes
-    from .analysis.operating_point import Asked, OperatingPoint
+    from .analysis.operating_point import AnalysisRequest, OperatingPoint
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from .analysis.response import Measured, Response
     from .analysis.run_sensitivity import RunSensitivity
@@ -46,14 +46,14 @@ class AnalysedModel(CompiledModel):
 
         return symbolic_port_hamiltonian(self.with_inputs())
 
-    def operating_point(self, asked: Asked | None = None) -> OperatingPoint:
+    def operating_point(self, asked: AnalysisRequest | None = None) -> OperatingPoint:
         """Return the model at one state and instant, with all derivatives; the analyses below use it.
 
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if there is no such state.
         """
-        from .analysis.operating_point import Asked, operating_point
+        from .analysis.operating_point import AnalysisRequest, operating_point
 
-        return operating_point(self, asked or Asked())
+        return operating_point(self, asked or AnalysisRequest())
 
     def equilibrium(
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
@@ -64,9 +64,9 @@ class AnalysedModel(CompiledModel):
         `experiment`: None: none, "": the first; its settings and start values are used. Raises as `operating_point`.
         """
         from .analysis.equilibrium import equilibrium
-        from .analysis.operating_point import Asked
+        from .analysis.operating_point import AnalysisRequest
 
-        return equilibrium(self.operating_point(Asked(experiment, settings, names_of(outputs), time=time)))
+        return equilibrium(self.operating_point(AnalysisRequest(experiment, settings, names_of(outputs), time=time)))
 
     def linearize(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
@@ -78,10 +78,12 @@ class AnalysedModel(CompiledModel):
         From `inputs` (None: the model's; parameters and signals are allowed too) to `outputs` (None: all). Raises as `operating_point`.
         """
         from .analysis.linear import linearization
-        from .analysis.operating_point import Asked
+        from .analysis.operating_point import AnalysisRequest
 
         by = self.inputs if inputs is None else tuple(inputs)
-        return linearization(self.operating_point(Asked(experiment, settings, names_of(outputs), by, state, time)))
+        return linearization(
+            self.operating_point(AnalysisRequest(experiment, settings, names_of(outputs), by, state, time))
+        )
 
     def modes(
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
@@ -89,9 +91,9 @@ class AnalysedModel(CompiledModel):
     ) -> Modes:  # fmt: skip
         """Return frequencies (Hz), damping, shapes and the energy of each element, at the equilibrium, the "start" or given states."""
         from .analysis.modes import modes
-        from .analysis.operating_point import Asked
+        from .analysis.operating_point import AnalysisRequest
 
-        return modes(self.operating_point(Asked(experiment, settings, state=state, time=time)))
+        return modes(self.operating_point(AnalysisRequest(experiment, settings, state=state, time=time)))
 
     def sensitivity(
         self, parameters: Sequence[str] | None = None, of: str | tuple[str, ...] = ("equilibrium", "modes"),
@@ -102,11 +104,11 @@ class AnalysedModel(CompiledModel):
 
         A dependent parameter is treated as independent, with the others fixed. Raises as `operating_point`.
         """
-        from .analysis.operating_point import Asked
+        from .analysis.operating_point import AnalysisRequest
         from .analysis.sensitivity import independent, sensitivity
 
         by, fixed = independent(self, names_of(parameters), experiment, settings or {})
-        point = self.operating_point(Asked(experiment, fixed, names_of(outputs), by, time=time))
+        point = self.operating_point(AnalysisRequest(experiment, fixed, names_of(outputs), by, time=time))
         return sensitivity(point, (of,) if isinstance(of, str) else of)
 
     def sensitivity_of_response(
@@ -146,13 +148,13 @@ class AnalysedModel(CompiledModel):
         settings: Mapping[str, str | float] | None, time: float | None,
     ) -> tuple[OperatingPoint, tuple[str, ...], tuple[str, ...]]:  # fmt: skip
         """Return the model at equilibrium with the derivatives by inputs and parameters, and the names of both."""
-        from .analysis.operating_point import Asked
+        from .analysis.operating_point import AnalysisRequest
         from .analysis.sensitivity import independent
 
         given = self.inputs if inputs is None else inputs
         by, fixed = independent(self, parameters, experiment, settings or {})
         both = tuple(dict.fromkeys((*given, *by)))
-        return self.operating_point(Asked(experiment, fixed, outputs, both, time=time)), given, by
+        return self.operating_point(AnalysisRequest(experiment, fixed, outputs, both, time=time)), given, by
 
     def sensitivity_of_run(
         self, parameters: Sequence[str] | None = None, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
@@ -177,14 +179,14 @@ class AnalysedModel(CompiledModel):
         `most`: largest number of points; `points`: the range over the first step. `branches`: also the branches that cross it. Raises as `operating_point`.
         """
         from .analysis.branch import follow
-        from .analysis.operating_point import Asked
+        from .analysis.operating_point import AnalysisRequest
         from .analysis.sensitivity import independent
         from .quantities import quantity
 
         _, fixed = independent(self, (parameter,), experiment, settings or {})
         unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
         first, last = (quantity(v, unit, parameter) if isinstance(v, str) else float(v) for v in (low, high))
-        asked = Asked(experiment, {**fixed, parameter: first}, names_of(outputs), (parameter,))
+        asked = AnalysisRequest(experiment, {**fixed, parameter: first}, names_of(outputs), (parameter,))
         return follow(self.operating_point(asked), parameter, first, last, points, most, branches)
 
     @overload
@@ -212,7 +214,7 @@ class AnalysedModel(CompiledModel):
         the model is `moving`. `limits`: largest inputs. Raises as `operating_point`, `RunFailed` if there are none, and `UsageError` where a path is not
         smooth enough.
         """
-        from .analysis.inversion.asking import inverted
+        from .analysis.inversion.request import inverted
 
         along = None if to is None else (start, to, points, moving, limits or {})
         return inverted(self, targets, inputs, experiment, dict(settings or {}), along)
@@ -227,12 +229,12 @@ class AnalysedModel(CompiledModel):
         For a sampled loop (`every`) with its hold, up to half the sampling rate.
         """
         from .analysis.linear import linearization
-        from .analysis.operating_point import Asked
+        from .analysis.operating_point import AnalysisRequest
         from .analysis.response import response
         from .analysis.sampled import is_sampled, sampled_response
 
         by = self.inputs if inputs is None else names_of(inputs) or ()
-        point = self.operating_point(Asked(experiment, settings, names_of(outputs), by, state, time))
+        point = self.operating_point(AnalysisRequest(experiment, settings, names_of(outputs), by, state, time))
         if is_sampled(point):
             return sampled_response(point, low, high, points)
         return response(linearization(point), low, high, points)

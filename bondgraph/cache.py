@@ -44,7 +44,7 @@ def fetch(key: str) -> Any:
         return None
     try:
         os.utime(path)  # pruning removes the least recently used entries
-        return _Known(io.BytesIO(body)).load()
+        return _CacheUnpickler(io.BytesIO(body)).load()
     except Exception:  # the value can be made again, whatever the error
         return None
 
@@ -96,7 +96,7 @@ def code_version() -> str:
     return f"{digest.hexdigest()} {sys.version} {sys.platform}"
 
 
-class _Known(pickle.Unpickler):
+class _CacheUnpickler(pickle.Unpickler):
     """Unpickler of our own data classes and paths only, so that a pickle cannot run code."""
 
     def find_class(self, module: str, name: str) -> Any:

@@ -39,9 +39,8 @@ def quantities(text: str, unit: str, what: str) -> list[float]:
     high, colon, count = rest.partition(":")
     if not colon or not count.strip().isdigit() or not 2 <= int(count) <= 1_000_000:
         raise UsageError(
-            "BR605",
-            f"{what}: a range is written `LOW .. HIGH : COUNT`, with 2 values or more; this is `{text.strip()}`",
-        )
+            "BR605", f"{what}: a range is written `LOW .. HIGH : COUNT`, with 2 values or more; this is `{text.strip()}`",
+        )  # fmt: skip
     first, last, steps = quantity(low, unit, what), quantity(high, unit, what), int(count) - 1
     return [first + (last - first) * i / steps for i in range(steps + 1)]
 

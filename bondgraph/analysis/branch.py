@@ -20,8 +20,8 @@ from ..arrays import Array, BoolArray
 from ..errors import UsageError
 from ..rendering import draw, text_of
 from .branch_steps import BranchFollower, BranchLine, BranchPlace
+from .json_values import named, with_units
 from .operating_point import OperatingPoint
-from .told import named, with_units
 
 SCHEMA = "bondgraph-branch/1"
 

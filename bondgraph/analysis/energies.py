@@ -70,7 +70,7 @@ def energies(
     points: int | None = None, rtol: float | None = None,
 ) -> Energies:  # fmt: skip
     """Return the energies of a run of an experiment ("": the first, None: none), from t = 0. Raises as `Model.simulate`."""
-    from ..simulation.run import Wanted, simulate
+    from ..simulation.run import RunOptions, simulate
 
     made = model.compilation(model.scene(experiment, settings))
     plan = made.plan
@@ -89,7 +89,9 @@ def energies(
     assert stop is not None
     if start or plan.equilibrium:
         raise UsageError("BR204", "energy over time is that of a run from t = 0 and the model's own start")
-    wanted_run = Wanted(stop, points or int(plan.settings.get("points", POINTS)), rtol if rtol is not None else 1e-8)
+    wanted_run = RunOptions(
+        stop, points or int(plan.settings.get("points", POINTS)), rtol if rtol is not None else 1e-8
+    )
     run = simulate(powered, None, {}, tuple(names.values()) or None, wanted_run)
     found = {n: run[o] * (-1.0 if _into_source(graph, wanted[n]) else 1.0) for n, o in names.items()}
     kinds = {n: e.kind.value for n, e in wanted.items()}

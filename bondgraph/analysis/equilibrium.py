@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 from ..rendering import text_of
+from .json_values import finite, named, pair, with_units
 from .operating_point import OperatingPoint
 from .sampled import is_sampled, sampled_verdict
-from .told import finite, named, pair, with_units
 from .verdict import Verdict, verdict
 
 if TYPE_CHECKING:

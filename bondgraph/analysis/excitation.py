@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 from ..errors import UsageError
-from ..simulation.run import Wanted, simulate
+from ..simulation.run import RunOptions, simulate
 from .linear import linearization
-from .operating_point import Asked, operating_point
+from .operating_point import AnalysisRequest, operating_point
 from .response import Measured, first_harmonic, settling_time
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def excite(
     """Measure the response to a harmonic motion of the input `given` about its value at the equilibrium."""
     if given not in model.inputs:
         raise UsageError("BR205", f"`{given}` is no input of the model; inputs are {', '.join(model.inputs) or 'none'}")
-    linear = linearization(operating_point(model, Asked(experiment, settings, (seen,), (given,))))
+    linear = linearization(operating_point(model, AnalysisRequest(experiment, settings, (seen,), (given,))))
     waited = math.ceil(settling_time(linear, given, seen, frequency) * frequency) + 1
     if waited > MOST_PERIODS:
         raise UsageError(
@@ -36,7 +36,7 @@ def excite(
     mean = f"{float(linear.u[0])!r} [{unit}]"
     swing = f"{amplitude!r} [{unit}]*sin(2*pi*{frequency!r}*time/(1 [s]))"
     periods = waited + PERIODS
-    wanted = Wanted(periods / frequency, periods * SAMPLES + 1, rtol)
+    wanted = RunOptions(periods / frequency, periods * SAMPLES + 1, rtol)
     result = simulate(model, experiment, {**settings, given: f"{mean} + {swing}"}, (seen,), wanted)
     last = slice(waited * SAMPLES, periods * SAMPLES)
     value, rest = first_harmonic(result.time[last], result[seen][last], frequency)

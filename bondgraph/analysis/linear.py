@@ -9,8 +9,8 @@ from typing import Any
 from ..arrays import Array
 from ..errors import MissingPackage
 from ..rendering import text_of
+from .json_values import rows_of, with_units
 from .operating_point import OperatingPoint
-from .told import rows_of, with_units
 
 SCHEMA = "bondgraph-linearization/1"
 

@@ -17,11 +17,11 @@ import numpy as np
 from ..arrays import Array, ComplexArray
 from ..errors import RunFailed, UsageError
 from ..rendering import text_of
+from .json_values import finite, pair
 from .linear import Linearization, linearization
 from .operating_point import OperatingPoint
 from .response import Response, response
 from .sensitivity import Sensitivity, directions_of, rest_moves
-from .told import finite, pair
 
 SCHEMA = "bondgraph-response-sensitivity/1"
 ON = 1e-9  # relative distance at which an end of the range lies on an undamped mode
@@ -42,9 +42,8 @@ class ResponseSensitivity:
         self.response.of(given, seen)  # raises for unknown names
         if parameter not in self.parameters:
             raise UsageError(
-                "BR209",
-                f"there is no `{parameter}` in this sensitivity; there is {', '.join(self.parameters) or 'none'}",
-            )
+                "BR209", f"there is no `{parameter}` in this sensitivity; there is {', '.join(self.parameters) or 'none'}",
+            )  # fmt: skip
         i, j = self.response.outputs.index(seen), self.response.inputs.index(given)
         found: ComplexArray = self.slopes[:, i, j, self.parameters.index(parameter)]
         return found
@@ -116,9 +115,8 @@ class _Moving:
         by = [point.by.index(n) for n in parameters]
         if columns and np.any(point.reduced.following[:, columns]):
             raise UsageError(
-                "BR210",
-                "an input moves places of closing joints themselves: how its response moves with parameters is not told",
-            )
+                "BR210", "an input moves places of closing joints themselves: how its response moves with parameters is not told",
+            )  # fmt: skip
         whole = linearization(point)
         self.linear: Linearization = replace(
             whole, inputs=inputs, B=whole.B[:, columns], D=whole.D[:, columns], u=whole.u[columns]
@@ -143,9 +141,8 @@ def linear_sensitivity(point: OperatingPoint, inputs: tuple[str, ...], parameter
     """
     if point.reduced.tied:
         raise UsageError(
-            "BR211",
-            "closing joints tie coordinates here: which of them A stands for is a choice; modes and responses have sensitivities of their own",
-        )
+            "BR211", "closing joints tie coordinates here: which of them A stands for is a choice; modes and responses have sensitivities of their own",
+        )  # fmt: skip
     moving = _Moving(point, inputs, parameters)
     n, size, linear = moving.n, moving.size, moving.linear
     W, dW = moving.W, moving.dW
@@ -207,9 +204,8 @@ def response_sensitivity(
 
 def _without_bound(frequency: float) -> RunFailed:
     return RunFailed(
-        "BR212",
-        f"at {frequency:.6g} Hz an undamped mode answers without bound: its response does not move smoothly there",
-    )
+        "BR212", f"at {frequency:.6g} Hz an undamped mode answers without bound: its response does not move smoothly there",
+    )  # fmt: skip
 
 
 def _moves(moving: _Moving, s: complex) -> Any:

@@ -17,10 +17,10 @@ from compiler.api import Leaf, letters
 
 from ..arrays import Array
 from ..rendering import text_of
+from .json_values import finite, pair
 from .linear import Linearization, linearization, state_matrix
 from .operating_point import OperatingPoint
 from .spectrum import spectrum
-from .told import finite, pair
 
 SCHEMA = "bondgraph-modes/1"
 WIDTH = 64  # modes whose energies are computed at once

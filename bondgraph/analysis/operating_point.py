@@ -19,8 +19,8 @@ from compiler.api import Leaf, NoSlope, Tape
 from ..arrays import IntArray
 from ..errors import RunFailed, UsageError
 from ..prepared import Prepared
+from .json_values import named
 from .singular_slopes import departure, slopes_from_beside
-from .told import named
 
 if TYPE_CHECKING:
     from compiler.api import Compilation, Expression, Lowered, Program
@@ -36,7 +36,7 @@ AHEAD = 1.0  # s: length of the timeline that is searched for a single instant
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class AnalysisRequest:
     """Request for an operating point.
 
     `state`: "equilibrium", "start", or values of states by name (the rest as at the start). `by`: quantities by which derivatives are taken;
@@ -298,11 +298,10 @@ class OperatingPoint:
         sampled = [e for e in getattr(self.program.hybrid, "events", ()) if e.sampled]
         if sampled:
             raise UsageError(
-                "BR216",
-                f"`{sampled[0]}` is sampled, and this analysis is one of continuous equations: "
+                "BR216", f"`{sampled[0]}` is sampled, and this analysis is one of continuous equations: "
                 "`equilibrium` and `bode` (`response`) are made of the sampled loop;",
                 "for others write what it does as a continuous law, or simulate",
-            )
+            )  # fmt: skip
         return reduction(self)
 
     def of_states(self, variables: Sequence[int]) -> tuple[Any, Any]:
@@ -396,7 +395,7 @@ def _tied(slopes: Any, moved: Any) -> tuple[Any, Any, Any]:
 
 
 def operating_point(
-    model: CompiledModel, asked: Asked, target: str = "numpy", moved: Mapping[str, float] | None = None
+    model: CompiledModel, asked: AnalysisRequest, target: str = "numpy", moved: Mapping[str, float] | None = None
 ) -> OperatingPoint:
     """Return the model at the requested point; numbers that are set are arguments of one program, so that others need no compilation.
 
@@ -425,14 +424,13 @@ def _delayed(made: Prepared) -> UsageError:
     name, place = space.variables[first.value].name, f"{first.span.source.name}:{first.span.line}"
     what = "a signal" if name.startswith("_") or not name else f"`{name}`"
     return UsageError(
-        "BR262",
-        f"{place}: the `delay` of {what} is an earlier value and no state: no linear analysis is made.",
+        "BR262", f"{place}: the `delay` of {what} is an earlier value and no state: no linear analysis is made.",
         "Simulate, or write for `delay(x, T)` Padé's first order, `2*z - x` with `signal z = integral(2*(x - z)/T, x0)`, which "
         "follows frequencies well below 1/T",
-    )
+    )  # fmt: skip
 
 
-def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = None) -> OperatingPoint:
+def placed(made: Prepared, asked: AnalysisRequest, values: Mapping[str, float] | None = None) -> OperatingPoint:
     """Return the same for a compiled model; `values` are set at the beginning."""
     from ..simulation.phase import Phase, PhaseOptions
 
@@ -440,9 +438,8 @@ def placed(made: Prepared, asked: Asked, values: Mapping[str, float] | None = No
         program, plan = made.program, made.plan
     except NoSlope as problem:
         raise UsageError(
-            "BR218",
-            "one of the quantities is a point of a table or a seed of noise: nothing is differentiated by these",
-        ) from problem
+            "BR218", "one of the quantities is a point of a table or a seed of noise: nothing is differentiated by these",
+        ) from problem  # fmt: skip
     begins = plan.start if asked.time is None else asked.time
     plan = replace(plan, equilibrium=asked.state == "equilibrium", start=begins, tolerances={})
     if program.delays is not None:

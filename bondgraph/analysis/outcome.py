@@ -14,8 +14,8 @@ import numpy as np
 from ..arrays import Array
 from ..errors import UsageError
 from ..rendering import draw, text_of
+from .json_values import finite
 from .outcome_numbers import numbers_of
-from .told import finite
 
 if TYPE_CHECKING:
     import xarray

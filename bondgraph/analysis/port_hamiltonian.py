@@ -131,9 +131,8 @@ class _Form:
             outside = [v for v, c in row.items() if v not in self.columns and c != 0]
             if outside:
                 raise UsageError(
-                    "BR226",
-                    "something that is neither storage, resistor nor source decides a flow: no port-Hamiltonian form is made",
-                )
+                    "BR226", "something that is neither storage, resistor nor source decides a flow: no port-Hamiltonian form is made",
+                )  # fmt: skip
             rows.append([row.get(c, 0) for c in self.columns])
         return np.array(rows, dtype=self.entries).reshape(len(rows), len(self.columns))
 
@@ -184,9 +183,8 @@ def _check_dependent(compilation: Compilation, net: Network, form: _Form) -> Non
     ]
     if moved:
         raise UsageError(
-            "BR229",
-            f"storages in derivative form ({names}) beside `{moved[0]}`, whose ratio moves: no port-Hamiltonian form is made",
-        )
+            "BR229", f"storages in derivative form ({names}) beside `{moved[0]}`, whose ratio moves: no port-Hamiltonian form is made",
+        )  # fmt: skip
     if (np.abs(form.B + form.C.T) > ROUND_OFF * (np.abs(form.B) + np.abs(form.C.T))).any():
         raise InternalError("the ties of dependent storages do not conserve power")
 
@@ -258,9 +256,8 @@ def symbolic_port_hamiltonian(compilation: Compilation) -> SymbolicPortHamiltoni
 
     if compilation.state_space.dependent:
         raise UsageError(
-            "BR231",
-            f"`{compilation.state_space.dependent[0]}` depends on other storages: there is no form in symbols, but one at each state",
-        )
+            "BR231", f"`{compilation.state_space.dependent[0]}` depends on other storages: there is no form in symbols, but one at each state",
+        )  # fmt: skip
     entry = symbolic_values(compilation.state_space)
     # Rational numbers, because sums must vanish exactly here.
     net = network(compilation, lambda x: sympy.nsimplify(to_sympy(x, entry), rational=True), None)

@@ -14,9 +14,9 @@ from ..arrays import Array, ComplexArray
 from ..errors import UsageError
 from ..rendering import draw, text_of
 from .extrema import Evaluate, Extremum, extrema
+from .json_values import finite, pair
 from .linear import Linearization
 from .spectrum import left_shapes
-from .told import finite, pair
 from .verdict import bounded_eigenvalues
 
 SCHEMA = "bondgraph-response/1"
@@ -122,10 +122,9 @@ def response(linear: Linearization, low: float | None, high: float | None, point
     """Return the response at `points` frequencies from `low` to `high` (Hz, logarithmic; None: a decade around the modes) and at resonances."""
     if not linear.inputs or not linear.outputs:
         raise UsageError(
-            "BR233",
-            "a frequency response leads from an input to an output:",
+            "BR233", "a frequency response leads from an input to an output:",
             "name one that the model has (or a parameter as input)",
-        )
+        )  # fmt: skip
     frequencies = frequencies_between(np.linalg.eigvals(linear.A), low, high, points)
     found = bounded_eigenvalues(linear.A)
     undamped = (np.abs(found.values.real) <= found.bounds) & (np.abs(found.values.imag) > found.bounds)
@@ -180,19 +179,17 @@ def frequencies_between(poles: Any, low: float | None, high: float | None, point
     moving = np.abs(poles)[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)] / (2 * np.pi)
     if (low is None or high is None) and not len(moving):
         raise UsageError(
-            "BR234",
-            "nothing in the model says over which frequencies to look:",
+            "BR234", "nothing in the model says over which frequencies to look:",
             'give a range (`--over "1 Hz .. 1 kHz"`)',
-        )
+        )  # fmt: skip
     low = float(moving.min()) / 10 if low is None else low
     high = float(moving.max()) * 10 if high is None else high
     if not 2 <= points <= MOST_POINTS:
         raise UsageError("BR235", f"a response has from 2 to {MOST_POINTS} points; these are {points}")
     if not LOWEST <= low < high <= HIGHEST:
         raise UsageError(
-            "BR236",
-            f"frequencies run upwards from above zero, within {LOWEST:g} to {HIGHEST:g} Hz; not from {low:g} to {high:g} Hz",
-        )
+            "BR236", f"frequencies run upwards from above zero, within {LOWEST:g} to {HIGHEST:g} Hz; not from {low:g} to {high:g} Hz",
+        )  # fmt: skip
     near = [
         (abs(p.imag) + w * abs(p.real)) / (2 * math.pi) for p in poles if 0 < abs(p.real) < abs(p.imag) for w in BESIDE
     ]

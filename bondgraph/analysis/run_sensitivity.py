@@ -21,9 +21,9 @@ from compiler.api import Leaf, symbols
 from ..arrays import Array
 from ..errors import RunFailed, UsageError
 from ..rendering import text_of
-from .operating_point import Asked, OperatingPoint
+from .json_values import finite
+from .operating_point import AnalysisRequest, OperatingPoint
 from .sensitivity import balanced_step, independent
-from .told import finite
 
 if TYPE_CHECKING:
     from ..compiled_model import CompiledModel
@@ -99,7 +99,7 @@ def run_sensitivity(
         instants = np.linspace(plan.start, _stop(plan, to), points)
     if instants[0] < plan.start:
         raise UsageError("BR238", f"a run begins at {plan.start:g} s: nothing is known of t = {instants[0]:g} s")
-    asked = Asked(experiment, fixed, outputs, by)
+    asked = AnalysisRequest(experiment, fixed, outputs, by)
     flow = Flow(made, asked, instants, {**settled.values, **(moved or {})}, rtol)
     with np.errstate(all="ignore"):
         values, slopes = flow.go()
@@ -114,16 +114,17 @@ def run_sensitivity(
 class Flow:
     """States and their derivatives along the segments of a run."""
 
-    def __init__(self, made: Any, asked: Asked, instants: Array, values: Mapping[str, float], rtol: float) -> None:
+    def __init__(
+        self, made: Any, asked: AnalysisRequest, instants: Array, values: Mapping[str, float], rtol: float
+    ) -> None:
         from ..simulation.loops.loops import LoopSolver
         from ..simulation.phase import Phase, PhaseOptions
 
         program = made.program
         if program.hybrid is not None or program.delays is not None:
             raise UsageError(
-                "BR239",
-                "events, conditions on states and delays have no derivatives here: no sensitivities of runs are made of them",
-            )
+                "BR239", "events, conditions on states and delays have no derivatives here: no sensitivities of runs are made of them",
+            )  # fmt: skip
         if made.facts.claims:
             raise UsageError(
                 "BR240", "starts that are given to what is computed: no sensitivities of runs are made of them"
@@ -185,10 +186,9 @@ class Flow:
         ways = reduced.directions[given]  # derivatives of the given start values by the free coordinates
         if np.linalg.matrix_rank(ways) < ways.shape[1]:
             raise UsageError(
-                "BR242",
-                "parameters move where a loop is closed at the start, and the model does not say which of its coordinates stay:",
+                "BR242", "parameters move where a loop is closed at the start, and the model does not say which of its coordinates stay:",
                 "give starts to as many as are free",
-            )
+            )  # fmt: skip
         free, *_ = np.linalg.lstsq(ways, moved[given] - reduced.following[given], rcond=None)
         return np.asarray(reduced.directions @ free + reduced.following)
 
@@ -213,9 +213,8 @@ class Flow:
         read = {symbol for root in lowered.crossings for symbol in symbols(root)} | lowered.curves_in_modes()
         if any(symbol.key in ways for symbol in read):
             raise UsageError(
-                "BR243",
-                "an instant at which a signal jumps or bends moves with a parameter in a way that is not linear in time",
-            )
+                "BR243", "an instant at which a signal jumps or bends moves with a parameter in a way that is not linear in time",
+            )  # fmt: skip
         jumps = self.made.program.instants(self.leg.constants)
         moving = self._slopes_of("instants", lowered.instants)
         y = np.concatenate([self.leg.state[: self.n], self.begin().ravel()])
@@ -256,9 +255,8 @@ class Flow:
         )  # fmt: skip
         if not done.success:
             raise RunFailed(
-                "BR244",
-                f"the derivatives could not be followed beyond t = {done.t[-1] if len(done.t) else stretch.start:.9g} s: {done.message}",
-            )
+                "BR244", f"the derivatives could not be followed beyond t = {done.t[-1] if len(done.t) else stretch.start:.9g} s: {done.message}",
+            )  # fmt: skip
         return list(zip(at, done.y.T, strict=True))
 
     def _over(self, time: float, y: Array, mode: Any, jumps: Array, moving: Array) -> Array:
@@ -270,9 +268,8 @@ class Flow:
             return y
         if any((moving[i] != way).any() for i in near[1:]):
             raise UsageError(
-                "BR245",
-                f"at t = {time:.9g} s two instants meet that move with parameters each in its own way: there is no derivative",
-            )
+                "BR245", f"at t = {time:.9g} s two instants meet that move with parameters each in its own way: there is no derivative",
+            )  # fmt: skip
         before = self.point(y[: self.n], time).rates
         self.mode = mode
         after = self.point(y[: self.n], time).rates

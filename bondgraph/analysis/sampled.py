@@ -76,10 +76,9 @@ def sampled_loop(point: OperatingPoint) -> SampledLoop:
     periods = sorted({period for _, _, period in settings})
     if len(periods) != 1:
         raise UsageError(
-            "BR246",
-            f"the model is sampled every {', '.join(f'{p:g} s' for p in periods)}: its discrete loop is that of one period;",
+            "BR246", f"the model is sampled every {', '.join(f'{p:g} s' for p in periods)}: its discrete loop is that of one period;",
             "give all `every` the same, or simulate",
-        )
+        )  # fmt: skip
     reduced = reduction(point)
     values = point.lowered.values
     rates = [values[space.states[i].rate] for i in reduced.chosen]
@@ -170,15 +169,13 @@ def sampled_response(
     linear, nyquist = loop.continuous, 0.5 / loop.period
     if not point.by or not linear.outputs:
         raise UsageError(
-            "BR233",
-            "a frequency response leads from an input to an output:",
+            "BR233", "a frequency response leads from an input to an output:",
             "name one that the model has (or a parameter as input)",
-        )
+        )  # fmt: skip
     if high is not None and high > nyquist * (1 + 1e-12):
         raise UsageError(
-            "BR249",
-            f"the model is sampled every {loop.period:g} s: its response goes up to half that rate, {nyquist:g} Hz, not to {high:g} Hz",
-        )
+            "BR249", f"the model is sampled every {loop.period:g} s: its response goes up to half that rate, {nyquist:g} Hz, not to {high:g} Hz",
+        )  # fmt: skip
     values = np.linalg.eigvals(loop.matrix).astype(complex)
     poles = np.log(values[values != 0]) / loop.period
     low = (

@@ -20,11 +20,11 @@ from compiler.api import Leaf
 from ..arrays import Array
 from ..errors import RunFailed, UsageError
 from ..rendering import text_of
+from .json_values import finite
 from .linear import Linearization, linearization
 from .modes import STILL, eigenvalues
 from .operating_point import OperatingPoint
 from .spectrum import left_shapes
-from .told import finite
 
 if TYPE_CHECKING:
     from ..compiled_model import CompiledModel
@@ -110,9 +110,8 @@ def independent(
         if named is None or named.role not in ("parameter", "input"):
             some = ", ".join(n for n, q in graph.quantities.items() if q.role == "parameter" and "." not in n)
             raise UsageError(
-                "BR250",
-                f"`{name}` is no parameter or input of the model; it has {some or 'none'}, and those of its parts",
-            )
+                "BR250", f"`{name}` is no parameter or input of the model; it has {some or 'none'}, and those of its parts",
+            )  # fmt: skip
         if name not in free:
             if named.value is None:
                 raise UsageError("BR251", f"`{name}` moves with time:", "give it a value to differentiate by it")
@@ -170,9 +169,8 @@ def _moved(linear: Linearization) -> Any:
     if len(lost):
         name = linear.inputs[lost[0]]
         raise RunFailed(
-            "BR252",
-            f"the state of rest does not follow `{name}`: it ends or branches there (`continue` goes through such points)",
-        )
+            "BR252", f"the state of rest does not follow `{name}`: it ends or branches there (`continue` goes through such points)",
+        )  # fmt: skip
     return found
 
 
@@ -222,9 +220,8 @@ def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: An
         w, v = left[:, i], right[:, i]
         if abs(values[i] - value) > NEAR * abs(value) or not np.isfinite(w).all():
             raise RunFailed(
-                "BR253",
-                f"the mode at {abs(value) / (2 * math.pi):.6g} Hz coincides with another: it has no derivative of its own",
-            )
+                "BR253", f"the mode at {abs(value) / (2 * math.pi):.6g} Hz coincides with another: it has no derivative of its own",
+            )  # fmt: skip
         if size > n:
             w = np.concatenate([w, -np.linalg.solve(whole[n:, n:].T, whole[:n, n:].T @ w)])
             v = np.concatenate([v, follow[:, :n] @ v])

@@ -96,10 +96,9 @@ def _check_supported(compilation: Compilation) -> None:
     for node in compilation.graph.nodes:
         if node.kind is Kind.MECHANISM:
             raise UsageError(
-                "BR254",
-                f"`{node.name}` is a mechanism: its states are coordinates and speeds, not momenta, so that its port-Hamiltonian form is not made;",
+                "BR254", f"`{node.name}` is a mechanism: its states are coordinates and speeds, not momenta, so that its port-Hamiltonian form is not made;",
                 "write it with C, I and transformers",
-            )
+            )  # fmt: skip
     for name in compilation.equations.stored:
         raise UsageError("BR255", f"`{name}` stores energy in a form of its own: its port-Hamiltonian form is not made")
 
@@ -142,9 +141,8 @@ def _linear(assignment: Assignment, tries: tuple[set[int], ...], value: Coeffici
     parts = next((p for p in found if p is not None), None)
     if parts is None:  # a product with a factor that is a variable of another bond
         raise UsageError(
-            "BR257",
-            f"`{assignment.owner}` is modulated by the effort or flow of another bond: no port-Hamiltonian form is made",
-        )
+            "BR257", f"`{assignment.owner}` is modulated by the effort or flow of another bond: no port-Hamiltonian form is made",
+        )  # fmt: skip
     return {v: value(x) for v, x in parts.items()}
 
 
@@ -186,9 +184,8 @@ def _resistive(
     if values[other] == 0.0:
         if values[target] != 0.0:
             raise UsageError(
-                "BR260",
-                f"`{name}` gives something without being given anything: it is a source as well, no port-Hamiltonian form is made",
-            )
+                "BR260", f"`{name}` gives something without being given anything: it is a source as well, no port-Hamiltonian form is made",
+            )  # fmt: skip
         return {other: _slope_at_rest(assignment, target, other, value)}
     return {other: values[target] / values[other]}
 

@@ -80,10 +80,9 @@ def _check_size(space: StateSpace) -> None:
     largest = max((sizes.get(v, 1.0) for v in rates), default=0.0)
     if largest > LARGEST:
         raise UsageError(
-            "BR261",
-            f"with everything put in, one state equation of {space.name} would have some {largest:.0e} terms;",
+            "BR261", f"with everything put in, one state equation of {space.name} would have some {largest:.0e} terms;",
             "`equations` has them step by step, as they are computed",
-        )
+        )  # fmt: skip
 
 
 def _size(expression: Expression, sizes: Mapping[int, float]) -> float:

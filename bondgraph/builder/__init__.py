@@ -1,7 +1,7 @@
 """Builder: models by calls instead of text."""
 
 from .graph import Graph
-from .mechanism import Mechanism
-from .parts import Part, Quantity
+from .mechanism import Multibody
+from .parts import NamedQuantity, Part
 
-__all__ = ["Graph", "Mechanism", "Part", "Quantity"]
+__all__ = ["Graph", "Multibody", "NamedQuantity", "Part"]

@@ -24,7 +24,7 @@ from compiler.api import (
 
 from ..errors import UsageError
 from .names import name_of
-from .parts import Part, Quantity
+from .parts import NamedQuantity, Part
 
 Value = Any  # a number, an expression of the language as text, a handle, or a sequence of these
 Ports = Mapping[str, str] | Sequence[str]  # the names of ports, with or without their domains
@@ -89,7 +89,7 @@ def law_of(text: Any, what: str) -> str:
 
 def path_of(text: Any) -> str:
     """Return a dotted name; handles have theirs."""
-    line = _one_line(str(text) if isinstance(text, Part | Quantity) else text, "a path")
+    line = _one_line(str(text) if isinstance(text, Part | NamedQuantity) else text, "a path")
     found = parse_expression(Source("path", line))
     if not isinstance(found, PathSyntax):
         raise UsageError("BR507", f"{text!r} is no dotted name")
@@ -112,7 +112,7 @@ def mapping_of(given: Any, what: str) -> Mapping[Any, Any]:
 
 def value_of(value: Value, what: str, unit: str = "", declared: bool = False) -> str:
     """Return a value as an expression; numbers are in the unit, which precedes them if it is `declared`."""
-    if isinstance(value, str | Quantity | Part):
+    if isinstance(value, str | NamedQuantity | Part):
         return expression_of(str(value), what)
     if hasattr(value, "tolist"):  # numbers and arrays of numpy
         value = value.tolist()

@@ -28,7 +28,7 @@ CAUSALITIES = ("integral", "derivative", "effort", "flow")
 STORAGES = letters("storage")
 
 
-class Given(TypedDict, total=False):
+class ElementOptions(TypedDict, total=False):
     """Further properties of an element besides its law."""
 
     # ports of a field: `ports=("x", "phi")`, or with domains `ports={"q": "electric", "x": "translation"}`
@@ -57,59 +57,59 @@ class Elements:
         """Add a 1-junction: one flow for all bonds; zero flow while the condition `active` is false: `active="not resting"`."""
         return self._junction("1", name, domain, active, description)
 
-    def Se(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+    def Se(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a source of effort: `Se("push", "F = 1 N")`."""
         return self.element("Se", name, law, **given)
 
-    def Sf(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+    def Sf(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a source of flow: `Sf("road", "v = 0.2 [m/s]")`."""
         return self.element("Sf", name, law, **given)
 
-    def MSe(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+    def MSe(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a modulated source of effort, which reads other variables: `MSe("drive", "F = force")`."""
         return self.element("MSe", name, law, **given)
 
-    def MSf(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+    def MSf(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a modulated source of flow, which reads other variables."""
         return self.element("MSf", name, law, **given)
 
-    def C(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:
+    def C(self, name: str, law: str = "", **given: Unpack[ElementOptions]) -> Part:
         """Add a storage of displacement, by its law or its energy: `C("spring", "F = k*x", start={"x": "1 mm"})`."""
         return self.element("C", name, law, **given)
 
-    def I(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:  # noqa: E743
+    def I(self, name: str, law: str = "", **given: Unpack[ElementOptions]) -> Part:  # noqa: E743
         """Add a storage of momentum, by its law or its energy: `I("mass", "p = m*v")`."""
         return self.element("I", name, law, **given)
 
-    def IC(self, name: str, law: str = "", **given: Unpack[Given]) -> Part:
+    def IC(self, name: str, law: str = "", **given: Unpack[ElementOptions]) -> Part:
         """Add a field whose ports store displacement (`a.q`) or momentum (`b.p`)."""
         return self.element("IC", name, law, **given)
 
-    def R(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+    def R(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a resistor: `R("damper", "F = r*v")`."""
         return self.element("R", name, law, **given)
 
-    def MR(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+    def MR(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a modulated resistor, whose law reads other variables."""
         return self.element("MR", name, law, **given)
 
-    def RS(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+    def RS(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a resistor that turns power into heat; its last port delivers the loss of the others."""
         return self.element("RS", name, law, **given)
 
-    def TF(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+    def TF(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a transformer: `TF("gear", "omega1 = 20*omega2")`. The bond into it reaches side 1, the bond out of it leaves side 2."""
         return self.element("TF", name, law, **given)
 
-    def MTF(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+    def MTF(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a modulated transformer, whose ratio reads other variables."""
         return self.element("MTF", name, law, **given)
 
-    def GY(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+    def GY(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a gyrator: `GY("motor", "u1 = K*omega2")`."""
         return self.element("GY", name, law, **given)
 
-    def MGY(self, name: str, law: str, **given: Unpack[Given]) -> Part:
+    def MGY(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a modulated gyrator, whose ratio reads other variables."""
         return self.element("MGY", name, law, **given)
 
@@ -128,15 +128,15 @@ class Elements:
         text = f"{kind} {name_of(name)}{f' : {domain_of(domain)}' if domain else ''}{braces(switch)}"
         return self._add(name, text + literal_of(description), ())
 
-    def element(self, kind: str, name: str, law: str = "", **given: Unpack[Given]) -> Part:
+    def element(self, kind: str, name: str, law: str = "", **given: Unpack[ElementOptions]) -> Part:
         """Add an element of any kind of the language: `element("R", "damper", "F = r*v")`. Raises `UsageError`."""
         own = name_of(name)
         if kind not in ELEMENTS:
             raise UsageError("BR540", f"`{own}`: `{kind}` is no kind of element; they are {', '.join(ELEMENTS)}")
         for word in given:
-            if word not in Given.__annotations__:
+            if word not in ElementOptions.__annotations__:
                 raise UsageError(
-                    "BR512", f"`{own}`: an element has no `{word}`; it has {', '.join(Given.__annotations__)}"
+                    "BR512", f"`{own}`: an element has no `{word}`; it has {', '.join(ElementOptions.__annotations__)}"
                 )
         if "energy" in given:
             if kind not in STORAGES or law:
@@ -153,7 +153,7 @@ class Elements:
         statement = f"{kind} {own}{listed} : {text}{attributes}{literal_of(given.get('description', ''))}"
         return self._add(name, statement, names)
 
-    def _attributes(self, name: str, given: Given) -> Iterator[str]:
+    def _attributes(self, name: str, given: ElementOptions) -> Iterator[str]:
         for word, values in (("start", given.get("start", {})), ("nominal", given.get("nominal", {}))):
             for key, value in mapping_of(values, f"`{word}` of `{name}`").items():
                 yield f"{word} {path_of(key)} = {self._with_unit(value, f'`{word} {key}` of `{name}`')}"

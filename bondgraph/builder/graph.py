@@ -28,9 +28,9 @@ from ..model import Model
 from ..simulation.integrators.methods import chosen_solver
 from .argument_checks import Value, description_of, is_one_number, literal_of, mapping_of, path_of, unit_of, value_of
 from .elements import Elements
-from .mechanism import Mechanism
+from .mechanism import Multibody
 from .names import model_name_of, name_of
-from .parts import Part, Quantity
+from .parts import NamedQuantity, Part
 
 
 class Graph(Elements):
@@ -52,7 +52,7 @@ class Graph(Elements):
         self._outputs: list[str] = []
         self._parts: list[str] = []
         self._events: list[str] = []
-        self._mechanisms: list[Mechanism] = []
+        self._mechanisms: list[Multibody] = []
         self._bonds: list[tuple[str, str, str]] = []
         self._experiments: dict[str, list[str]] = {}
         self._imports: dict[tuple[str, str], None] = {}  # (model, path as in the text)
@@ -67,31 +67,31 @@ class Graph(Elements):
         return self.model()._repr_html_()
 
     # ------------------------------------------------------------ quantities
-    def parameter(self, name: str, value: Value = None, unit: str = "", description: str = "") -> Quantity:
+    def parameter(self, name: str, value: Value = None, unit: str = "", description: str = "") -> NamedQuantity:
         """Add a parameter: fixed before a run and set from outside. A number is in `unit`, a text has its own: `parameter("k", "2 [kN/m]")`."""
         return self._quantity("parameter", name, value, unit, description)
 
-    def constant(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
+    def constant(self, name: str, value: Value, unit: str = "", description: str = "") -> NamedQuantity:
         """Add a constant: as a parameter, but not to be set."""
         return self._quantity("constant", name, value, unit, description)
 
-    def input(self, name: str, value: Value = 0.0, unit: str = "", description: str = "") -> Quantity:
+    def input(self, name: str, value: Value = 0.0, unit: str = "", description: str = "") -> NamedQuantity:
         """Add an input: a signal from outside; `value` is its default."""
         return self._quantity("input", name, value, unit, description)
 
-    def signal(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
+    def signal(self, name: str, value: Value, unit: str = "", description: str = "") -> NamedQuantity:
         """Add a name for an expression: `signal("force", "c*volt^2")`, `signal("h", "integral(ball.v, 1 m)")`."""
         return self._quantity("signal", name, value, unit, description)
 
-    def mode(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
+    def mode(self, name: str, value: Value, unit: str = "", description: str = "") -> NamedQuantity:
         """Add a discrete variable that only events change, a number or a truth value; `value` is its start: `mode("resting", "false")`."""
         return self._quantity("mode", name, value, unit, description)
 
-    def output(self, name: str, value: Value, unit: str = "", description: str = "") -> Quantity:
+    def output(self, name: str, value: Value, unit: str = "", description: str = "") -> NamedQuantity:
         """Add an output: a signal that runs report: `output("position", "spring.x")`."""
         return self._quantity("output", name, value, unit, description)
 
-    def _quantity(self, role: str, name: str, value: Value, unit: str, description: str) -> Quantity:
+    def _quantity(self, role: str, name: str, value: Value, unit: str, description: str) -> NamedQuantity:
         own = name_of(name)
         if unit and self.plain:
             raise UsageError("BR517", f"`{own}`: a plain graph has no units")
@@ -101,7 +101,7 @@ class Graph(Elements):
         if value is not None:
             text += f" = {value_of(value, f'the value of `{own}`', unit, declared=True)}"
         text += literal_of(description)
-        quantity = Quantity(self, self._enter(own))
+        quantity = NamedQuantity(self, self._enter(own))
         (self._outputs if role == "output" else self._quantities).append(text)
         return quantity
 
@@ -111,10 +111,10 @@ class Graph(Elements):
         self._parts.append(statement)
         return part
 
-    def multibody(self, name: str, *, spatial: bool = False, gravity: Sequence[Value] | None = None) -> Mechanism:
+    def multibody(self, name: str, *, spatial: bool = False, gravity: Sequence[Value] | None = None) -> Multibody:
         """Add a planar or spatial mechanism: `stage = g.multibody("stage")`, then `stage.body(…)`, `stage.slide(…)`."""
         lines = [] if gravity is None else [f"gravity = {value_of(gravity, 'gravity', 'm/s^2')}"]
-        mechanism = Mechanism(self, self._enter(name), lines, spatial)
+        mechanism = Multibody(self, self._enter(name), lines, spatial)
         self._mechanisms.append(mechanism)
         return mechanism
 
@@ -132,7 +132,7 @@ class Graph(Elements):
         self._events.append(f"{told} {{ {inner} }}")
 
     # ------------------------------------------------------------ models within models
-    def instance(self, name: str, model: CompiledModel | Graph | Quantity | str, /, **values: Value) -> Part:
+    def instance(self, name: str, model: CompiledModel | Graph | NamedQuantity | str, /, **values: Value) -> Part:
         """Add an instance of another model, with its parameters and inputs; `instance["port"]` is one of its ports.
 
         `model` is a `Graph`, a model from `bondgraph.load` (`load("mems.bg", "CombDrive")`; a file is imported, a text is copied), a model of the shipped
@@ -148,15 +148,15 @@ class Graph(Elements):
         inner = [f"{n} = {self._use(values[n]) if v is None else v}" for n, v in given.items()]
         return self._add(own, f"{kind} {own}{braces(inner)}", None)
 
-    def slot(self, name: str, default: CompiledModel | Graph | str) -> Quantity:
+    def slot(self, name: str, default: CompiledModel | Graph | str) -> NamedQuantity:
         """Add a slot: an instance of this graph may replace it by another model with the same ports."""
         own = self._free(name)
         self._quantities.append(f"parameter {own}: model = {self._use(default)}")
-        return Quantity(self, self._enter(own))
+        return NamedQuantity(self, self._enter(own))
 
-    def _use(self, model: CompiledModel | Graph | Quantity | str) -> str:
+    def _use(self, model: CompiledModel | Graph | NamedQuantity | str) -> str:
         """Return the name of a model that this one uses, and add the necessary text."""
-        if isinstance(model, Quantity):
+        if isinstance(model, NamedQuantity):
             return model.name
         if isinstance(model, str):
             place, dot, kind = model.rpartition(".")
@@ -222,7 +222,7 @@ class Graph(Elements):
     def _place(self, place: Any) -> str:
         if isinstance(place, str):
             return path_of(place)
-        if not isinstance(place, Part | Mechanism):
+        if not isinstance(place, Part | Multibody):
             raise UsageError("BR524", f"a bond reaches parts, not {place!r}")
         if place.graph is not self:
             raise UsageError("BR525", f"`{place}` belongs to the graph `{place.graph.name}`, not to `{self.name}`")
@@ -231,7 +231,7 @@ class Graph(Elements):
     # ------------------------------------------------------------ experiments
     def experiment(
         self, name: str, to: Value, *, settings: Mapping[Any, Value] | None = None,
-        report: Mapping[Any, str] | Sequence[Any] | Quantity = (), points: int | None = None, rtol: float | None = None,
+        report: Mapping[Any, str] | Sequence[Any] | NamedQuantity = (), points: int | None = None, rtol: float | None = None,
         solver: str | None = None, bandwidth: Value | None = None,
     ) -> None:  # fmt: skip
         """Add a run from 0 to `to` (a number is in s) with `settings`; `report={"position": "mm"}` names outputs and their units.
@@ -253,7 +253,7 @@ class Graph(Elements):
         lines.append(f"simulate 0 .. {end if is_one_number(end) else f'({end})'}{braces(inner)}")
         if bandwidth is not None:
             lines.append(f"bandwidth {value_of(bandwidth, f'the bandwidth of `{own}`', '' if self.plain else 'Hz')}")
-        listed = [report] if isinstance(report, str | Quantity) else report
+        listed = [report] if isinstance(report, str | NamedQuantity) else report
         wanted = listed if isinstance(listed, Mapping) else dict.fromkeys(listed, "")
         for what, unit in wanted.items():
             reading = value_of(what, f"what `{own}` reports")
@@ -338,8 +338,7 @@ def _model_of(model: CompiledModel) -> str:
         )
     if model.model is None and len(names) != 1:
         raise UsageError(
-            "BR530",
-            f"{model.source.name} defines {', '.join(names)}:",
+            "BR530", f"{model.source.name} defines {', '.join(names)}:",
             f"name one, `load(path, {(names[0] if names else '')!r})`",
-        )
+        )  # fmt: skip
     return model.model or names[0]

@@ -18,7 +18,7 @@ UNITS = {"x": "m", "y": "m", "z": "m", "d": "m", "v": "m/s", "omega": "rad/s"} |
     ("phi", "phi1", "phi2", "rx", "ry", "rz"), "rad"
 )
 AXES = ("from", "to", "middle", "world")
-Given = Mapping[str, tuple[Value, str]]  # attribute -> value and the unit of numbers
+ElementOptions = Mapping[str, tuple[Value, str]]  # attribute -> value and the unit of numbers
 ByCoordinate = Mapping[str, Value] | Value  # a mapping, or the value alone for a joint with one degree of freedom
 Starts = Mapping[str, Value] | None
 End = Part | str
@@ -35,7 +35,7 @@ class _Coordinates:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mechanism:
+class Multibody:
     """A planar or spatial mechanism. Numbers are in SI, angles in rad; texts have their own units.
 
     A position or direction has two components in the plane, three in space. All joints accept `start={"phi": 0.1}`; those with degrees of freedom also
@@ -164,13 +164,13 @@ class Mechanism:
 
     # ------------------------------------------------------------ writing
     def _joint(
-        self, kind: str, name: str, first: End, second: End, given: Given, told: _Coordinates, more: list[str] | None = None
+        self, kind: str, name: str, first: End, second: End, given: ElementOptions, told: _Coordinates, more: list[str] | None = None
     ) -> Part:  # fmt: skip
         link = f" : {self._local(first)} to {self._local(second)}"
         return self._part(kind, name, link, given, told, more)
 
     def _part(
-        self, kind: str, name: str, definition: str, given: Given, told: _Coordinates, more: list[str] | None = None
+        self, kind: str, name: str, definition: str, given: ElementOptions, told: _Coordinates, more: list[str] | None = None
     ) -> Part:  # fmt: skip
         own = name_of(name)
         if own in self._taken:

@@ -16,9 +16,8 @@ def name_of(name: object) -> str:
     match = _NAME.fullmatch(name) if isinstance(name, str) else None
     if match is None:
         raise UsageError(
-            "BR535",
-            f"{name!r} is no name: letters a-z, digits and _, not a digit first, and perhaps an index, `mass[2]`",
-        )
+            "BR535", f"{name!r} is no name: letters a-z, digits and _, not a digit first, and perhaps an index, `mass[2]`",
+        )  # fmt: skip
     word, index = match.groups()
     if word in RESERVED:
         raise UsageError("BR536", f"`{word}` is a word of the language and cannot be a name")

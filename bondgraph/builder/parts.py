@@ -21,7 +21,7 @@ class Bonding(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Quantity:
+class NamedQuantity:
     """A parameter, constant, input, signal, output or slot; in an f-string it is its name, an item of a list is `gap[2]`."""
 
     graph: Bonding
@@ -30,11 +30,11 @@ class Quantity:
     def __str__(self) -> str:
         return self.name
 
-    def __getitem__(self, item: int) -> Quantity:
+    def __getitem__(self, item: int) -> NamedQuantity:
         """Return an item of a list, from 1."""
         if not isinstance(item, int) or item < 1:
             raise UsageError("BR538", f"the items of `{self.name}` are counted from 1")
-        return Quantity(self.graph, f"{self.name}[{item}]")
+        return NamedQuantity(self.graph, f"{self.name}[{item}]")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -49,7 +49,7 @@ def main() -> None:
         problem.show()
         code = problem.exit_code
     except click.exceptions.Abort:
-        from .telling import INTERRUPTED
+        from .error_reporting import INTERRUPTED
 
         code = INTERRUPTED
     sys.exit(told_at_the_end(outlet, code if isinstance(code, int) else 0))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .error_reporting import problems_told
 from .options import (
     analysed_option,
     check_target,
@@ -22,7 +23,6 @@ from .options import (
     settings_by_name,
     settings_option,
 )
-from .telling import problems_told
 
 if TYPE_CHECKING:
     from .. import Model
@@ -34,7 +34,7 @@ Write = Callable[[str], Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class AnalysisCall:
     """A model's file, and the options of its analysis."""
 
     file: str
@@ -67,7 +67,7 @@ def analysis(name: str, of_outputs: bool = True) -> Callable[[Command], click.Co
         ) -> None:  # fmt: skip
             with problems_told():
                 given = settings_by_name(settings)
-                function(Asked(file, model, named(experiment), given, tuple(outputs) or None, as_json), **own)
+                function(AnalysisCall(file, model, named(experiment), given, tuple(outputs) or None, as_json), **own)
 
         own = vars(command).pop("__click_params__", [])
         shared = [analysed_option, settings_option, json_option, model_option]

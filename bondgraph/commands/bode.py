@@ -6,7 +6,16 @@ from collections.abc import Sequence
 
 import click
 
-from .analysis import PICTURES, Asked, analysis, check_targets, frequencies_of, over_option, picture_option, write_all
+from .analysis import (
+    PICTURES,
+    AnalysisCall,
+    analysis,
+    check_targets,
+    frequencies_of,
+    over_option,
+    picture_option,
+    write_all,
+)  # fmt: skip
 from .options import inputs_option, seconds_of, state_option, time_option
 
 
@@ -18,7 +27,13 @@ from .options import inputs_option, seconds_of, state_option, time_option
 @time_option
 @picture_option("B.png", "Draw magnitude and phase")
 def command(
-    asked: Asked, inputs: Sequence[str], over: str | None, points: int, state: str, time: str | None, plot: str | None
+    asked: AnalysisCall,
+    inputs: Sequence[str],
+    over: str | None,
+    points: int,
+    state: str,
+    time: str | None,
+    plot: str | None,
 ) -> None:
     """Print the frequency response of the linear model at rest or at the start."""
     check_targets((plot, PICTURES, "--plot"))

@@ -6,8 +6,8 @@ import json
 
 import click
 
+from .error_reporting import WRONG, problems_told, stop
 from .options import experiment_option, file_argument, load, model_option
-from .telling import WRONG, problems_told, stop
 
 
 @click.command("causality")

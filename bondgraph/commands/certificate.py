@@ -6,8 +6,8 @@ import json
 
 import click
 
+from .error_reporting import problems_told
 from .options import file_argument, load, model_option
-from .telling import problems_told
 
 
 @click.command("certificate")

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .error_reporting import WRONG, problems_told
 from .options import model_option
-from .telling import WRONG, problems_told
 
 if TYPE_CHECKING:
     from compiler.api import Diagnostic

@@ -6,8 +6,8 @@ from pathlib import PurePath
 
 import click
 
+from .error_reporting import problems_told
 from .options import check_target, file_argument, load, model_option
-from .telling import problems_told
 
 
 @click.command("compile")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import click
 
+from .error_reporting import problems_told
 from .options import experiment_option, file_argument, load, model_option, outputs_option
-from .telling import problems_told
 
 
 @click.command("explain")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import click
 
-from .analysis import PICTURES, Asked, analysis, check_targets, picture_option, write_all
+from .analysis import PICTURES, AnalysisCall, analysis, check_targets, picture_option, write_all
 from .options import TABLES, setting
 
 
@@ -23,7 +23,7 @@ from .options import TABLES, setting
 @click.option("--out", metavar="F.csv|.npz|.nc|.mat", help="Write measured and computed.")
 @picture_option("F.png", "Draw measured and computed")
 def command(
-    asked: Asked, data: Sequence[str], parameters: Sequence[str], explain: bool | None, out: str | None, plot: str | None
+    asked: AnalysisCall, data: Sequence[str], parameters: Sequence[str], explain: bool | None, out: str | None, plot: str | None
 ) -> None:  # fmt: skip
     """Find the parameters that explain measured data, and how sure they are."""
     check_targets((out, TABLES, "--out"), (plot, PICTURES, "--plot"))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import click
 
-from .telling import WRONG, harmless, problems_told
+from .error_reporting import WRONG, harmless, problems_told
 
 
 @click.command("fmt")

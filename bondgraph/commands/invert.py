@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from .analysis import PICTURES, Asked, analysis, check_targets, picture_option
+from .analysis import PICTURES, AnalysisCall, analysis, check_targets, picture_option
 from .options import TABLES, settings_by_name
 
 
@@ -38,7 +38,7 @@ from .options import TABLES, settings_by_name
 )
 @picture_option("F.png", "Draw inputs and outputs along the path")
 def command(
-    asked: Asked, targets: Sequence[str], setpoints: str | None, inputs: Sequence[str], to: str | None, start: str | None, points: int,
+    asked: AnalysisCall, targets: Sequence[str], setpoints: str | None, inputs: Sequence[str], to: str | None, start: str | None, points: int,
     moving: bool, limits: Sequence[str], out: str | None, controller: str | None, plot: str | None,
 ) -> None:  # fmt: skip
     """Find inputs that give outputs: held at rest, or along a path in time."""

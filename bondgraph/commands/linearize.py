@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .analysis import Asked, analysis
+from .analysis import AnalysisCall, analysis
 from .options import inputs_option, seconds_of, state_option, time_option
 
 
@@ -12,7 +12,7 @@ from .options import inputs_option, seconds_of, state_option, time_option
 @inputs_option
 @state_option
 @time_option
-def command(asked: Asked, inputs: Sequence[str], state: str, time: str | None) -> None:
+def command(asked: AnalysisCall, inputs: Sequence[str], state: str, time: str | None) -> None:
     """Print A, B, C, D of the linear model at rest or at the start."""
     asked.answer(
         asked.model.linearize(

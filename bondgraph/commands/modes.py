@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from .analysis import PICTURES, Asked, analysis, check_targets, picture_option
+from .analysis import PICTURES, AnalysisCall, analysis, check_targets, picture_option
 from .options import seconds_of, state_option, time_option
 
 
@@ -14,7 +14,9 @@ from .options import seconds_of, state_option, time_option
 @click.option("--mechanism", metavar="NAME", help="Of this mechanism, if there are several.")
 @click.option("--shapes", type=click.IntRange(1, 60), default=6, metavar="N", help="How many shapes are drawn (6).")
 @time_option
-def command(asked: Asked, state: str, plot: str | None, mechanism: str | None, shapes: int, time: str | None) -> None:
+def command(
+    asked: AnalysisCall, state: str, plot: str | None, mechanism: str | None, shapes: int, time: str | None
+) -> None:
     """Print frequencies, damping, and where the energy of each mode is; draw their shapes."""
     check_targets((plot, PICTURES, "--plot"))
     model = asked.model

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import click
 
-from .analysis import PICTURES, Asked, analysis, check_targets, picture_option, write_all
+from .analysis import PICTURES, AnalysisCall, analysis, check_targets, picture_option, write_all
 from .options import TABLES, jobs_option, journal_option, settings_by_name, shared_out
 
 
@@ -33,7 +33,7 @@ from .options import TABLES, jobs_option, journal_option, settings_by_name, shar
 @picture_option("H.png", "Draw histograms")
 @click.option("--tornado", metavar="T.png", help="Draw what moves each quantity, and how far.")
 def command(
-    asked: Asked, vary: Sequence[str], correlations: Sequence[str], of: Sequence[str], samples: int, seed: int, indices: int | None,
+    asked: AnalysisCall, vary: Sequence[str], correlations: Sequence[str], of: Sequence[str], samples: int, seed: int, indices: int | None,
     to: str | None, jobs: int | None, journal: str | None, out: str | None, plot: str | None, tornado: str | None,
 ) -> None:  # fmt: skip
     """Tell what tolerances of parameters do to rest, frequencies or runs: statistics, Sobol indices, swings."""

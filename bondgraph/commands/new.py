@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
+from .error_reporting import harmless, problems_told
 from .options import check_target
-from .telling import harmless, problems_told
 
 
 @click.command("new")

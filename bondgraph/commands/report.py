@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
+from .error_reporting import problems_told
 from .options import check_target, file_argument, load, model_option
-from .telling import problems_told
 
 
 @click.command("report")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
+from .error_reporting import FAILED, problems_told
 from .options import check_target, echo, json_option
-from .telling import FAILED, problems_told
 
 
 @click.command("reproduce")

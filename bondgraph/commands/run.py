@@ -13,6 +13,7 @@ import click
 
 from compiler.api import SOLVERS
 
+from .error_reporting import FAILED, harmless, problems_told
 from .options import (
     TABLES,
     check_target,
@@ -26,7 +27,6 @@ from .options import (
     settings_by_name,
     shared_out,
 )
-from .telling import FAILED, harmless, problems_told
 
 if TYPE_CHECKING:
     from .. import Model

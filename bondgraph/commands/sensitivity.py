@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from .analysis import Asked, analysis, frequencies_of, over_option
+from .analysis import AnalysisCall, analysis, frequencies_of, over_option
 from .options import inputs_option, seconds_of, time_option
 
 
@@ -28,7 +28,7 @@ from .options import inputs_option, seconds_of, time_option
     "--points", type=click.IntRange(2), default=101, metavar="N", help="Instants of the run, or frequencies (101)."
 )
 def command(
-    asked: Asked, by: Sequence[str], of: Sequence[str], inputs: Sequence[str], over: str | None, time: str | None, to: str | None, points: int
+    asked: AnalysisCall, by: Sequence[str], of: Sequence[str], inputs: Sequence[str], over: str | None, time: str | None, to: str | None, points: int
 ) -> None:  # fmt: skip
     """Tell how rest, frequencies and damping, a run, A, B, C, D or a frequency response move with parameters: exact derivatives."""
     alone = [what for what in of if what not in ("equilibrium", "modes")]

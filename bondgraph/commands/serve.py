@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
+from .error_reporting import problems_told
 from .options import file_argument, model_option
-from .telling import problems_told
 
 
 @click.command("serve")

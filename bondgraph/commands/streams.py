@@ -12,7 +12,7 @@ import os
 import sys
 from typing import Any, TextIO
 
-from .telling import USAGE
+from .error_reporting import USAGE
 
 
 class Outlet(io.RawIOBase):

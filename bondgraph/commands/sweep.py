@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import click
 
-from .analysis import PICTURES, Asked, analysis, check_targets, picture_option, write_all
+from .analysis import PICTURES, AnalysisCall, analysis, check_targets, picture_option, write_all
 from .options import TABLES, jobs_option, journal_option, settings_by_name, shared_out
 
 
@@ -25,7 +25,7 @@ from .options import TABLES, jobs_option, journal_option, settings_by_name, shar
 @click.option("--out", metavar="S.csv|.npz|.nc|.mat", help="Write the table.")
 @picture_option("S.png", "Draw what was found over what was swept last")
 def command(
-    asked: Asked, over: Sequence[str], of: Sequence[str], together: bool, to: str | None, jobs: int | None, journal: str | None,
+    asked: AnalysisCall, over: Sequence[str], of: Sequence[str], together: bool, to: str | None, jobs: int | None, journal: str | None,
     out: str | None, plot: str | None,
 ) -> None:  # fmt: skip
     """Make equilibria, modes or runs at many values of parameters and inputs."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..results.ensemble import Ensemble
     from ..results.result import Result
     from ..studies.distributions import Distribution
-    from ..studies.fit_problem import Sought
+    from ..studies.fit_problem import BoundedParameter
     from ..studies.fitted import Fit
     from ..studies.measured import Measurements
     from ..studies.options import Options
@@ -101,7 +101,7 @@ class Model(Shown, AnalysedModel):
         Sobol indices, a power of two (None: up to 1024; 0: none). `workers` as in `run` (None: all cores).
         Failed points are reported and not in the statistics. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if all fail.
         """
-        from ..simulation.run import Wanted
+        from ..simulation.run import RunOptions
         from ..studies.montecarlo import Chance, montecarlo
         from ..studies.workers import Workers, workers_of
 
@@ -112,14 +112,15 @@ class Model(Shown, AnalysedModel):
             vary, options.get("correlations") or {}, samples, options.get("seed", 0), options.get("indices")
         )
         steps = (of,) if isinstance(of, str) else tuple(of)
-        wanted = Wanted(options.get("to"), 2 if "simulate" in steps else None, options.get("rtol"))
+        wanted = RunOptions(options.get("to"), 2 if "simulate" in steps else None, options.get("rtol"))
         outputs = names_of(options.get("outputs"))
         return montecarlo(
             self, chance, steps, experiment, settings or {}, outputs, wanted, workers_of(workers, Workers())
         )
 
     def fit(
-        self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | Sought], experiment: str | None = None,
+        self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | BoundedParameter],
+        experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, explain: bool | None = None,
     ) -> Fit:  # fmt: skip
         """Fit `parameters` to measured data by weighted least squares with exact derivatives; with 95 % intervals and undetermined directions.
@@ -170,7 +171,7 @@ class Model(Shown, AnalysedModel):
         """
         from ..errors import UsageError
         from ..results.archive import read_result
-        from ..simulation.run import Wanted, simulate
+        from ..simulation.run import RunOptions, simulate
 
         before = read_result(start) if isinstance(start, str | Path) else start
         if check and before is not None:
@@ -184,7 +185,7 @@ class Model(Shown, AnalysedModel):
 
         from ..simulation.repetition import check_run
 
-        def repeat(wanted: Wanted) -> Result:
+        def repeat(wanted: RunOptions) -> Result:
             return simulate(self, experiment, settings or {}, outputs, wanted)
 
         return replace(result, check=check_run(result, repeat, wanted))

@@ -47,7 +47,7 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
-class Drawn:
+class PictureFile:
     """A picture file of the page."""
 
     where: str
@@ -72,7 +72,7 @@ class Reproduction:
     values: tuple[Compared, ...]
     errata: tuple[Erratum, ...]
     tables: tuple[Table, ...] = ()
-    pictures: tuple[Drawn, ...] = ()
+    pictures: tuple[PictureFile, ...] = ()
 
     @property
     def agrees(self) -> bool:

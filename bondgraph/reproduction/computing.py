@@ -60,9 +60,8 @@ class Computing:
             return [self._value(outcome, entry, entry["what"], float(published), entry.get("point", 0))]
         if len(published) != len(outcome):
             raise UsageError(
-                "BR801",
-                f"{entry['what']}: {len(published)} values are published, and the experiment has {len(outcome)} points",
-            )
+                "BR801", f"{entry['what']}: {len(published)} values are published, and the experiment has {len(outcome)} points",
+            )  # fmt: skip
         return [
             self._value(outcome, entry, f"{entry['what']}, {_setting(outcome, i, entry)}", float(number), i)
             for i, number in enumerate(published)
@@ -73,9 +72,8 @@ class Computing:
         if name not in outcome.names or not isinstance(place, int) or not 0 <= place < len(outcome):
             known: Sequence[str] = outcome.names
             raise UsageError(
-                "BR802",
-                f"{entry['what']}: there is no `{name}` at point {place} of `{entry['experiment']}`; there is {', '.join(known)}",
-            )
+                "BR802", f"{entry['what']}: there is no `{name}` at point {place} of `{entry['experiment']}`; there is {', '.join(known)}",
+            )  # fmt: skip
         number = taken(outcome.points[place], name, entry, float(outcome(name)[place]))
         computed = in_unit(number, entry["unit"], outcome.units[name], what)
         return Compared(

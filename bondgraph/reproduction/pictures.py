@@ -7,17 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UsageError
-from .compared import Drawn
+from .compared import PictureFile
 from .computing import Computing
 
 
-def draw_all(computing: Computing, entries: Sequence[Mapping[str, Any]], page: Path, kind: str) -> tuple[Drawn, ...]:
+def draw_all(
+    computing: Computing, entries: Sequence[Mapping[str, Any]], page: Path, kind: str
+) -> tuple[PictureFile, ...]:
     """Draw each figure into `PAGE_N.KIND` in the folder of the page. Raises `UsageError`, `MissingPackage`, OSError, and as `Model.run`."""
     drawn = []
     for number, entry in enumerate(entries, 1):
         path = page.with_name(f"{page.stem}_{number}.{kind}")
         _draw(computing, entry, path)
-        drawn.append(Drawn(entry["where"], entry["what"], path.name))
+        drawn.append(PictureFile(entry["where"], entry["what"], path.name))
     return tuple(drawn)
 
 

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from typing import Any
 
     from ..results.result import Result
-    from .run import Wanted
+    from .run import RunOptions
 
 PARTS = 61
 TIGHTEST = 1e-12
 NEAR = 1e-9  # fraction of the run: an instant this near to an event may belong to either side of it
 
 
-def check_run(result: Result, repeat: Callable[[Wanted], Result], wanted: Wanted) -> RunCheck:
+def check_run(result: Result, repeat: Callable[[RunOptions], Result], wanted: RunOptions) -> RunCheck:
     """Compare a finished run with its repetition; `repeat` makes a run of the same model, experiment and settings."""
     rtol = max(result.rtol / 10, TIGHTEST)
     methods = (row.others for row in SOLVERS.values() if row.name and result.solver.startswith(row.name))

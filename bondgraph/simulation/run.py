@@ -45,7 +45,7 @@ RECENT = 4  # phases back within which one of the same program decides the metho
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class RunOptions:
     """Options of a run; each value that is not None overrides the experiment."""
 
     to: str | float | None = None
@@ -59,7 +59,7 @@ class Wanted:
     parts: int = field(default=1, kw_only=True)  # number of parts; the integrator restarts between them
 
 
-def check_wanted(wanted: Wanted) -> None:
+def check_run_options(wanted: RunOptions) -> None:
     """Raise `UsageError` for options with which no run is possible."""
     chosen_target(wanted.target)
     chosen_solver(wanted.solver)
@@ -80,7 +80,7 @@ def simulate(
     experiment: str | None,
     settings: Settings,
     outputs: tuple[str, ...] | None,
-    wanted: Wanted,
+    wanted: RunOptions,
     start: Result | None = None,
 ) -> Result:
     """Run a model with some settings. `start`: a result from which the run goes on.
@@ -102,7 +102,7 @@ def simulate(
         raise
 
 
-def _with_zeros(model: CompiledModel, scene: Scene, wanted: Wanted, start: Result | None) -> Result | None:
+def _with_zeros(model: CompiledModel, scene: Scene, wanted: RunOptions, start: Result | None) -> Result | None:
     """Run the scene in which parameters set to zero are compiled in; return None if that fails as well."""
     try:
         found = run(model, scene, {}, wanted, start)
@@ -114,7 +114,7 @@ def _with_zeros(model: CompiledModel, scene: Scene, wanted: Wanted, start: Resul
 
 
 def run(
-    model: CompiledModel, scene: Scene, values: Mapping[str, float], wanted: Wanted, start: Result | None = None
+    model: CompiledModel, scene: Scene, values: Mapping[str, float], wanted: RunOptions, start: Result | None = None
 ) -> Result:
     """Run a scene of a model; `values` are parameters set when it begins."""
     began = clock.perf_counter()
@@ -141,7 +141,7 @@ def run(
         _checked("atol", atol, *ATOL)
     bandwidth = plan.bandwidth if wanted.bandwidth is None else hertz(wanted.bandwidth)
     options = PhaseOptions(plan, rtol, atol, energy, values, solver, bandwidth, wanted.parts)
-    run = Run(made, scene, options, stop, count, began)
+    run = PhaseSequence(made, scene, options, stop, count, began)
     if start is not None:
         from .resume import resumed
 
@@ -185,7 +185,7 @@ def _conserving(scene: Scene, solver: str | None) -> Scene:
     return scene if scene.conserving == wanted else replace(scene, conserving=wanted)
 
 
-def _uncompiled(run: Run, failed: CompilationFailed) -> RunFailed:
+def _uncompiled(run: PhaseSequence, failed: CompilationFailed) -> RunFailed:
     """Return the failure of a run whose model has no equations after junctions went on or off, or after another state selection."""
     begin = run.begins_now
     off = () if begin is None or begin.off is None else begin.off
@@ -197,7 +197,7 @@ def _uncompiled(run: Run, failed: CompilationFailed) -> RunFailed:
     return found
 
 
-class Run:
+class PhaseSequence:
     """One run: its phases so far, and the beginning of the next one."""
 
     def __init__(

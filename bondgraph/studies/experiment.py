@@ -13,7 +13,7 @@ from ..simulation.settings import Settings
 from .experiment_study import ExperimentStudy
 from .options import Options
 from .point_failure import check_some_stand, why
-from .question import Question
+from .point_request import PointRequest
 from .scalar_study import compilation_notes
 from .workers import ALONE, Workers, answers
 
@@ -46,7 +46,7 @@ def run(
 
 
 def made(
-    model: AnalysedModel, asked: Question, grid: Sequence[Mapping[str, float]], workers: Workers
+    model: AnalysedModel, asked: PointRequest, grid: Sequence[Mapping[str, float]], workers: Workers
 ) -> tuple[Point, ...]:
     """Return the points of a grid; failed ones with the reason. Raises the error of the first point if all have failed."""
     found: list[Any] = answers(model, asked, grid, workers)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from compiler.api import Analysis, Differentiating, MonteCarloRequest, Study
 
 from ..analysis.outcome import Point
-from ..simulation.run import Wanted, simulate
+from ..simulation.run import RunOptions, simulate
 from .point_failure import kept
 from .scalar_study import STEPS
 from .steps import differentiated, made_of, varied
@@ -29,7 +29,7 @@ class ExperimentStudy:
     studies: tuple[Analysis, ...]
     simulates: bool
     outputs: tuple[str, ...] | None
-    wanted: Wanted
+    wanted: RunOptions
 
     def answer(self, model: AnalysedModel, point: Mapping[str, float]) -> Point | Exception:
         """Return the results at one point, or its exception, which is raised where the results are collected."""

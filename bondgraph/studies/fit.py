@@ -16,9 +16,9 @@ import numpy as np
 from ..arrays import Array
 from ..errors import RunFailed, UsageError
 from ..simulation.settings import Settings
-from .fit_problem import Problem, Sought, sought
+from .fit_problem import BoundedParameter, Problem, sought
 from .fitted import Fit, Fitted
-from .identify import OPEN, Found, directions, explanations, uncertainty
+from .identify import OPEN, SearchEnd, directions, explanations, uncertainty
 from .measured import Measurements, read_measured
 from .scalar_study import units_of
 
@@ -36,7 +36,7 @@ SAME = 1e-7  # relative to the residuals and their derivatives: difference of tw
 
 
 def fit(
-    model: AnalysedModel, files: Sequence[str | os.PathLike[str] | Measurements], given: Mapping[str, str | Sought], experiment: str | None,
+    model: AnalysedModel, files: Sequence[str | os.PathLike[str] | Measurements], given: Mapping[str, str | BoundedParameter], experiment: str | None,
     settings: Settings, explain: bool | None = None,
 ) -> Fit:  # fmt: skip
     """Return the parameters that fit the data best.
@@ -69,7 +69,7 @@ def fit(
     )  # fmt: skip
 
 
-def _checked(problem: Problem, found: Found) -> Found:
+def _checked(problem: Problem, found: SearchEnd) -> SearchEnd:
     """Check the result of a program made with the author's values against programs with the values compiled in.
 
     If they differ, the values decide more than numbers, and the search is repeated with a program for each value.
@@ -84,7 +84,7 @@ def _checked(problem: Problem, found: Found) -> Found:
     return solve(problem)
 
 
-def solve(problem: Problem, free: Sequence[int] | None = None, most: int = MOST_STEPS) -> Found:
+def solve(problem: Problem, free: Sequence[int] | None = None, most: int = MOST_STEPS) -> SearchEnd:
     """Minimise the sum of squares; among equal minima the nearest to the start. Only the parameters `free` change (None: all).
 
     Raises `RunFailed` if the model fails at the start.
@@ -114,7 +114,7 @@ def solve(problem: Problem, free: Sequence[int] | None = None, most: int = MOST_
         xtol=TOLERANCE, ftol=TOLERANCE, gtol=settled, max_nfev=most,
     )  # fmt: skip
     at = whole(done.x)
-    return Found(
+    return SearchEnd(
         at, problem.residuals(at), problem.slopes(at), bool(done.status > 0), places[done.active_mask != 0], is_open
     )
 
@@ -147,7 +147,7 @@ def _data(
     return data
 
 
-def _notes(found: Found, problem: Problem) -> list[str]:
+def _notes(found: SearchEnd, problem: Problem) -> list[str]:
     notes = []
     if problem.following:
         names = ", ".join(f"`{n}`" for n in problem.following)

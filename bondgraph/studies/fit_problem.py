@@ -12,7 +12,7 @@ import numpy as np
 
 from compiler.api import CompilationFailed
 
-from ..analysis.operating_point import Asked, operating_point
+from ..analysis.operating_point import AnalysisRequest, operating_point
 from ..analysis.run_sensitivity import run_sensitivity
 from ..analysis.sensitivity import sensitivity
 from ..arrays import Array
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Sought:
+class BoundedParameter:
     """Fit parameter with bounds in SI (None: it keeps its sign); `start` None: its value in the model."""
 
     name: str
@@ -36,7 +36,7 @@ class Sought:
     start: float | None = None
 
 
-def sought(text: str, unit: str, name: str) -> Sought:
+def sought(text: str, unit: str, name: str) -> BoundedParameter:
     """Return the fit parameter of a text: `log`, `1.5 um .. 2.5 um`, `log 1 N/m .. 100 N/m`, or nothing. Raises `UsageError`."""
     from ..quantities import quantity
 
@@ -44,19 +44,18 @@ def sought(text: str, unit: str, name: str) -> Sought:
     assert words is not None
     logarithmic, bounds = bool(words[1]), words[2]
     if not bounds:
-        return Sought(name, logarithmic=logarithmic)
+        return BoundedParameter(name, logarithmic=logarithmic)
     low, dots, high = bounds.partition("..")
     if not dots:
         raise UsageError(
-            "BR411",
-            f"{name}: bounds are written `LOW .. HIGH`, with `log` before them for a logarithmic scale; this is `{text}`",
-        )
+            "BR411", f"{name}: bounds are written `LOW .. HIGH`, with `log` before them for a logarithmic scale; this is `{text}`",
+        )  # fmt: skip
     ends = quantity(low, unit, name), quantity(high, unit, name)
     if not ends[0] < ends[1]:
         raise UsageError("BR412", f"{name}: bounds go from low to high; {ends[0]:g} is not below {ends[1]:g}")
     if logarithmic and ends[0] < 0:
         raise UsageError("BR413", f"{name}: a logarithmic scale has no bounds below zero")
-    return Sought(name, *ends, logarithmic)
+    return BoundedParameter(name, *ends, logarithmic)
 
 
 class Problem:
@@ -66,7 +65,7 @@ class Problem:
         self,
         model: CompiledModel,
         data: Sequence[Measurements],
-        given: Sequence[Sought],
+        given: Sequence[BoundedParameter],
         experiment: str | None,
         settings: Settings,
     ) -> None:
@@ -91,9 +90,8 @@ class Problem:
                 raise UsageError("BR414", f"`{s.name}` is no parameter or input with a value: it cannot be fitted")
             if not (s.low is None or s.low <= value) or not (s.high is None or value <= s.high):
                 raise UsageError(
-                    "BR415",
-                    f"{s.name}: the search begins where the model (or --set) has it, at {value:g}, which is outside of its bounds",
-                )
+                    "BR415", f"{s.name}: the search begins where the model (or --set) has it, at {value:g}, which is outside of its bounds",
+                )  # fmt: skip
             if s.logarithmic and not value > 0:
                 raise UsageError(
                     "BR416", f"{s.name}: on a logarithmic scale the search begins above zero, not at {value:g}"
@@ -233,7 +231,7 @@ class Problem:
         outputs = tuple(sorted({n for n in wanted if not OF_MODES.fullmatch(n)}))
         of = (*(("equilibrium",) if outputs else ()), *(("modes",) if len(outputs) < len(wanted) else ()))
         settings, moved = self._given(row, values)
-        asked = Asked(self.experiment, settings, outputs or None, self.names)
+        asked = AnalysisRequest(self.experiment, settings, outputs or None, self.names)
         point = operating_point(self.model, asked, moved=moved)
         told = sensitivity(point, of)
         missing = next((n for n in wanted if n not in told.quantities), None)

@@ -30,11 +30,11 @@ MOST_TRIPLES = 40  # most parameters of which sets of three are examined
 TRIED = 4  # sets of each size that are fitted
 PLAUSIBLE = 0.02  # weight: a parameter change by half costs as much as a relative residual of 1 %
 FEW_STEPS = 30
-Solve = Callable[["Problem", Sequence[int], int], "Found"]
+Solve = Callable[["Problem", Sequence[int], int], "SearchEnd"]
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchEnd:
     """End of a search: coordinates (k,), residuals (n,) over sigma, their derivatives (n, k), True if converged, mask of parameters at bounds."""
 
     coordinates: Array
@@ -90,7 +90,7 @@ class Explanation:
     left: float
 
 
-def uncertainty(problem: Problem, found: Found) -> Uncertainty:
+def uncertainty(problem: Problem, found: SearchEnd) -> Uncertainty:
     """Return the uncertainty from the covariance at the end of a search."""
     from scipy import stats
 
@@ -130,7 +130,7 @@ def _decomposed(slopes: Array) -> tuple[Array, Array, Array]:
     return u, np.concatenate([sizes, np.zeros(k - len(sizes))]), right
 
 
-def directions(problem: Problem, found: Found) -> tuple[Direction, ...]:
+def directions(problem: Problem, found: SearchEnd) -> tuple[Direction, ...]:
     """Return the directions, the weakest first."""
     _, sizes, right = _decomposed(found.slopes)
     freedom = found.count - int((sizes > OPEN * sizes.max(initial=0.0)).sum())

@@ -19,7 +19,7 @@ from ..errors import RunFailed, UsageError
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
-    from .question import Question
+    from .point_request import PointRequest
 
 SCHEMA = b"bondgraph-journal/1\n"
 _HEAD = struct.Struct("<QQ")  # number of results, length
@@ -48,7 +48,7 @@ class Journal:
         self.path = os.fspath(path)
         self._stream: BinaryIO | None = None
 
-    def begun(self, model: AnalysedModel, question: Question, points: Sequence[Any]) -> dict[int, Any]:
+    def begun(self, model: AnalysedModel, question: PointRequest, points: Sequence[Any]) -> dict[int, Any]:
         """Return the stored results by the index of their point; create the file if there is none.
 
         Raises `UsageError` for a file of another study or kind, OSError.
@@ -68,10 +68,9 @@ class Journal:
         if not content.startswith(head):
             self.close()
             raise UsageError(
-                "BR468",
-                f"`{self.path}` is the journal of another study: the model, what is asked, the points or this program have changed since;",
+                "BR468", f"`{self.path}` is the journal of another study: the model, what is asked, the points or this program have changed since;",
                 "name another file, or remove it",
-            )
+            )  # fmt: skip
         try:
             found, whole = _records(content, len(head))
         except pickle.UnpicklingError as problem:
@@ -100,10 +99,10 @@ class Journal:
         os.fsync(self._stream.fileno())
 
 
-def digest_of(model: AnalysedModel, question: Question, points: Sequence[Any]) -> bytes:
+def digest_of(model: AnalysedModel, question: PointRequest, points: Sequence[Any]) -> bytes:
     """Return the digest of all data that determine the results."""
     from ..cache import code_version
-    from .question import key_of
+    from .point_request import key_of
 
     digest = hashlib.sha256()
     files = [(str(s.path), s.text) for s in model.compilation().files]
@@ -140,7 +139,7 @@ def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:
         )
         if len(body) < length or hashlib.sha256(head + body).digest() != told:
             break
-        some = _Known(io.BytesIO(body)).load()
+        some = _JournalUnpickler(io.BytesIO(body)).load()
         if not isinstance(some, dict):
             raise pickle.UnpicklingError(type(some).__name__)
         found |= some
@@ -162,13 +161,13 @@ def _readable(answer: Any) -> Any:
     if not isinstance(answer, Exception):
         return answer
     try:
-        _Known(io.BytesIO(_packed(answer))).load()
+        _JournalUnpickler(io.BytesIO(_packed(answer))).load()
     except Exception:
         return RunFailed("BR466", f"{answer}")
     return answer
 
 
-class _Known(pickle.Unpickler):
+class _JournalUnpickler(pickle.Unpickler):
     """Unpickler of arrays and our own data classes only, so that a file cannot run code."""
 
     def find_class(self, module: str, name: str) -> Any:

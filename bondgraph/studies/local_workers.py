@@ -25,7 +25,7 @@ from ..errors import RunFailed
 
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
-    from .question import Answers, Question
+    from .point_request import Answers, PointRequest
 
 MOST_TOLD = 64  # most results in one report
 OFTEN = 0.25  # s: longest time between reports, unless a point takes longer
@@ -37,7 +37,7 @@ class Points:
     """Points from which every worker takes the next. `numbers`: indices of the missing points; `copied`: copies of this process take part."""
 
     def __init__(
-        self, model: AnalysedModel, question: Question, points: Sequence[Any], numbers: Sequence[int], copied: bool
+        self, model: AnalysedModel, question: PointRequest, points: Sequence[Any], numbers: Sequence[int], copied: bool
     ) -> None:
         self.model, self.question, self.points, self.numbers = model, question, points, numbers
         self._taken: Any = [0, 0]  # number of points taken, and 1 when the study has ended
@@ -127,7 +127,7 @@ class _Others:
 
 
 def made(
-    model: AnalysedModel, question: Question, points: Sequence[Any], numbers: Sequence[int], count: int
+    model: AnalysedModel, question: PointRequest, points: Sequence[Any], numbers: Sequence[int], count: int
 ) -> Iterator[Answers]:
     """Yield the results at the points with these indices, in reports, by `count` workers.
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import RunFailed, UsageError
-from ..simulation.run import DEFAULT_RTOL, Wanted, check_wanted
+from ..simulation.run import DEFAULT_RTOL, RunOptions, check_run_options
 from ..simulation.settings import Settings
 from .distributions import Distribution, distribution
 from .indices import Indices, indices, mixed
@@ -48,11 +48,11 @@ class Chance:
 
 def montecarlo(
     model: AnalysedModel, chance: Chance, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
-    wanted: Wanted, workers: Workers,
+    wanted: RunOptions, workers: Workers,
 ) -> MonteCarlo:  # fmt: skip
     """Run the study. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if no point of the sample has a result."""
     check_steps(of, "a study with chance")
-    check_wanted(wanted)
+    check_run_options(wanted)
     _check(chance, settings)
     units = units_of(model, tuple(chance.vary), experiment, settings)
     names = tuple(chance.vary)
@@ -176,7 +176,7 @@ def _index_notes(told: Indices | None, lost: int, rows: int) -> list[str]:
     return []
 
 
-def _noise(of: tuple[str, ...], wanted: Wanted, quantities: Sequence[str]) -> Array:
+def _noise(of: tuple[str, ...], wanted: RunOptions, quantities: Sequence[str]) -> Array:
     """Return the relative errors of quantities (m,): the tolerance for the end of a run, else 0."""
     rtol = (wanted.rtol or DEFAULT_RTOL) if "simulate" in of else 0.0
     return np.array([0.0 if n.startswith("frequency ") else rtol for n in quantities])

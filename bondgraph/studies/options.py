@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from ..simulation.run import Wanted
+from ..simulation.run import RunOptions
 
 
 @dataclass(frozen=True, slots=True)
-class Options(Wanted):
+class Options(RunOptions):
     """Options of a call for the runs of an experiment, as for `Model.simulate`."""
 
     outputs: tuple[str, ...] | None = None
 
     @property
-    def wanted(self) -> Wanted:
+    def wanted(self) -> RunOptions:
         """Options of the runs."""
-        return Wanted(**{f.name: getattr(self, f.name) for f in fields(Wanted)})
+        return RunOptions(**{f.name: getattr(self, f.name) for f in fields(RunOptions)})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..results.ensemble import Ensemble
 from ..results.result import Result
-from ..simulation.run import Wanted, check_wanted, simulate
+from ..simulation.run import RunOptions, check_run_options, simulate
 from .point_failure import check_some_stand, kept
 from .workers import Workers, answers
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class RunStudy:
     """Run at each point; a point is a mapping of settings."""
 
     experiment: str | None
     outputs: tuple[str, ...] | None
-    wanted: Wanted
+    wanted: RunOptions
 
     def answer(self, model: AnalysedModel, point: Mapping[str, str | float]) -> Result | Exception:
         """Return the result of a run, or its exception."""
@@ -33,12 +33,12 @@ class Run:
 
 
 def simulate_many(
-    model: AnalysedModel, experiment: str | None, settings: Sequence[Mapping[str, str | float]], outputs: tuple[str, ...] | None, wanted: Wanted,
+    model: AnalysedModel, experiment: str | None, settings: Sequence[Mapping[str, str | float]], outputs: tuple[str, ...] | None, wanted: RunOptions,
     workers: Workers,
 ) -> Ensemble:  # fmt: skip
     """Run a model with each of several settings. Raises `UsageError` for an error common to all, `RunBroken` for a defect in all."""
-    check_wanted(wanted)
+    check_run_options(wanted)
     points = tuple(dict(s) for s in settings)
-    found = answers(model, Run(experiment, outputs, wanted), points, workers)
+    found = answers(model, RunStudy(experiment, outputs, wanted), points, workers)
     check_some_stand(found)
     return Ensemble(points, tuple(found))

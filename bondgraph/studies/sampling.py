@@ -51,9 +51,8 @@ def correlation_matrix(names: Sequence[str], pairs: Mapping[tuple[str, str], flo
         weights = vectors[:, 0]
         told = ", ".join(f"`{names[i]}`" for i in np.argsort(-np.abs(weights)) if abs(weights[i]) > 0.1)
         raise UsageError(
-            "BR447",
-            f"no quantities are correlated like this: {told} contradict each other (the matrix has the eigenvalue {values[0]:.3g})",
-        )
+            "BR447", f"no quantities are correlated like this: {told} contradict each other (the matrix has the eigenvalue {values[0]:.3g})",
+        )  # fmt: skip
     return matrix
 
 

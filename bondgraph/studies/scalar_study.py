@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..analysis.modes import moving_frequencies
-from ..analysis.operating_point import Asked, operating_point
+from ..analysis.operating_point import AnalysisRequest, operating_point
 from ..analysis.outcome import MODES
 from ..errors import RunFailed, UsageError
-from ..simulation.run import Wanted, simulate
+from ..simulation.run import RunOptions, simulate
 from ..simulation.settings import Settings, compiled_in
 from .point_failure import kept, why
 
@@ -40,7 +40,7 @@ class ScalarStudy:
     experiment: str | None
     settings: tuple[tuple[str, str | float], ...]  # settings of the call
     outputs: tuple[str, ...] | None
-    wanted: Wanted
+    wanted: RunOptions
     most: int = MODES  # most frequencies
 
     def answer(self, model: CompiledModel, point: Mapping[str, str | float]) -> dict[str, float] | Failed:
@@ -54,7 +54,7 @@ class ScalarStudy:
         found: dict[str, float] = {}
         if "equilibrium" in self.of or "modes" in self.of:
             outputs = self.outputs if "equilibrium" in self.of else None
-            at_rest = operating_point(model, Asked(self.experiment, settings, outputs))
+            at_rest = operating_point(model, AnalysisRequest(self.experiment, settings, outputs))
             if "equilibrium" in self.of:
                 found |= dict(zip(at_rest.program.outputs.names, map(float, at_rest.outputs), strict=True))
             if "modes" in self.of:

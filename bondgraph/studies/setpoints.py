@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class SetpointStudy:
     """Request at each line: the inputs that hold its outputs."""
 
     inputs: tuple[str, ...]
@@ -64,7 +64,7 @@ def invert_file(
             "BR451", f"{name}: without a column `time [s]` each line is held at rest: there is no path to go along"
         )
     points = [dict(zip(columns, map(float, row), strict=True)) for row in np.array(list(columns.values())).T]
-    held = Held(tuple(inputs), wanted, experiment, tuple(settings.items()))
+    held = SetpointStudy(tuple(inputs), wanted, experiment, tuple(settings.items()))
     found = made(model, held, points, workers or ALONE)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in compilation.plan.report}
     swept = {n: (units | outputs)[n] for n in columns}
@@ -81,9 +81,8 @@ def _checked(
     for name, values in columns.items():
         if name.startswith(SIGMA) or OF_MODES.fullmatch(name):
             raise UsageError(
-                "BR452",
-                f"{file}: `{name}` is nothing that inputs could hold; columns are outputs, `time [s]`, and what is set",
-            )
+                "BR452", f"{file}: `{name}` is nothing that inputs could hold; columns are outputs, `time [s]`, and what is set",
+            )  # fmt: skip
         if np.isnan(values).any():
             raise UsageError("BR430", f"{file}: `{name}` is not given in every line")
         if name in sought:
@@ -99,10 +98,9 @@ def _checked(
         other = next((n for n in columns if n in units and n not in outputs), None)
         if other is not None:
             raise UsageError(
-                "BR433",
-                f"{file}: over time nothing else is set line by line;",
+                "BR433", f"{file}: over time nothing else is set line by line;",
                 f"leave out `{other}`, or set it for all",
-            )
+            )  # fmt: skip
         if (np.diff(columns["time"]) <= 0).any():
             raise UsageError("BR435", f"{file}: the column `time` does not grow from line to line")
     return wanted

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from compiler.api import Analysis, RandomParameter
 
     from ..analysed_model import AnalysedModel
-    from ..simulation.run import Wanted
+    from ..simulation.run import RunOptions
     from ..simulation.settings import Settings
     from .workers import Workers
 
@@ -34,9 +34,9 @@ def made_of(
             return _inverted(model, step, experiment, settings)
         case Fitting():
             from .fit import fit
-            from .fit_problem import Sought
+            from .fit_problem import BoundedParameter
 
-            sought = {s.name: Sought(s.name, s.low, s.high, s.logarithmic) for s in step.sought}
+            sought = {s.name: BoundedParameter(s.name, s.low, s.high, s.logarithmic) for s in step.sought}
             folder = model.source.path.parent if model.source.path is not None else Path()
             return fit(model, [folder / f for f in step.files], sought, experiment, settings, step.explain)
     raise AssertionError(step.role)
@@ -54,7 +54,7 @@ def _inverted(model: AnalysedModel, step: Inverting, experiment: str | None, set
 
 def differentiated(
     model: AnalysedModel, step: Differentiating, of: Sequence[str], beside: Sequence[Analysis], experiment: str | None, settings: Settings,
-    outputs: tuple[str, ...] | None, wanted: Wanted,
+    outputs: tuple[str, ...] | None, wanted: RunOptions,
 ) -> list[tuple[str, Any]]:  # fmt: skip
     """Return derivatives of the results of the other steps, each with its word: at equilibrium, along the run, of linear models and responses."""
     by, given, word = step.by or None, (experiment, settings), step.role
@@ -78,7 +78,7 @@ def differentiated(
 
 def varied(
     model: AnalysedModel, step: MonteCarloRequest, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
-    wanted: Wanted, workers: Workers,
+    wanted: RunOptions, workers: Workers,
 ) -> Any:  # fmt: skip
     """Return the Monte Carlo study of the results of the other steps."""
     from .montecarlo import Chance, montecarlo

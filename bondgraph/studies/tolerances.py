@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..analysis.told import finite
+from ..analysis.json_values import finite
 from ..arrays import Array
 from ..errors import UsageError
 from ..rendering import draw, text_of

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
 from .local_workers import made
-from .question import Answers, Progress, Question, key_of
+from .point_request import Answers, PointRequest, Progress, key_of
 
 if TYPE_CHECKING:
     from compiler.api import Source
@@ -42,7 +42,7 @@ class Task:
     key: str
     source: Source
     model: str | None
-    question: Question
+    question: PointRequest
     first: int
     points: tuple[Any, ...]
 
@@ -99,12 +99,11 @@ def standard(executor: Any) -> Executor | None:
         made: Executor = executor.get_executor()
         return made
     raise UsageError(
-        "BR459",
-        f"an executor has the interface of `concurrent.futures`, or is a Dask client; this is {type(executor).__name__}",
-    )
+        "BR459", f"an executor has the interface of `concurrent.futures`, or is a Dask client; this is {type(executor).__name__}",
+    )  # fmt: skip
 
 
-def answers(model: AnalysedModel, question: Question, points: Sequence[Any], workers: Workers) -> list[Any]:
+def answers(model: AnalysedModel, question: PointRequest, points: Sequence[Any], workers: Workers) -> list[Any]:
     """Return the result at each point, in order. Raises `UsageError` for invalid workers, `RunFailed` if workers died."""
     workers = workers.checked()
     found: Answers = {} if workers.journal is None else workers.journal.begun(model, question, points)
@@ -125,7 +124,7 @@ def answers(model: AnalysedModel, question: Question, points: Sequence[Any], wor
 
 
 def _reports(
-    model: AnalysedModel, question: Question, points: Sequence[Any], found: Answers, workers: Workers
+    model: AnalysedModel, question: PointRequest, points: Sequence[Any], found: Answers, workers: Workers
 ) -> Generator[Answers]:
     """Yield the missing results as soon as they are known."""
     missing = [i for i in range(len(points)) if i not in found]

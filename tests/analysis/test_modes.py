@@ -11,7 +11,7 @@ import pytest
 
 import bondgraph
 from bondgraph.analysis.modes import moving_frequencies
-from bondgraph.analysis.operating_point import Asked
+from bondgraph.analysis.operating_point import AnalysisRequest
 from bondgraph.analysis.spectrum import spectrum
 from tests.compiling import MODELS
 
@@ -92,7 +92,7 @@ class TestClosedForms:
         """1001 springs, 1000 masses, pulled at one end: at rest as the closed form says, all frequencies to 1e-11."""
         n = 1000
         model = bondgraph.load(PULLED)
-        point = model.operating_point(Asked(settings={"n": n, "pull": 2.0}))
+        point = model.operating_point(AnalysisRequest(settings={"n": n, "pull": 2.0}))
         x = dict(zip(point.program.outputs.names, point.outputs, strict=True))["x"]
         assert x == pytest.approx(2.0 * n / (n + 1) / 100, rel=1e-9)  # k and n springs of k in line
         found = np.array(moving_frequencies(point))

@@ -14,6 +14,14 @@ import networkx as nx
 from tests.compiling import ROOT
 
 PACKAGES = ("bondgraph", "compiler")
+VAGUE_LOCALS = {"found", "told", "known", "given", "wanted", "kept", "made", "seen", "held", "asked"}
+# Words that a term of the field has replaced in all names of modules, classes and functions.
+RETIRED = (
+    "Asked Because Drawn End Facts Following Found Given Handover Held InMachineCode Known Laid LeftOut Leg Look Numbers Occurrence OneByOne Pace Past "
+    "Question Sharing Shelf Sought Varying Wanted Watched Whole Wish asked asking balances bending bends choice closing crawling described door ended "
+    "everything flipping forced forms given holding instants known left_out looks nouns patience piece pieced question scatter scenery shares spin "
+    "stands stuck subject support telling traffic walls writing"
+)
 OPENS_WITH_A_QUESTION = re.compile(r"(What|Where|Which|How|Whether)\b")
 
 
@@ -112,6 +120,23 @@ def classes_of_one_name() -> dict[str, list[str]]:
             if isinstance(node, ast.ClassDef):
                 modules[node.name].append(module)
     return {name: places for name, places in modules.items() if len(places) > 1}
+
+
+def retired_names() -> list[str]:
+    """Modules, classes and functions whose whole name is a retired word."""
+    named = [(f"{module}.{n.name}", n.name) for module, n in definitions()]
+    return [place for place, name in [*named, *((m, m.rpartition(".")[2]) for m in trees())] if name in RETIRED.split()]
+
+
+def definitions() -> Iterator[tuple[str, ast.ClassDef | ast.FunctionDef]]:
+    for module, tree in trees().items():
+        yield from ((module, n) for n in ast.walk(tree) if isinstance(n, ast.ClassDef | ast.FunctionDef))
+
+
+def vague_locals() -> int:
+    """Assignments to names that do not say what they hold."""
+    nodes = (n for tree in trees().values() for n in ast.walk(tree) if isinstance(n, ast.Name))
+    return sum(isinstance(n.ctx, ast.Store) and n.id in VAGUE_LOCALS for n in nodes)
 
 
 def docstrings_that_open_with_a_question() -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.analysis.operating_point import Asked
+from bondgraph.analysis.operating_point import AnalysisRequest
 from bondgraph.errors import UsageError
 
 SPRINGS = """model T {
@@ -148,7 +148,7 @@ def test_a_tolerance_of_what_follows_is_that_of_its_state() -> None:
 def test_a_point_is_given_by_what_follows() -> None:
     model = bondgraph.load(RATIOS.format(a=1, b=2, ratio="v2 = n*v1"))
     by: Any = {"b.x": 8e-3}
-    asked = Asked(None, state=by)
+    asked = AnalysisRequest(None, state=by)
     assert model.operating_point(asked).outputs == pytest.approx([4e-3, 8e-3, 0.0], rel=1e-14)
     with pytest.raises(UsageError, match=r"`b.x` follows `a.x`: their values contradict each other"):
         model.linearize(state=by | {"a.x": 5e-3})

@@ -7,7 +7,7 @@ import pytest
 
 import bondgraph
 from bondgraph.presentation.page.bonds import bond_columns
-from bondgraph.presentation.page.runs import Watched, energies
+from bondgraph.presentation.page.runs import PageModel, energies
 from compiler.api import Junction
 from tests.compiling import MODELS
 
@@ -18,13 +18,13 @@ RUN = ["oscillator", "dc_motor", "quarter_car", "four_bar"]
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.stem))
 def test_every_bond_is_known(path) -> None:
-    found = Watched(bondgraph.load(path)).bonds
+    found = PageModel(bondgraph.load(path)).bonds
     assert all(None not in place for place in found.places)
 
 
 @pytest.mark.parametrize("name", RUN)
 def test_no_junction_keeps_power(name: str) -> None:
-    watched = Watched(bondgraph.load(MODELS / f"{name}.bg"))
+    watched = PageModel(bondgraph.load(MODELS / f"{name}.bg"))
     result = watched.simulate("")
     columns = watched.bonds.values(result.to_numpy(), len(result.time))
     graph = watched.graph
@@ -40,7 +40,7 @@ def test_no_junction_keeps_power(name: str) -> None:
 
 
 def test_the_energy_is_that_of_the_balance() -> None:
-    watched = Watched(bondgraph.load(MODELS / "oscillator.bg"))
+    watched = PageModel(bondgraph.load(MODELS / "oscillator.bg"))
     result = watched.simulate("", energy=True)
     columns = watched.bonds.values(result.to_numpy(), len(result.time))
     found = energies(watched, result.time, columns)[:, -1]
@@ -51,5 +51,5 @@ def test_the_energy_is_that_of_the_balance() -> None:
 def test_graphs_too_large_for_a_page_have_no_columns() -> None:
     parts = "\n".join(f"  1 a{i}; R r{i} : F = 1 [N*s/m]*v; a{i} -> r{i}" for i in range(401))
     model = bondgraph.load(f"model M {{\n{parts}\n}}")
-    graph = Watched(model).model.compilation(model.scene(None, free=("*",))).causal.graph
+    graph = PageModel(model).model.compilation(model.scene(None, free=("*",))).causal.graph
     assert bond_columns(graph).columns == ()

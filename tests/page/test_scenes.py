@@ -10,7 +10,7 @@ import pytest
 
 import bondgraph
 from bondgraph.presentation.diagram.mechanism_geometry import mechanism_geometry_of
-from bondgraph.presentation.page.runs import Watched
+from bondgraph.presentation.page.runs import PageModel
 from bondgraph.presentation.page.scene import scenes_of
 from bondgraph.presentation.page.shapes import modes_data
 from compiler.api import MechanismNode
@@ -49,7 +49,7 @@ def numbers(packed: dict[str, str]) -> Any:
 
 def test_amplitudes_keep_the_laws() -> None:
     """In each mode of the motor: u = R i at the winding, M = b omega at the bearing, efforts sum up around the armature."""
-    watched = Watched(bondgraph.load(MODELS / "dc_motor.bg"))
+    watched = PageModel(bondgraph.load(MODELS / "dc_motor.bg"))
     names = {n.name: i for i, n in enumerate(watched.graph.nodes)}
 
     def bond(node: str) -> int:

@@ -9,7 +9,7 @@ import pytest
 
 import bondgraph
 from bondgraph.analysis.modes import moving_frequencies
-from bondgraph.analysis.operating_point import Asked, operating_point
+from bondgraph.analysis.operating_point import AnalysisRequest, operating_point
 from bondgraph.analysis.sensitivity import balanced_step
 from tests.compiling import MODELS
 
@@ -79,7 +79,7 @@ def test_frequencies_alone_are_those_of_the_modes() -> None:
     model = bondgraph.load(MODELS / "manipulator.bg")
     settings = {"d[1]": 1.9e-6, "E[2]": "150 GPa", "f": 0.42}
     whole = model.modes(settings=settings)
-    alone = moving_frequencies(operating_point(model, Asked(settings=settings)))
+    alone = moving_frequencies(operating_point(model, AnalysisRequest(settings=settings)))
     assert alone == [m.frequency for m in whole if m.frequency > 0] and len(alone) == 6
     text = (MODELS / "manipulator.bg").read_text(encoding="utf-8")
     text = text.replace("(1.95, 1.75, 1.75)", "(1.9, 1.75, 1.75)").replace("(130, 158, 158)", "(130, 150, 158)")
@@ -97,9 +97,9 @@ VALUES = {"r": 85e-3, "l": 0.31, "beside": 90e-3, "above": 110e-3, "J": 2.2e-3, 
 def test_geometry_in_space_is_an_argument() -> None:
     """Places, axes and inertias: one program for all of them, and the rates that a text with these numbers gives."""
     model = bondgraph.load(SPATIAL)
-    asked = Asked(None, VALUES, state="start")
+    asked = AnalysisRequest(None, VALUES, state="start")
     found = operating_point(model, asked)
-    model.operating_point(Asked(None, {n: 1.01 * v for n, v in VALUES.items()}, state="start"))
+    model.operating_point(AnalysisRequest(None, {n: 1.01 * v for n, v in VALUES.items()}, state="start"))
     assert sum("lowered" in c.__dict__ for c in model._compilations.values()) == 1
     written, metres, moment = SPATIAL, "[m]", "[kg*m^2]"
     for name, unit in {
@@ -115,7 +115,7 @@ def test_geometry_in_space_is_an_argument() -> None:
             rf"\b{name} = [-0-9.e]+ (\[[^]]*\]|\w+)", f"{name} = {VALUES[name]!r} {unit}", written, count=1
         )
         assert count == 1
-    alone = bondgraph.load(written).operating_point(Asked(None, state="start"))
+    alone = bondgraph.load(written).operating_point(AnalysisRequest(None, state="start"))
     assert alone.program.states.names == found.program.states.names
     assert found.state == pytest.approx(alone.state, rel=1e-12, abs=1e-15)
     assert found.rates == pytest.approx(alone.rates, rel=1e-10, abs=1e-12)
@@ -137,8 +137,8 @@ def test_what_a_run_sets_is_refused_as_a_text_would_be(settings: dict[str, float
 def test_a_root_of_what_is_set_is_no_defect() -> None:
     """`sqrt(coupler^2 - …)` where nobody knows the lengths before the run."""
     model = bondgraph.load(MODELS / "four_bar.bg")
-    found = model.operating_point(Asked(None, {"rocker": 0.36}, state="start"))
-    alone = model.operating_point(Asked(None, {"rocker": "0.3 m + 0.06 m"}, state="start"))
+    found = model.operating_point(AnalysisRequest(None, {"rocker": 0.36}, state="start"))
+    alone = model.operating_point(AnalysisRequest(None, {"rocker": "0.3 m + 0.06 m"}, state="start"))
     assert found.rates == pytest.approx(alone.rates, rel=1e-9, abs=1e-12)
 
 

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 import bondgraph
 from bondgraph import UsageError
 from bondgraph.commands import commands
-from bondgraph.studies.fit_problem import Problem, Sought
+from bondgraph.studies.fit_problem import BoundedParameter, Problem
 from bondgraph.studies.measured import Measurements
 from tests.compiling import MODELS
 
@@ -101,7 +101,11 @@ def test_manipulators_are_found_within_their_intervals() -> None:
     random, sigmas = np.random.default_rng(0), {"x": 2e-8} | {f"frequency {i}": 1.0 for i in (1, 2, 3)}
     exact = {"x": x} | {f"frequency {i}": f[i - 1] for i in (1, 2, 3)}
     problem = Problem(
-        model, [measured({"fx": load}, exact, sigmas)], [Sought(n, start=v) for n, v in true.items()], None, {}
+        model,
+        [measured({"fx": load}, exact, sigmas)],
+        [BoundedParameter(n, start=v) for n, v in true.items()],
+        None,
+        {},
     )
     slopes = problem.slopes(problem.coordinates(problem.start))
     bound = 2 * 1.959964 * math.sqrt(np.linalg.inv(slopes.T @ slopes)[0, 0]) * true["d[1]"]

@@ -167,11 +167,11 @@ def test_a_journal_reads_no_other_nouns(name: str) -> None:
     """Nor those that modules of ours use."""
     import io
 
-    from bondgraph.studies.journal import _Known
+    from bondgraph.studies.journal import _JournalUnpickler
 
     module, _, noun = name.rpartition(".")
     with pytest.raises(pickle.UnpicklingError):
-        _Known(io.BytesIO(f"c{module}\n{noun}\n.".encode())).load()
+        _JournalUnpickler(io.BytesIO(f"c{module}\n{noun}\n.".encode())).load()
 
 
 def test_a_journal_of_what_does_not_compile_in_a_file(tmp_path: Path) -> None:

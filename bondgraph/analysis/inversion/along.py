@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
 from ..equilibrium import units_of
-from ..operating_point import Asked, OperatingPoint, operating_point
+from ..operating_point import AnalysisRequest, OperatingPoint, operating_point
 from .drives import Drive, drives_of
 from .equations import InversionEquations
 from .feed_forward import NEAR, FeedForward, within_limits
@@ -44,7 +44,7 @@ class Along:
 
 
 def invert_along(
-    model: CompiledModel, wanted: Mapping[str, Any], inputs: Sequence[str], asked: Asked, along: Along
+    model: CompiledModel, wanted: Mapping[str, Any], inputs: Sequence[str], asked: AnalysisRequest, along: Along
 ) -> FeedForward:  # fmt: skip
     """Return the inputs over time. Raises `UsageError` for impossible requests or paths that are not smooth enough, `RunFailed`, `CompilationFailed`."""
     if not along.stop > along.start or not 2 <= along.points <= MOST_POINTS:
@@ -80,10 +80,9 @@ def _refuse_jumps(point: OperatingPoint, along: Along) -> None:
     for before, after in pairwise(stretches):
         if (np.asarray(before.mode) != np.asarray(after.mode)).any():
             raise UsageError(
-                "BR303",
-                f"something in the model itself jumps at t = {after.start:.6g} s:",
+                "BR303", f"something in the model itself jumps at t = {after.start:.6g} s:",
                 "invert it before and after that",
-            )
+            )  # fmt: skip
 
 
 def _smooth_enough(path: Path, equations: InversionEquations, along: Along) -> list[str]:
@@ -120,7 +119,7 @@ def _ends(search: Search, path: Path, equations: InversionEquations, along: Alon
 
 
 def _told(
-    search: Search, equations: InversionEquations, path: Path, wanted: Mapping[str, Any], asked: Asked, found: Any, along: Along,
+    search: Search, equations: InversionEquations, path: Path, wanted: Mapping[str, Any], asked: AnalysisRequest, found: Any, along: Along,
     notes: list[str], model: CompiledModel,
 ) -> FeedForward:  # fmt: skip
     point, program = search.point, search.point.program
@@ -146,7 +145,7 @@ def _told_of(value: Any) -> str:
     return repr(float(value)) if isinstance(value, float | int) else f"{len(value[0])} points"
 
 
-def _number(model: CompiledModel, asked: Asked, name: str, value: str | float) -> float:
+def _number(model: CompiledModel, asked: AnalysisRequest, name: str, value: str | float) -> float:
     if not isinstance(value, str):
         return float(value)
     known = model.compilation(model.scene(asked.experiment, asked.settings)).whole_graph.quantities[name]
@@ -181,9 +180,8 @@ def _left(point: OperatingPoint, states: Any, times: Any, inputs: Mapping[str, A
         mode = np.asarray(program.mode_at(time, state, here, point.constants))
         if program.hybrid is not None and len(mode) and (mode != np.asarray(point.mode)).any():
             raise RunFailed(
-                "BR306",
-                f"a condition on states changes before t = {time:.6g} s: the equations are others from there on",
-            )
+                "BR306", f"a condition on states changes before t = {time:.6g} s: the equations are others from there on",
+            )  # fmt: skip
         if not program.limits:
             continue
         holds = np.asarray(program.holds(time, state, here, point.constants, point.mode))

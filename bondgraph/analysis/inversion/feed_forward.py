@@ -14,7 +14,7 @@ from ...arrays import Array
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
 from ...rendering import draw, text_of
-from ..told import finite, pair
+from ..json_values import finite, pair
 from .drives import Drive
 
 SCHEMA = "bondgraph-feed-forward/1"
@@ -127,10 +127,9 @@ def model_text(found: FeedForward, target: Path) -> str:
     """Return the text of a model beside `target`'s table. Raises `UsageError`."""
     if len(found.time) > MOST_ROWS:
         raise UsageError(
-            "BR309",
-            f"a table of a model has at most {MOST_ROWS} rows, this path has {len(found.time)} points:",
+            "BR309", f"a table of a model has at most {MOST_ROWS} rows, this path has {len(found.time)} points:",
             "ask for fewer",
-        )
+        )  # fmt: skip
     imported, name = _place(found, target), found.model
     own = "Driven" if name != "Driven" else "Controlled"
     table, outputs = target.with_suffix(".csv").name, list(found.outputs)
@@ -203,10 +202,9 @@ def _place(found: FeedForward, target: Path) -> str:
     whole, folder = found.file.resolve(), target.resolve().parent
     if not whole.is_relative_to(project_folder(target)):
         raise UsageError(
-            "BR312",
-            f"{target} would have to import {found.file}, which is not in its project folder {project_folder(target)}:",
+            "BR312", f"{target} would have to import {found.file}, which is not in its project folder {project_folder(target)}:",
             "write it beside the model",
-        )
+        )  # fmt: skip
     return Path(os.path.relpath(whole, folder)).as_posix()
 
 
@@ -234,6 +232,5 @@ def within_limits(
         if size[worst] > limit:
             unit = behind(units.get(name, "1"))
             raise RunFailed(
-                "BR314",
-                f"the path needs {size[worst]:.6g}{unit} of `{name}` at t = {times[worst]:.6g} s; it may have {limit:.6g}{unit}",
-            )
+                "BR314", f"the path needs {size[worst]:.6g}{unit} of `{name}` at t = {times[worst]:.6g} s; it may have {limit:.6g}{unit}",
+            )  # fmt: skip

@@ -36,7 +36,7 @@ WEIGHTS = np.array(
     ]
 )
 
-Wanted = Callable[[Any], Any]  # times (N,) -> (outputs, degree + 1, N)
+PrescribedOutputs = Callable[[Any], Any]  # times (N,) -> (outputs, degree + 1, N)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class Ends:
     last: Any | None
 
 
-def motion(equations: InversionEquations, times: Any, wanted: Wanted, ends: Ends) -> Motion:
+def motion(equations: InversionEquations, times: Any, wanted: PrescribedOutputs, ends: Ends) -> Motion:
     """Return the states and strengths at `times` with which the outputs follow `wanted`. Raises `RunFailed`."""
     solver = _Solver(equations, np.asarray(times, dtype=float), wanted, ends)
     found = solver.solve()
@@ -68,7 +68,7 @@ def motion(equations: InversionEquations, times: Any, wanted: Wanted, ends: Ends
 
 
 class _Solver:
-    def __init__(self, equations: InversionEquations, times: Any, wanted: Wanted, ends: Ends) -> None:
+    def __init__(self, equations: InversionEquations, times: Any, wanted: PrescribedOutputs, ends: Ends) -> None:
         self.equations, self.ends = equations, ends
         self.steps = None if equations.free == 0 else np.diff(times)
         if self.steps is not None:
@@ -92,16 +92,14 @@ class _Solver:
             if growth * self.steps.max() > LARGEST_STEP:
                 least = math.ceil((self.times[-1] - self.times[0]) * growth / LARGEST_STEP) + 1
                 raise RunFailed(
-                    "BR315",
-                    f"with these outputs prescribed something inside grows with {growth:.6g} 1/s: the steps are too long for that,",
+                    "BR315", f"with these outputs prescribed something inside grows with {growth:.6g} 1/s: the steps are too long for that,",
                     f"ask for {least} points or more, or for other outputs",
-                )
+                )  # fmt: skip
             if self.ends.last is None:
                 raise RunFailed(
-                    "BR316",
-                    f"with these outputs prescribed something inside grows with {growth:.6g} 1/s, so the path has to end at rest:",
+                    "BR316", f"with these outputs prescribed something inside grows with {growth:.6g} 1/s, so the path has to end at rest:",
                     "let it stay there for a while",
-                )
+                )  # fmt: skip
             growing = self._internal(-1, self.ends.last)[2]
         self.held = decaying, growing
         if len(decaying) + len(growing) != self.equations.free:
@@ -168,10 +166,9 @@ class _Solver:
     def _lost(self, reached: float, worst: int) -> RunFailed:
         names = ", ".join(f"`{n}`" for n in self.equations.outputs)
         return RunFailed(
-            "BR326",
-            f"no inputs were found that lead {names} along the path: Newton's method fails at t = {self.times[worst]:.6g} s, "
+            "BR326", f"no inputs were found that lead {names} along the path: Newton's method fails at t = {self.times[worst]:.6g} s, "
             f"at {100 * reached:.3g} % of the way from rest",
-        )
+        )  # fmt: skip
 
     def _newton(self, unknowns: Any, wanted: Any) -> tuple[Any | None, int]:
         before = math.inf

@@ -152,9 +152,8 @@ def curve_through(points: Any, name: str, start: float, stop: float) -> Any:
         raise UsageError("BR320", f"what is wanted of `{name}` by points are finite numbers")
     if start < times[0] or stop > times[-1]:
         raise UsageError(
-            "BR321",
-            f"the path goes from {start:.6g} s to {stop:.6g} s, and what is wanted of `{name}` by points from {times[0]:.6g} s to {times[-1]:.6g} s",
-        )
+            "BR321", f"the path goes from {start:.6g} s to {stop:.6g} s, and what is wanted of `{name}` by points from {times[0]:.6g} s to {times[-1]:.6g} s",
+        )  # fmt: skip
     still = [(k, 0.0) for k in range(1, (DEGREE + 1) // 2)]
     # unit of time: derivatives of order 9 in 1/s are too large for the system of a spline
     span = float(times[-1] - times[0])

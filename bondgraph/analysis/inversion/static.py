@@ -17,9 +17,9 @@ import numpy as np
 from ...errors import RunFailed, UsageError
 from ...rendering import text_of
 from ..equilibrium import stability, units_of
+from ..json_values import named, with_units
 from ..operating_point import OperatingPoint
 from ..sensitivity import balanced_step
-from ..told import named, with_units
 from .drives import PROBE, Drive
 
 if TYPE_CHECKING:
@@ -89,9 +89,8 @@ def rest_with(point: OperatingPoint, targets: Mapping[str, float], drives: Seque
             if step < 1.0 / STAGES:
                 share = f"{100 * reached:.3g} %"
                 raise RunFailed(
-                    "BR323",
-                    f"no inputs were found that bring {', '.join(f'`{n}`' for n in targets)} there; they came {share} of the way",
-                )
+                    "BR323", f"no inputs were found that bring {', '.join(f'`{n}`' for n in targets)} there; they came {share} of the way",
+                )  # fmt: skip
             continue
         search.point, search.strengths = found
         reached, step = reached + step, 2 * step

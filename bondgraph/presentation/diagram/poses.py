@@ -27,13 +27,13 @@ def poses_at(model: CompiledModel, experiment: str | None, at: str | float) -> t
     """
     from compiler.api import Scene, write_text
 
-    from ...simulation.run import Wanted, simulate
+    from ...simulation.run import RunOptions, simulate
 
     flat = CompiledModel(source_of(write_text(model.compilation(Scene(model.model, experiment)).whole_graph)))
     graph = flat.compilation().whole_graph
     wanted = [(m, body.name, part) for m in mechanisms(graph) for body in m.bodies for part in parts(m)]
     names = tuple(f"{m.name}.{body}.{part}" for m, body, part in wanted)
-    run = simulate(flat, None, {}, names, Wanted(at, 2))
+    run = simulate(flat, None, {}, names, RunOptions(at, 2))
     values: dict[tuple[str, str], list[float]] = {}
     for name, (mechanism, body, _) in zip(names, wanted, strict=True):
         values.setdefault((mechanism.name, body), []).append(float(run[name][-1]))

@@ -72,13 +72,13 @@ def _found(model: CompiledModel, experiment: str | None) -> PosedModes:
 
     from ...analysis.equilibrium import equilibrium
     from ...analysis.modes import modes as modes_at
-    from ...analysis.operating_point import Asked, operating_point
+    from ...analysis.operating_point import AnalysisRequest, operating_point
 
     flat = CompiledModel(source_of(write_text(model.compilation(Scene(model.model, experiment)).whole_graph)))
     graph = flat.compilation().whole_graph
     wanted = [(m.name, body.name, part) for m in mechanisms(graph) for body in m.bodies for part in parts(m)]
     names = {key: ".".join(key) for key in wanted}
-    point = operating_point(flat, Asked(outputs=tuple(names.values())))
+    point = operating_point(flat, AnalysisRequest(outputs=tuple(names.values())))
     rest, modes = equilibrium(point), [m for m in modes_at(point) if m.frequency > 0]
     return PosedModes(graph, names, rest.outputs, modes)
 

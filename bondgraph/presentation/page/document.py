@@ -15,7 +15,7 @@ from .equations import equations_markup
 from .experiments import PROBLEMS, experiment_data, experiment_names
 from .markup import Html, joined, tag
 from .picture import picture_of
-from .runs import Watched
+from .runs import PageModel
 from .shapes import modes_data
 from .text import text_markup
 
@@ -36,7 +36,7 @@ class Document:
 
 def document_of(model: AnalysedModel, live: bool = False) -> Document:
     """Return the page of a model; a live page has no runs yet, it requests them. Raises `CompilationFailed`."""
-    watched = Watched(model)
+    watched = PageModel(model)
     compilation = model.compilation(Scene(model.model, None, free=frozenset({"*"})))
     sources = _sources(model)
     picture = picture_of(compilation, sources)
@@ -52,7 +52,7 @@ def document_of(model: AnalysedModel, live: bool = False) -> Document:
     return Document(visible(watched.graph.name), joined(sections), data)
 
 
-def _modes(watched: Watched) -> tuple[list[dict[str, Any]], str]:
+def _modes(watched: PageModel) -> tuple[list[dict[str, Any]], str]:
     """Return the modes, or the reason why there are none."""
     try:
         return modes_data(watched), ""

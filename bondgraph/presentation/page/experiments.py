@@ -14,7 +14,7 @@ from ...studies.options import Options
 from ..text.tables import short, visible
 from .markup import Html, table, tag
 from .numbers import packed
-from .runs import OUTPUTS, Watched, run_data
+from .runs import OUTPUTS, PageModel, run_data
 
 if TYPE_CHECKING:
     from ...analysis.outcome import Outcome
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
 PROBLEMS = (CompilationFailed, UsageError, RunFailed, MissingPackage)
 
 
-def experiment_names(watched: Watched) -> tuple[str, ...]:
+def experiment_names(watched: PageModel) -> tuple[str, ...]:
     """Return the experiments of the model, in the order of the text."""
     model = watched.model.compilation().tree.models[watched.graph.name]
     return tuple(dict.fromkeys(s.name for s in model.statements if isinstance(s, Experiment)))
 
 
-def one_run(watched: Watched, name: str) -> bool:
+def one_run(watched: PageModel, name: str) -> bool:
     """Return True if an experiment is a single run over time."""
     scene = watched.model.scene(name)
     plan = watched.model.compilation(scene).plan
     return many_runs(plan, scene) is None and plan.stop is not None
 
 
-def experiment_data(watched: Watched, name: str, settings: Mapping[str, float] | None = None) -> dict[str, Any]:
+def experiment_data(watched: PageModel, name: str, settings: Mapping[str, float] | None = None) -> dict[str, Any]:
     """Return an experiment as data; errors are shown in its place."""
     try:
         if one_run(watched, name):

@@ -29,7 +29,7 @@ POINTS = 2001  # most instants of a plot
 
 
 @dataclass(frozen=True)
-class Watched:
+class PageModel:
     """A model with the data that a page needs of every run."""
 
     model: AnalysedModel
@@ -64,12 +64,12 @@ class Watched:
         self, experiment: str | None, settings: Mapping[str, str | float] | None = None, energy: bool = False
     ) -> Result:
         """Run an experiment. Raises as `Model.simulate`."""
-        from ...simulation.run import Wanted, simulate
+        from ...simulation.run import RunOptions, simulate
 
-        return simulate(self.model, experiment, settings or {}, self.names(experiment), Wanted(energy=energy))
+        return simulate(self.model, experiment, settings or {}, self.names(experiment), RunOptions(energy=energy))
 
 
-def run_data(watched: Watched, experiment: str | None, result: Result) -> dict[str, Any]:
+def run_data(watched: PageModel, experiment: str | None, result: Result) -> dict[str, Any]:
     """Return a run as data."""
     outputs = set(watched.outputs(experiment))
     shown = [(item, values) for item, values in result.shown() if item.name in outputs]
@@ -85,7 +85,7 @@ def run_data(watched: Watched, experiment: str | None, result: Result) -> dict[s
     }  # fmt: skip
 
 
-def _along(watched: Watched, result: Result) -> dict[str, Any]:
+def _along(watched: PageModel, result: Result) -> dict[str, Any]:
     """Return the data of diagram and mechanisms at a selection of instants."""
     kept = thinned(len(result.time))
     columns = watched.bonds.values(result.to_numpy(), len(result.time))
@@ -97,7 +97,7 @@ def _along(watched: Watched, result: Result) -> dict[str, Any]:
     }
 
 
-def energies(watched: Watched, time: Array, columns: Array) -> Array:
+def energies(watched: PageModel, time: Array, columns: Array) -> Array:
     """Return supplied, dissipated and stored energy since the start of a run, shape (3, instants), in J: powers by the trapezoidal rule."""
     import numpy as np
 
@@ -113,7 +113,7 @@ def energies(watched: Watched, time: Array, columns: Array) -> Array:
     return np.concatenate([np.zeros((3, 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
-def power_into(watched: Watched, columns: Array, around: Sequence[tuple[int, float]]) -> Any:
+def power_into(watched: PageModel, columns: Array, around: Sequence[tuple[int, float]]) -> Any:
     """Return the power that some bonds bring; None where one of them is not known."""
     total: Any = 0.0
     for bond, sign in around:

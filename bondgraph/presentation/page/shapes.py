@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..text.tables import visible
 from .numbers import packed
-from .runs import Watched
+from .runs import PageModel
 
 if TYPE_CHECKING:
     from ...analysis.modes import Mode
@@ -15,22 +15,22 @@ MOST = 24
 SHARES = 4  # most elements named
 
 
-def modes_data(watched: Watched) -> list[dict[str, Any]]:
+def modes_data(watched: PageModel) -> list[dict[str, Any]]:
     """Return the modes, slowest first. Raises as `Model.operating_point`."""
     from ...analysis.equilibrium import equilibrium
     from ...analysis.modes import modes
-    from ...analysis.operating_point import Asked
+    from ...analysis.operating_point import AnalysisRequest
 
     names = tuple(dict.fromkeys([*watched.bonds.names, *watched.scenes.names]))
     if not names:
         return []
-    point = watched.model.operating_point(Asked(None, None, outputs=names))
+    point = watched.model.operating_point(AnalysisRequest(None, None, outputs=names))
     rest = equilibrium(point).outputs
     poses = packed([rest[name] for name in watched.scenes.names], single=False)
     return [_mode(watched, mode) | {"rest": poses} for mode in modes(point)[:MOST]]
 
 
-def _mode(watched: Watched, mode: Mode) -> dict[str, Any]:
+def _mode(watched: PageModel, mode: Mode) -> dict[str, Any]:
     import numpy as np
 
     seen = mode.outputs

@@ -21,7 +21,7 @@ from ..certificate import problems_markup
 from ..document import Document, document_of
 from ..experiments import PROBLEMS, experiment_data, experiment_names, one_run
 from ..markup import Html, tag
-from ..runs import Watched, run_data
+from ..runs import PageModel, run_data
 from ..shapes import modes_data
 from ..shell import data_text
 from .cancellation import Stopped, TimedExecutor
@@ -41,7 +41,7 @@ MOST_COMPILED = 40  # most compilations in memory
 class Loaded:
     """A version of the model that compiles."""
 
-    watched: Watched
+    watched: PageModel
     document: Document
     files: tuple[Path, ...]
     base: dict[str, dict[str, float]] = field(default_factory=dict)  # experiment -> settings of each of its runs
@@ -87,7 +87,7 @@ class Session:
         text = read_text(self.path)
         model = AnalysedModel(Source(str(self.path), text, self.path), self.model)
         document = document_of(model, live=True)
-        watched = Watched(model)
+        watched = PageModel(model)
         document.data["parameters"] = parameters_of(model)
         files = tuple(s.path for s in model.compilation().files if s.path is not None)
         _settle()

@@ -12,7 +12,7 @@ Answers = dict[int, Any]  # results by the index of the point
 Progress = Callable[[int, int], None]  # called with the number of finished points, and of all
 
 
-class Question(Protocol):
+class PointRequest(Protocol):
     """Request at each point; it is sent to other processes. An error at a point is part of its result."""
 
     def answer(self, model: AnalysedModel, point: Any) -> Any: ...

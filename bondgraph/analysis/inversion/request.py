@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...quantities import quantity
-from ..operating_point import Asked, operating_point
+from ..operating_point import AnalysisRequest, operating_point
 from ..sensitivity import independent
 from .along import Along, invert_along
 from .drives import drives_of
@@ -30,7 +30,7 @@ def inverted(
     _, fixed = independent(model, names, experiment, settings)
     if along is None:
         wanted = asked_for(model, targets, experiment)
-        return invert(operating_point(model, Asked(experiment, fixed, tuple(wanted), names)), wanted, drives)
+        return invert(operating_point(model, AnalysisRequest(experiment, fixed, tuple(wanted), names)), wanted, drives)
     start, stop, points, moving, limits = along
     known = model.compilation(model.scene(experiment, fixed)).whole_graph.quantities
     most = {
@@ -38,7 +38,7 @@ def inverted(
     }
     most |= {n: 0.0 for n in limits if n not in known}  # unknown names are refused later
     path = Along(_seconds(start), _seconds(stop), points, moving, most)
-    return invert_along(model, targets, inputs, Asked(experiment, fixed), path)
+    return invert_along(model, targets, inputs, AnalysisRequest(experiment, fixed), path)
 
 
 def _seconds(time: Quantity) -> float:
