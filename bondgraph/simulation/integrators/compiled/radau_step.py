@@ -22,7 +22,8 @@ T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 NEWTON_ITERATIONS, STUBBORN, PATIENT = radau.NEWTON_ITERATIONS, radau.STUBBORN, radau.PATIENT
 UNSOLVED, SOLVED, ROUNDED, NOISE = radau.UNSOLVED, radau.SOLVED, radau.ROUNDED, radau.NOISE
-SHORTER = radau.SHORTER
+SHORTER, INFINITE = radau.SHORTER, tolerances.INFINITE
+NEARLY, UNCONVERGED, MOST_SOLVING, DAMPED = radau.NEARLY, radau.UNCONVERGED, radau.MOST_SOLVING, radau.DAMPED
 STAGNANT, ASIDE, FINEST, RINGING = tolerances.STAGNANT, tolerances.ASIDE, tolerances.FINEST, tolerances.RINGING
 BENT, NEAREST, MOST_BENDS, BEYOND = radau.BENT, radau.NEAREST, radau.MOST_BENDS, radau.BEYOND
 POWER = 0.25  # exponent of the estimate in the step size
@@ -43,6 +44,7 @@ def radau_step(s: IntegratorWorkspace) -> int:
     reason = ERROR
     rejected = 0
     bent = 0
+    unconverged = 0
     share = 1.0
     if s.known == 0:
         renew(s)
@@ -62,7 +64,10 @@ def radau_step(s: IntegratorWorkspace) -> int:
             if s.current == 0:
                 renew(s)
             else:
+                unconverged += 1
                 size *= 0.5
+                if unconverged == UNCONVERGED and has_loops(s):
+                    solve_unknowns(s, size)
             continue
         for i in range(n):
             s.new[i] = s.state[i] + s.z[2 * n + i]
@@ -81,7 +86,10 @@ def radau_step(s: IntegratorWorkspace) -> int:
                 break
             reason = NEWTON
             if s.current != 0:
+                unconverged += 1
                 size *= 0.5
+            if unconverged == UNCONVERGED:
+                solve_unknowns(s, size)
             renew(s)
             continue
         reason = ERROR
@@ -510,9 +518,9 @@ def drop_noise(s: IntegratorWorkspace, x: Floats) -> None:
 def misses(s: IntegratorWorkspace, end: float, size: float) -> bool:
     """Return True if the unknowns of loops do not solve their equations at the end of a step.
 
-    A Jacobian of another place, as of a diode that no longer conducts, may be so much too steep that iterations change nothing. Where the residual is as
-    large as before the last iteration, the Jacobian at the end gives the error. The last iteration's rates are still in `f`; those at the end replace the
-    second stage there.
+    A Jacobian of another place, as of a diode that no longer conducts, may be so much too steep that iterations change nothing. Where the residual is not
+    much smaller than before the last change, the Jacobian at the end gives the error. The last iteration's rates are still in `f`; those at the end replace
+    the second stage there.
     """
     n = s.n
     if not has_loops(s):
@@ -520,12 +528,16 @@ def misses(s: IntegratorWorkspace, end: float, size: float) -> bool:
     ahead = s.f[n:]
     rates(s, end, s.new, ahead)
     put_terms(s, s.new)
-    solved = True
+    ratio = 0.0
+    moved = 0.0
     for i in range(n):
         s.w[i] = ahead[i] if i >= s.differential else 0.0
-        if not abs(s.w[i]) <= max(ROUNDED * s.terms[i], UNSOLVED * abs(s.f[2 * n + i])):
-            solved = False
-    if solved:
+        if not abs(s.w[i]) <= ROUNDED * s.terms[i]:
+            before = abs(s.f[2 * n + i])
+            ratio = max(ratio, abs(s.w[i]) / before if before > 0.0 else INFINITE)
+        if i >= s.differential:
+            moved = max(moved, abs(s.change[i] + s.change[n + i]) * s.per_tolerance[i])
+    if ratio <= UNSOLVED and ratio * moved <= NEARLY * (1.0 - ratio):
         return False
     current = s.current
     renew_at(s, end, s.new)
@@ -539,3 +551,53 @@ def misses(s: IntegratorWorkspace, end: float, size: float) -> bool:
         if not abs(s.w[i]) * s.per_tolerance[i] <= SOLVED:
             return True
     return False
+
+
+def solve_unknowns(s: IntegratorWorkspace, size: float) -> None:
+    """Solve the equations of loops at the start of a step for their unknowns, far below the tolerance; no change where that fails.
+
+    A law as steep as a diode's may bend within a fraction of the tolerance: from unknowns so far off, no step is short enough for the iteration. Newton's
+    method is damped by the natural monotonicity test (Deuflhard, Newton Methods for Nonlinear Problems, section 3.3).
+    """
+    n = s.n
+    for i in range(n):
+        s.new[i] = s.state[i]
+        s.rest[i] = s.state[i]
+    for _ in range(MOST_SOLVING):
+        renew_at(s, s.time, s.new)
+        put_terms(s, s.new)
+        s.factorisations += 1
+        if factorise_real(s, MU_REAL / size) != FINE:
+            break
+        moved = loop_correction(s, s.new, s.error)
+        if moved <= SOLVED * SOLVED:
+            for i in range(s.differential, n):
+                s.state[i] = s.new[i] + s.error[i]
+                s.end_state[(s.ends - 1) * n + i] = s.state[i]
+            rates(s, s.time, s.state, s.rate)
+            break
+        share = 2.0
+        left = INFINITE
+        while left > (1.0 - 0.5 * share) * moved and share > DAMPED:
+            share *= 0.5
+            for i in range(s.differential, n):
+                s.rest[i] = s.new[i] + share * s.error[i]
+            left = loop_correction(s, s.rest, s.w)
+        for i in range(n):
+            s.new[i] = s.rest[i]
+    renew(s)
+
+
+def loop_correction(s: IntegratorWorkspace, y: Floats, out: Floats) -> float:
+    """Compute Newton's correction of the unknowns of loops at a state; return the largest, in units of the tolerance."""
+    rates(s, s.time, y, out)
+    drop_noise(s, out)
+    for i in range(s.differential):
+        out[i] = 0.0
+    solve_real(s, out)
+    most = 0.0
+    for i in range(s.differential, s.n):
+        part = abs(out[i]) * s.per_tolerance[i]
+        if not part <= most:
+            most = part if isfinite(part) else INFINITE
+    return most
