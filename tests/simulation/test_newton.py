@@ -10,6 +10,7 @@ from bondgraph.simulation.integrators.compiled.advance import begin, one_step
 from bondgraph.simulation.integrators.compiled.factors import ComplexFactors, Factors, room_for
 from bondgraph.simulation.integrators.compiled.projection import ProjectionWorkspace
 from bondgraph.simulation.integrators.compiled.stepper import IntegratorWorkspace
+from bondgraph.simulation.integrators.methods import RADAU
 from bondgraph.simulation.integrators.tolerances import LOOSE, allowed_estimate, creeping_tolerance, newton_tolerance
 from tests.compiling import MODELS
 
@@ -34,7 +35,7 @@ def test_a_number_that_creeps_beside_large_changes_is_no_solution() -> None:
     held.gaps = held.multipliers = 0
     places, ones = np.array([0, 1]), np.ones(2)
     solver = IntegratorWorkspace(**values | {
-        "derivative": rates, "entries": steep, "closed": held, "n": 2, "differential": 2, "entry_count": 2, "rows": places, "columns": places,
+        "method": RADAU, "derivative": rates, "entries": steep, "closed": held, "n": 2, "differential": 2, "entry_count": 2, "rows": places, "columns": places,
         "magnitude": ones, "per_unit": ones, "ratio": ones, "relative": 1e-3, "absolute": 1e-3 * ones, "state": np.zeros(2), "jacobian": np.zeros(2),
         "newton_tolerance": newton_tolerance(1e-3), "first_newton_tolerance": newton_tolerance(1e-3), "allowed_estimate": allowed_estimate(1e-3),
         "creeping_tolerance": creeping_tolerance(1e-3), "longest": np.inf, "usual": np.inf, "stop": 1.0, "until": 1.0,
