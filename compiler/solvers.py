@@ -22,6 +22,7 @@ class Solver:
     purpose: str = ""
     parts: int = 0
     estimate: int = 4
+    stages: int = 3  # most stages that are solved for together
     stiff: bool = False
     through_ends: bool = False
     conserving: bool = False  # equal steps that keep the stored energy

@@ -14,6 +14,7 @@ import numpy as np
 from compiler.api import AUTOMATIC, SOLVERS
 
 from ...errors import UsageError
+from ..integrators.compiled.fields import is_sparse
 from ..integrators.methods import EXPLICIT, METHODS, RADAU
 from ..integrators.radau import StepFailed
 from ..segments.timeline import Segment
@@ -84,6 +85,7 @@ def _obstacle(stepper: IntegrationState, refused: tuple[tuple[str, str], ...], s
         "delays": stepper.history is not None,
         "kinks": program.bends is not None,
         "size": states > LARGEST and not compiled,
+        "sparse": is_sparse(program),
     }
     return next((reason.format(most=LARGEST, states=states) for name, reason in refused if has[name]), "")
 

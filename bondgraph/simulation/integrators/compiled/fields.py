@@ -64,7 +64,10 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
     n = len(program.states.names) + len(program.unknowns.names)
     differential, entries = len(program.states.names), len(program.pattern[0])
     large = is_sparse(program)
-    order = 3 * n if METHODS[method].conserving else 0 if large else n  # size of the linear systems
+    row = METHODS[method]
+    stages = row.stages * n
+    pair = partial(room_for, ComplexFactors)
+    order = 3 * n if row.conserving else 0 if large else n  # size of the linear systems
     dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
     conditions = () if program.hybrid is None else program.hybrid.conditions
     narrow = program.time_functions is not None and bool(program.time_functions.conditions)
@@ -79,13 +82,15 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "seen": room(max(len(LOOKS), len(dop853.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),
         "ahead": 0.0, "behind": 0.0, "tried": 0.0, "comes": 0, "size": 0.0, "rate": room(n),
         "rounded": 0.0,
-        "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(3 * n), "current": 0, "known": 0, "factorised": 0, "negative": 0,
+        "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(stages), "current": 0, "known": 0, "factorised": 0, "negative": 0,
         "factorised_size": 0.0, "jacobian": room(entries), "steepness": room(n), "inner_jacobian": room(entries),
-        "inner": room_for(Factors, 0 if METHODS[method].conserving or large else n), "sparse": int(large),
-        "real": room_for(Factors, order), "complex": room_for(ComplexFactors, 0 if METHODS[method].conserving else order), "ends": 0,
+        "inner": room_for(Factors, 0 if row.conserving or large else n), "sparse": int(large),
+        "real": room_for(Factors, order), "complex": pair(0 if row.conserving else order), "ends": 0,
+        "second": pair(order if row.stages > 3 else 0), "third": pair(order if row.stages > 3 else 0),
+        "stage_count": 0, "smoothed_contraction": 0.0, "since_order": 0,
         "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
-        "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(3 * n), "w": room(3 * n), "f": room(3 * n),
-        "change": room(3 * n), "last_change": room(3 * n), "scale": room(n), "per_tolerance": room(n), "new": room(n), "error": room(n),
+        "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(stages), "w": room(stages), "f": room(stages),
+        "change": room(stages), "last_change": room(stages), "scale": room(n), "per_tolerance": room(n), "new": room(n), "error": room(n),
         "rest": room(n), "terms": room(n), "norms": room(STUBBORN), "sizes": room(STUBBORN),
         "instants": room(0), "instant_count": 0, "position": 0, "reported": room(0), "limit_count": limits, "left": whole(limits),
         "truth": room(limits), "always": int(limits > 0 and n > differential), "slope_count": 0, "slope_rows": whole(0),

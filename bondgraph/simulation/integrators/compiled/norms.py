@@ -26,13 +26,13 @@ def squares(s: IntegratorWorkspace) -> float:
     return one + two + three
 
 
-def most_left(s: IntegratorWorkspace) -> float:
+def most_left(s: IntegratorWorkspace, stages: int) -> float:
     """Return the largest further change of a single component by more iterations, from the last changes and those before, in units of the tolerance.
 
     With a Jacobian that is far too steep for it, one component changes slowly, which large changes of the others hide.
     """
     most = 0.0
-    for i in range(3):
+    for i in range(stages):
         for k in range(s.n):
             now = abs(s.change[i * s.n + k])
             before = abs(s.last_change[i * s.n + k])

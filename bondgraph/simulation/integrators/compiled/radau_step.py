@@ -252,15 +252,8 @@ def renew_at(s: IntegratorWorkspace, time: float, y: Floats) -> None:
 
 
 def first_size(
-    s: IntegratorWorkspace,
-    size: float,
-    least: float,
-    seen: int,
-    unseen: int,
-    looks: Numbers,
-    between: Numbers,
-    through: Numbers,
-) -> float:
+    s: IntegratorWorkspace, size: float, least: float, seen: int, unseen: int, looks: Numbers, between: Numbers, through: Numbers
+) -> float:  # fmt: skip
     """Return the size of the first try of a step, at most `size`: up to the end if that is near, and short enough to resolve the signals of time."""
     size = min(size, s.stop - s.time, s.longest)
     if s.time + 1.01 * size >= s.stop:
@@ -271,15 +264,8 @@ def first_size(
 
 
 def follows(
-    s: IntegratorWorkspace,
-    start: float,
-    end: float,
-    seen: int,
-    unseen: int,
-    looks: Numbers,
-    between: Numbers,
-    through: Numbers,
-) -> bool:
+    s: IntegratorWorkspace, start: float, end: float, seen: int, unseen: int, looks: Numbers, between: Numbers, through: Numbers
+) -> bool:  # fmt: skip
     """Return True if a step between two times resolves the signals of time (see `timeline.follower`).
 
     `looks`: the nodes of the step, and then the places where the polynomial through them (weights in `between`) must fit; `through`: matrix from the
@@ -386,7 +372,7 @@ def newton(s: IntegratorWorkspace, size: float) -> int:
         first = s.last_size == 0.0 and iteration + 1 < NEWTON_ITERATIONS
         asked = s.first_newton_tolerance if first else s.newton_tolerance
         left = s.contraction / (1.0 - s.contraction) * norm
-        if norm == 0.0 or (last > 0.0 and left < asked and most_left(s) < s.creeping_tolerance):
+        if norm == 0.0 or (last > 0.0 and left < asked and most_left(s, 3) < s.creeping_tolerance):
             return iteration + 1
         last = norm
         for i in range(3 * n):

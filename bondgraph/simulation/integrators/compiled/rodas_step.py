@@ -31,7 +31,7 @@ from .radau_step import (
     put_end,
     rates,
     renew,
-)
+)  # fmt: skip
 from .sparse import ANEW, SINGULAR
 from .stepper import IntegratorWorkspace
 

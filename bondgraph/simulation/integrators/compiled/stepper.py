@@ -90,7 +90,7 @@ class IntegratorWorkspace(Record):
     last_error: float
     contraction: float  # contraction of the last Newton iteration
     rounded: float  # largest rounding, in tolerances, with which a step was accepted
-    stages: Floats  # 3 n, relative to the start of the last step
+    stages: Floats  # stages n, relative to the start of the last step
     current: int  # 1 if the Jacobian belongs to this state
     known: int  # 1 if there is a Jacobian
     factorised: int
@@ -105,6 +105,11 @@ class IntegratorWorkspace(Record):
     pattern: Pattern
     real: Factors
     complex: ComplexFactors
+    second: ComplexFactors  # of methods with more than three stages
+    third: ComplexFactors
+    stage_count: int  # of the next step
+    smoothed_contraction: float
+    since_order: int  # number of steps with this many stages
     # the last three ends of steps
     ends: int
     end_time: Floats  # 3
@@ -130,11 +135,11 @@ class IntegratorWorkspace(Record):
     free_steps: int  # number of other steps since then
     # work arrays
     si: Floats  # n: states in SI
-    z: Floats  # 3 n
-    w: Floats  # 3 n
-    f: Floats  # 3 n
-    change: Floats  # 3 n
-    last_change: Floats  # 3 n: that of the last iteration
+    z: Floats  # stages n
+    w: Floats  # stages n
+    f: Floats  # stages n
+    change: Floats  # stages n
+    last_change: Floats  # stages n: that of the last iteration
     scale: Floats  # n
     per_tolerance: Floats  # n: one over the tolerances of a step
     new: Floats  # n
