@@ -44,6 +44,10 @@ _ROWS = (
     ),
     Solver("radau", "Radau IIA 5", parts=1, stiff=True, through_ends=True, others=("rodas", "radau")),
     Solver(
+        "radau13", "Radau IIA 5 to 13", "stiff models, tight tolerances", parts=4, stages=7, stiff=True, others=("rodas", "radau"),
+        refused=(("sparse", "it is for up to about 100 states and unknowns"),), refusal=(f"Radau of variable order {_CANNOT}", _OTHERS),
+    ),
+    Solver(
         "rodas", "Rodas5P", "stiff models", parts=4, stiff=True, others=("radau",),
         refused=(
             _CONSTRAINTS, ("delays", "delayed signals have no exact slope in time"),

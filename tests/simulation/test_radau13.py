@@ -1,0 +1,113 @@
+"""Radau IIA of orders 5, 9 and 13: published coefficients, order conditions, convergence, loops, events, both back-ends, and its refusal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.errors import UsageError
+from bondgraph.simulation.integrators import radau
+from bondgraph.simulation.integrators.compiled import radau13_step as source
+from bondgraph.simulation.integrators.compiled.radau13_step import coefficients
+from tests.compiling import MODELS
+from tests.published.test_stiff_problems import PUBLISHED
+
+NAME = "Radau IIA 5 to 13"
+
+
+@pytest.mark.parametrize(
+    ("stages", "published"),
+    [
+        (5, (6.286704751729276645173, 3.655694325463572258243, 6.543736899360077294021, 5.700953298671789419170, 3.210265600308549888425)),
+        (7, (8.936832788405216337302, 4.378693561506806002523, 10.16969328379501162732, 7.141055219187640105775, 6.623045922639275970621,
+             8.511834825102945723051, 3.281013624325058830036)),
+    ],
+)  # fmt: skip
+def test_eigenvalues_are_published(stages: int, published: tuple[float, ...]) -> None:
+    """Digits of the program RADAU of Hairer and Wanner: the real eigenvalue, then real and imaginary parts of the pairs."""
+    mu = np.array(coefficients(stages)[3])
+    pairs = sorted((abs(im), re) for re, im in zip(mu[1::2], mu[2::2], strict=True))
+    expected = sorted((im, re) for re, im in zip(published[1::2], published[2::2], strict=True))
+    assert mu[0] == pytest.approx(published[0], rel=1e-13)
+    assert np.array(pairs) == pytest.approx(np.array(expected), rel=1e-12)
+
+
+def test_three_stages_are_those_of_radau() -> None:
+    c, _, _, mu, estimate, within = coefficients(3)
+    assert c == pytest.approx(radau.C, rel=1e-15) and estimate == pytest.approx(radau.E, rel=1e-13)
+    assert (mu[0], abs(mu[2])) == pytest.approx((radau.MU_REAL, abs(radau.MU_COMPLEX.imag)), rel=1e-14)
+    at = 0.3
+    rows = np.array([at, at * (1 - at), at**2 * (1 - at)])
+    assert rows @ within == pytest.approx(radau.P @ [at, at**2, at**3], rel=1e-13)
+
+
+@pytest.mark.parametrize("stages", [3, 5, 7])
+def test_conditions_of_order(stages: int) -> None:
+    """Stages are exact for polynomials of their number, the end for those of degree 2 s - 2; the transformation gives that matrix."""
+    c, forth, back, mu, *_ = coefficients(stages)
+    blocks = np.zeros((stages, stages))
+    blocks[0, 0] = mu[0]
+    for k in range(1, stages, 2):
+        blocks[k : k + 2, k : k + 2] = [[mu[k], -mu[k + 1]], [mu[k + 1], mu[k]]]
+    matrix = np.linalg.inv(forth @ blocks @ back)
+    for power in range(1, stages + 1):
+        assert matrix @ c ** (power - 1) == pytest.approx(c**power / power, abs=2e-13)
+    for power in range(1, 2 * stages):
+        assert matrix[-1] @ c ** (power - 1) == pytest.approx(1 / power, abs=1e-13)
+
+
+@pytest.mark.parametrize("name", ["van_der_pol", "slider_crank"])
+def test_tight_tolerances_with_few_evaluations(name: str) -> None:
+    """Stiff relaxation, and a closed mechanism: at 1e-10 a third of the evaluations of order 5 or fewer, within 30 tolerances of a tighter run."""
+    model = bondgraph.load(MODELS / f"{name}.bg")
+    exact = model.simulate(solver="radau", rtol=1e-12)
+    fifth, found = (model.simulate(solver=solver, rtol=1e-10) for solver in ("radau", "radau13"))
+    assert found.solver.startswith(NAME) and found.evaluations["derivative"] < fifth.evaluations["derivative"] / 3
+    for column in found.columns:
+        assert np.abs(found[column.name] - exact[column.name]).max() < 3e-9 * np.abs(exact[column.name]).max()
+
+
+def test_the_order_rises_and_falls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With three stages alone, many times the steps."""
+    model = bondgraph.load(MODELS / "van_der_pol.bg")
+    steps = model.simulate(solver="radau13", rtol=1e-10, target="numpy").steps
+    monkeypatch.setattr(source, "MOST", 3)
+    assert model.simulate(solver="radau13", rtol=1e-10, target="numpy").steps > 8 * steps
+
+
+def test_both_back_ends() -> None:
+    model = bondgraph.load(MODELS / "van_der_pol.bg")
+    native, numpy = (model.simulate(solver="radau13", target=target) for target in ("native", "numpy"))
+    assert (native.solver, numpy.solver) == (f"{NAME}, native", f"{NAME}, numpy")
+    assert abs(native.steps - numpy.steps) <= 2
+    for column in native.columns:
+        largest = np.abs(native[column.name]).max()
+        assert np.abs(native[column.name] - numpy[column.name]).max() < 1e-5 * largest
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-10])
+@pytest.mark.parametrize("name", ["vdpol_mu1000", "robertson", "hires", "transistor_amplifier"])
+def test_published_digits(name: str, rtol: float) -> None:
+    """The amplifier has the unknowns of an algebraic loop."""
+    exact = np.array([float(x) for x in PUBLISHED[name]])
+    found = bondgraph.load(MODELS / "published" / f"{name}.bg").simulate(rtol=rtol, solver="radau13")
+    values = np.array([found.final(f"y{i + 1}") for i in range(len(exact))])
+    assert found.solver.startswith(NAME)
+    assert np.abs(values / exact - 1).max() < 30 * max(rtol, 1e-11)
+
+
+def test_events_are_located_within_long_steps() -> None:
+    """A motion whose velocity is reversed each time it comes back to the ground: closed form of the bounces."""
+    text = (
+        "plain model Ball { signal v = integral(-1, 1), x = integral(v, 0); when x < 0 { v = 0.5*1.0 }; output y = x }"
+    )
+    found = bondgraph.load(text).simulate(to=2.5, points=6, solver="radau13", rtol=1e-10)
+    assert [event.time for event in found.events][:1] == pytest.approx([2.0], rel=1e-10)
+    assert found["y"][-1] == pytest.approx(0.5 * 0.5 - 0.5 * 0.25, rel=1e-9)
+
+
+def test_a_model_whose_factors_are_sparse_is_refused() -> None:
+    cells = "plain model Cells { parameter n = 120; Se source : e = sin(time); 0 node[0]; source -> node[0]\n for i in 1..n { 0 node[i]; R r[i] : e = 0.1*f; C c[i] : q = 0.1*e; R l[i] : f = e + e^3; node[i-1] -> 1(r[i]) -> node[i] -> c[i], l[i] }\n output u = c[1].e }"  # fmt: skip
+    with pytest.raises(UsageError, match=r"up to about 100 states.*name `radau`"):
+        bondgraph.load(cells).simulate(to=0.5, solver="radau13")
