@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .algebra.formula import Bound
     from .algebra.operators import value_of
     from .algebra.sympy_form import to_sympy
+    from .arrays import Array, BoolArray, ComplexArray, IntArray
     from .causality import CausalGraph, Dependence, StrokeReason, dependences
     from .certificate import Certificate
     from .chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     from .graph.domains import BUNDLES, DOMAINS
     from .graph.elements import ELEMENTS, Kind, letters
     from .graph.mechanism import Body, Joint, Mechanism, freedoms_of
-    from .graph.network import BondGraph, Element, Junction, MechanismNode, Quantity, Reading
+    from .graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Quantity, Reading
     from .graph.network import Node as GraphNode
     from .persistent_cache import CacheBackend
     from .garbage_collection import uncollected

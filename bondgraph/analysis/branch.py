@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, BoolArray
+from compiler.api import Array, BoolArray
+
 from ..errors import UsageError
 from ..rendering import draw, text_of
 from .branch_steps import BranchFollower, BranchLine, BranchPlace
@@ -113,9 +114,7 @@ class Branch:
         return text_of(self)
 
 
-def follow(
-    first: OperatingPoint, name: str, low: float, high: float, points: int, most: int, branches: bool = False
-) -> Branch:
+def follow(first: OperatingPoint, name: str, low: float, high: float, points: int, most: int, branches: bool = False) -> Branch:  # fmt: skip
     """Follow a branch from an equilibrium at `low` towards `high` in steps of about 1/`points` of the range, until the parameter leaves it.
 
     `branches`: also follow the branches through its branch points, in both directions.
@@ -142,12 +141,8 @@ def follow(
 
 
 def _told(
-    first: OperatingPoint,
-    name: str,
-    places: Sequence[BranchPlace],
-    special: Sequence[tuple[str, BranchPlace]],
-    ended: str,
-) -> Branch:
+    first: OperatingPoint, name: str, places: Sequence[BranchPlace], special: Sequence[tuple[str, BranchPlace]], ended: str
+) -> Branch:  # fmt: skip
     from .equilibrium import units_of
 
     program, n = first.program, first.count

@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compiler.api import dependent_rates, evaluate
-
-from ..arrays import Array
+from compiler.api import Array, dependent_rates, evaluate
 
 if TYPE_CHECKING:
     from compiler.api import EquationSystem, Expression

@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Element, MechanismNode, letters, write_text
+from compiler.api import Array, Element, MechanismNode, letters, write_text
 
-from ..arrays import Array
 from ..compiled_model import CompiledModel, source_of
 from ..errors import UsageError
 from ..rendering import draw

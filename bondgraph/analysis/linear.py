@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..arrays import Array
+from compiler.api import Array
+
 from ..errors import MissingPackage
 from ..rendering import text_of
 from .json_values import rows_of, with_units

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, ComplexArray
+from compiler.api import Array, ComplexArray
+
 from ..errors import RunFailed, UsageError
 from ..rendering import text_of
 from .json_values import finite, pair
@@ -45,8 +46,7 @@ class ResponseSensitivity:
                 "BR209", f"there is no `{parameter}` in this sensitivity; there is {', '.join(self.parameters) or 'none'}",
             )  # fmt: skip
         i, j = self.response.outputs.index(seen), self.response.inputs.index(given)
-        found: ComplexArray = self.slopes[:, i, j, self.parameters.index(parameter)]
-        return found
+        return np.asarray(self.slopes[:, i, j, self.parameters.index(parameter)])
 
     @property
     def magnitude(self) -> Array:

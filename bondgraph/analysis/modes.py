@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Leaf, letters
+from compiler.api import Array, Leaf, letters
 
-from ..arrays import Array
 from ..rendering import text_of
 from .json_values import finite, pair
 from .linear import Linearization, linearization, state_matrix

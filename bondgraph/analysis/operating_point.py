@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Leaf, NoSlope, Tape
+from compiler.api import IntArray, Leaf, NoSlope, Tape
 
-from ..arrays import IntArray
 from ..errors import RunFailed, UsageError
 from ..prepared import Prepared
 from .json_values import named

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Array
+from compiler.api import Array
+
 from ..errors import UsageError
 from ..rendering import draw, text_of
 from .json_values import finite
@@ -149,8 +150,7 @@ class Outcome(Sequence[Point]):
         """Return a column of the table over the points. Raises `UsageError`."""
         if name not in self.names:
             raise UsageError("BR223", f"there is no `{name}` in this outcome; it has {', '.join(self.names)}")
-        column: Array = self.table()[:, self.names.index(name)]
-        return column
+        return np.asarray(self.table()[:, self.names.index(name)])
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by the schema `bondgraph-outcome/1`: {schema, model, experiment, swept: {name: unit}, points: [{settings, …}], notes}."""

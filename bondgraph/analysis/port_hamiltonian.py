@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Compilation, InternalError, Symbol, derivative, evaluate, letters
+from compiler.api import Array, Compilation, InternalError, Symbol, derivative, evaluate, letters
 
-from ..arrays import Array
 from ..errors import UsageError
 from ..simulation.monitors.energy import stored_change
 from .point import values_at

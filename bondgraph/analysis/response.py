@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, ComplexArray
+from compiler.api import Array, ComplexArray
+
 from ..errors import UsageError
 from ..rendering import draw, text_of
 from .extrema import Evaluate, Extremum, extrema
@@ -53,8 +54,7 @@ class Response:
                 raise UsageError(
                     "BR232", f"there is no {what} `{name}` in this response; there is {', '.join(known) or 'none'}"
                 )
-        found: ComplexArray = self.values[:, self.outputs.index(seen), self.inputs.index(given)]
-        return found
+        return np.asarray(self.values[:, self.outputs.index(seen), self.inputs.index(given)])
 
     @property
     def magnitude(self) -> Array:
@@ -64,8 +64,7 @@ class Response:
     @property
     def phase(self) -> Array:
         """Phase (f, m, k) in degrees, without jumps by whole turns."""
-        found: Array = np.degrees(np.unwrap(np.angle(self.values), axis=0))
-        return found
+        return np.asarray(np.degrees(np.unwrap(np.angle(self.values), axis=0)))
 
     def extrema_of(self, given: str, seen: str) -> list[Extremum]:
         """Return peaks and dips from an input to an output, rising."""

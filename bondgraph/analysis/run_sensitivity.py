@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Leaf, symbols
+from compiler.api import Array, Leaf, symbols
 
-from ..arrays import Array
 from ..errors import RunFailed, UsageError
 from ..rendering import text_of
 from .json_values import finite

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Leaf
+from compiler.api import Array, Leaf
 
-from ..arrays import Array
 from ..errors import RunFailed, UsageError
 from ..rendering import text_of
 from .json_values import finite

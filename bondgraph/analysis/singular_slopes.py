@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, IntArray
+from compiler.api import Array, IntArray
 
 FAR, NEAR = 1e-6, 1e-10  # distances from the point, in magnitudes
 GROWTH = 1.5  # of a slope from the farther to the nearer distance: a power law of exponent 0.95 grows by 1.6

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
-from typing import Any
+from typing import Any, SupportsFloat
 
 from compiler.api import (
     DOMAINS,
@@ -30,19 +30,19 @@ Value = Any  # a number, an expression of the language as text, a handle, or a s
 Ports = Mapping[str, str] | Sequence[str]  # the names of ports, with or without their domains
 
 
-def description_of(text: Any) -> str:
+def description_of(text: object) -> str:
     """Return a text that fits into one literal, which has no way to write a quotation mark or a line break."""
     if not isinstance(text, str) or '"' in text or not text.isprintable():
         raise UsageError("BR501", f"a description has no quotation marks, line breaks or control characters: {text!r}")
     return text
 
 
-def literal_of(description: Any) -> str:
+def literal_of(description: object) -> str:
     """Return a description as it follows a declaration."""
     return f' "{description_of(description)}"' if description != "" else ""
 
 
-def domain_of(domain: Any, also: Iterable[str] = ()) -> str:
+def domain_of(domain: object, also: Iterable[str] = ()) -> str:
     """Return a domain of the language."""
     known = [*DOMAINS, *also]
     if domain not in known:
@@ -63,7 +63,7 @@ def ports_of(ports: Ports) -> tuple[str, tuple[str, ...]]:
     return (f"({listed})" if listed else ""), tuple(given)
 
 
-def _one_line(text: Any, what: str) -> str:
+def _one_line(text: object, what: str) -> str:
     """Return the text on one line, without hidden characters."""
     if not isinstance(text, str):
         raise UsageError("BR505", f"{what} is a text of the language, not {text!r}")
@@ -73,21 +73,21 @@ def _one_line(text: Any, what: str) -> str:
     return line
 
 
-def expression_of(text: Any, what: str) -> str:
+def expression_of(text: object, what: str) -> str:
     """Return one expression of the language."""
     line = _one_line(text, what)
     parse_expression(Source(what, line))
     return line
 
 
-def law_of(text: Any, what: str) -> str:
+def law_of(text: object, what: str) -> str:
     """Return one law of the language."""
     line = _one_line(text, what)
     parse_law(Source(what, line))
     return line
 
 
-def path_of(text: Any) -> str:
+def path_of(text: object) -> str:
     """Return a dotted name; handles have theirs."""
     line = _one_line(str(text) if isinstance(text, Part | NamedQuantity) else text, "a path")
     found = parse_expression(Source("path", line))
@@ -96,14 +96,14 @@ def path_of(text: Any) -> str:
     return found.words
 
 
-def unit_of(unit: Any, what: str) -> str:
+def unit_of(unit: object, what: str) -> str:
     """Return one unit of the language."""
     line = _one_line(unit, what)
     read_unit(Source(what, line))
     return line
 
 
-def mapping_of(given: Any, what: str) -> Mapping[Any, Any]:
+def mapping_of(given: object, what: str) -> Mapping[Any, Any]:
     """Return a mapping from names to values."""
     if not isinstance(given, Mapping):
         raise UsageError("BR508", f"{what} is a mapping, {{name: value}}, not {given!r}")
@@ -130,12 +130,12 @@ def is_one_number(text: str) -> bool:
     return isinstance(parse_expression(Source("value", text)), Literal)
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> bool:
     """Return True if the value is a real number, of Python or numpy."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def _number(value: Any, what: str, unit: str, declared: bool) -> str:
+def _number(value: SupportsFloat, what: str, unit: str, declared: bool) -> str:
     """Return a number as text that reads back as the same double."""
     try:
         number = float(value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, TypedDict, Unpack
+from typing import TypedDict, Unpack
 
 from compiler.api import BUNDLES, ELEMENTS, braces, letters
 
@@ -163,7 +163,7 @@ class Elements:
                     raise UsageError("BR515", f"`{word}` of `{name}` is one of {', '.join(CAUSALITIES)}, not {side!r}")
                 yield f"{word} = {side}"
 
-    def _with_unit(self, value: Any, what: str) -> str:
+    def _with_unit(self, value: Value, what: str) -> str:
         if is_number(value) and value != 0 and not self.plain:
             raise UsageError("BR516", f"{what}: a number needs its unit here, as text: '1 mm', not {value!r}")
         return value_of(value, what)

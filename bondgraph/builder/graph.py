@@ -40,9 +40,7 @@ class Graph(Elements):
     at their place.
     """
 
-    def __init__(
-        self, name: str, description: str = "", *, plain: bool = False, folder: str | Path | None = None
-    ) -> None:
+    def __init__(self, name: str, description: str = "", *, plain: bool = False, folder: str | Path | None = None) -> None:  # fmt: skip
         self.name = model_name_of(name)
         self.description = description_of(description)
         self.plain = plain
@@ -215,11 +213,12 @@ class Graph(Elements):
         for tails, heads in pairwise(groups):
             self._bonds += [(tail, arrow, head) for tail in tails for head in heads]
 
-    def _group(self, places: Any) -> list[str]:
-        several = isinstance(places, Sequence) and not isinstance(places, str)
-        return [self._place(p) for p in places] if several else [self._place(places)]
+    def _group(self, places: object) -> list[str]:
+        if isinstance(places, Sequence) and not isinstance(places, str):
+            return [self._place(p) for p in places]
+        return [self._place(places)]
 
-    def _place(self, place: Any) -> str:
+    def _place(self, place: object) -> str:
         if isinstance(place, str):
             return path_of(place)
         if not isinstance(place, Part | Multibody):

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
+
+from compiler.api import Array, IntArray
 
 LONGEST = 0.1  # step, in units of the variables
 FIRST = 1e-3
@@ -33,24 +35,24 @@ AT_FOLD = 1e-7  # size of the last corrector step there
 class Rows(Protocol):
     """Equations of a pose: values, shape (m,), and derivatives, shape (m, n), at z, shape (n,)."""
 
-    def values(self, z: Any) -> Any: ...
+    def values(self, z: Array) -> Array: ...
 
-    def slopes(self, z: Any) -> Any: ...
+    def slopes(self, z: Array) -> Array: ...
 
 
 @dataclass(frozen=True, slots=True)
 class SolutionPath:
     """Values of all rows at a share of the path, and their derivatives by the share."""
 
-    at: Callable[[float], Any]
-    slope: Callable[[float], Any]
+    at: Callable[[float], Array]
+    slope: Callable[[float], Array]
 
 
 @dataclass(frozen=True, slots=True)
 class Followed:
     """End of a path: z, the share reached, and, below 1, True in `fold` if the path turns back there (otherwise branches meet)."""
 
-    z: Any
+    z: Array
     share: float
     fold: bool = False
 
@@ -64,24 +66,24 @@ class Followed:
 class TangentFrame:
     """Derivatives at a point of the path, the independent rows among them, the free directions, and the tangent."""
 
-    slopes: Any
-    rows: Any
-    free: Any
-    tangent: Any
+    slopes: Array
+    rows: IntArray
+    free: Array
+    tangent: Array
 
-    def bordered(self, slopes: Any) -> tuple[float, float]:
+    def bordered(self, slopes: Array) -> tuple[float, float]:
         """Return the sign of the determinant and the smallest singular value of derivatives bordered by the free directions of this point."""
         matrix = np.concatenate([slopes[self.rows], self.free])
         values = np.linalg.svd(matrix, compute_uv=False)
         return float(np.linalg.slogdet(matrix)[0]), float(values.min(initial=np.inf))
 
 
-def straight(begin: Any, end: Any) -> SolutionPath:
+def straight(begin: Array, end: Array) -> SolutionPath:
     """Return the path on which all rows change proportionally."""
     return SolutionPath(lambda s: begin + s * (end - begin), lambda _: end - begin)
 
 
-def follow(rows: Rows, z: Any, path: SolutionPath) -> Followed:
+def follow(rows: Rows, z: Array, path: SolutionPath) -> Followed:
     """Return the solution at s = 1 that continues z, which solves the rows at s = 0; or the point at which the path ends before."""
     share, size = 0.0, FIRST
     z = polished(rows, z, path.at(0.0))
@@ -112,7 +114,7 @@ def follow(rows: Rows, z: Any, path: SolutionPath) -> Followed:
     return Followed(z, share, grown)
 
 
-def newton(rows: Rows, z: Any, wanted: Any, most: int = NEWTON, close: float = CONVERGED) -> tuple[Any, list[float]]:
+def newton(rows: Rows, z: Array, wanted: Array, most: int = NEWTON, close: float = CONVERGED) -> tuple[Array, list[float]]:  # fmt: skip
     """Return the solution of rows(z) = wanted by minimum-norm steps, and the sizes of these; the last one exceeds `close` if it fails."""
     moves: list[float] = []
     for _ in range(most):
@@ -126,20 +128,19 @@ def newton(rows: Rows, z: Any, wanted: Any, most: int = NEWTON, close: float = C
     return z, moves
 
 
-def polished(rows: Rows, z: Any, wanted: Any) -> Any:
+def polished(rows: Rows, z: Array, wanted: Array) -> Array:
     """Return the solution to rounding, from a close one."""
     return newton(rows, z, wanted, close=0.0)[0]
 
 
-def shortest(slopes: Any, miss: Any) -> Any:
+def shortest(slopes: Array, miss: Array) -> Array:
     """Return the minimum-norm step that cancels a residual."""
-    step, *_ = np.linalg.lstsq(slopes, miss, rcond=RANK)
-    return step
+    return np.asarray(np.linalg.lstsq(slopes, miss, rcond=RANK)[0])
 
 
 def _step(
-    rows: Rows, z: Any, path: SolutionPath, share: float, size: float, here: TangentFrame
-) -> tuple[Any, TangentFrame, float] | None:
+    rows: Rows, z: Array, path: SolutionPath, share: float, size: float, here: TangentFrame
+) -> tuple[Array, TangentFrame, float] | None:
     """Return the next point of the path, its frame, and the measure of its bend; None if the step is too long."""
     ahead = 1.0 if share + size >= 1.0 else share + size
     predicted = z + size * here.tangent
@@ -158,14 +159,14 @@ def _step(
     return found, there, moves[0] / moved if moved > 0 else 0.0
 
 
-def _frame(rows: Rows, z: Any, pull: Any, before: TangentFrame | None = None) -> TangentFrame:
+def _frame(rows: Rows, z: Array, pull: Array, before: TangentFrame | None = None) -> TangentFrame:
     """Return the frame at a point of the path; `pull`: the derivatives of the rows along the path."""
     slopes = rows.slopes(z)
     independent, free = split(slopes, 0 if before is None else len(before.rows))
     return TangentFrame(slopes, independent, free, shortest(slopes, pull))
 
 
-def split(slopes: Any, least: int = 0, small: float = RANK) -> tuple[Any, Any]:
+def split(slopes: Array, least: int = 0, small: float = RANK) -> tuple[IntArray, Array]:
     """Return the independent rows of a Jacobian, shape (m, n), at least `least` of them, and an orthonormal basis (rows) of its null space."""
     from scipy.linalg import qr
 

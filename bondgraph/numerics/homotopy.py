@@ -8,9 +8,10 @@ turning point. Steps are measured in the sizes of the unknowns, the equations in
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
+
+from compiler.api import Array
 
 STEPS = 200  # most steps in each direction
 CORRECTIONS = 6
@@ -20,10 +21,10 @@ CLOSE = 1e-6  # distance from the curve, in the same measure
 GROWTH = 2.0
 STRAIGHT = 0.7  # least cosine between two tangents: at a sharper bend it may have jumped to another branch
 
-Function = Callable[[Any], Any]
+Function = Callable[[Array], Array]
 
 
-def follow(residual: Function, matrix: Function, guess: Any, magnitude: Any) -> Any:
+def follow(residual: Function, matrix: Function, guess: Array, magnitude: Array) -> Array | None:
     """Return a point near a solution, shape (n,), from which Newton's method converges; None if the curve does not reach one."""
     rest = residual(guess)
     slopes = matrix(guess)
@@ -40,7 +41,7 @@ def follow(residual: Function, matrix: Function, guess: Any, magnitude: Any) -> 
     return _walk(curve, start, -way) if onwards is None else onwards
 
 
-def _walk(curve: _Curve, point: Any, way: Any) -> Any:
+def _walk(curve: _Curve, point: Array, way: Array) -> Array | None:
     """Follow the curve from a point until the share is 1; return None if it does not get there."""
     step = FIRST
     for _ in range(STEPS):
@@ -49,7 +50,7 @@ def _walk(curve: _Curve, point: Any, way: Any) -> Any:
         length = step * max(1.0, float(np.abs(point[:-1]).max(initial=0.0)))  # far away the steps are larger
         found = curve.corrected(point + length * way, way)
         onwards = None if found is None else curve.tangent(found, way)
-        if onwards is None or not onwards @ way > STRAIGHT:
+        if found is None or onwards is None or not onwards @ way > STRAIGHT:
             step *= 0.5
             continue
         if found[-1] >= 1:
@@ -62,28 +63,28 @@ class _Curve:
     """Points (y, share): z = guess + magnitude y, with F(z) = (1 - share) F(guess)."""
 
     def __init__(
-        self, residual: Function, matrix: Function, guess: Any, rest: Any, rows: Any, magnitude: Any
+        self, residual: Function, matrix: Function, guess: Array, rest: Array, rows: Array, magnitude: Array
     ) -> None:  # fmt: skip
         self.residual, self.matrix, self.guess = residual, matrix, guess
         self.rest, self.rows, self.magnitude = rest, rows, magnitude
 
-    def unknowns(self, point: Any) -> Any:
+    def unknowns(self, point: Array) -> Array:
         return self.guess + self.magnitude * point[:-1]
 
-    def distance(self, point: Any) -> Any:
-        return (self.residual(self.unknowns(point)) - (1 - point[-1]) * self.rest) / self.rows
+    def distance(self, point: Array) -> Array:
+        return np.asarray((self.residual(self.unknowns(point)) - (1 - point[-1]) * self.rest) / self.rows)
 
-    def slopes(self, point: Any) -> Any:
+    def slopes(self, point: Array) -> Array:
         """Return the Jacobian of the curve's equations, shape (n, n + 1)."""
         inner = self.matrix(self.unknowns(point)) * self.magnitude
         return np.column_stack([inner, self.rest]) / self.rows[:, None]
 
-    def tangent(self, point: Any, before: Any) -> Any:
+    def tangent(self, point: Array, before: Array) -> Array | None:
         """Return the unit tangent of the curve in the direction of the one before; None if there is none."""
         slopes = self.slopes(point)
         return self._solved(slopes, before, np.append(np.zeros(len(slopes)), 1.0), True)
 
-    def corrected(self, point: Any, way: Any) -> Any:
+    def corrected(self, point: Array, way: Array) -> Array | None:
         """Return the point of the curve near a predicted one, perpendicular to the direction; None if Newton's method fails."""
         last = np.inf
         for _ in range(CORRECTIONS):
@@ -101,7 +102,7 @@ class _Curve:
         return None
 
     @staticmethod
-    def _solved(slopes: Any, way: Any, right: Any, unit: bool) -> Any:
+    def _solved(slopes: Array, way: Array, right: Array, unit: bool) -> Array | None:
         whole = np.vstack([slopes, way])
         sizes = np.abs(whole).max(axis=1)
         if not (np.isfinite(whole).all() and np.isfinite(right).all() and (sizes > 0).all()):

@@ -7,9 +7,10 @@ last coefficients are small beside all others has converged: an oscillation that
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+
+from compiler.api import Array, BoolArray
 
 PLACES = 12  # number of places of a part of a step, with both ends
 NODES = np.cos(np.pi * np.arange(PLACES - 1, -1, -1) / (PLACES - 1))
@@ -29,33 +30,32 @@ EXACT = 1e-9  # relative to the variation: a smaller part does not reduce this e
 class Interpolants:
     """Polynomials of all indicators on a part of a step: coefficients (PLACES, conditions), error and variation of each (conditions,)."""
 
-    values: Any
-    coefficients: Any
-    error: Any
-    variation: Any
+    values: Array
+    coefficients: Array
+    error: Array
+    variation: Array
 
     @classmethod
-    def through(cls, values: Any) -> Interpolants:
+    def through(cls, values: Array) -> Interpolants:
         """Return the polynomials through the values at the places; shape (PLACES, conditions)."""
         coefficients = COEFFICIENTS @ np.where(np.isfinite(values), values, 0.0)
         size = np.abs(coefficients)
         return cls(values, coefficients, size[-LAST:].sum(axis=0), size[1:].sum(axis=0))
 
     @property
-    def converged(self) -> Any:
+    def converged(self) -> BoolArray:
         """Mask of the polynomials that are accurate between their places."""
         return (self.error <= CONVERGED * self.variation) & np.isfinite(self.values).all(axis=0)
 
-    def far(self, floor: Any) -> Any:
+    def far(self, floor: Array) -> BoolArray:
         """Return a mask of the indicators without a zero: the mean exceeds all variation, all values are below rounding, or no value is finite."""
         middle = np.abs(self.coefficients[0])
         around = np.where(self.converged, self.variation + SURE * self.error, 2 * self.variation)
         still = (np.abs(self.values) < floor).all(axis=0)
-        return (
-            ((middle > around) & np.isfinite(self.values).all(axis=0)) | still | ~np.isfinite(self.values).any(axis=0)
-        )
+        finite = np.isfinite(self.values)
+        return np.asarray(((middle > around) & finite.all(axis=0)) | still | ~finite.any(axis=0))
 
-    def dips(self, values: Any, first: bool) -> Any:
+    def dips(self, values: Array, first: bool) -> BoolArray:
         """Return a mask of the grid places near which a polynomial, with these values there, may touch or cross zero; shape as the values.
 
         `first`: the part begins a step, where a root may be zero, as after an event.

@@ -6,9 +6,11 @@ alone, and for some mixtures that are the same in every run. Some hundred guesse
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
+
+from compiler.api import Array
 
 ITERATIONS = 60
 HALVINGS = 8
@@ -23,14 +25,14 @@ class SquareSystem(Protocol):
     """As many equations as unknowns, for many points at once: z has shape (…, n), and so has the residual; the matrix (…, n, n)."""
 
     @property
-    def magnitude(self) -> Any: ...
+    def magnitude(self) -> Array: ...
 
-    def residual(self, z: Any) -> Any: ...
+    def residual(self, z: Array) -> Array: ...
 
-    def matrix(self, z: Any) -> Any: ...
+    def matrix(self, z: Array) -> Array: ...
 
 
-def guesses(known: Any) -> Any:
+def guesses(known: Array) -> Array:
     """Return guesses around known values; shape (guesses, unknowns)."""
     count = len(known)
     size = np.where(known != 0, np.abs(known), 1.0)
@@ -38,8 +40,8 @@ def guesses(known: Any) -> Any:
     together = [s * r * signed for r in AROUND for s in (1, -1)] + [
         s * u * np.ones(count) for u in UNITS for s in (1, -1)
     ]
-    alone: list[Any] = []
-    mixed: list[Any] = []
+    alone: list[Array] = []
+    mixed: list[Array] = []
     if count > 1:
         unit = np.eye(count)
         shares = (*(s * r for r in AROUND[::6] for s in (1, -1)), 0.0)
@@ -49,14 +51,14 @@ def guesses(known: Any) -> Any:
     return np.array([*together, *mixed, *alone])[: max(8, ENTRIES // count**2)]
 
 
-def far_guesses(count: int) -> Any:
+def far_guesses(count: int) -> Array:
     """Return mixtures over many decades, in which the steepest law dominates; shape (guesses, unknowns)."""
     random = np.random.default_rng(1)
     shape = (min(FAR, max(8, ENTRIES // count**2)), count)
     return random.choice((-1, 1), shape) * 10 ** random.uniform(-3, 6, shape)
 
 
-def arrivals(equations: SquareSystem, guesses: Any) -> Any:
+def arrivals(equations: SquareSystem, guesses: Array) -> list[Array]:
     """Return the points to which Newton's method, damped by halving, converges; guesses that do not converge are dropped."""
     z, done = np.array(guesses, dtype=float), []
     value = equations.residual(z)
@@ -73,7 +75,7 @@ def arrivals(equations: SquareSystem, guesses: Any) -> Any:
     return done
 
 
-def _steps(equations: SquareSystem, z: Any, value: Any) -> tuple[Any, Any, Any, Any]:
+def _steps(equations: SquareSystem, z: Array, value: Array) -> tuple[Array, Array, Array, Array]:
     """Return Newton's steps, with the scales of the rows, for the guesses that have one."""
     matrix = equations.matrix(z) * equations.magnitude
     scale = np.abs(matrix).max(axis=-1, initial=0.0)
@@ -86,7 +88,7 @@ def _steps(equations: SquareSystem, z: Any, value: Any) -> tuple[Any, Any, Any, 
     return z, value, scale, step
 
 
-def _damped(equations: SquareSystem, z: Any, value: Any, scale: Any, step: Any) -> tuple[Any, Any]:
+def _damped(equations: SquareSystem, z: Array, value: Array, scale: Array, step: Array) -> tuple[Array, Array]:
     """Return the guesses after a step; each step is halved until the residual falls, otherwise its guess is dropped."""
     norm = np.linalg.norm(value / scale, axis=1)
     moved, found = np.full_like(z, np.nan), np.full_like(value, np.nan)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from ..arrays import Array
+from compiler.api import Array
+
 from ..errors import RunFailed, UsageError
 
 if TYPE_CHECKING:

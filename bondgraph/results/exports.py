@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..arrays import Array
+from compiler.api import Array
+
 from ..errors import MissingPackage, UsageError
 from ..files import replacing, write_text
 

@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from ..arrays import Array
 from ..errors import MissingPackage, UnknownOutput
 from ..files import replacing
 from ..rendering import draw, text_of
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     import xarray
     from numpy.typing import NDArray
 
-    from compiler.api import Certificate
+    from compiler.api import Array, Certificate
 
     from .checkpoint import Checkpoint
     from .exports import Arrays

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import AUTOMATIC
+from compiler.api import AUTOMATIC, Array
 
 from ..errors import NotLossless, RateNotFinite, RunFailed, StepsCollapsed, UsageError
 from ..results.checkpoint import Checkpoint
@@ -64,7 +64,7 @@ class Phase:
     def __init__(
         self,
         compilation: Prepared,
-        instants: Any,
+        instants: Array,
         options: PhaseOptions,
         begin: PhaseTransition | None = None,
         companion: Companion | None = None,
@@ -186,7 +186,7 @@ class Phase:
         return full, notes
 
     def _at_rest(
-        self, compilation: Prepared, constraints: Constraints, full: Any, first: Segment, horizon: float
+        self, compilation: Prepared, constraints: Constraints, full: Array, first: Segment, horizon: float
     ) -> tuple[Any, Segment]:  # fmt: skip
         """Return the equilibrium reached from a consistent state, and the first segment with the mode that holds there. Raises `RunFailed`."""
         from .equilibrium.search import equilibrium
@@ -208,7 +208,7 @@ class Phase:
         return full, first
 
     @staticmethod
-    def _check_rest(state: Any, rest: Any, mode: Any, assumed: Any) -> None:
+    def _check_rest(state: Array, rest: Array, mode: Array, assumed: Any) -> None:
         """Raise `RunFailed` where ideal diodes or switches turn on or off at an equilibrium that was computed in another mode."""
         if not np.array_equal(mode, assumed) or not np.allclose(state, rest, rtol=1e-9, atol=0.0):
             raise RunFailed(
@@ -275,7 +275,7 @@ class Phase:
         """Return magnitudes of all states and unknowns."""
         mechanisms = self.compilation.facts.mechanisms
 
-        def found_with(choice: PilotObservation, largest: Any = 0.0) -> Magnitudes:
+        def found_with(choice: PilotObservation, largest: Array | float = 0.0) -> Magnitudes:
             return nominal_magnitudes(
                 self.program, mechanisms, self.constants, self.looked_from, self.inputs, self.stretches, choice,
                 self.constraints, largest,
@@ -372,12 +372,12 @@ class Phase:
             return None
         from .truncation.mode_truncation import Leaving
 
-        def restart(state: Any) -> None:
+        def restart(state: Array) -> None:
             self.looked_from = state
 
         return Leaving(self.bandwidth, float(self.instants[-1] - self.instants[0]), restart)
 
-    def _modes(self, mode: Any) -> dict[str, float]:
+    def _modes(self, mode: Array) -> dict[str, float]:
         """Return the discrete variables that only events change, by name."""
         hybrid = self.program.hybrid
         return {} if hybrid is None or mode is None else dict(zip(hybrid.modes.names, map(float, mode), strict=False))
@@ -521,10 +521,10 @@ class Phase:
         """Return the slice of the reported instants that lie in a segment."""
         return slice(*np.searchsorted(self.instants, (stretch.start, stretch.stop)).tolist())
 
-    def _output(self, times: Any, states: Any, mode: Any) -> Any:
+    def _output(self, times: Array | float, states: Array, mode: Array) -> Any:
         return self.program.output(times, states, self.inputs, self.constants, mode)
 
-    def _powers(self, times: Any, states: Any, mode: Any) -> Any:
+    def _powers(self, times: Array | float, states: Array, mode: Array) -> Any:
         return self.program.powers(times, states, self.inputs, self.constants, mode)
 
     def _balance(self) -> EnergyBalance:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compiler.api import AUTOMATIC, SOLVERS
+from compiler.api import AUTOMATIC, SOLVERS, Array
 
 from ..errors import RunFailed, UsageError
 from ..results.run_check import FACTOR, OutputDifference, RunCheck
@@ -58,7 +58,7 @@ def compare(result: Result, other: Result, rtol: float) -> RunCheck:
     return RunCheck(other.solver, rtol, PARTS, tuple(rows), (len(first), len(second)), shift, allowed)
 
 
-def _clear(times: Any, events: Any, margin: float) -> Any:
+def _clear(times: Array, events: Any, margin: float) -> Any:
     """Return a mask (n,) of the reported instants that are not near an event."""
     clear = np.ones(len(times), dtype=bool)
     if len(events):

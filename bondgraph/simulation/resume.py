@@ -12,7 +12,7 @@ from ..errors import UsageError
 from .segments.transition import PhaseTransition
 
 if TYPE_CHECKING:
-    from compiler.api import Scene
+    from compiler.api import Array, Scene
 
     from ..prepared import Prepared
     from ..results.checkpoint import Checkpoint
@@ -29,7 +29,7 @@ def resumed(
     values: Mapping[str, float],
     prepared: Prepared,
     energy: bool,
-    instants: Any,
+    instants: Array,
 ) -> tuple[Scene, PhaseTransition, Any]:
     """Return the scene and the handover from which the run goes on, and its remaining output instants. Raises `UsageError`."""
     end = before.checkpoint
@@ -63,9 +63,7 @@ def resumed(
     return scene, begin, left
 
 
-def _check_model(
-    before: Result, end: Checkpoint, prepared: Prepared, values: Mapping[str, float], energy: bool
-) -> None:
+def _check_model(before: Result, end: Checkpoint, prepared: Prepared, values: Mapping[str, float], energy: bool) -> None:  # fmt: skip
     """Raise `UsageError` if the result belongs to another model, or has other outputs or other parameters."""
     program, plan = prepared.program, prepared.plan
     if before.model != program.name:

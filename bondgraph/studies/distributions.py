@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import DISTRIBUTIONS, SPREAD, fault, kinds_told
+from compiler.api import DISTRIBUTIONS, SPREAD, Array, fault, kinds_told
 
-from ..arrays import Array
 from ..errors import UsageError
 from ..quantities import quantity
 
@@ -38,8 +37,7 @@ class Distribution:
         frozen = self._frozen()
         first, last = float(frozen.cdf(self.low)), float(frozen.cdf(self.high))
         shares = np.clip(first + shares * (last - first), EDGE, 1 - EDGE)
-        found: Array = np.clip(frozen.ppf(shares), self.low, self.high)
-        return found
+        return np.asarray(np.clip(frozen.ppf(shares), self.low, self.high))
 
     @property
     def median(self) -> float:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Array
+from compiler.api import Array
+
 from ..errors import RunFailed, UsageError
 from ..simulation.settings import Settings
 from .fit_problem import BoundedParameter, Problem, sought
@@ -126,12 +127,8 @@ def _numbers(settings: Settings, units: Mapping[str, str]) -> dict[str, float]:
 
 
 def _data(
-    model: AnalysedModel,
-    files: Sequence[str | os.PathLike[str] | Measurements],
-    experiment: str | None,
-    settings: Settings,
-    taken: frozenset[str],
-) -> list[Measurements]:
+    model: AnalysedModel, files: Sequence[str | os.PathLike[str] | Measurements], experiment: str | None, settings: Settings, taken: frozenset[str]
+) -> list[Measurements]:  # fmt: skip
     if not files:
         raise UsageError("BR409", "there are no data:", "name a file")
     graph = model.compilation(model.scene(experiment, settings)).whole_graph

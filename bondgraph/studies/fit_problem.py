@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compiler.api import CompilationFailed
+from compiler.api import Array, CompilationFailed
 
 from ..analysis.operating_point import AnalysisRequest, operating_point
 from ..analysis.run_sensitivity import run_sensitivity
 from ..analysis.sensitivity import sensitivity
-from ..arrays import Array
 from ..errors import RunFailed, UsageError
 from ..simulation.settings import Settings
 from .measured import OF_MODES, Measurements, Series

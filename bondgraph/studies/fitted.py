@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ..analysis.json_values import finite
-from ..arrays import Array
 from ..errors import UsageError
 from ..rendering import draw, text_of
 

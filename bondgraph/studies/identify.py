@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Array
+from compiler.api import Array
+
 from ..errors import RunFailed
 
 if TYPE_CHECKING:

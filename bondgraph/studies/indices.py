@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array
+from compiler.api import Array
 
 CONFIDENCE = 0.95
 RESAMPLES = 200

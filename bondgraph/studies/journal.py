@@ -147,7 +147,7 @@ def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:
     return found, at
 
 
-def _packed(what: Any) -> bytes:
+def _packed(what: object) -> bytes:
     """Return a pickle by the classes' own definitions. Definitions that others registered for the process, as Dask for exceptions, would not be readable."""
     stream = io.BytesIO()
     pickler = pickle.Pickler(stream, protocol=5)
@@ -156,7 +156,7 @@ def _packed(what: Any) -> bytes:
     return stream.getvalue()
 
 
-def _readable(answer: Any) -> Any:
+def _readable(answer: object) -> Any:
     """Return a result that can be read back. An exception at a point may contain any object: then its text is stored."""
     if not isinstance(answer, Exception):
         return answer

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Array
+from compiler.api import Array
+
 from ..errors import RunFailed, UsageError
 from ..simulation.run import DEFAULT_RTOL, RunOptions, check_run_options
 from ..simulation.settings import Settings

@@ -12,7 +12,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..arrays import Array
+from compiler.api import Array
+
 from ..errors import UsageError
 from .distributions import EDGE, Distribution
 
@@ -25,8 +26,7 @@ def cube(count: int, size: int, seed: int) -> Array:
     from scipy.stats import qmc
 
     power = max(0, math.ceil(math.log2(count)))
-    found: Array = qmc.Sobol(size, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)[:count]
-    return found
+    return np.asarray(qmc.Sobol(size, scramble=True, rng=np.random.default_rng(seed)).random_base2(power)[:count])
 
 
 def correlation_matrix(names: Sequence[str], pairs: Mapping[tuple[str, str], float]) -> Array | None:

@@ -91,7 +91,7 @@ def workers_of(given: Workers | Submitting | int | None, default: Workers) -> Wo
     return Workers(executor=given) if hasattr(given, "submit") else Workers(given)
 
 
-def standard(executor: Any) -> Executor | None:
+def standard(executor: object) -> Executor | None:
     """Return an executor unchanged; for a Dask client its executor. Raises `UsageError`."""
     if executor is None or isinstance(executor, Executor):
         return executor

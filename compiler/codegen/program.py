@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
-from typing import Any
+from typing import Any, TypeAlias
 
+from ..arrays import Array, IntArray
 from ..fast_dataclass import dataclass
 from ..source import Span
 
-Array = Any  # a numpy array; this module loads no numpy
+# (time, state, inputs, constants, mode) -> array, index last; all may have leading axes
+StateFunction: TypeAlias = "Callable[[Array | float, Array, Array, Array, Array], Array]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +134,7 @@ class Delays:
 
     count: int
     lags: Callable[[Array], Array]  # constants -> by how much they are late
-    values: Callable[[float, Array, Array, Array, Array], Array]  # as Program.output -> what they will be
+    values: StateFunction  # as Program.output -> what they will be
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,18 +164,18 @@ class Hybrid:
     timed: tuple[int, ...]
     conditions: tuple[ConditionNote, ...]
     # as Program.output -> left less right of each condition
-    roots: Callable[[float, Array, Array, Array, Array], Array]
+    roots: StateFunction
     events: tuple[EventNote, ...]
-    triggers: Callable[[float, Array, Array, Array, Array], Array]  # the same -> 1 or 0 for each event
-    values: Callable[[float, Array, Array, Array, Array], Array]  # the same -> what the settings of all events set
-    targets: Callable[[float, Array, Array, Array, Array], Array]  # the same -> what is computed and set, as it is
+    triggers: StateFunction  # the same -> 1 or 0 for each event
+    values: StateFunction  # the same -> what the settings of all events set
+    targets: StateFunction  # the same -> what is computed and set, as it is
     sampling: Callable[[Array], Array]  # constants -> periods of the sampled events, in their order
     # time, state, inputs, constants -> mode with modes as they start
-    mode_at: Callable[[float, Array, Array, Array], Array]
+    mode_at: Callable[[Array | float, Array, Array, Array], Array]
     junctions: tuple[tuple[str, Span], ...]
-    actives: Callable[[float, Array, Array, Array, Array], Array]  # the same -> 1 or 0 for each switched junction
+    actives: StateFunction  # the same -> 1 or 0 for each switched junction
     # the same, where junctions switch -> of states and dependents, efforts for displacements and flows for momenta
-    conjugates: Callable[[float, Array, Array, Array, Array], Array]
+    conjugates: StateFunction
     switches_signals: bool  # True if `Program.signals` change at events that depend on states
 
 
@@ -223,50 +225,50 @@ class Program:
     start: Callable[[Array], Array]  # constants -> state
     nominal: Callable[[Array], Array]  # constants -> nominal magnitudes given by the author (0: none)
     # time, state, inputs, constants, mode -> (…, n): rates of the states, then what must vanish
-    derivative: Callable[[float, Array, Array, Array, Array], Array]
-    pattern: tuple[Array, Array]  # rows and columns of the Jacobian's entries
-    jacobian_entries: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, entries)
-    jacobian: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, n, n), dense
-    output: Callable[[float, Array, Array, Array, Array], Array]  # the same -> (…, m)
-    claims: Callable[[float, Array, Array, Array, Array], Array]  # the same -> residuals of given starts
+    derivative: StateFunction
+    pattern: tuple[IntArray, IntArray]  # rows and columns of the Jacobian's entries
+    jacobian_entries: StateFunction  # the same -> (…, entries)
+    jacobian: StateFunction  # the same -> (…, n, n), dense
+    output: StateFunction  # the same -> (…, m)
+    claims: StateFunction  # the same -> residuals of given starts
     dependents: NameTable  # contents of storages in derivative form
-    dependent: Callable[[float, Array, Array, Array, Array], Array]  # the same -> those
+    dependent: StateFunction  # the same -> those
     # dependents and states, where the slope of one by the other changes in a run
-    sensitivity_pattern: tuple[Array, Array]
-    sensitivities: Callable[[float, Array, Array, Array, Array], Array]  # the same -> these slopes
-    forced: Callable[[float, Array, Array, Array, Array], Array]  # the same -> what must not jump with time
+    sensitivity_pattern: tuple[IntArray, IntArray]
+    sensitivities: StateFunction  # the same -> these slopes
+    forced: StateFunction  # the same -> what must not jump with time
     # time, inputs, constants, mode -> what rates read of time alone
-    signals: Callable[[Array, Array, Array, Array], Array]
+    signals: Callable[[Array | float, Array, Array, Array], Array]
     # the same -> power into each port, then stored energies
-    powers: Callable[[float, Array, Array, Array, Array], Array]
+    powers: StateFunction
     instants: Callable[[Array], Array]  # constants -> instants of kinks and jumps
     # time, constants, mode -> functions of time whose zeros are such instants
-    crossings: Callable[[Array, Array, Array], Array]
-    switches: Callable[[Array, Array], Array]  # time, constants -> mode
+    crossings: Callable[[Array | float, Array, Array], Array]
+    switches: Callable[[Array | float, Array], Array]  # time, constants -> mode
     periods: Callable[[Array], Array]  # constants -> times that no step may be longer than
     limits: tuple[LimitNote, ...]
-    holds: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> 1 or 0 for each limit
-    limit_values: Callable[[Array, Array, Array, Array, Array], Array]  # as output -> the values of all limits in a row
+    holds: StateFunction  # as output -> 1 or 0 for each limit
+    limit_values: StateFunction  # as output -> the values of all limits in a row
     invariants: NameTable  # kept at zero by a run: constraint residuals (and norms), then their rates
-    invariant: Callable[[float, Array, Array, Array, Array], Array]  # as output -> those
-    invariant_pattern: tuple[Array, Array]  # invariants and states; rates only by states on which no gap depends
-    invariant_slopes: Callable[[float, Array, Array, Array, Array], Array]  # as output -> the slopes there
+    invariant: StateFunction  # as output -> those
+    invariant_pattern: tuple[IntArray, IntArray]  # invariants and states; rates only by states on which no gap depends
+    invariant_slopes: StateFunction  # as output -> the slopes there
     multipliers: tuple[int, ...]  # for each gap that has a multiplier, its place among the unknowns, else -1
     rates: tuple[int, ...]  # for each gap the row of its rate among the invariants, else -1
     # for each gap the parameter that says whether it takes part (1) or follows from others (0), else -1
     parts: tuple[int, ...]
     # the unknowns that `solved` solves for, in its order: multipliers, and balances of massless bodies
     eliminated: tuple[int, ...]
-    solved: Callable[[float, Array, Array, Array, Array], Array] | None
+    solved: StateFunction | None
     # as derivative, for any multipliers in the state: zero in their rows, and then the multipliers; None if there are none
     operations: int = 0  # of the derivative
     differentiated: int = 0  # laws whose derivative was formed
     native: Native | None = None  # addresses of the functions in machine code
     hybrid: Hybrid | None = None  # None: only time makes anything jump
-    bends: Callable[[float, Array, Array, Array, Array], Array] | None = None
+    bends: StateFunction | None = None
     # as output -> zero where a law of states bends but does not jump; None if none does
     delays: Delays | None = None
-    stored_energy: Callable[[float, Array, Array, Array, Array], Array] | None = None
+    stored_energy: StateFunction | None = None
     # as output -> all energy that is stored, then its slopes by the states; None if the scene does not ask for it
     time_functions: TimeFunctions | None = None  # None: none has to be looked at
     # all that it has, by name (see `functions.py`)
@@ -274,7 +276,7 @@ class Program:
     kept: dict[object, Any] = field(init=False, default_factory=dict, repr=False)
     # results of runs that depend on the program alone, computed once; never those that depend on a run's values
 
-    def mode_at(self, time: float, state: Array, inputs: Array, constants: Array) -> Array:
+    def mode_at(self, time: Array | float, state: Array, inputs: Array, constants: Array) -> Array:
         """Mode at a state, with discrete variables at their start."""
         hybrid = self.hybrid
         return self.switches(time, constants) if hybrid is None else hybrid.mode_at(time, state, inputs, constants)

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Array
+from compiler.api import Array
+
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
 from ...rendering import draw, text_of
@@ -220,9 +221,7 @@ def _write_columns(path: str | os.PathLike[str], heads: Sequence[str], columns: 
     write_text(path, "\n".join([", ".join(heads), *rows]) + "\n")
 
 
-def within_limits(
-    found: Mapping[str, Array], times: Array, limits: Mapping[str, float], units: Mapping[str, str]
-) -> None:
+def within_limits(found: Mapping[str, Array], times: Array, limits: Mapping[str, float], units: Mapping[str, str]) -> None:  # fmt: skip
     """Raise `RunFailed` where an input exceeds its limit."""
     for name, limit in limits.items():
         if name not in found:

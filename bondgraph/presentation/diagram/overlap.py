@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Array
+from compiler.api import Array
 
 Rectangles = Array
 Point = tuple[float, float]
@@ -31,8 +31,7 @@ def rectangles(items: Iterable[tuple[float, float, float, float]]) -> Rectangles
 
 def moved(items: Rectangles, x: float, y: float) -> Rectangles:
     """Return the same rectangles, shifted."""
-    shifted: Rectangles = items + np.array((x, y, x, y))
-    return shifted
+    return np.asarray(items + np.array((x, y, x, y)))
 
 
 def joined(*parts: Rectangles) -> Rectangles:

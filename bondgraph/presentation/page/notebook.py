@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import CompilationFailed, Scene
+from compiler.api import Array, CompilationFailed, Scene
 
-from ...arrays import Array
 from ...errors import RunFailed, UsageError
 from ...results.result import extremes
 from ..text.tables import short

@@ -16,7 +16,7 @@ from ..text.tables import visible
 from .markup import Html
 
 if TYPE_CHECKING:
-    from compiler.api import BondGraph, Compilation, Source, Span
+    from compiler.api import BondEnd, BondGraph, Compilation, Source, Span
 
 LARGEST = 300  # most nodes: a larger drawing takes half a minute and is not readable
 
@@ -78,7 +78,7 @@ def _unit(dimension: object) -> str:
     return "" if words == "1" else words
 
 
-def _port(graph: BondGraph, end: Any) -> str:
+def _port(graph: BondGraph, end: BondEnd) -> str:
     ports = getattr(graph.nodes[end.node], "ports", ())
     return str(ports[end.port].name) if ports else ""
 

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import Scene, letters
+from compiler.api import Array, Scene, letters
 
-from ...arrays import Array
 from ..text.tables import short, visible
 from .bonds import BondColumns, bond_columns, powers
 from .numbers import packed, thinned
@@ -60,9 +59,7 @@ class PageModel:
         """Return the names that a run must report."""
         return tuple(dict.fromkeys([*self.outputs(experiment), *self.bonds.names, *self.scenes.names]))
 
-    def simulate(
-        self, experiment: str | None, settings: Mapping[str, str | float] | None = None, energy: bool = False
-    ) -> Result:
+    def simulate(self, experiment: str | None, settings: Mapping[str, str | float] | None = None, energy: bool = False) -> Result:  # fmt: skip
         """Run an experiment. Raises as `Model.simulate`."""
         from ...simulation.run import RunOptions, simulate
 

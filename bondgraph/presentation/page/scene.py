@@ -15,7 +15,7 @@ from ..diagram.mechanism_geometry import RIGHT, UP, Vector, numbers_of, springs_
 from ..diagram.poses import PLANE, SPACE, quaternion
 
 if TYPE_CHECKING:
-    from compiler.api import BondGraph, Joint, Mechanism
+    from compiler.api import BondGraph, Bound, Joint, Mechanism
 
 NOWHERE = (0.0, 0.0, 0.0)
 
@@ -113,5 +113,5 @@ class _Points:
     def _number(self, body: str) -> int:
         return self.bodies.index(body) if body in self.bodies else -1
 
-    def _vector(self, bounds: Any) -> Vector:
+    def _vector(self, bounds: Sequence[Bound]) -> Vector:
         return numbers_of(self.graph, bounds)

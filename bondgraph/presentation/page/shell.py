@@ -50,13 +50,13 @@ def page_text(document: Document, token: str = "") -> str:
     return f"<!DOCTYPE html>\n{tag('html', tag('head', *head), tag('body', *body), lang='en')}\n"
 
 
-def data_text(data: Any) -> str:
+def data_text(data: object) -> str:
     """Return JSON without any character that could end the element that contains it. Values that are not finite are null."""
     told = json.dumps(_finite(data), ensure_ascii=True, separators=(",", ":"), allow_nan=False)
     return told.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _finite(data: Any) -> Any:
+def _finite(data: object) -> Any:
     if isinstance(data, float):
         return data if abs(data) < float("inf") else None
     if isinstance(data, dict):

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...arrays import Array
+from compiler.api import Array
+
 from ...errors import UsageError
 from ..text.tables import labelled
 from .sheet import COLOURS, DASHES, PANELS, check_picture, drawn, heading, sheet, with_grid

@@ -6,7 +6,8 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from ...arrays import Array
+from compiler.api import Array
+
 from ..text.tables import short, time_unit, visible
 from .sheet import PANELS, check_picture, curve_style, drawn, legend, sheet, with_grid
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...arrays import Array
+from compiler.api import Array
+
 from .tables import aligned, short, shown_unit, visible
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from compiler.api import Compilation, CompilationFailed, StrokeReason, blocks, d
 from .tables import columns, counted, place_of, visible
 
 if TYPE_CHECKING:
-    from compiler.api import CausalGraph, Dependence, Diagnostic, EquationSystem
+    from compiler.api import BondEnd, CausalGraph, Dependence, Diagnostic, EquationSystem
 
 SCHEMA = "bondgraph-causality/1"
 FLOWS = {"C": "flow", "I": "effort", "IC": "other variable"}
@@ -156,7 +156,7 @@ def _arrow(causal: CausalGraph, bond: int) -> str:
     return f"{_end(causal, ends.tail)} {arrow} {_end(causal, ends.head)}"
 
 
-def _end(causal: CausalGraph, end: Any) -> str:
+def _end(causal: CausalGraph, end: BondEnd) -> str:
     node = causal.graph.nodes[end.node]
     ports = getattr(node, "ports", ())
     return f"{node.name}.{ports[end.port].name}" if ports and ports[end.port].name else str(node.name)

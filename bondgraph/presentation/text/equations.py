@@ -73,7 +73,7 @@ def _latex_lines(space: StateSpace) -> Iterator[str]:
         names[made] = latex_name(space.variables[entry].name)
         return made
 
-    def text(expression: Any) -> str:
+    def text(expression: object) -> str:
         return str(sympy.latex(expression, symbol_names=names))
 
     unknowns = {u.residual: u for u in space.unknowns}

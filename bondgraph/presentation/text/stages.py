@@ -10,7 +10,7 @@ from compiler.api import Compilation, Mechanism, MechanismNode, write_text
 from .tables import place_of, visible
 
 if TYPE_CHECKING:
-    from compiler.api import BondGraph
+    from compiler.api import BondEnd, BondGraph
 
 
 def stage_text(compilation: Compilation, stage: str) -> str:
@@ -26,7 +26,7 @@ def _syntax(compilation: Compilation) -> Iterator[str]:
     """Yield the tree, one node per line."""
     from dataclasses import fields, is_dataclass
 
-    def walk(node: Any, name: str, depth: int) -> Iterator[str]:
+    def walk(node: object, name: str, depth: int) -> Iterator[str]:
         pad = "  " * depth
         if is_dataclass(node) and not isinstance(node, type):
             simple: list[tuple[str, Any]] = []
@@ -51,7 +51,7 @@ def _syntax(compilation: Compilation) -> Iterator[str]:
         yield from walk(statement, "", 0)
 
 
-def _end(graph: BondGraph, end: Any) -> str:
+def _end(graph: BondGraph, end: BondEnd) -> str:
     node = graph.nodes[end.node]
     ports = getattr(node, "ports", None)
     name = ports[end.port].name if ports else ""

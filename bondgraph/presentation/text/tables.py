@@ -7,11 +7,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from ...arrays import Array
 from ...results.result import extremes
 
 if TYPE_CHECKING:
-    from compiler.api import Span
+    from compiler.api import Array, Span
 
     from ...results.records import EnergyBalance
     from ...results.result import Result

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ..integrators.limits import ITERATIONS, NOISE, ROUNDING, WEAK
 
@@ -35,7 +35,7 @@ class Assembled:
 class Constraints:
     """Invariants of a program. `parameters` decide which rows are active; `magnitude`: of its states (and unknowns), shape (n,)."""
 
-    def __init__(self, program: Program, parameters: Any, inputs: Any, magnitude: Any) -> None:
+    def __init__(self, program: Program, parameters: Array, inputs: Array, magnitude: Array) -> None:
         self.program, self.parameters, self.inputs = program, np.array(parameters, dtype=float), inputs
         self.constants = program.constants(self.parameters)
         self.count = len(program.states.names)
@@ -59,7 +59,7 @@ class Constraints:
             program.kept["places"] = np.array(program.rates, dtype=int), positions, speeds, lengths
         return cast("tuple[Any, Any, Any, Any]", program.kept["places"])
 
-    def scale(self, magnitude: Any) -> None:
+    def scale(self, magnitude: Array) -> None:
         """Set the magnitudes by which changes are measured."""
         self.magnitude = np.array(magnitude, dtype=float)
         self.reach = self.magnitude[: self.count]
@@ -99,18 +99,18 @@ class Constraints:
         return self._compiled
 
     # ------------------------------------------------------------ values and Jacobians
-    def values(self, time: float, state: Any, mode: Any) -> Any:
+    def values(self, time: float, state: Array, mode: Array) -> Any:
         """Return all invariants: residuals, then their rates."""
         return np.asarray(self.program.invariant(time, state, self.inputs, self.constants, mode))
 
-    def slopes(self, time: float, state: Any, mode: Any) -> tuple[Any, Any]:
+    def slopes(self, time: float, state: Array, mode: Array) -> tuple[Any, Any]:
         """Return the Jacobians of the residuals by the positions and of their rates by the speeds; dense, in units of the magnitudes."""
         entries = self.program.invariant_slopes(time, state, self.inputs, self.constants, mode)
         whole = np.zeros((len(self.program.invariants.names), self.count))
         whole[self.rows, self.columns] = entries * self.reach[self.columns]
         return whole[: self.gaps][:, self.positions], whole[self.gaps :][:, self.speeds]
 
-    def length(self, time: float, state: Any, mode: Any) -> float:
+    def length(self, time: float, state: Array, mode: Array) -> float:
         """Return the length of the mechanism in m: the longest lever arm from an angle to a residual; 0 if there is none."""
         entries = np.asarray(self.program.invariant_slopes(time, state, self.inputs, self.constants, mode))
         arms = [
@@ -120,7 +120,7 @@ class Constraints:
         ]
         return float(max(arms, default=0.0))
 
-    def sizes(self, slopes: Any) -> Any:
+    def sizes(self, slopes: Array) -> Any:
         """Return the size of each residual row: rows of one unit share the largest norm, because a row whose derivatives vanish is still a length.
 
         Where the derivatives of all angular rows vanish (a planar loop in space), rounding must not be the size: then it is that of the angles among the
@@ -135,7 +135,7 @@ class Constraints:
         return result
 
     # ------------------------------------------------------------ projection
-    def project(self, time: float, state: Any, mode: Any) -> Any:
+    def project(self, time: float, state: Array, mode: Array) -> Any:
         """Return the nearest state that satisfies all invariants."""
         if not self.gaps:
             return state
@@ -143,7 +143,7 @@ class Constraints:
             return self.project_all(np.array([time]), np.asarray(state)[None], mode)[0]
         return self._projected(time, state, mode)
 
-    def project_by(self, taking: Any, time: float, state: Any, mode: Any) -> Any:
+    def project_by(self, taking: Any, time: float, state: Array, mode: Array) -> Any:
         """Return the nearest state that satisfies the invariants chosen by the mask `taking`."""
         all_of_them, self.taking = self.taking, taking
         try:
@@ -151,7 +151,7 @@ class Constraints:
         finally:
             self.taking = all_of_them
 
-    def _projected(self, time: float, state: Any, mode: Any) -> Any:
+    def _projected(self, time: float, state: Array, mode: Array) -> Any:
         state = self._closed(time, np.array(state, dtype=float), mode)
         rows = self.taking_rates
         if len(rows):
@@ -163,7 +163,7 @@ class Constraints:
                 )
         return state
 
-    def _closed(self, time: float, state: Any, mode: Any) -> Any:
+    def _closed(self, time: float, state: Array, mode: Array) -> Any:
         """Return the state with vanishing residuals, by Newton's method with the Jacobian of its first state as long as it converges."""
         taking, solver, before, size = self.taking, None, np.inf, 1.0
         for _ in range(ITERATIONS):
@@ -183,7 +183,7 @@ class Constraints:
             before = worst
         return state
 
-    def tangents(self, time: float, state: Any, mode: Any) -> Any:
+    def tangents(self, time: float, state: Array, mode: Array) -> Any:
         """Orthonormal directions (columns, in units of the magnitudes) in which states may vary on the constraints: of positions, of speeds, of the rest."""
         gaps, rates = self.slopes(time, state, mode)
         free = np.setdiff1d(np.arange(self.count), np.concatenate([self.positions, self.speeds]))
@@ -194,7 +194,7 @@ class Constraints:
             columns.append(full @ null_space(slopes))
         return np.concatenate(columns, axis=1)
 
-    def project_all(self, times: Any, states: Any, mode: Any) -> Any:
+    def project_all(self, times: Array, states: Array, mode: Array) -> Any:
         """Project the states at several instants; shape (times, n)."""
         if not self.gaps:
             return states
@@ -205,7 +205,7 @@ class Constraints:
             held[k] = self._projected(times[k], states[k], mode)
         return held
 
-    def missed(self, time: float, state: Any, mode: Any) -> float:
+    def missed(self, time: float, state: Array, mode: Array) -> float:
         """Return the largest remaining residual, relative to its size."""
         slopes, _ = self.slopes(time, state, mode)
         return float(np.abs(self.values(time, state, mode)[: self.gaps] / self.sizes(slopes)).max(initial=0.0))
@@ -214,7 +214,7 @@ class Constraints:
 class Least:
     """Minimum-norm solution of `slopes @ step = gap` (Jacobian, step, residual)."""
 
-    def __init__(self, slopes: Any) -> None:
+    def __init__(self, slopes: Array) -> None:
         self.slopes = slopes
         self.factor = self._sparse() if len(slopes) > DENSE else self._cholesky()
 
@@ -247,7 +247,7 @@ class Least:
             return None
         return lambda gap: factor.solve(np.concatenate([np.zeros(count), gap / rows]))[:count]
 
-    def solve(self, gap: Any) -> Any:
+    def solve(self, gap: Array) -> Any:
         """Return the step for a residual."""
         if self.factor is not None:
             return self.factor(gap)
@@ -255,7 +255,7 @@ class Least:
         return step
 
 
-def null_space(slopes: Any) -> Any:
+def null_space(slopes: Array) -> Any:
     """Return orthonormal columns that span the null space of the Jacobian, whose rows must be independent."""
     if not len(slopes):
         return np.eye(slopes.shape[1])

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ..loops.loops import Eliminated, LoopSolver
 from .constraints import Constraints
 
@@ -40,7 +42,7 @@ class Crossed:
     error: float  # largest difference of two orders at some places
     rounded: bool = False  # whether that is rounding: more stages make it no smaller
 
-    def at(self, times: Any) -> Any:
+    def at(self, times: Array) -> Any:
         """Return states (not projected) at instants; shape (times, n)."""
         shares = (np.asarray(times) - self.start) / self.size
         integrals = _integrals(np.atleast_1d(shares), len(self.slopes))
@@ -50,19 +52,19 @@ class Crossed:
 class OnConstraints:
     """Rates of the states at their projection; states and rates in units of the magnitudes."""
 
-    def __init__(self, constraints: Constraints, loops: LoopSolver, mode: Any, unknowns: Any) -> None:
+    def __init__(self, constraints: Constraints, loops: LoopSolver, mode: Array, unknowns: Array) -> None:
         self.constraints, self.loops, self.mode, self.unknowns = constraints, loops, mode, unknowns
         self.reach, self.rates = constraints.reach, Eliminated(constraints.program).rates
 
-    def projected(self, time: float, scaled: Any) -> Any:
+    def projected(self, time: float, scaled: Array) -> Any:
         """Return the full projected state, with the unknowns."""
         state = np.concatenate([scaled * self.reach, self.unknowns])
         return self.loops.solve(time, self.constraints.project(time, state, self.mode), self.mode)
 
-    def __call__(self, time: float, scaled: Any) -> Any:
+    def __call__(self, time: float, scaled: Array) -> Any:
         return self.all(np.array([time]), scaled[None])[0]
 
-    def all(self, times: Any, scaled: Any) -> Any:
+    def all(self, times: Array, scaled: Array) -> Any:
         """Return the rates at several instants; shape (times, n)."""
         constraints = self.constraints
         if self.loops.affine and constraints.compiled is not None:
@@ -72,7 +74,7 @@ class OnConstraints:
             return rates
         return np.stack([self._one(t, x) for t, x in zip(times, scaled, strict=True)])
 
-    def _one(self, time: float, scaled: Any) -> Any:
+    def _one(self, time: float, scaled: Array) -> Any:
         constraints = self.constraints
         state = np.concatenate([scaled * self.reach, self.unknowns])
         held = constraints.project(time, state, self.mode)
@@ -82,7 +84,7 @@ class OnConstraints:
         return np.asarray(rates)[: constraints.count] / self.reach
 
 
-def cross(function: OnConstraints, time: float, scaled: Any, size: float, tolerance: float) -> Crossed | None:
+def cross(function: OnConstraints, time: float, scaled: Array, size: float, tolerance: float) -> Crossed | None:
     """Return a step of a given size, with as many stages as the tolerance asks for; None if its stages do not converge. Raises nothing."""
     state = np.concatenate([scaled * function.reach, function.unknowns])
     basis = function.constraints.tangents(time, state, function.mode)
@@ -101,8 +103,8 @@ def cross(function: OnConstraints, time: float, scaled: Any, size: float, tolera
 
 
 def _crossed(
-    function: OnConstraints, time: float, scaled: Any, size: float, order: tuple[int, int], slopes: Any, basis: Any
-) -> Crossed | None:
+    function: OnConstraints, time: float, scaled: Array, size: float, order: tuple[int, int], slopes: Array, basis: Array
+) -> Crossed | None:  # fmt: skip
     """A step with the first number of stages, compared with one that has the second."""
     stages, fewer = order
     found = _collocation(function, time, scaled, size, stages, slopes, basis, None)
@@ -118,7 +120,7 @@ def _crossed(
     return replace(crossed, error=float(np.abs(crossed.at(places) - other.at(places)).max()))
 
 
-def _slopes(function: OnConstraints, time: float, scaled: Any, basis: Any) -> Any:
+def _slopes(function: OnConstraints, time: float, scaled: Array, basis: Array) -> Any:
     """Return the derivatives of the rates along directions, both in columns."""
     steps = DIFFERENCE * basis.T
     rates = function.all(np.full(2 * len(steps), time), np.concatenate([scaled + steps, scaled - steps]))
@@ -126,8 +128,8 @@ def _slopes(function: OnConstraints, time: float, scaled: Any, basis: Any) -> An
 
 
 def _collocation(
-    function: OnConstraints, time: float, scaled: Any, size: float, stages: int, slopes: Any, basis: Any, guess: Any
-) -> Any:
+    function: OnConstraints, time: float, scaled: Array, size: float, stages: int, slopes: Array, basis: Array, guess: Array | None
+) -> Any:  # fmt: skip
     """Return the rates at the stages of a Gauss step, by the simplified Newton iteration.
 
     The Jacobian is `slopes @ basis.T`, so the factorised matrix has only as many columns per stage as the motion has degrees of freedom.
@@ -159,7 +161,7 @@ def _method(stages: int) -> tuple[Any, Any]:
     return places, _integrals(places, stages)
 
 
-def _integrals(shares: Any, stages: int) -> Any:
+def _integrals(shares: Array, stages: int) -> Any:
     """Integrals from 0 to `shares` of the step of the Lagrange polynomials of the stages; shape (shares, stages)."""
     x = 2 * shares - 1
     values = np.polynomial.legendre.legvander(x, stages)

@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...errors import RunFailed
 from ...results.records import ToleranceDoubt
 from ..integrators.limits import APART, FINE, LOOK, NEVER, NOISE
@@ -62,14 +64,14 @@ class SingularPoseMonitor:
         self.tried = np.inf  # time ahead at the last failed try to cross
         self.left = np.inf  # rounding of the last tries
 
-    def _opens(self, time: float, state: Any, mode: Any) -> bool:
+    def _opens(self, time: float, state: Array, mode: Array) -> bool:
         """Return True if a residual exceeds rounding of the mechanism's size: magnitudes of coordinates that hardly move are less than that."""
         constraints = self.constraints
         slopes, _ = constraints.slopes(time, state, mode)
         sizes = constraints.sizes(slopes / constraints.reach[constraints.positions])
         return bool((np.abs(constraints.values(time, state, mode)[: constraints.gaps]) > NOISE * sizes).any())
 
-    def check_redundant(self, time: float, state: Any, mode: Any) -> None:
+    def check_redundant(self, time: float, state: Array, mode: Array) -> None:
         """Raise `RunFailed` if a constraint that followed from the others at the start no longer does."""
         constraints = self.constraints
         if (
@@ -85,7 +87,7 @@ class SingularPoseMonitor:
                 "start it elsewhere, or leave a joint out",
             )  # fmt: skip
 
-    def other_rows(self, time: float, state: Any, mode: Any, step: float) -> bool:
+    def other_rows(self, time: float, state: Array, mode: Array, step: float) -> bool:
         """Return True if the active rows are about to become dependent where other rows, so far redundant, do not."""
         constraints = self.constraints
         if constraints.taking.all() or not self.comes or not self.ahead < LOOK * step:
@@ -99,7 +101,7 @@ class SingularPoseMonitor:
         kept, best = (np.linalg.svd(slopes[rows], compute_uv=False)[-1] for rows in (constraints.taking, order))
         return bool(best > BETTER * kept)
 
-    def _least_all(self, times: Any, states: Any, mode: Any) -> Any:
+    def _least_all(self, times: Array, states: Array, mode: Array) -> Any:
         """Return the smallest singular values at several instants, rows in units of their sizes; shape (times,)."""
         rows, columns = int(self.constraints.taking.sum()), len(self.constraints.positions)
         if not rows or rows > columns:
@@ -111,16 +113,14 @@ class SingularPoseMonitor:
         slopes = (self._scaled(t, x, mode)[0] for t, x in zip(times, states, strict=True))
         return np.array([np.linalg.svd(each, compute_uv=False)[-1] for each in slopes])
 
-    def _scaled(self, time: float, state: Any, mode: Any) -> tuple[Any, Any]:
+    def _scaled(self, time: float, state: Array, mode: Array) -> tuple[Any, Any]:
         gaps, _ = self.constraints.slopes(time, state, mode)
         size = self.constraints.sizes(gaps)
         taking = self.constraints.taking
         return gaps[taking] / size[taking, None], size[taking]
 
     # ------------------------------------------------------------ crossing
-    def crossing(
-        self, time: float, state: Any, mode: Any, step: float, stop: float, tolerance: float
-    ) -> Crossed | None:
+    def crossing(self, time: float, state: Array, mode: Array, step: float, stop: float, tolerance: float) -> Crossed | None:  # fmt: skip
         """Return a step over the singular pose ahead, if there is one within reach that can be crossed; None otherwise."""
         size = 2 * self.ahead
         near = self.ahead < look_ahead(tolerance) * step
@@ -152,7 +152,7 @@ class SingularPoseMonitor:
         return crossed
 
     def _point_ahead(
-        self, function: OnConstraints, time: float, scaled: Any, state: Any, mode: Any
+        self, function: OnConstraints, time: float, scaled: Array, state: Array, mode: Array
     ) -> SingularPoint | None:
         """Return a singular point near the extrapolated motion, which costs much less than integrating to it; None if there is none."""
         constraints, count = self.constraints, self.constraints.count
@@ -166,12 +166,12 @@ class SingularPoseMonitor:
             self.point = self._point(time, there, mode)
         return None if self.point is None or self._apart(self.point.state, there) > near else self.point
 
-    def _apart(self, one: Any, other: Any) -> float:
+    def _apart(self, one: Array, other: Array) -> float:
         """Return the distance of two positions, in units of the magnitudes."""
         positions = self.constraints.positions
         return float(np.linalg.norm((one - other)[positions] / self.constraints.reach[positions]))
 
-    def _pose(self, crossed: Crossed, ahead: SingularPoint, state: Any, mode: Any) -> SingularPose | None:
+    def _pose(self, crossed: Crossed, ahead: SingularPoint, state: Array, mode: Array) -> SingularPose | None:
         """Return the singular pose on a crossing; None if there is none. `ahead`: the singular point that was expected."""
         low, high = crossed.start, crossed.start + crossed.size
         for narrowing in range(NARROWINGS):
@@ -193,13 +193,13 @@ class SingularPoseMonitor:
             return None
         return SingularPose(time, found.lost, found.joints)
 
-    def _on(self, crossed: Crossed, times: Any, state: Any) -> Any:
+    def _on(self, crossed: Crossed, times: Array, state: Array) -> Any:
         """Return full states on a crossing; shape (times, n)."""
         count = self.constraints.count
         unknowns = np.broadcast_to(state[count:], (len(times), len(state) - count))
         return np.concatenate([crossed.at(times) * self.constraints.reach, unknowns], axis=1)
 
-    def _point(self, time: float, state: Any, mode: Any) -> SingularPoint | None:
+    def _point(self, time: float, state: Array, mode: Array) -> SingularPoint | None:
         """Return the singular point nearest to a state, by Gauss-Newton: residuals closed, derivatives of the lost constraints zero.
 
         The derivatives are examined along a few of the directions that change only the lost residuals: the derivative of the Jacobian along a direction
@@ -242,7 +242,7 @@ class SingularPoseMonitor:
         return SingularPoint(state, lost, tuple(joints))
 
     @staticmethod
-    def _still(across: Any) -> Any:
+    def _still(across: Array) -> Any:
         """Return a few unit directions (rows) that all but the lost residuals allow, as mixtures of all such directions."""
         count, taken = across.shape
         many = min(count - taken, WAYS)
@@ -250,7 +250,7 @@ class SingularPoseMonitor:
         ways -= (ways @ across) @ across.T
         return ways / np.linalg.norm(ways, axis=1, keepdims=True)
 
-    def _bent(self, time: float, state: Any, mode: Any, way: Any, size: Any) -> Any:
+    def _bent(self, time: float, state: Array, mode: Array, way: Array, size: Array) -> Any:
         """Return the derivative of the Jacobian along a direction, by central differences; rows in units of their sizes."""
         constraints = self.constraints
         shift = np.zeros(len(state))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
@@ -28,7 +28,7 @@ PLACES = (-1.7, 0.6, 3.1)  # along a motion, in magnitudes of the state that mov
 class EquilibriumSearch:
     """Rates and their derivatives by the states, with the unknowns of loops solved for."""
 
-    def __init__(self, program: Program, constraints: Constraints, inputs: Any, first: Segment) -> None:
+    def __init__(self, program: Program, constraints: Constraints, inputs: Array, first: Segment) -> None:
         self.constraints, constants = constraints, constraints.constants
         self.program, self.count = program, len(program.states.names)
         self.time, self.fixed = first.start, (inputs, constants, first.mode)
@@ -43,7 +43,7 @@ class EquilibriumSearch:
         self.loop_terms: Any = 0.0  # terms of the loop unknowns in each rate at the current state
         self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
 
-    def at(self, full: Any) -> tuple[Any, Any, Any]:
+    def at(self, full: Array) -> tuple[Any, Any, Any]:
         """Return state, rates, and their derivatives by the states alone."""
         full = self.constraints.project(self.time, full, self.mode)
         full = self.loops.solve(self.time, full, self.mode)
@@ -62,31 +62,31 @@ class EquilibriumSearch:
         self.largest = np.maximum(self.largest, np.abs(full[:n]))
         return full, slope, jacobian
 
-    def rates(self, full: Any) -> Any:
+    def rates(self, full: Array) -> Any:
         """Return the rates of the states (n,), zero for those that nothing reads."""
         slope = np.array(self.program.derivative(self.time, full, *self.fixed))[: self.count]
         slope[self.unread] = 0.0
         return slope
 
-    def first(self, slope: Any, jacobian: Any) -> float:
+    def first(self, slope: Array, jacobian: Any) -> float:
         """Return the length of the first step: that of the fastest mode, or of the relative rates of the states."""
         moving = slope != 0
         reach = float((self.scale(np.zeros(self.count))[moving] / np.abs(slope[moving])).min())
         fastest = self.fastest(jacobian)
         return min(1.0 / fastest, FIRST * reach) if fastest > 0 else FIRST * reach
 
-    def fastest(self, jacobian: Any) -> float:
+    def fastest(self, jacobian: Array) -> float:
         """Return the largest eigenvalue, in 1/s."""
         return float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
 
-    def scale(self, change: Any) -> Any:
+    def scale(self, change: Array) -> Any:
         """Return magnitudes of the states, as far as they are known: states of one unit share the largest."""
         seen = np.maximum(self.largest, np.where(np.isfinite(change), np.abs(change), 0.0))
         largest = np.zeros(self.kind.max(initial=0) + 1)
         np.maximum.at(largest, self.kind, seen)
         return np.where(largest > 0, largest, 1.0)[self.kind]
 
-    def step(self, full: Any, slope: Any, jacobian: Any, size: float) -> tuple[Any, Any, Any] | None:
+    def step(self, full: Array, slope: Array, jacobian: Any, size: float) -> tuple[Any, Any, Any] | None:
         """Make one implicit Euler step; None if its result is not finite."""
         try:
             change = self.euler(slope, jacobian, size)
@@ -95,14 +95,14 @@ class EquilibriumSearch:
             return None
         return trial if np.isfinite(trial[1]).all() and np.isfinite(trial[2].sum()) else None
 
-    def euler(self, slope: Any, jacobian: Any, size: float) -> Any:
+    def euler(self, slope: Array, jacobian: Array, size: float) -> Any:
         """Return the change of the states in one implicit step. Raises LinAlgError."""
         if self.basis is None:
             return np.linalg.solve(np.eye(self.count) / size - jacobian, slope)
         inner = self.basis.T @ jacobian @ self.basis
         return self.basis @ np.linalg.solve(np.eye(len(inner)) / size - inner, self.basis.T @ slope)
 
-    def correction(self, slope: Any, jacobian: Any) -> Any:
+    def correction(self, slope: Array, jacobian: Any) -> Any:
         """Return Newton's minimum-norm step, which is zero along directions without restoring force. Infinite if nothing balances the rates."""
         if self.basis is not None:  # only along the directions that loop joints allow
             inner = np.abs(self.basis).T @ self._noise(jacobian)
@@ -114,7 +114,7 @@ class EquilibriumSearch:
         """Return the rounding error of each rate."""
         return ROUNDING * (np.abs(jacobian) @ self.scale(np.zeros(self.count)) + self.loop_terms)
 
-    def _least(self, slope: Any, jacobian: Any, noise: Any) -> Any:
+    def _least(self, slope: Array, jacobian: Array, noise: Array) -> Any:
         rows = np.abs(jacobian).max(axis=1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
             return np.full(len(slope), np.inf)
@@ -143,7 +143,7 @@ class EquilibriumSearch:
         change = right[:rank].T @ ((left[:, :rank].T @ needed) / sizes[:rank])
         return change / columns
 
-    def distance(self, slope: Any, jacobian: Any) -> float:
+    def distance(self, slope: Array, jacobian: Any) -> float:
         """Return the distance of the equilibrium, in units of the magnitudes."""
         if (np.abs(slope) <= ROUNDING * (np.abs(jacobian) @ self.largest + self.loop_terms)).all():
             return 0.0  # the magnitude of a change is unknown where only rounding moves
@@ -151,7 +151,7 @@ class EquilibriumSearch:
         seen = self.moved(self.scale(change), jacobian)
         return float((np.abs(change) / seen).max(initial=0.0))
 
-    def moved(self, seen: Any, jacobian: Any) -> Any:
+    def moved(self, seen: Array, jacobian: Any) -> Any:
         """Return magnitudes (n,) raised by the effect of other states within the time of the fastest mode.
 
         So a speed that only rounding ever moves has a magnitude nevertheless.
@@ -159,7 +159,7 @@ class EquilibriumSearch:
         fastest = self.fastest(jacobian)
         return np.maximum(seen, np.abs(jacobian) @ seen / fastest) if fastest > 0 else seen
 
-    def polished(self, full: Any, slope: Any, jacobian: Any) -> Any:
+    def polished(self, full: Array, slope: Array, jacobian: Any) -> Any:
         """Apply the last corrections, to round-off."""
         for _ in range(3):
             change = self.correction(slope, jacobian)
@@ -169,7 +169,7 @@ class EquilibriumSearch:
         return full
 
     # ------------------------------------------------------------ messages
-    def steady_motion(self, full: Any, slope: Any, jacobian: Any) -> RunFailed | None:
+    def steady_motion(self, full: Array, slope: Array, jacobian: Any) -> RunFailed | None:
         """Return the refusal of a start whose rates stay what they are while it moves: a rolling wheel or a rotor whose angle the laws read.
 
         From there a search would stop the motion, and its rest would be another one. None for any other start."""
@@ -198,7 +198,7 @@ class EquilibriumSearch:
             'start it without that motion, or analyse what is near the motion with `--at start` (in Python `state="start"`)',
         )  # fmt: skip
 
-    def rested(self, full: Any) -> Any:
+    def rested(self, full: Array) -> Any:
         """Return the state, if all its rates vanish at its scales. Raises `RunFailed` otherwise."""
         full, slope, jacobian = self.at(full)
         terms = np.abs(jacobian) @ self.moved(self.scale(np.zeros(self.count)), jacobian) + self.loop_terms
@@ -209,14 +209,14 @@ class EquilibriumSearch:
             raise self.no_rest(slope)
         return full
 
-    def cancels(self, full: Any, slope: Any) -> bool:
+    def cancels(self, full: Array, slope: Array) -> bool:
         """Return True if all rates are rounding of terms of parameters and inputs that cancel each other."""
         inputs, _, mode = self.fixed
         terms = given_terms(self.program, self.constraints.parameters, self.time, full, inputs, mode)
         terms[self.unread] = np.inf
         return bool((np.abs(slope) <= CANCELLED * terms).all())
 
-    def not_finite(self, slope: Any, full: Any) -> RunFailed:
+    def not_finite(self, slope: Array, full: Array) -> RunFailed:
         """Return the error for rates that are not finite where the search begins."""
         return not_finite(self.program, self.time, slope, full, self.mode)
 
@@ -224,7 +224,7 @@ class EquilibriumSearch:
         """Return the states that a rate reads, for messages."""
         return drivers(self.program, place)
 
-    def no_rest(self, slope: Any) -> RunFailed:
+    def no_rest(self, slope: Array) -> RunFailed:
         """Return the error that names the state that keeps moving, and its drivers."""
         sizes = np.abs(slope) / self.scale(np.zeros(self.count))
         worst = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
@@ -25,7 +25,7 @@ STEPS = 400
 GROWTH = 2.0
 
 
-def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: Any, first: Segment) -> Any:
+def equilibrium(program: Program, constraints: Constraints, inputs: Array, state: Array, first: Segment) -> Any:
     """Return the equilibrium that is reached from a state, with the unknowns of loops. Raises `RunFailed` if there is none."""
     if not len(program.states.names):
         return state
@@ -33,7 +33,7 @@ def equilibrium(program: Program, constraints: Constraints, inputs: Any, state: 
 
 
 @np.errstate(all="ignore")  # a trial may lead to where a law has no value
-def found_by(search: EquilibriumSearch, state: Any) -> Any:
+def found_by(search: EquilibriumSearch, state: Array) -> Any:
     """Return the equilibrium that a given search reaches from a state. Raises `RunFailed`."""
     count = search.count
     x, slope, jacobian = search.at(np.array(state))
@@ -70,7 +70,7 @@ def found_by(search: EquilibriumSearch, state: Any) -> Any:
     raise search.no_rest(slope)
 
 
-def _search(program: Program, constraints: Constraints, inputs: Any, first: Segment) -> EquilibriumSearch:
+def _search(program: Program, constraints: Constraints, inputs: Array, first: Segment) -> EquilibriumSearch:
     """Return a dense search, or a sparse one for a large model. Directions left by loop joints are dense in any case."""
     rows, _ = program.pattern
     if not constraints and is_large(len(program.states.names), len(rows)):

@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...errors import RunFailed
 from .dense import CLOSE, SINGULAR, EquilibriumSearch
 from .steady import unread_states
@@ -27,7 +29,7 @@ POWERS = 32  # power iterations for the largest eigenvalue
 class SparseSearch(EquilibriumSearch):
     """Search with sparse Jacobians, stored by columns."""
 
-    def at(self, full: Any) -> tuple[Any, Any, Any]:
+    def at(self, full: Array) -> tuple[Any, Any, Any]:
         """Return the same as `EquilibriumSearch.at`."""
         from scipy.sparse import csc_array
 
@@ -75,13 +77,13 @@ class SparseSearch(EquilibriumSearch):
             power, grown = power / total, grown + np.log(total)
         return float(np.exp(grown / POWERS))
 
-    def euler(self, slope: Any, jacobian: Any, size: float) -> Any:
+    def euler(self, slope: Array, jacobian: Any, size: float) -> Any:
         """Return the same as `EquilibriumSearch.euler`."""
         from scipy.sparse import eye_array
 
         return self._factors((eye_array(self.count) / size - jacobian).tocsc()).solve(slope)
 
-    def _least(self, slope: Any, jacobian: Any, noise: Any) -> Any:
+    def _least(self, slope: Array, jacobian: Any, noise: Array) -> Any:
         """Return the same as `EquilibriumSearch._least`; rates that no change can cancel, and conserved quantities, come from the two null spaces."""
         rows = _largest(jacobian, 1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
@@ -134,7 +136,7 @@ class SparseSearch(EquilibriumSearch):
         left, right = _exact(matrix.T, left, norm), _exact(matrix, right, norm)
         return (left, right) if left.shape[1] == right.shape[1] else None
 
-    def _bordered(self, matrix: Any, left: Any, right: Any) -> Any:
+    def _bordered(self, matrix: Any, left: Array, right: Array) -> Any:
         """Return factors of the matrix bordered by its null spaces: its solutions have no component along them. Raises `RunFailed`."""
         from scipy.sparse import block_array, csc_array
 
@@ -157,14 +159,14 @@ def _near(factors: Any, matrix: Any, way: str, norm: float, random: Any) -> Any:
     return None
 
 
-def _exact(matrix: Any, vectors: Any, norm: float) -> Any:
+def _exact(matrix: Any, vectors: Array, norm: float) -> Any:
     """Return an orthonormal basis of the part of the span of some vectors that the matrix maps to zero, up to rounding."""
     vectors, _ = np.linalg.qr(vectors)
     _, sizes, turned = np.linalg.svd(matrix @ vectors, full_matrices=False)
     return vectors @ turned[sizes <= SINGULAR * norm].T
 
 
-def _padded(right: Any, count: int) -> Any:
+def _padded(right: Array, count: int) -> Any:
     """Return a right-hand side with zeros for the border."""
     return np.concatenate([right, np.zeros((count, *right.shape[1:]))])
 
@@ -178,7 +180,7 @@ def _largest_sum(matrix: Any, axis: int) -> float:
     return float(np.abs(matrix).sum(axis=axis).max())
 
 
-def _scaled(matrix: Any, by: Any, axis: int) -> Any:
+def _scaled(matrix: Any, by: Array, axis: int) -> Any:
     """Return the matrix with its rows (axis 1) or columns (0) multiplied."""
     from scipy.sparse import dia_array
 

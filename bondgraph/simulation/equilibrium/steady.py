@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ...errors import RunFailed
 from ...quantities import behind
@@ -22,7 +22,7 @@ ROUNDING = 1e-8  # relative to the terms in a rate: below it an angle is constan
 TURNING = ("1", "1/s")  # units of an angle and of its rate
 
 
-def unread_states(program: Program, time: float, state: Any, inputs: Any, constants: Any, mode: Any) -> Any:
+def unread_states(program: Program, time: float, state: Array, inputs: Array, constants: Array, mode: Array) -> Any:
     """Return a mask (n,) of the states that no rate, unknown of a loop, loop joint or event reads: nothing restores them."""
     count = len(program.states.names)
     key = "states that no rate reads"
@@ -53,7 +53,7 @@ def drivers(program: Program, place: int) -> str:
     return f"its rate reads {', '.join(read[:4])}{' …' if len(read) > 4 else ''}" if read else "its rate reads no state"
 
 
-def given_terms(program: Program, parameters: Any, time: float, state: Any, inputs: Any, mode: Any) -> Any:
+def given_terms(program: Program, parameters: Array, time: float, state: Array, inputs: Array, mode: Array) -> Any:
     """Return the largest term (n,) of a parameter or an input in each rate, found by changing each of them by a small fraction."""
     constants, count = program.constants(parameters), len(program.states.names)
     others = [(inputs, program.constants(moved)) for moved in _each_moved(np.asarray(parameters, dtype=float))]
@@ -68,13 +68,13 @@ def given_terms(program: Program, parameters: Any, time: float, state: Any, inpu
     return terms
 
 
-def _each_moved(given: Any) -> list[Any]:
+def _each_moved(given: Array) -> list[Any]:
     """Return copies of the values, each with one nonzero entry changed by a small fraction."""
     return [np.where(np.arange(len(given)) == i, given * (1 + SHARE), given) for i in np.flatnonzero(given)]
 
 
 def steady_rates(
-    program: Program, constraints: Constraints, time: float, state: Any, inputs: Any, mode: Any
+    program: Program, constraints: Constraints, time: float, state: Array, inputs: Array, mode: Array
 ) -> dict[str, float]:  # fmt: skip
     """Return the rates, by name, of the states that move on while all others rest; empty if all rest."""
     constants = constraints.constants
@@ -98,7 +98,7 @@ def steady_rates(
     return {names[i]: float(rates[i]) for i in moving if abs(rates[i]) > terms[i]}
 
 
-def _magnitudes(program: Program, sizes: Any) -> Any:
+def _magnitudes(program: Program, sizes: Array) -> Any:
     """Return sizes of states and unknowns: those of one unit share the largest."""
     units = np.array([*program.states.units, *program.unknowns.units])
     return np.array([sizes[units == unit].max() for unit in units])

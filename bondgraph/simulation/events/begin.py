@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
@@ -35,14 +35,14 @@ class UntilEvent:
     events: Events
     choice: Choice
 
-    def look(self, time: float, state: Any, mode: Any) -> object | None:
+    def look(self, time: float, state: Array, mode: Array) -> object | None:
         """Return an object that is not None if a condition differs from the mode, or if the state selection must change."""
         said = np.asarray(mode)[self.events.places] == 1.0
         if (self.events.truth(self.events.roots(time, state, mode)) != said).any():
             return time
         return self.choice.look(time, state, mode)
 
-    def conditions(self, mode: Any) -> Conditions | None:
+    def conditions(self, mode: Array) -> Conditions | None:
         """Return the conditions with their truth in a mode; None if storages are examined, too."""
         return None if self.choice else Conditions(np.asarray(mode)[self.events.places] == 1.0, self.events.strict)
 
@@ -56,7 +56,7 @@ def with_modes(program: Program, first: Segment, modes: Mapping[str, float]) -> 
     return replace(first, mode=mode)
 
 
-def with_mode(space: Prepared, constraints: Constraints, state: Any, first: Segment, horizon: float) -> Segment:
+def with_mode(space: Prepared, constraints: Constraints, state: Array, first: Segment, horizon: float) -> Segment:
     """Return the first segment with the mode that fits the consistent initial state. Raises `RunFailed` if there is none."""
     events = Events(constraints, _size(state), horizon)
     mode = events.guess(Moment(first.start, state, first.mode))
@@ -79,13 +79,13 @@ def with_mode(space: Prepared, constraints: Constraints, state: Any, first: Segm
     )
 
 
-def off_in(constraints: Constraints, full: Any, first: Segment) -> tuple[str, ...]:
+def off_in(constraints: Constraints, full: Array, first: Segment) -> tuple[str, ...]:
     """Return the junctions that are off before any event acts."""
     return Events(constraints, _size(full), 1.0).actives(Moment(first.start, full, first.mode))
 
 
 def begun(
-    constraints: Constraints, full: Any, first: Segment, horizon: float, companion: Companion | None
+    constraints: Constraints, full: Array, first: Segment, horizon: float, companion: Companion | None
 ) -> tuple[Events, Moment]:
     """Return the events of a run, and the hybrid state after all events at its beginning."""
     events = Events(constraints, _size(full), horizon, companion=companion)
@@ -95,13 +95,8 @@ def begun(
 
 
 def continued(
-    constraints: Constraints,
-    state: Any,
-    first: Segment,
-    begin: PhaseTransition,
-    horizon: float,
-    companion: Companion | None,
-) -> tuple[Events, Moment, tuple[StorageJump, ...]]:
+    constraints: Constraints, state: Array, first: Segment, begin: PhaseTransition, horizon: float, companion: Companion | None
+) -> tuple[Events, Moment, tuple[StorageJump, ...]]:  # fmt: skip
     """Return the events of a run that goes on in this program, the hybrid state at that instant, and the jumps there."""
     program = constraints.program
     names, hybrid = program.states.names, program.hybrid
@@ -129,7 +124,7 @@ def continued(
 
 
 def _through_integrals(
-    program: Program, full: Any, begin: PhaseTransition, companion: Companion, storages: tuple[StorageJump, ...]
+    program: Program, full: Array, begin: PhaseTransition, companion: Companion, storages: tuple[StorageJump, ...]
 ) -> tuple[Any, tuple[StorageJump, ...]]:
     """Return the state with the contribution of an impulse to the integrals of the model, and their jumps. `storages`: jumps of stored quantities."""
     if not any(n in companion.integrals for n in program.states.names):
@@ -147,7 +142,7 @@ def _through_integrals(
     return full, tuple(jumps)
 
 
-def unknowns_in(program: Program, begin: PhaseTransition, state: Any) -> list[float]:
+def unknowns_in(program: Program, begin: PhaseTransition, state: Array) -> list[float]:
     """Return the unknowns of loops as they were, where their names are known; this preserves the branch among several solutions."""
     return [
         begin.unknowns.get(n, float(x))
@@ -155,5 +150,5 @@ def unknowns_in(program: Program, begin: PhaseTransition, state: Any) -> list[fl
     ]
 
 
-def _size(state: Any) -> Any:
+def _size(state: Array) -> Any:
     return np.where(state != 0, np.abs(state), 1.0)

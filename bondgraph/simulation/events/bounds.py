@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Program, Ranges
+from compiler.api import Array, BoolArray, Program, Ranges
 
-from ...arrays import Array, BoolArray
 from ...numerics.indicators import GRID, ON_GRID, PLACES, SURE, Interpolants
 
 # fraction of half a range by which a polynomial may exceed it between the places of the grid
@@ -32,8 +31,8 @@ ROUNDING = 1e-12  # fraction of the largest value: smaller ranges are ignored
 class Overlooked:
     """Masks of conditions on a part: those that may have a zero, and those with a peak that the values at its places do not show."""
 
-    zero: Array
-    unseen: Array
+    zero: BoolArray
+    unseen: BoolArray
     reach: Array  # widths of the conditions' own ranges; 0 without one
     widths: Array  # ranges of all narrow operations, for the halves of the part
 
@@ -50,14 +49,8 @@ class Bounds:
         self.count = count
 
     def over(
-        self,
-        part: tuple[float, float],
-        times: Array,
-        states: Array,
-        mode: Array,
-        floor: Array,
-        before: Array | None,
-    ) -> Overlooked:
+        self, part: tuple[float, float], times: Array, states: Array, mode: Array, floor: Array, before: Array | None
+    ) -> Overlooked:  # fmt: skip
         """Examine a part of a step. `times`, `states`: the Chebyshev places and the states there; `before`: `widths` of the part that it is half of."""
         ranges, low, high = self.ranges, np.array([part[0]]), np.array([part[1]])
         with np.errstate(all="ignore"):

@@ -23,7 +23,7 @@ from ..constraints.constraints import Constraints
 from ..loops.loops import LoopSolver
 
 if TYPE_CHECKING:
-    from compiler.api import Program, RunMetadata
+    from compiler.api import Array, BoolArray, Program, RunMetadata
 
     from ...prepared import Prepared
 
@@ -88,13 +88,8 @@ class Companion:
     """
 
     def __init__(
-        self,
-        facts: RunMetadata,
-        made: Callable[[tuple[str, ...]], Prepared],
-        values: Mapping[str, float],
-        horizon: float,
-        conditioned: Conditioned,
-    ) -> None:
+        self, facts: RunMetadata, made: Callable[[tuple[str, ...]], Prepared], values: Mapping[str, float], horizon: float, conditioned: Conditioned
+    ) -> None:  # fmt: skip
         self.valves, self.gaps = facts.valves, facts.gaps
         self.signs = np.array([*(v.sign for v in self.valves), *(1.0 for _ in self.gaps[len(self.valves) :])])
         self.integrals = {i.name: i for i in facts.integrals}
@@ -106,7 +101,7 @@ class Companion:
         self.against: tuple[float, frozenset[bytes]] = (np.nan, frozenset())  # sets refuted at an instant
 
     # ------------------------------------------------------------ valves
-    def another(self, at: Instant, guess: Any) -> Any:
+    def another(self, at: Instant, guess: BoolArray) -> Any:
         """Return a conducting set for a longer or shorter step, where this set was refuted by its own program; None if all steps lead to refuted sets."""
         self.against = at.time, self._refused(at.time) | {guess.tobytes()}
         refused = self._refused(at.time)
@@ -116,7 +111,7 @@ class Companion:
                 return found[0]
         return None
 
-    def conducting(self, at: Instant, guess: Any) -> Any:
+    def conducting(self, at: Instant, guess: BoolArray) -> Any:
         """Return a mask of the valves that conduct just after an instant. Raises `RunFailed`."""
         refused = self._refused(at.time)
         for step in self.steps(at.time):
@@ -243,7 +238,7 @@ class Companion:
                 )  # fmt: skip
 
     def _solved(
-        self, at: Instant, guess: Any, step: float, valves: int | None = None, moved: Any = None
+        self, at: Instant, guess: BoolArray, step: float, valves: int | None = None, moved: Array | None = None
     ) -> tuple[Any, Any] | None:
         """Return the mask of conducting valves and the outputs of the companion; None if no set is found. `valves`: how many of them may change;
         `moved`: jumps of the storages with nonlinear laws, shape (n,), if they are known; else Newton's method finds them."""
@@ -269,7 +264,7 @@ class Companion:
         return first  # its set still has to hold in its own program
 
     def _solved_about(
-        self, at: Instant, guess: Any, step: float, valves: int | None, moved: Any
+        self, at: Instant, guess: BoolArray, step: float, valves: int | None, moved: Array
     ) -> tuple[Any, Any] | None:
         """Return the same with nonlinear laws linearized at these jumps."""
         network, count = self._network(at.off), len(self.gaps)
@@ -303,9 +298,7 @@ class Companion:
             size = 1e-4 * max(float(np.abs(waves).max()), 1e-300)
         return on[: len(self.valves)], self._outputs(network, at, (states, mode), (step, z, waves[None]))[0]
 
-    def _outputs(
-        self, network: CompanionNetwork, at: Instant, where: tuple[Any, Any], values: tuple[float, float, Any]
-    ) -> Any:
+    def _outputs(self, network: CompanionNetwork, at: Instant, where: tuple[Any, Any], values: tuple[float, float, Any]) -> Any:  # fmt: skip
         """Return the outputs of the companion for rows of waves, shape (rows, outputs)."""
         program, constraints = network.program, network.constraints
         (state, mode), (step, z, rows) = where, values
@@ -369,7 +362,7 @@ class Companion:
         return state, mode
 
 
-def complementary(slopes: Any, offset: Any, guess: Any, valves: int) -> tuple[Any, Any, Any] | None:
+def complementary(slopes: Array, offset: Array, guess: BoolArray, valves: int) -> tuple[Any, Any, Any] | None:
     """Return the conducting ports, and the waves a into and b out of a network b = S a + c, shapes (n,); None if no set fits.
 
     `guess`: the set tried first. It is kept where both sides are zero, and for all ports after the first `valves` ones.
@@ -395,7 +388,7 @@ def complementary(slopes: Any, offset: Any, guess: Any, valves: int) -> tuple[An
     return None
 
 
-def _least(matrix: Any, right: Any, slopes: Any) -> tuple[Any, bool]:
+def _least(matrix: Array, right: Array, slopes: Array) -> tuple[Any, bool]:
     """Return the minimum-norm solution of a square system, and True if it fits; ports of a singular row that does not fit get a small loss."""
     left, values, rows = np.linalg.svd(matrix)
     share, size = left.T @ right, np.abs(right).max()

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
@@ -28,7 +28,7 @@ FARTHEST = 1e8  # relative to the first magnitudes: beyond it a counter would st
 STEP = 2.0**-13  # relative to a magnitude: difference step for sampled values, accurate enough for Newton's method
 
 
-def rest_with_events(constraints: Constraints, state: Any, first: Segment, events: Events) -> Moment:
+def rest_with_events(constraints: Constraints, state: Array, first: Segment, events: Events) -> Moment:
     """Return the hybrid state at the equilibrium, with its mode. Raises `RunFailed` if there is none."""
     program, seen = constraints.program, []
     at, sampled = (
@@ -103,17 +103,17 @@ class SampledSearch(EquilibriumSearch):
         self.kind = np.array([kinds[unit] for unit in units], dtype=int)
         self.count, self.largest = len(self.names), np.zeros(len(self.names))
 
-    def joined(self, state: Any, mode: Any) -> Any:
+    def joined(self, state: Array, mode: Array) -> Any:
         """Return a full state from the program's state and the mode."""
         return np.concatenate([state[: self.states], mode[self.places], state[self.states :]])
 
-    def split(self, full: Any) -> tuple[Any, Any]:
+    def split(self, full: Array) -> tuple[Any, Any]:
         """Return the program's state and the mode of a full state."""
         mode = np.array(self.mode, dtype=float)
         mode[self.places] = full[self.states : self.count]
         return np.concatenate([full[: self.states], full[self.count :]]), mode
 
-    def at(self, full: Any) -> tuple[Any, Any, Any]:
+    def at(self, full: Array) -> tuple[Any, Any, Any]:
         """Return the same as `EquilibriumSearch.at`, by differences."""
         full = self._kept(full)
         state, mode = self.split(full)
@@ -141,7 +141,7 @@ class SampledSearch(EquilibriumSearch):
         self.farthest = min(self.farthest, FARTHEST * first) if first > 0 else self.farthest
         return full, rates, jacobian
 
-    def rates(self, full: Any) -> Any:
+    def rates(self, full: Array) -> Any:
         """Return the rates as `EquilibriumSearch.rates`: a sampled value approaches its successor within a period."""
         state, mode = self.split(full)
         fixed = (*self.fixed[:2], mode)
@@ -151,7 +151,7 @@ class SampledSearch(EquilibriumSearch):
         rates[self.unread] = 0.0
         return rates
 
-    def not_finite(self, slope: Any, full: Any) -> RunFailed:
+    def not_finite(self, slope: Array, full: Array) -> RunFailed:
         """Return the same as `EquilibriumSearch.not_finite`."""
         bad = ", ".join(f"`{self.names[i]}`" for i in np.flatnonzero(~np.isfinite(slope))[:4])
         return RunFailed("BR759", f"at t = {self.time:.9g} s the rate of {bad} is not finite")
@@ -160,14 +160,14 @@ class SampledSearch(EquilibriumSearch):
         """Return the same as `EquilibriumSearch.drivers`."""
         return super().drivers(place) if place < self.states else "it is set anew at each sample"
 
-    def cancels(self, full: Any, slope: Any) -> bool:
+    def cancels(self, full: Array, slope: Array) -> bool:
         """Return False: `EquilibriumSearch.cancels` is not applied to samples."""
         return False
 
-    def _kept(self, full: Any) -> Any:
+    def _kept(self, full: Array) -> Any:
         state, mode = self.split(full)
         return self._solved(self.joined(self.constraints.project(self.time, state, mode), mode))
 
-    def _solved(self, full: Any) -> Any:
+    def _solved(self, full: Array) -> Any:
         state, mode = self.split(full)
         return self.joined(self.loops.solve(self.time, state, mode), mode)

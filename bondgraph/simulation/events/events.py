@@ -8,14 +8,14 @@ the possible interpretations). Events that accumulate are reported as well.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
-from compiler.api import EventNote, Hybrid
+from compiler.api import Array, BoolArray, EventNote, Hybrid, IntArray, Span
 
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
@@ -100,17 +100,17 @@ class Events:
         chosen = [self.keys[i] for i in self.valve_events.ravel()]
         self.valve_conditions = np.array([k for k, key in enumerate(own) if key in chosen], dtype=int)
 
-    def measure(self, magnitude: Any) -> None:
+    def measure(self, magnitude: Array) -> None:
         """Set the magnitudes of states and unknowns."""
         self.magnitude = magnitude
         self.loops = LoopSolver(self.program, self.constants, self.inputs, magnitude, self.constraints.parameters)
 
     # ------------------------------------------------------------ truth
-    def roots(self, time: Any, state: Any, mode: Any) -> Any:
+    def roots(self, time: Array | float, state: Array, mode: Array) -> Any:
         """Return left minus right side of each condition; leading axes as of time and state."""
         return self.hybrid.roots(time, state, self.inputs, self.constants, mode)
 
-    def truth(self, roots: Any) -> Any:
+    def truth(self, roots: Array) -> Any:
         """Return the truth of the conditions with these roots."""
         return (roots < 0) | ((roots == 0) & ~self.strict)
 
@@ -140,7 +140,7 @@ class Events:
         missed = np.abs(time - np.round(time / self.periods) * self.periods)
         return [int(i) for i in self.sampled[missed <= 16 * np.spacing(np.maximum(abs(time), self.periods))]]
 
-    def happen(self, at: Moment, flipped: Any = None, due: Sequence[int] = ()) -> Moment:
+    def happen(self, at: Moment, flipped: BoolArray | None = None, due: Sequence[int] = ()) -> Moment:
         """Return the hybrid state after all events at an instant.
 
         `flipped`: the conditions whose zero crossings are located there; `due`: the events sampled there. A condition that is true where a run begins
@@ -196,7 +196,7 @@ class Events:
         changed = np.flatnonzero(found != said)
         return Moment(at.time, at.state, mode), [int(self.valve_events[k, 0 if found[k] else 1]) for k in changed]
 
-    def tell_valves(self, mode: Any) -> None:
+    def tell_valves(self, mode: Array) -> None:
         """Add to the first record the events of the valves whose state differs from the written start."""
         if not len(self.valve_modes):
             return
@@ -289,7 +289,7 @@ class Events:
             mode[self.places] = truth
             now = self._solved(Moment(at.time, now.state, mode))
 
-    def _between(self, at: Moment, conditions: Any) -> Moment | None:
+    def _between(self, at: Moment, conditions: IntArray) -> Moment | None:
         """Return the mode in which each of these conditions is as where its two sides are equal, if the motion stays there.
 
         A law that goes through zero (a valve without pressure) ends there; one that jumps (dry friction) does not.
@@ -301,7 +301,7 @@ class Events:
             return rest
         return rest if self._stands(rest, conditions) else None
 
-    def _stands(self, at: Moment, conditions: Any) -> bool:
+    def _stands(self, at: Moment, conditions: IntArray) -> bool:
         """Return True if the rates, as they are now, leave the roots of these conditions zero but for rounding. What moves them later, such as
         a pump that is about to feed an empty tank, is an event of its own."""
         flow = self._flow(at)
@@ -365,7 +365,7 @@ class Events:
         self.floor = np.where(doubtful, np.where(moved != 0, 0.25 * noise, still), 0.0)
         return truth
 
-    def noise(self, at: Moment, roots: Any) -> Any:
+    def noise(self, at: Moment, roots: Array) -> Any:
         """Return the rounding error of each root: from the states, in units of their magnitudes, and from the instant, along the flow."""
         share = 1e-7
         n = len(at.state)
@@ -377,7 +377,7 @@ class Events:
         change = np.abs(self.roots(times, states, at.mode) - roots)
         return NOISE / share * np.where(np.isfinite(change), change, 0.0).sum(axis=0) + self._late(at, roots)
 
-    def _late(self, at: Moment, roots: Any) -> Any:
+    def _late(self, at: Moment, roots: Array) -> Any:
         """Return the change of each root along the flow during the uncertainty of a located instant; unknowns of loops stay fixed."""
         flow = self._flow(at)
         if flow is None:
@@ -398,7 +398,7 @@ class Events:
         speed = float((np.abs(first) / self.magnitude[: self.count]).max())
         return (first, min(self.horizon, 1 / speed if speed > 0 else np.inf)) if np.isfinite(speed) else None
 
-    def _ahead(self, at: Moment, reach: float, first: Any, whole: float) -> Moment | None:
+    def _ahead(self, at: Moment, reach: float, first: Array, whole: float) -> Moment | None:
         """Return the hybrid state a little later, by Heun's method, such that no state moves by more than a fraction `reach`."""
         n, fixed = self.count, (self.inputs, self.constants, at.mode)
         span = reach * whole
@@ -429,12 +429,12 @@ class Events:
         computed = [i for i in chosen if self.settings[i].kind == "computed"]
         return self._followed(now, computed, values, free) if computed else now
 
-    def _followed(self, at: Moment, computed: Sequence[int], values: Any, free: Any) -> Moment:
+    def _followed(self, at: Moment, computed: Sequence[int], values: Array, free: BoolArray) -> Moment:
         """Return the states after the least change that gives computed quantities the values that events set."""
         places = [self.settings[i].position for i in computed]
         wanted = values[computed]
 
-        def missed(x: Any) -> Any:
+        def missed(x: Array) -> Any:
             full = self.loops.solve(at.time, np.concatenate([x, at.state[self.count :]]), at.mode)
             return self.hybrid.targets(at.time, full, self.inputs, self.constants, at.mode)[places] - wanted
 
@@ -450,7 +450,7 @@ class Events:
             )
         return Moment(at.time, np.concatenate([x, at.state[self.count :]]), at.mode)
 
-    def _check(self, time: float, chosen: Sequence[int], values: Any) -> None:
+    def _check(self, time: float, chosen: Sequence[int], values: Array) -> None:
         """Raise `RunFailed` if a reset value is not finite, or if a quantity is reset twice."""
         owner: dict[tuple[str, int], int] = {}
         for i in chosen:
@@ -486,14 +486,14 @@ class Events:
             f"end it by a `mode` that an event sets where little is left, and a junction that is `active` without it{root}",
         )  # fmt: skip
 
-    def _sliding(self, time: float, conditions: Any) -> RunFailed:
+    def _sliding(self, time: float, conditions: IntArray) -> RunFailed:
         return RunFailed(
             "BR780", f"at t = {time:.9g} s {self.listed_conditions(conditions)} cannot hold and cannot fail: on either side the motion leads "
             "back to the other, and the model slides along between them.",
             "Give it a law for that: a `mode` that sticks and the events that set it, a hysteresis, or a smooth law (tanh) in place of the jump",
         )  # fmt: skip
 
-    def listed_conditions(self, numbers: Any) -> str:
+    def listed_conditions(self, numbers: Iterable[int]) -> str:
         notes = [self.hybrid.conditions[i] for i in numbers]
         listed = dict.fromkeys(f"`{n.owner}` ({_place(n.span)})" for n in notes)
         return f"the condition{'s' * (len(listed) > 1)} in {', '.join(listed)}"
@@ -503,16 +503,16 @@ class Events:
         return " and ".join(dict.fromkeys(f"`{e}` ({_place(e.span)})" for e in events))
 
 
-def conditioned(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
+def conditioned(constraints: Constraints, time: float, state: Array, mode: Array) -> Any:
     """Return a mode with the conditions on states as evaluated."""
     return Events(constraints, np.where(state != 0, np.abs(state), 1.0), 1.0).guess(Moment(time, state, mode))
 
 
-def _shrinks(intervals: Any) -> bool:
+def _shrinks(intervals: Array) -> bool:
     """Return True if intervals between events get shorter each time, and are much shorter than the longest one."""
     last = intervals[-LEFT:]
     return len(last) == LEFT and bool((np.diff(last) < 0).all()) and last[-1] < SHRUNK * intervals.max()
 
 
-def _place(span: Any) -> str:
+def _place(span: Span) -> str:
     return f"{PurePath(span.source.name).name}:{span.line}"

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ...results.checkpoint import DelayHistory
 
@@ -28,7 +28,7 @@ ROUNDS = 50  # iterations at the start for signals that depend on each other's p
 StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 
 
-def history_of(program: Program, parameters: Any, before: DelayHistory | None) -> History | None:
+def history_of(program: Program, parameters: Array, before: DelayHistory | None) -> History | None:
     """Return the history of a program; None if it has no delays."""
     if program.delays is None:
         return None
@@ -38,7 +38,7 @@ def history_of(program: Program, parameters: Any, before: DelayHistory | None) -
 class History:
     """Past values of the delayed signals of a program. `before`: the history of another program of the run."""
 
-    def __init__(self, program: Program, constants: Any, before: DelayHistory | None = None) -> None:
+    def __init__(self, program: Program, constants: Array, before: DelayHistory | None = None) -> None:
         assert program.delays is not None
         self.plain, self.constants, self.count = program, constants, program.delays.count
         self.names = program.inputs.names[len(program.inputs.names) - self.count :]
@@ -86,7 +86,7 @@ class History:
                 values[i] = np.polynomial.polynomial.polyval(share, self.pieces[place][:, i])
         return values
 
-    def filled(self, time: Any, inputs: Any) -> Any:
+    def filled(self, time: Array | float, inputs: Array) -> Any:
         """Return the inputs with the delayed signals at one or several times filled in."""
         inputs = np.asarray(inputs, dtype=float)
         if np.ndim(time) == 0:
@@ -105,12 +105,12 @@ class History:
         """Return the program with delayed signals filled in at each call."""
 
         def wrap(function: Callable[..., Any]) -> Callable[..., Any]:
-            def called(time: Any, state: Any, inputs: Any, constants: Any, *mode: Any) -> Any:
+            def called(time: Array | float, state: Array, inputs: Array, constants: Array, *mode: Any) -> Any:
                 return function(time, state, self.filled(time, inputs), constants, *mode)
 
             return called
 
-        def signals(time: Any, inputs: Any, constants: Any, mode: Any) -> Any:
+        def signals(time: Array | float, inputs: Array, constants: Array, mode: Array) -> Any:
             return program.signals(time, inputs, constants, mode)
 
         names = (
@@ -137,7 +137,7 @@ class History:
         self.starts, self.stops, self.pieces, self.cuts, self.last = saved
         self.window = (-np.inf, np.inf)
 
-    def begin(self, time: float, state: Any, inputs: Any, mode: Any) -> None:
+    def begin(self, time: float, state: Array, inputs: Array, mode: Array) -> None:
         """Set the delayed signals before the run to their values at its start, iterated if they depend on each other."""
         delays = self.program.delays
         assert delays is not None
@@ -149,7 +149,7 @@ class History:
             self.first = found
         self.last = self.first
 
-    def keep(self, start: float, stop: float, state_at: StateAt, inputs: Any, mode: Any) -> None:
+    def keep(self, start: float, stop: float, state_at: StateAt, inputs: Array, mode: Array) -> None:
         """Store the future values of the delayed signals, from an accepted step."""
         delays = self.program.delays
         assert delays is not None

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
 from ..initialization.initial_equations import slopes_of
@@ -37,7 +39,7 @@ class StorageJump:
 
 
 def after_impulse(
-    constraints: Constraints, time: float, full: Any, mode: Any, stored: Mapping[str, float], peaks: Mapping[str, float]
+    constraints: Constraints, time: float, full: Array, mode: Array, stored: Mapping[str, float], peaks: Mapping[str, float]
 ) -> tuple[Any, tuple[StorageJump, ...]]:  # fmt: skip
     """Return the state after the impulse from the stored quantities before, with unknowns, and the jumps. Raises `RunFailed`."""
     program = constraints.program
@@ -69,27 +71,27 @@ class _Held:
     start: Any
     mode: Any
 
-    def full(self, x: Any) -> Any:
+    def full(self, x: Array) -> Any:
         """Return the state with the unknowns of loops."""
         held = self.constraints
         loops = LoopSolver(held.program, held.constants, held.inputs, np.ones(len(self.start)), held.parameters)
         return loops.solve(self.time, np.concatenate([x, self.start[len(x) :]]), self.mode)
 
-    def stored(self, x: Any) -> Any:
+    def stored(self, x: Array) -> Any:
         """Return the states, then the contents of dependent storages."""
         return np.concatenate([x, self._at(self.constraints.program.dependent, x)])
 
-    def conjugates(self, x: Any) -> Any:
+    def conjugates(self, x: Array) -> Any:
         """Return the efforts and flows conjugate to the stored quantities."""
         hybrid = self.constraints.program.hybrid
         assert hybrid is not None
         return self._at(hybrid.conjugates, x)
 
-    def _at(self, function: Callable[..., Any], x: Any) -> Any:
+    def _at(self, function: Callable[..., Any], x: Array) -> Any:
         return function(self.time, self.full(x), self.constraints.inputs, self.constraints.constants, self.mode)
 
 
-def _balanced(held: _Held, x: Any, old: Any, size: Any, time: float) -> Any:
+def _balanced(held: _Held, x: Array, old: Array, size: Array, time: float) -> Any:
     """Return the states for which no impulse does work on a motion that the ties allow."""
     scale = size[: len(x)]
 
@@ -124,7 +126,7 @@ def _balanced(held: _Held, x: Any, old: Any, size: Any, time: float) -> Any:
     )  # fmt: skip
 
 
-def _ahead(function: Callable[[Any], Any], y: Any, step: Any) -> Any:
+def _ahead(function: Callable[[Any], Any], y: Array, step: Array) -> Any:
     """Return the end of a step, or of the longest of its halves that stays in the domain of the laws; None if none does."""
     for _ in range(HALVES):
         try:
@@ -136,7 +138,7 @@ def _ahead(function: Callable[[Any], Any], y: Any, step: Any) -> Any:
     return None
 
 
-def _slopes(function: Callable[[Any], Any], y: Any) -> Any:
+def _slopes(function: Callable[[Any], Any], y: Array) -> Any:
     """Return central differences, shape (values, n); with a wide step for an affine function, so that rounding has no effect."""
     here, columns = function(y), []
     for way in np.eye(len(y)):

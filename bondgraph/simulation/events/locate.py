@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import Array
+from compiler.api import Array, BoolArray, IntArray
+
 from ...errors import RunFailed
 from ...numerics.indicators import EXACT, FINER, ON_GRID, SHARES, Interpolants
 from ...numerics.roots import narrowed
@@ -42,7 +43,7 @@ class Flip:
 
 
 def first_flip(
-    events: Events, start: float, stop: float, mode: Any, state_at: StateAt, roots: Callable[[Any, bool], Any]
+    events: Events, start: float, stop: float, mode: Array, state_at: StateAt, roots: Callable[[Any, bool], Any]
 ) -> Flip | None:
     """Return the first zero crossing in (start, stop], or None. At the start itself the mode holds, whatever rounding leaves.
 
@@ -97,7 +98,9 @@ def first_flip(
     return None
 
 
-def _suspects(events: Events, seen: Interpolants, on_grid: Any, dips: Any, said: Any, part: tuple[float, float]) -> Any:
+def _suspects(
+    events: Events, seen: Interpolants, on_grid: Array, dips: BoolArray, said: BoolArray, part: tuple[float, float]
+) -> Any:
     """Return sorted instants of a part at which conditions may have changed.
 
     These are places that show it, sign changes and extrema of the polynomials behind the crossing, and places with least distance from zero.
@@ -132,7 +135,7 @@ def _vertex(places: Array, values: Array, coefficients: Array) -> Array:
 
 
 def _in_part(
-    events: Events, part: tuple[float, float], times: Any, said: Any, roots: Callable[[Any, bool], Any]
+    events: Events, part: tuple[float, float], times: Array, said: BoolArray, roots: Callable[[Any, bool], Any]
 ) -> float | None:
     """Return the first zero crossing in a part of a step; `times`: the instants at which one is suspected."""
     if not len(times):
@@ -150,9 +153,7 @@ def _in_part(
     return _narrowed(events, low, high, seen[first], said, roots)
 
 
-def _narrowed(
-    events: Events, low: float, high: float, there: Any, said: Any, roots: Callable[[Any, bool], Any]
-) -> float:
+def _narrowed(events: Events, low: float, high: float, there: Array, said: BoolArray, roots: Callable[[Any, bool], Any]) -> float:  # fmt: skip
     """Return the first instant between two, to rounding, at which a condition has changed; `there`: the roots at the second."""
     scale = np.where((there != 0) & np.isfinite(there), np.abs(there), 1.0)
     flipping = _wrong(events, there, said)
@@ -178,12 +179,12 @@ def _narrowed(
     return a if at_a > 0 else b
 
 
-def _wrong(events: Events, roots: Any, said: Any) -> Any:
+def _wrong(events: Events, roots: Array, said: BoolArray) -> Any:
     """Return a mask of the conditions that differ from the mode; shape as the roots."""
     return np.isfinite(roots) & (events.truth(roots) != said) & (np.abs(roots) >= events.floor)
 
 
-def _unresolved(events: Events, time: float, conditions: Any) -> RunFailed:
+def _unresolved(events: Events, time: float, conditions: IntArray) -> RunFailed:
     return RunFailed(
         "BR778", f"near t = {time:.9g} s {events.listed_conditions(conditions)} changes too often within a step to be followed;",
         "give the noise or the jumps in it a longer period, or let a signal that is smooth decide",

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array, IntArray
+
 from ...errors import RunFailed
 from ..constraints.constraints import Assembled, Constraints
 
@@ -28,7 +30,7 @@ Missed = Callable[[Any], Any]  # states (…, n) -> residuals of the initial equ
 
 
 def rates_closed(
-    constraints: Constraints, claims: Missed, at: tuple[float, Any], state: Any, masks: tuple[Any, Any], claimed: tuple[str, ...]
+    constraints: Constraints, claims: Missed, at: tuple[float, Any], state: Array, masks: tuple[Any, Any], claimed: tuple[str, ...]
 ) -> Any:  # fmt: skip
     """Return the states, shape (n,), with rates (and other states that are no pose) that keep the loops closed and satisfy the initial equations.
 
@@ -39,7 +41,7 @@ def rates_closed(
     size = sizes(constraints, at[0], state, at[1])
     fixed = (constraints.inputs, constraints.constants, at[1])
 
-    def missed(x: Any) -> Any:
+    def missed(x: Array) -> Any:
         gaps = constraints.program.invariant(at[0], x, *fixed)
         return np.concatenate([claims(x), np.asarray(gaps)[..., constraints.gaps :]], axis=-1)
 
@@ -61,7 +63,7 @@ def rates_closed(
     return found
 
 
-def _opening(constraints: Constraints, at: tuple[float, Any], state: Any, size: Any) -> str | None:
+def _opening(constraints: Constraints, at: tuple[float, Any], state: Array, size: Array) -> str | None:
     """Return the joint that opens with the rates of a state, or None; `size`: of the states."""
     rates = constraints.values(at[0], state, at[1])[constraints.gaps :]
     _, slopes = constraints.slopes(at[0], state, at[1])
@@ -74,12 +76,12 @@ def _opening(constraints: Constraints, at: tuple[float, Any], state: Any, size: 
     return constraints.program.invariants.names[gap].rpartition(".")[0]
 
 
-def _fastest(constraints: Constraints, state: Any, size: Any) -> float:
+def _fastest(constraints: Constraints, state: Array, size: Array) -> float:
     """Return the largest rate that enters the residuals' rates, in units of the mechanism, at least the rounding of an equilibrium."""
     return float(np.abs(state[constraints.speeds] / size[constraints.speeds]).max(initial=QUIET))
 
 
-def sizes(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
+def sizes(constraints: Constraints, time: float, state: Array, mode: Array) -> Any:
     """Return the unit of change of each state: the length of the mechanism for a length, a radian for an angle."""
     units = constraints.program.states.units
     slopes, _ = constraints.slopes(time, state, mode)
@@ -89,14 +91,14 @@ def sizes(constraints: Constraints, time: float, state: Any, mode: Any) -> Any:
     return np.array([length if u in ("m", "m/s") else 1.0 for u in units])
 
 
-def _slopes(missed: Missed, state: Any, places: Any, size: Any) -> tuple[Any, Any]:
+def _slopes(missed: Missed, state: Array, places: IntArray, size: Array) -> tuple[Any, Any]:
     """Return the unit of change at the places, and central differences by these; shape (rows, places)."""
     shifts = np.zeros((len(places), len(state)))
     shifts[np.arange(len(places)), places] = DIFFERENCE * size[places]
     return size[places], ((missed(state + shifts) - missed(state - shifts)) / (2 * DIFFERENCE)).T
 
 
-def _search(missed: Missed, state: Any, places: Any, size: Any) -> Any:
+def _search(missed: Missed, state: Array, places: IntArray, size: Array) -> Any:
     """Solve by Gauss-Newton, damped where a step brings no progress (Levenberg-Marquardt)."""
     state, value, damping = np.array(state), missed(state), 0.0
     for _ in range(ITERATIONS if len(places) else 0):
@@ -122,7 +124,7 @@ def _search(missed: Missed, state: Any, places: Any, size: Any) -> Any:
     return state
 
 
-def _step(slopes: Any, miss: Any, damping: float) -> Any:
+def _step(slopes: Array, miss: Array, damping: float) -> Any:
     if damping:
         count = slopes.shape[1]
         slopes = np.vstack([slopes, np.sqrt(damping) * np.eye(count)])
@@ -132,7 +134,7 @@ def _step(slopes: Any, miss: Any, damping: float) -> Any:
 
 
 # ---------------------------------------------------------------- rank
-def choose_rows(constraints: Constraints, time: float, state: Any, mode: Any) -> Assembled:
+def choose_rows(constraints: Constraints, time: float, state: Array, mode: Array) -> Assembled:
     """Find the independent constraints and activate only these. Raises `RunFailed` in a singular pose."""
     positions = len(constraints.positions)
     here, _, rank = _rank(constraints, time, state, mode)
@@ -165,7 +167,7 @@ def _told(names: tuple[str, ...]) -> str:
     return ", ".join(f"`{n}`" for n in names[:6]) + ("…" if len(names) > 6 else "")
 
 
-def _rank(constraints: Constraints, time: float, state: Any, mode: Any) -> tuple[Any, Any, int]:
+def _rank(constraints: Constraints, time: float, state: Array, mode: Array) -> tuple[Any, Any, int]:
     """Return the scaled Jacobian, the rows in the order of a pivoted factorisation, and the rank."""
     from scipy.linalg import qr
 
@@ -176,7 +178,7 @@ def _rank(constraints: Constraints, time: float, state: Any, mode: Any) -> tuple
     return slopes, order, int((left > FULL * left[0]).sum()) if len(left) and left[0] > 0 else 0
 
 
-def _moved_aside(constraints: Constraints, time: float, state: Any, mode: Any, slopes: Any) -> Any:
+def _moved_aside(constraints: Constraints, time: float, state: Array, mode: Array, slopes: Array) -> Any:
     """Return a neighbouring pose along a motion that the constraints allow; None if they allow none.
 
     First it is projected on the constraints that are independent here, because redundant ones hinder beside the pose; then on all.
@@ -200,7 +202,7 @@ def _moved_aside(constraints: Constraints, time: float, state: Any, mode: Any, s
     return None
 
 
-def _lost(constraints: Constraints, slopes: Any) -> tuple[str, ...]:
+def _lost(constraints: Constraints, slopes: Array) -> tuple[str, ...]:
     """Return the joints whose rows are dependent."""
     left, values, _ = np.linalg.svd(slopes)
     rank = int((values > FULL * values[0]).sum())

@@ -19,7 +19,7 @@ from ..segments.timeline import Segment
 from .initial_equations import fulfil, slopes_of
 
 if TYPE_CHECKING:
-    from compiler.api import Program, StateSpace
+    from compiler.api import Array, BoolArray, Program, StateSpace
 
     from ...prepared import Prepared
     from .poses import PoseProblem
@@ -31,7 +31,7 @@ SHOWN = 4  # most solutions, and unknowns of each, in a message
 
 
 def consistent_start(
-    program: Program, made: Prepared, constants: Any, inputs: Any, state: Any, first: Segment, constraints: Constraints
+    program: Program, made: Prepared, constants: Array, inputs: Array, state: Array, first: Segment, constraints: Constraints
 ) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
     """Return the state at the start, shape (n,), and notes about it.
 
@@ -46,7 +46,7 @@ def consistent_start(
         return full, ()
     space = made.state_space
 
-    def claims(x: Any) -> Any:
+    def claims(x: Array) -> Any:
         return np.asarray(program.claims(time, x, inputs, constraints.constants, mode))
 
     notes: tuple[str, ...] = ()
@@ -61,7 +61,7 @@ def consistent_start(
         poses[constraints.positions] = True
         return _assembled(program, made, constraints, state, movable & ~poses, poses, first), notes
 
-    def missed(x: Any) -> tuple[Any, Any]:
+    def missed(x: Array) -> tuple[Any, Any]:
         full = loops.solve(time, np.concatenate([x, state[count:]]), mode)
         return claims(full)[: len(space.claims)], full
 
@@ -73,7 +73,7 @@ def consistent_start(
     return full, notes
 
 
-def _with_pose(problem: PoseProblem, state: Any) -> tuple[Any, tuple[str, ...]]:
+def _with_pose(problem: PoseProblem, state: Array) -> tuple[Any, tuple[str, ...]]:
     """Return the state with mechanisms in their initial pose, coordinates of the text exactly as given; and notes."""
     from .poses import posed
 
@@ -85,8 +85,8 @@ def _with_pose(problem: PoseProblem, state: Any) -> tuple[Any, tuple[str, ...]]:
 
 
 def _assembled(
-    program: Program, made: Prepared, constraints: Constraints, state: Any, movable: Any, poses: Any, first: Segment
-) -> Any:
+    program: Program, made: Prepared, constraints: Constraints, state: Array, movable: BoolArray, poses: BoolArray, first: Segment
+) -> Any:  # fmt: skip
     """Return the consistent state of a model with loop joints: the rates of their residuals vanish as well."""
     from .assembly import choose_rows, rates_closed, sizes
 
@@ -95,7 +95,7 @@ def _assembled(
     loose = len(program.unknowns.names) > 0 and not loops.affine  # initial equations may depend on other loops
     rows = [i for i, c in enumerate(space.claims) if not c.on_pose]
 
-    def claims(x: Any) -> Any:
+    def claims(x: Array) -> Any:
         if loose:
             x = loops.solve_all(np.full(len(x), time), x, mode) if x.ndim > 1 else loops.solve(time, x, mode)
         found = np.asarray(program.claims(time, x, constraints.inputs, constraints.constants, mode))
@@ -117,7 +117,7 @@ def _assembled(
     return full
 
 
-def _check_unique(loops: LoopSolver, made: Prepared, full: Any, at: Any) -> None:
+def _check_unique(loops: LoopSolver, made: Prepared, full: Array, at: Any) -> None:
     """Raise `RunFailed` if the loops have another solution: the model does not determine which of them holds."""
     if not len(loops.program.unknowns.names):
         return
@@ -147,12 +147,12 @@ def _check_unique(loops: LoopSolver, made: Prepared, full: Any, at: Any) -> None
     )  # fmt: skip
 
 
-def _reach(function: Any, x: Any) -> Any:
+def _reach(function: Any, x: Array) -> Any:
     """Return the size of the terms that an initial equation adds up: a value of zero has no size of its own."""
     return np.abs(slopes_of(function, x, np.ones(len(x), dtype=bool))) @ np.abs(x)
 
 
-def _check(program: Program, space: StateSpace, constants: Any, value: Any, reach: Any, full: Any, at: Any) -> None:
+def _check(program: Program, space: StateSpace, constants: Array, value: Array, reach: Array, full: Array, at: Any) -> None:  # fmt: skip
     time, inputs, mode = at
     others = np.asarray(program.claims(time, np.zeros(len(full)), inputs, constants, mode))[: len(space.claims)]
     others = np.where(np.isfinite(others), others, value)  # not finite where all states are zero

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array, BoolArray
+
 ITERATIONS = 100
 PRECISION = 1e-13  # size of the last step, relative to the states
 NOISE = 1e-9  # error of central differences where a derivative is zero, relative to the equation's value
@@ -18,7 +20,7 @@ STRONGEST = 1e8  # damping beyond which nothing moves any more
 Missed = Callable[[Any], Any]  # states -> residuals of the initial equations
 
 
-def fulfil(missed: Missed, x: Any, movable: Any) -> Any:
+def fulfil(missed: Missed, x: Array, movable: BoolArray) -> Any:
     """Return the states, shape (n,), with the movable ones (a mask) changed so that the initial equations hold, or nearly hold."""
     x, value, damping = np.array(x), missed(x), 0.0
     for _ in range(ITERATIONS):
@@ -42,7 +44,7 @@ def fulfil(missed: Missed, x: Any, movable: Any) -> Any:
     return x
 
 
-def slopes_of(function: Missed, x: Any, movable: Any) -> Any:
+def slopes_of(function: Missed, x: Array, movable: BoolArray) -> Any:
     """Return central differences; used at the start only, where an iteration over them converges to round-off."""
     columns = []
     for i in np.flatnonzero(movable):
@@ -53,13 +55,13 @@ def slopes_of(function: Missed, x: Any, movable: Any) -> Any:
     return np.stack(columns, axis=1) if columns else np.zeros((len(function(x)), 0))
 
 
-def _noiseless(slopes: Any, x: Any, value: Any) -> Any:
+def _noiseless(slopes: Array, x: Array, value: Array) -> Any:
     """Return derivatives with those below rounding set to zero: otherwise an equation would seem to depend on unrelated states."""
     reach = np.abs(slopes) * np.maximum(np.abs(x), 1e-3)
     return np.where(reach > NOISE * np.abs(value)[:, None], slopes, 0.0)
 
 
-def _step(slopes: Any, miss: Any, damping: float) -> Any:
+def _step(slopes: Array, miss: Array, damping: float) -> Any:
     """Return the minimum-norm step that cancels the residual, or a shorter one if damped."""
     if damping:
         count = slopes.shape[1]

@@ -21,7 +21,7 @@ from ...quantities import behind
 from ..constraints.constraints import Constraints
 
 if TYPE_CHECKING:
-    from compiler.api import StateSpace
+    from compiler.api import Array, IntArray, StateSpace
 
 DIFFERENCE = 1e-6
 INDEPENDENT = 1e-6  # least part of a unit derivative that is independent of earlier start values
@@ -62,7 +62,7 @@ class PoseProblem:
     length: float  # length of the mechanism, m
     given: tuple[GivenCoordinates, ...]
 
-    def state(self, z: Any) -> Any:
+    def state(self, z: Array) -> Any:
         """Return all states, with coordinates z."""
         state = np.array(self.begin, dtype=float)
         state[self.places] = z * self.size
@@ -78,7 +78,7 @@ class PoseProblem:
         """Number of residuals; their rows come first."""
         return self.constraints.gaps
 
-    def values(self, z: Any) -> Any:
+    def values(self, z: Array) -> Any:
         """Return residuals, then given coordinates minus their start values, in units of the mechanism."""
         state = self.state(z)
         found = [self.constraints.values(self.time, state, self.mode)[: self.gaps] / self._gap_units()]
@@ -89,7 +89,7 @@ class PoseProblem:
         )
         return np.concatenate(found)
 
-    def slopes(self, z: Any) -> Any:
+    def slopes(self, z: Array) -> Any:
         """Return their derivatives; those of initial equations are central differences."""
         state, count, constraints = self.state(z), len(self.places), self.constraints
         result = np.zeros((self.gaps + len(self.given), count))
@@ -115,7 +115,7 @@ class PoseProblem:
     def units(self) -> Any:
         return np.array([self.length if g.unit == "m" else 1.0 for g in self.given])
 
-    def missed(self, z: Any) -> float:
+    def missed(self, z: Array) -> float:
         """Return the largest residual."""
         return float(np.abs(self.values(z)[: self.gaps]).max(initial=0.0))
 
@@ -141,7 +141,7 @@ def posed(problem: PoseProblem) -> tuple[Any, str | None]:
     return problem.state(found), note
 
 
-def _along(problem: PoseProblem, z: Any) -> tuple[Any, str | None]:
+def _along(problem: PoseProblem, z: Array) -> tuple[Any, str | None]:
     """Return the pose at the end of the path along given coordinates."""
     if np.abs(problem.values(z)).max(initial=0.0) <= STAYS:
         return z, None
@@ -156,7 +156,7 @@ def _along(problem: PoseProblem, z: Any) -> tuple[Any, str | None]:
     raise tried[0]
 
 
-def _from_singular(problem: PoseProblem, z: Any, beside: Sequence[Any]) -> tuple[Any, str | None]:
+def _from_singular(problem: PoseProblem, z: Array, beside: Sequence[Any]) -> tuple[Any, str | None]:
     """Return the pose from a drawing whose coordinates have fewer independent derivatives than neighbouring poses.
 
     It exists where all paths from there end in one pose, and for open chains.
@@ -181,7 +181,7 @@ def _from_singular(problem: PoseProblem, z: Any, beside: Sequence[Any]) -> tuple
     return reached[0], f"{several.sentence}; one of them is taken: {several.advice}"
 
 
-def _followed(problem: PoseProblem, chosen: Sequence[int], z: Any, tried: list[RunFailed]) -> Any:
+def _followed(problem: PoseProblem, chosen: Sequence[int], z: Array, tried: list[RunFailed]) -> Any:
     """Return the pose with all start values, followed along some of them; None if it is not reached, with the reason added to `tried`."""
     along = replace(problem, given=tuple(problem.given[i] for i in chosen))
     path = _path(along, z)
@@ -203,7 +203,7 @@ def _said(problem: PoseProblem, row: int) -> float:
     return abs(problem.given[row].value) / float(problem.units()[row])
 
 
-def _path(problem: PoseProblem, z: Any) -> SolutionPath:
+def _path(problem: PoseProblem, z: Array) -> SolutionPath:
     """Return the path of all given coordinates, proportional from their values to their start values; an attitude turns about one axis."""
     begin = problem.values(z)
     begin[: problem.gaps] = 0.0
@@ -236,7 +236,7 @@ def _attitudes(problem: PoseProblem) -> list[list[int]]:
     return [rows for rows in groups.values() if len(rows) == 4]
 
 
-def _turned(begin: Any, end: Any, share: float) -> Any:
+def _turned(begin: Array, end: Any, share: float) -> Any:
     """Return the unit quaternion at a share of the rotation from one to another."""
     angle = math.acos(min(1.0, max(-1.0, float(begin @ end))))
     if math.sin(angle) < CLOSE:
@@ -245,7 +245,7 @@ def _turned(begin: Any, end: Any, share: float) -> Any:
 
 
 # ---------------------------------------------------------------- which coordinates lead
-def _choices(problem: PoseProblem, z: Any) -> list[tuple[int, ...]]:
+def _choices(problem: PoseProblem, z: Array) -> list[tuple[int, ...]]:
     """Return sets of given coordinates that are independent at a pose, in the order of the text; dependent ones each come first in a further set."""
     slopes = problem.slopes(z)
     free = split(slopes[: problem.gaps])[1].T
@@ -272,7 +272,7 @@ def _choices(problem: PoseProblem, z: Any) -> list[tuple[int, ...]]:
     return list(dict.fromkeys([first, *(leading(order) for order in orders[:CHOICES])]))
 
 
-def _beside(problem: PoseProblem, z: Any) -> list[Any]:
+def _beside(problem: PoseProblem, z: Array) -> list[Any]:
     """Return neighbouring poses of a drawing with more independent derivatives of residuals and given coordinates; an empty list if there are none."""
     alone = replace(problem, given=())
     slopes = problem.slopes(z)
@@ -295,7 +295,7 @@ def _beside(problem: PoseProblem, z: Any) -> list[Any]:
     return found
 
 
-def _rank(slopes: Any) -> int:
+def _rank(slopes: Array) -> int:
     values = np.linalg.svd(slopes, compute_uv=False)
     return int((values > INDEPENDENT * values.max(initial=0.0)).sum())
 
@@ -317,7 +317,7 @@ def _shown(item: GivenCoordinates, value: float) -> str:
     return f"{value:.9g} rad ({math.degrees(value):.6g} deg)" if item.unit == "1" else f"{value:.9g}{behind(item.unit)}"
 
 
-def _here(problem: PoseProblem, z: Any) -> list[float]:
+def _here(problem: PoseProblem, z: Array) -> list[float]:
     """Return the values of the given coordinates."""
     state = problem.state(z)
     claims = problem.claims(state)
@@ -344,7 +344,7 @@ def _short(problem: PoseProblem, end: Followed) -> RunFailed:
     )  # fmt: skip
 
 
-def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: Any) -> RunFailed:
+def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: Array) -> RunFailed:
     """Return the error of start values that contradict each other."""
     items, here = [problem.given[i] for i in off], _here(problem, z)
     there = ", ".join(f"`{problem.given[i].name}` = {_shown(problem.given[i], here[i])}" for i in off[:4])
@@ -360,7 +360,7 @@ def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: An
     )  # fmt: skip
 
 
-def _opened(problem: PoseProblem, off: Sequence[int], z: Any) -> str | None:
+def _opened(problem: PoseProblem, off: Sequence[int], z: Array) -> str | None:
     """Return the joint that opens most where coordinates of the tree take their start values; None if all are other coordinates."""
     places = [problem.given[i].state for i in off if problem.given[i].claim < 0]
     if not places or not problem.gaps:
@@ -373,7 +373,7 @@ def _opened(problem: PoseProblem, off: Sequence[int], z: Any) -> str | None:
     return problem.constraints.program.invariants.names[worst].rpartition(".")[0]
 
 
-def _open(problem: PoseProblem, z: Any) -> RunFailed:
+def _open(problem: PoseProblem, z: Array) -> RunFailed:
     """Return the error of joints that do not close."""
     constraints = problem.constraints
     gaps = problem.values(z)[: problem.gaps]
@@ -387,9 +387,7 @@ def _open(problem: PoseProblem, z: Any) -> RunFailed:
 
 
 # ---------------------------------------------------------------- from a program
-def pose_problem(
-    space: StateSpace, constraints: Constraints, claims: Claims, at: tuple[float, Any], state: Any
-) -> PoseProblem:
+def pose_problem(space: StateSpace, constraints: Constraints, claims: Claims, at: tuple[float, Any], state: Array) -> PoseProblem:  # fmt: skip
     """Return the coordinates of all mechanisms and their start values.
 
     `at`: time and mode; `state`: with the start values of the text.
@@ -423,7 +421,11 @@ def pose_problem(
 
 
 def _sizes(
-    constraints: Constraints, at: tuple[float, Any, Any], places: Any, given: Sequence[GivenCoordinates], claims: Claims
+    constraints: Constraints,
+    at: tuple[float, Any, Any],
+    places: IntArray,
+    given: Sequence[GivenCoordinates],
+    claims: Claims,
 ) -> tuple[Any, float]:
     """Return the unit of change of each coordinate (a radian for an angle, the mechanism's length for a length), and that length in m.
 

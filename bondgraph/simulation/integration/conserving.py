@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...errors import NotLossless, RunFailed, UsageError
 from ..integrators.radau import StepFailed
 from ..segments.timeline import Segment
@@ -24,7 +26,7 @@ FAR = 10.0  # factor by which magnitudes count as wrong
 LOST = 1e-9  # relative to the powers between storages: loss of a lossless model by rounding
 
 
-def equal_steps(stepper: IntegrationState, stretch: Segment, x: Any) -> float:
+def equal_steps(stepper: IntegrationState, stretch: Segment, x: Array) -> float:
     """Return the size of all steps of a segment: that of the short steps of an adaptive method. Raises `NotLossless`, `RunFailed`."""
     times, states = _looked_ahead(stepper, stretch, x)
     for _ in range(ROUNDS):
@@ -40,7 +42,7 @@ def equal_steps(stepper: IntegrationState, stretch: Segment, x: Any) -> float:
     return span / float(np.ceil(span / (SHARE * np.quantile(usual, SMALL))))
 
 
-def _looked_ahead(stepper: IntegrationState, stretch: Segment, x: Any) -> tuple[Any, Any]:
+def _looked_ahead(stepper: IntegrationState, stretch: Segment, x: Array) -> tuple[Any, Any]:
     """Return the ends of some explicit steps of a pilot run, and the states there."""
     magnitude = stepper.tolerances.magnitude
     times, states = [stretch.start], [x]
@@ -56,7 +58,7 @@ def _looked_ahead(stepper: IntegrationState, stretch: Segment, x: Any) -> tuple[
     return np.array(times), np.array(states)
 
 
-def _measured(stepper: IntegrationState, states: Any) -> bool:
+def _measured(stepper: IntegrationState, states: Array) -> bool:
     """Return True, and reduce the magnitudes, if states stay far below those of the coarse run, which is inaccurate in a long run.
 
     A lossless motion returns to where it was, so its beginning gives better magnitudes.
@@ -71,7 +73,7 @@ def _measured(stepper: IntegrationState, states: Any) -> bool:
     return True
 
 
-def _check_lossless(stepper: IntegrationState, stretch: Segment, times: Any, states: Any) -> None:
+def _check_lossless(stepper: IntegrationState, stretch: Segment, times: Array, states: Array) -> None:
     """Raise `NotLossless` if the stored energy changes at a state of the run; also `RunFailed` or `UsageError` if there is none to conserve."""
     program, fixed = stepper.program, (stepper.inputs, stepper.constants, stretch.mode)
     assert program.stored_energy is not None

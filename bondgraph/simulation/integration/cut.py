@@ -7,9 +7,11 @@ output, the remaining part is integrated again.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from compiler.api import Array
 
 if TYPE_CHECKING:
     from ..events.locate import StateAt
@@ -23,7 +25,7 @@ ALLOWED = 1.0  # in units of the tolerance: error of the states if the derivativ
 SHORTEST = 2.0**14  # units in the last place of a time: a shorter part gives no difference quotient
 
 
-def is_sure(stepper: IntegrationState, start: float, stop: float, mode: Any, states_at: StateAt) -> bool:
+def is_sure(stepper: IntegrationState, start: float, stop: float, mode: Array, states_at: StateAt) -> bool:
     """Return True if the dense output of a step satisfies the equations from its start up to the event that cuts it."""
     size, count = stop - start, len(stepper.program.states.names)
     if size < SHORTEST * np.spacing(max(abs(start), abs(stop))):

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array, BoolArray
+
 from ...errors import RunFailed, StepsCollapsed
 from ..events.events import Moment
 from ..events.locate import Flip, RootsAt, StateAt, first_flip
@@ -36,7 +38,7 @@ class EventIntegrator(SegmentIntegrator):
         self.linear = problem.is_exact and not len(problem.events.places)
         self.remember(problem.history)
 
-    def through(self, state: Any, stretches: Sequence[Segment]) -> Trajectory:
+    def through(self, state: Array, stretches: Sequence[Segment]) -> Trajectory:
         """Integrate as `integrate`, from event to event."""
         x = np.array(state, dtype=float)
         for number, stretch in enumerate(stretches):
@@ -47,7 +49,7 @@ class EventIntegrator(SegmentIntegrator):
                 return self.done(x, self.mode)
         return self.done(self.finish(stretches[-1], x), self.mode)
 
-    def run_with_events(self, stretch: Segment, x: Any, first: bool) -> Any:
+    def run_with_events(self, stretch: Segment, x: Array, first: bool) -> Any:
         """Integrate one segment, from event to event; return the state at its end. `first`: its mode is that of the start."""
         events, result = self.events, self.result
         now = Moment(stretch.start, x, stretch.mode)
@@ -75,7 +77,7 @@ class EventIntegrator(SegmentIntegrator):
                 raise RunFailed("BR764", f"more than {self.most_events} events act before t = {stop:.9g} s")
             now = self._happen(Moment(flip.time, flip.state, self.mode), flip.conditions)
 
-    def finish(self, last: Segment, x: Any) -> Any:
+    def finish(self, last: Segment, x: Array) -> Any:
         """Return the state after the events at the very end of a run: values hold from a jump on."""
         events, stop = self.events, last.stop
         mode = mode_after(self.program, self.constants, stop, replace(last, mode=self.mode))
@@ -91,7 +93,7 @@ class EventIntegrator(SegmentIntegrator):
         """Return the number of events so far, and the truth of the events' conditions."""
         return len(self.events.log), dict(self.events.on)
 
-    def _happen(self, at: Moment, flipped: Any) -> Moment:
+    def _happen(self, at: Moment, flipped: BoolArray | None) -> Moment:
         events, powers = self.events, self.powers
         now = events.happen(at, flipped, events.due(at.time) if flipped is None else ())
         if powers is not None and events.log[-1].events:
@@ -119,7 +121,7 @@ class EventIntegrator(SegmentIntegrator):
         modes = dict(zip(events.hybrid.modes.names, map(float, self.mode), strict=False))
         return replace(handover, modes=modes, on=dict(events.on))
 
-    def grow(self, x: Any) -> None:
+    def grow(self, x: Array) -> None:
         """Update the largest magnitudes."""
         peak = self.result.peak
         self.result.peak = np.abs(x) if peak is None else np.maximum(peak, np.abs(x))
@@ -153,9 +155,7 @@ class EventIntegrator(SegmentIntegrator):
         """Rounding errors of the roots of conditions."""
         return self.events.floor
 
-    def follow(
-        self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None
-    ) -> Segment:
+    def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None) -> Segment:  # fmt: skip
         """Find the first event of a step, which ends it.
 
         Conditions that only events read change on the way, and so do those that have no effect yet.
@@ -163,7 +163,7 @@ class EventIntegrator(SegmentIntegrator):
         events = self.events
         looked_for = len(self.program.unknowns.names) > 0 and not self.loops.affine
 
-        def roots(times: Any, exactly: bool) -> Any:
+        def roots(times: Array, exactly: bool) -> Any:
             if roots_at is None or (exactly and looked_for):
                 return events.roots(times, state_at(times, exactly), stretch.mode)
             return roots_at(times, stretch.mode)
@@ -186,7 +186,7 @@ class EventIntegrator(SegmentIntegrator):
             start = flip.time
         return stretch
 
-    def _passes(self, flip: Flip, before: Any, after: Any, state_at: StateAt) -> bool:
+    def _passes(self, flip: Flip, before: Array, after: Array, state_at: StateAt) -> bool:
         """Return True if the laws of both sides agree, far below the tolerance, up to the end of the step: then it need not end where they change.
 
         So a continuous law runs through a state that is at rest at its condition except for rounding. A condition that changes back within this distance
@@ -211,21 +211,21 @@ class EventIntegrator(SegmentIntegrator):
         events.floor = np.where(flip.conditions, np.fmax(events.floor, reach), events.floor)
         return True
 
-    def _contradicts(self, time: float, state: Any, mode: Any) -> bool:
+    def _contradicts(self, time: float, state: Array, mode: Array) -> bool:
         """Return True if another condition differs from the mode because it reads the result of a changed one: a damper that acts where its spring does."""
         events = self.events
         roots = events.roots(time, state, mode)
         wrong = np.isfinite(roots) & (events.truth(roots) != (mode[events.places] == 1.0))
         return bool((wrong & (np.abs(roots) > events.floor)).any())
 
-    def _under(self, time: float, state: Any, mode: Any) -> tuple[Any, Any]:
+    def _under(self, time: float, state: Array, mode: Array) -> tuple[Any, Any]:
         """Return a state with the unknowns that belong to it under a mode, if there are any; and the mode."""
         try:
             return self.loops.solve(time, state, mode), mode
         except RunFailed:
             return np.full(len(state), np.nan), mode
 
-    def _are_alike(self, time: float, size: float, both: Sequence[tuple[Any, Any]], allowed: Any) -> bool:
+    def _are_alike(self, time: float, size: float, both: Sequence[tuple[Any, Any]], allowed: Array) -> bool:
         """Return True if rates, over a time, and unknowns of two states and modes differ by no more than is allowed."""
         count = len(self.program.states.names)
         self.count({"derivative": len(both)})
@@ -242,7 +242,7 @@ class EventIntegrator(SegmentIntegrator):
         return bool((np.abs(two - one) <= HARMLESS * self.tolerances.relative * most).all())
 
 
-def pilot(problem: PhaseProblem, state: Any, stretches: Sequence[Segment], magnitude: Any) -> Any:
+def pilot(problem: PhaseProblem, state: Array, stretches: Sequence[Segment], magnitude: Array) -> Any:
     """Return the largest magnitudes of states and unknowns in a pilot run through the events, as far as this program goes."""
     program, constants, inputs = problem.program, problem.constants, problem.inputs
     tolerances = Tolerances(PILOT, PILOT * magnitude, magnitude, np.zeros(len(state), dtype=bool))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import SOLVERS
+from compiler.api import SOLVERS, Array
 
 from ...numerics.quadrature import GAUSS, KRONROD, PLACES, too_coarse
 from ..integrators import exponential
@@ -20,7 +20,7 @@ LEFT = (0.0, 1e-6, 1e-3, 1e-2, 0.1)  # fractions of the segment that remain befo
 LOOKED_AT = 4097  # places of a segment that are searched for values that are not finite
 
 
-def exactly(stepper: IntegrationState, stretch: Segment, x: Any) -> Any | None:
+def exactly(stepper: IntegrationState, stretch: Segment, x: Array) -> Any | None:
     """Integrate a segment as `run`, from state x; return None if it cannot be done this way."""
     form = exponential.linear_form(stepper.program, stepper.inputs, stepper.constants, stretch, stepper.whole)
     if form is None:
@@ -50,7 +50,7 @@ def exactly(stepper: IntegrationState, stretch: Segment, x: Any) -> Any | None:
     return states[-1]
 
 
-def check_driven(stepper: IntegrationState, stretch: Segment, x: Any) -> None:
+def check_driven(stepper: IntegrationState, stretch: Segment, x: Array) -> None:
     """Raise `RateNotFinite` at the first instant at which a driving signal has no value, to rounding: no other solver would help then."""
     times: Any = np.linspace(stretch.start, stretch.stop, LOOKED_AT)
     fixed = (stepper.inputs, stepper.constants, stretch.mode)
@@ -76,7 +76,7 @@ def check_driven(stepper: IntegrationState, stretch: Segment, x: Any) -> None:
 
 
 def _work(
-    stepper: IntegrationState, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
+    stepper: IntegrationState, form: exponential.Linear, cut: exponential.Intervals, states: Array, stretch: Segment
 ) -> tuple[tuple[Any, float], bool]:
     """Return the work of a segment with the energy turnover, and True if the quadrature is fine enough."""
     assert stepper.powers is not None
@@ -91,7 +91,7 @@ def _work(
 
 
 def _look(
-    stepper: IntegrationState, form: exponential.Linear, cut: exponential.Intervals, states: Any, stretch: Segment
+    stepper: IntegrationState, form: exponential.Linear, cut: exponential.Intervals, states: Array, stretch: Segment
 ) -> None:
     """Check the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
     if stepper.program.limits:

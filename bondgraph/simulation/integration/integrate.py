@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+
+from compiler.api import Array
 
 from ..segments.timeline import Segment
 from ..segments.trajectory import Trajectory
@@ -13,7 +14,7 @@ from .integration_state import PhaseProblem
 from .segment_integrator import SegmentIntegrator
 
 
-def integrate(problem: PhaseProblem, state: Any, stretches: Sequence[Segment], into: Trajectory) -> Trajectory:
+def integrate(problem: PhaseProblem, state: Array, stretches: Sequence[Segment], into: Trajectory) -> Trajectory:
     """Integrate over the segments, into a trajectory that keeps the part before an exception. Raises `RunFailed` with time and variable."""
     if problem.events is not None:
         from .event_integrator import EventIntegrator

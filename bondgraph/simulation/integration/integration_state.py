@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from compiler.api import AUTOMATIC, Program
+from compiler.api import AUTOMATIC, Array, Program
 
 from ...errors import RunFailed, StepsCollapsed
 from ...numerics.quadrature import work_of
@@ -48,7 +48,7 @@ class ModeTruncation(Protocol):
     def pause(self) -> int:
         """Number of steps of a segment after which it is examined."""
 
-    def begin(self, stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
+    def begin(self, stepper: IntegrationState, stretch: Segment, x: Array) -> Any:
         """Return the state without its fast oscillations."""
 
     def cuts(self, stepper: IntegrationState, solver: CompiledRadau, steps: int, stretch: Segment) -> bool:
@@ -151,7 +151,7 @@ class IntegrationState:
             self._signals[key] = signals_on(self.program, self.inputs, self.constants, stretch, self.whole)
         return self._signals[key]
 
-    def done(self, x: Any, mode: Any) -> Trajectory:
+    def done(self, x: Array, mode: Array) -> Trajectory:
         """Return the trajectory, with the state and the mode at the end."""
         if self.result.handover is not None:
             self.result.states = self.result.states[: self.position]
@@ -167,7 +167,9 @@ class IntegrationState:
     def let_go(self) -> None:
         """Release all data that refer to this object."""
 
-    def keep(self, time: float, x: Any, mode: Any, begun: float, work: Any = None, position: int | None = None) -> None:
+    def keep(
+        self, time: float, x: Array, mode: Array, begun: float, work: Array | None = None, position: int | None = None
+    ) -> None:
         """Store a checkpoint after a step that was accepted and that all monitors have checked."""
         result, history = self.result, self.history
         count, on = self.happened
@@ -192,15 +194,15 @@ class IntegrationState:
         if history is not None:
             self.longest = min(self.longest, float(history.lags.min()))
 
-    def held(self, time: float, x: Any, mode: Any) -> Any:
+    def held(self, time: float, x: Array, mode: Array) -> Any:
         """Return a state projected on its invariants, with the unknowns that belong to it."""
         return self.loops.solve(time, self.constraints.project(time, x, mode), mode)
 
-    def held_all(self, times: Any, states: Any, mode: Any) -> Any:
+    def held_all(self, times: Array, states: Array, mode: Array) -> Any:
         """Return projected states at several instants, with their unknowns; shape (times, n)."""
         return self.loops.solve_all(times, self.constraints.project_all(times, states, mode), mode)
 
-    def tell_crawling(self, solver: CompiledRadau, steps: int, mode: Any) -> None:
+    def tell_crawling(self, solver: CompiledRadau, steps: int, mode: Array) -> None:
         """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
         self.result.notes += [
             *notes_of(self.context, solver, steps, mode, self.solver == "explicit"),
@@ -217,7 +219,7 @@ class IntegrationState:
                 continue
             self.result.evaluations[name] = self.result.evaluations.get(name, 0) + count
 
-    def check_forced(self, time: float, before: Any, after: Any, x: Any) -> None:
+    def check_forced(self, time: float, before: Array, after: Array, x: Array) -> None:
         """Raise `RunFailed` if a differentiated input jumps where conditions on time change. `before`, `after`: modes."""
         if self.mode is not None:
             before, after = self.mode, with_time_of(self.program, after, self.mode)
@@ -233,34 +235,27 @@ class IntegrationState:
                 "put a resistor between source and storage, or let the source rise within a time",
             )  # fmt: skip
 
-    def check_rates(self, start: float, x: Any, mode: Any) -> None:
+    def check_rates(self, start: float, x: Array, mode: Array) -> None:
         """Raise `RunFailed` if a rate is not finite where a run begins."""
         slope = self.program.derivative(start, x, self.inputs, self.constants, mode)
         if not np.isfinite(slope).all():
             raise not_finite(self.program, start, slope, x, mode)
 
-    def failed(self, solver: CompiledRadau, what: str, mode: Any) -> RunFailed:
+    def failed(self, solver: CompiledRadau, what: str, mode: Array) -> RunFailed:
         """Return the error that explains why the run ends here."""
         most = MOST_COMPILED if solver.native else MOST_STEPS
         return failure(self.context, solver, what, mode, self.solver == "explicit", most)
 
-    def grow(self, x: Any) -> None:
+    def grow(self, x: Array) -> None:
         """Update the largest magnitudes; only for integrators with events."""
 
-    def follow(
-        self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None
-    ) -> Segment:
+    def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None) -> Segment:  # fmt: skip
         """Search a step for events; only integrators with events do this, here the segment is returned unchanged."""
         return stretch
 
     def follow_step(
-        self,
-        last: tuple[float, float],
-        parts: int,
-        stretch: Segment,
-        state_at: StateAt,
-        roots_at: RootsAt | None = None,
-    ) -> Segment:
+        self, last: tuple[float, float], parts: int, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None
+    ) -> Segment:  # fmt: skip
         """Search the last step for events by `follow`, in as many parts as its method needs."""
         start, stop = self.followed = last
         edges = [start + (stop - start) * k / parts for k in range(parts)] + [stop]
@@ -288,7 +283,7 @@ class IntegrationState:
         """Return True if an event lies where steps collapse: beyond it the law of this side may have no value. Here always False."""
         return False
 
-    def look(self, solver: CompiledRadau, stretch: Segment, reported: Any) -> None:
+    def look(self, solver: CompiledRadau, stretch: Segment, reported: Array) -> None:
         """Check the limits of the model at the stages of the last step and at the reported instants within it."""
         start, stop = solver.last_step
         stop = stop if self.flip is None else self.flip.time
@@ -296,7 +291,7 @@ class IntegrationState:
         self.watch_limits(start, stop, reported, lambda t: solver.sample(t) * magnitude, stretch, solver.inner)
 
     def watch_limits(
-        self, start: float, stop: float, reported: Any, sample: Callable[[Any], Any], stretch: Segment,
+        self, start: float, stop: float, reported: Array, sample: Callable[[Any], Any], stretch: Segment,
         inner: Sequence[float] = INNER,
     ) -> None:  # fmt: skip
         if self.program.limits:
@@ -308,7 +303,7 @@ class IntegrationState:
         powers = self.powers
         assert powers is not None
 
-        def at(times: Any) -> Any:
+        def at(times: Array) -> Any:
             states = sample(times)
             # multipliers of a collocation polynomial start from those of the step before
             if len(self.program.multipliers):
@@ -317,7 +312,7 @@ class IntegrationState:
 
         self.add(*work_of(at, start, stop, self.traffic, self.tolerances.relative))
 
-    def add(self, work: Any, traffic: float) -> None:
+    def add(self, work: Array, traffic: float) -> None:
         """Add work at all ports, and the sum of its absolute values."""
         self.traffic += traffic
         self.result.work = work if self.result.work is None else self.result.work + work

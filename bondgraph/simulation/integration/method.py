@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import AUTOMATIC, SOLVERS
+from compiler.api import AUTOMATIC, SOLVERS, Array
 
 from ...errors import UsageError
 from ..integrators.compiled.fields import is_sparse
@@ -33,7 +33,7 @@ TRIAL = 60  # trial steps
 ENOUGH = 64  # most discrete modes examined: others are assumed to be like most of them
 
 
-def method_of(stepper: IntegrationState, stretch: Segment, x: Any, compiled: bool) -> int:
+def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: bool) -> int:
     """Return the method that goes on from state x. Raises `UsageError` where the requested one is not possible."""
     if stepper.solver != AUTOMATIC:
         solver = SOLVERS[stepper.solver]
@@ -61,7 +61,7 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Any, compiled: boo
     return known[key]
 
 
-def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Any) -> int:
+def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
     """Return the method that fits the eigenvalues on a segment."""
     rates = _spectrum(stepper, stretch, x)
     if rates is None:
@@ -90,7 +90,7 @@ def _obstacle(stepper: IntegrationState, refused: tuple[tuple[str, str], ...], s
     return next((reason.format(most=LARGEST, states=states) for name, reason in refused if has[name]), "")
 
 
-def _spectrum(stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
+def _spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> Any:
     """Return the eigenvalues at a state; for a large model a bound of the fastest one; None if there are none."""
     program, magnitude = stepper.program, stepper.tolerances.magnitude
     fixed = (stepper.inputs, stepper.constants, stretch.mode)
@@ -110,7 +110,7 @@ def _spectrum(stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
         return None
 
 
-def _tried(stepper: IntegrationState, stretch: Segment, x: Any) -> int:
+def _tried(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
     """Return the method chosen by some trial steps of the explicit one, which are not kept."""
     try:
         evaluations, stiff, finished = explicit_trial(stepper, stretch, x, TRIAL)

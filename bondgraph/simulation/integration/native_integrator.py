@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import AUTOMATIC
+from compiler.api import AUTOMATIC, Array
 
 from ...errors import StepsCollapsed
 from ..integrators.compiled.advance import FINISHED, FLIP, HANDOVER, MORE, STIFF
@@ -32,14 +32,16 @@ def target_of(stepper: IntegrationState) -> str:
     return f"numpy ({found})" if found else "native"
 
 
-def explicit_trial(stepper: IntegrationState, stretch: Segment, x: Any, most: int) -> tuple[dict[str, int], bool, bool]:
+def explicit_trial(
+    stepper: IntegrationState, stretch: Segment, x: Array, most: int
+) -> tuple[dict[str, int], bool, bool]:
     """Make up to `most` explicit steps without keeping them; return evaluations, True if stability limits the steps, True if the end was reached."""
     solver = explicit_scout(stepper, stretch, x)
     answer = solver.advance(most)
     return solver.evaluations, answer == STIFF, answer == FINISHED
 
 
-def explicit_scout(stepper: IntegrationState, stretch: Segment, x: Any) -> CompiledRadau:
+def explicit_scout(stepper: IntegrationState, stretch: Segment, x: Array) -> CompiledRadau:
     """Return DOP853 from the start of a segment, for single steps that are not kept."""
     solver = _solver(stepper, stretch, x, EXPLICIT)
     solver.values["limit_count"] = solver.values["root_count"] = 0
@@ -48,7 +50,7 @@ def explicit_scout(stepper: IntegrationState, stretch: Segment, x: Any) -> Compi
 
 
 def native_integrator(
-    stepper: IntegrationState, machine: NativeIntegrator | None, stretch: Segment, x: Any, method: int, size: float
+    stepper: IntegrationState, machine: NativeIntegrator | None, stretch: Segment, x: Array, method: int, size: float
 ) -> NativeIntegrator:
     """Return the integrator of the segments so far, where it fits the next one, or a new one. `size`: of all steps, for a method with equal steps."""
     if machine is None or METHODS[method].conserving or machine.tolerances is not stepper.tolerances:
@@ -57,7 +59,7 @@ def native_integrator(
     return machine
 
 
-def _solver(stepper: IntegrationState, stretch: Segment, x: Any, method: int) -> CompiledRadau:
+def _solver(stepper: IntegrationState, stretch: Segment, x: Array, method: int) -> CompiledRadau:
     """Return a solver for a segment with steps only: no events, limits or outputs attached yet."""
     native = not obstacle(stepper.program)
     solver = CompiledRadau(
@@ -76,7 +78,7 @@ def _automatic(stepper: IntegrationState, method: int) -> int:
 class NativeIntegrator:
     """Integrator of steps over successive segments; the data set up for the first segment serves all."""
 
-    def __init__(self, stepper: IntegrationState, stretch: Segment, x: Any, method: int, size: float) -> None:
+    def __init__(self, stepper: IntegrationState, stretch: Segment, x: Array, method: int, size: float) -> None:
         self.stepper, self.stretch, self.first = stepper, stretch, stepper.position
         self.tolerances: Tolerances = stepper.tolerances
         self.noted = False  # True while the checkpoint before the last step is stored
@@ -93,7 +95,7 @@ class NativeIntegrator:
         solver.doubt(stepper.floor)
         solver.begin()
 
-    def begin_at(self, stretch: Segment, x: Any, method: int) -> None:
+    def begin_at(self, stretch: Segment, x: Array, method: int) -> None:
         """Go on with another segment."""
         stepper, solver = self.stepper, self.solver
         self.stretch, self.first, self.noted, self.passed = stretch, stepper.position, False, 0
@@ -224,7 +226,7 @@ class NativeIntegrator:
         else:
             self.noted = False
 
-    def _states_at(self, times: Any, exactly: bool) -> Any:
+    def _states_at(self, times: Array, exactly: bool) -> Any:
         """Return states in the last step, with the unknowns solved for if `exactly`."""
         stepper, mode = self.stepper, self.stretch.mode
         states = self.solver.states(times, mode)

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ..segments.timeline import Segment
 from ..segments.transition import PhaseTransition
 
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
     from .integration_state import IntegrationState
 
 
-def chosen_anew(stepper: IntegrationState, time: float, state: Any, mode: Any, step: float) -> bool:
+def chosen_anew(stepper: IntegrationState, time: float, state: Array, mode: Array, step: float) -> bool:
     """Return True if the phase must end here because other constraints should be active from now on: the next phase selects them."""
     if stepper.choice is None or not stepper.singular.other_rows(time, state, mode, step):
         return False
@@ -22,11 +24,11 @@ def chosen_anew(stepper: IntegrationState, time: float, state: Any, mode: Any, s
     return True
 
 
-def beyond(stepper: IntegrationState, crossed: Crossed, state: Any, stretch: Segment) -> Any:
+def beyond(stepper: IntegrationState, crossed: Crossed, state: Array, stretch: Segment) -> Any:
     """Return the state after a crossing, and store the run's data on it. `state`: before."""
     magnitude, count = stepper.tolerances.magnitude, stepper.constraints.count
 
-    def sample(times: Any) -> Any:
+    def sample(times: Array) -> Any:
         states = crossed.at(times) * magnitude[:count]
         unknowns = np.broadcast_to(state[count:], (len(states), len(state) - count))
         return np.concatenate([states, unknowns], axis=1)

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...errors import UsageError
 from ..integrators.methods import METHODS
 from ..segments.timeline import Segment
@@ -25,7 +27,7 @@ class SegmentIntegrator(IntegrationState):
         """Release the integrator of steps, which refers to this object, so that memory is freed at once, without the garbage collector."""
         self.machine = None
 
-    def run_to_end(self, stretch: Segment, x: Any) -> Any:
+    def run_to_end(self, stretch: Segment, x: Array) -> Any:
         """Integrate one segment; it is cut where a delayed signal jumps, and where fast modes are removed."""
         start = stretch.start
         while True:
@@ -35,7 +37,7 @@ class SegmentIntegrator(IntegrationState):
             if start >= stretch.stop or self.result.handover is not None:
                 return x
 
-    def run(self, stretch: Segment, x: Any) -> Any:
+    def run(self, stretch: Segment, x: Array) -> Any:
         """Integrate one segment from state x, or up to the first event in it; return the state at its end."""
         self.reached = stretch.stop
         if self.history is not None:
@@ -68,7 +70,7 @@ class SegmentIntegrator(IntegrationState):
             self._put_start(stretch, x, first)
         return self._by_steps(stretch, x)
 
-    def _put_start(self, stretch: Segment, x: Any, first: int) -> None:
+    def _put_start(self, stretch: Segment, x: Array, first: int) -> None:
         """Store the initial state of a segment at all reported instants, from the index `first` on, that are no later."""
         self.position = first
         while self.position < len(self.instants) and self.instants[self.position] <= stretch.start:
@@ -76,13 +78,13 @@ class SegmentIntegrator(IntegrationState):
             self.position += 1
         self.keep(stretch.start, x, stretch.mode, stretch.start)
 
-    def _without_ringing(self, stretch: Segment, x: Any) -> Any:
+    def _without_ringing(self, stretch: Segment, x: Array) -> Any:
         """Return the state without the modes faster than the bandwidth, if there is one."""
         if self.leaving is None or not len(self.program.states.names):
             return x
         return self.leaving.begin(self, stretch, x)
 
-    def _by_steps(self, stretch: Segment, x: Any) -> Any:
+    def _by_steps(self, stretch: Segment, x: Array) -> Any:
         """Integrate one segment by a method that chooses its steps."""
         from .method import method_of
         from .native_integrator import native_integrator, target_of

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ..segments.timeline import Segment
 
 if TYPE_CHECKING:
     from .integration_state import IntegrationState
 
 
-def without_states(stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
+def without_states(stepper: IntegrationState, stretch: Segment, x: Array) -> Any:
     """Solve the loops at each instant, each from the solution before it; there is nothing to integrate."""
     inner = stepper.instants[(stepper.instants > stretch.start) & (stepper.instants < stretch.stop)]
     stepper.watch.look(
@@ -43,9 +45,9 @@ def without_states(stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
     return x
 
 
-def _loops_exactly(stepper: IntegrationState, x: Any, stretch: Segment, times: Any, _: bool) -> Any:
+def _loops_exactly(stepper: IntegrationState, x: Array, stretch: Segment, times: Array, _: bool) -> Any:
     return _loops_at(stepper, x, stretch, times)
 
 
-def _loops_at(stepper: IntegrationState, x: Any, stretch: Segment, times: Any) -> Any:
+def _loops_at(stepper: IntegrationState, x: Array, stretch: Segment, times: Array) -> Any:
     return stepper.loops.solve_all(times, np.tile(x, (len(times), 1)), stretch.mode)

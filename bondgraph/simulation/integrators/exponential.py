@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ..segments.timeline import ROUNDING, Segment, signals_on
 
@@ -81,7 +81,7 @@ class Linear:
         found = self.matrices(known)[0]
         return found if known == length else found + (length - known) * (self.matrix @ found)
 
-    def forcing(self, times: Any) -> Any:
+    def forcing(self, times: Array) -> Any:
         """Return b for the balanced states; shape (…, active)."""
         inside = np.clip(times, *_inside(self.stretch)).reshape(-1)
         zero = np.zeros((len(inside), len(self.scale)))
@@ -102,7 +102,7 @@ class Linear:
             self.known[length] = found[:count, :count], found[:count, count:].reshape(count, sources, more)
         return self.known[length]
 
-    def moved(self, start: Any, length: float, state: Any, place: float = 1.0) -> Any:
+    def moved(self, start: Array | float, length: float, state: Array, place: float = 1.0) -> Any:
         """Return the balanced state at a place in [0, 1] of an interval, from the one at its start; for many intervals at once."""
         part = length * place
         known = self.close_to(part)
@@ -126,7 +126,7 @@ class Intervals:
     reported: Any  # mask of the intervals that end at a reported instant
 
 
-def linear_form(program: Program, inputs: Any, constants: Any, stretch: Segment, length: float = 0.0) -> Linear | None:
+def linear_form(program: Program, inputs: Array, constants: Array, stretch: Segment, length: float = 0.0) -> Linear | None:  # fmt: skip
     """Return the affine form of a program on a segment, checked against its rates; None if it has none or is too large.
 
     `length`: length of the run.
@@ -160,7 +160,7 @@ def linear_form(program: Program, inputs: Any, constants: Any, stretch: Segment,
     return Linear(program, fixed, stretch, balanced, scale, active, seen)
 
 
-def _blurred(matrix: Any, span: float) -> bool:
+def _blurred(matrix: Array, span: float) -> bool:
     """Return True if rounding of its entries alone changes the effect of a stiff matrix on slow motions.
 
     Next to a conductance of 1e12, one of 1 keeps four digits in their sum; the rates themselves, as differences, keep them all.
@@ -179,7 +179,7 @@ def _blurred(matrix: Any, span: float) -> bool:
     )
 
 
-def exponential(matrix: Any) -> Any:
+def exponential(matrix: Array) -> Any:
     """Return exp(matrix), shape (n, n), by Taylor's series of a small part and squaring, for small matrices in extended precision.
 
     scipy's rational approximation needs fewer squarings but loses digits where modes turn many times: at 20 turns its error is 1e-12, that of this
@@ -200,7 +200,7 @@ def exponential(matrix: Any) -> Any:
     return (np.eye(len(matrix)) + result).astype(float)
 
 
-def _balance(matrix: Any) -> Any:
+def _balance(matrix: Array) -> Any:
     """Return powers of two that give rows and columns of a matrix equal size (Parlett and Reinsch, 1969); shape (n,)."""
     away = np.abs(matrix) * (1 - np.eye(len(matrix)))
     scale = np.ones(len(matrix))
@@ -221,7 +221,7 @@ def fastest(form: Linear) -> float:
     return float(1 / rate) if rate > 0 else np.inf
 
 
-def intervals(form: Linear, instants: Any, longest: float) -> Intervals | None:
+def intervals(form: Linear, instants: Array, longest: float) -> Intervals | None:
     """Cut the segment at the reported instants within it, into intervals no longer than `longest` on which b is a polynomial.
 
     None if there would be too many.
@@ -244,7 +244,7 @@ def intervals(form: Linear, instants: Any, longest: float) -> Intervals | None:
         longest *= 0.5
 
 
-def march(form: Linear, cut: Intervals, state: Any) -> Any | None:
+def march(form: Linear, cut: Intervals, state: Array) -> Any | None:
     """Return the states at the starts of all intervals and at the end of the last, shape (intervals + 1, n), in SI.
 
     None if the exponentials are not accurate or the solution overflows.
@@ -263,7 +263,7 @@ def march(form: Linear, cut: Intervals, state: Any) -> Any | None:
     return result * form.scale if np.isfinite(result).all() else None
 
 
-def between(form: Linear, cut: Intervals, states: Any, places: Any) -> tuple[Any, Any]:
+def between(form: Linear, cut: Intervals, states: Array, places: Array) -> tuple[Any, Any]:
     """Return times (intervals, places) and states (intervals, places, n) inside the intervals, in SI."""
     times = cut.starts[:, None] + cut.lengths[:, None] * np.asarray(places)
     result = np.empty((*times.shape, len(form.scale)))
@@ -274,10 +274,10 @@ def between(form: Linear, cut: Intervals, states: Any, places: Any) -> tuple[Any
     return times, result * form.scale
 
 
-def at(form: Linear, cut: Intervals, states: Any) -> Callable[[Any], Any]:
+def at(form: Linear, cut: Intervals, states: Array) -> Callable[[Any], Any]:
     """Return a function that gives the state at any instants, each by a separate exponential."""
 
-    def state_at(times: Any) -> Any:
+    def state_at(times: Array) -> Any:
         number = np.clip(np.searchsorted(cut.starts, times, side="right") - 1, 0, len(cut.starts) - 1)
         rows = zip(cut.starts[number], states[number] / form.scale, times, strict=True)
         return np.array([form.moved(start, float(time - start), state) for start, state, time in rows]) * form.scale
@@ -291,7 +291,7 @@ def _inside(stretch: Segment) -> tuple[float, float]:
     return stretch.start + margin, stretch.stop - margin
 
 
-def _few(lengths: Any) -> Any:
+def _few(lengths: Array) -> Any:
     """Return the lengths with those that differ by rounding alone made equal."""
     result = np.array(lengths)
     order = np.argsort(lengths)
@@ -301,7 +301,7 @@ def _few(lengths: Any) -> Any:
     return result
 
 
-def _is_followed(form: Linear, starts: Any, lengths: Any) -> bool:
+def _is_followed(form: Linear, starts: Array, lengths: Array) -> bool:
     """Return True if b is a polynomial on each interval, to rounding."""
     if not len(form.active):
         return True

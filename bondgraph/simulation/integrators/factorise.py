@@ -8,13 +8,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from compiler.api import Array, BoolArray, IntArray
+
 DENSE = 100  # states up to which the linear algebra is dense
 
 
 class Factorised(Protocol):
     """A factorised matrix."""
 
-    def solve(self, right: Any) -> Any: ...
+    def solve(self, right: Array) -> Any: ...
 
 
 Shifted = Callable[[complex, Any], Factorised]
@@ -34,7 +36,7 @@ class Dense:
     scale: Any
     back: Any
 
-    def solve(self, right: Any) -> Any:
+    def solve(self, right: Array) -> Any:
         solution, _ = self.back(self.factors, self.pivots, right * self.scale)
         return solution
 
@@ -50,16 +52,16 @@ class _Sparse:
     factors: Any
     scale: Any
 
-    def solve(self, right: Any) -> Any:
+    def solve(self, right: Array) -> Any:
         return self.factors.solve(right * self.scale)
 
 
-def _row_scale(matrix: Any) -> Any:
+def _row_scale(matrix: Array) -> Any:
     largest = np.abs(matrix).max(axis=1, initial=0.0)
     return np.divide(1.0, largest, out=np.ones(len(largest)), where=(largest > 0) & np.isfinite(largest))
 
 
-def dense(matrix: Any) -> Dense | None:
+def dense(matrix: Array) -> Dense | None:
     """Return the factors of a real or complex matrix; None if it is singular."""
     from scipy.linalg import lapack
 
@@ -69,13 +71,13 @@ def dense(matrix: Any) -> Dense | None:
     return None if info != 0 or not np.isfinite(factors).all() else Dense(factors, pivots, scale, back)
 
 
-def sparse(rows: Any, columns: Any, differential: Any) -> Shifted:
+def sparse(rows: IntArray, columns: IntArray, differential: BoolArray) -> Shifted:
     """Return a function from shift and entries to the factors of a large matrix with few entries. It raises RuntimeError if the matrix is singular."""
     count = len(differential)
     numbers = np.flatnonzero(differential)
     all_rows, all_columns = np.concatenate([rows, numbers]), np.concatenate([columns, numbers])
 
-    def shifted(shift: complex, entries: Any) -> Factorised:
+    def shifted(shift: complex, entries: Array) -> Factorised:
         from scipy.sparse import csc_array
         from scipy.sparse.linalg import splu
 

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...numerics.multistart import arrivals, guesses
 from .loops import LoopSolver, SeparateLoop
 
@@ -21,7 +23,7 @@ BENT = 1e-3  # relative change of the derivative between two different solutions
 BETWEEN = np.arange(1, 20) / 20
 
 
-def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> list[Any]:
+def other_solutions(loops: LoopSolver, time: float, state: Array, mode: Array) -> list[Any]:
     """Return solutions for the unknowns that differ from the one in `state`, each of shape (unknowns,): loop by loop, smallest first."""
     known = state[loops.count :]
     if not 0 < len(known) <= LARGEST:
@@ -40,7 +42,7 @@ def other_solutions(loops: LoopSolver, time: float, state: Any, mode: Any) -> li
     return others
 
 
-def _in_mode(loops: LoopSolver, time: float, state: Any, mode: Any) -> bool:
+def _in_mode(loops: LoopSolver, time: float, state: Array, mode: Array) -> bool:
     """Return True if the conditions on states hold at a solution as in the mode; otherwise it solves equations of another mode."""
     hybrid = loops.program.hybrid
     if hybrid is None:
@@ -50,7 +52,7 @@ def _in_mode(loops: LoopSolver, time: float, state: Any, mode: Any) -> bool:
     return bool(((roots == 0) | ((roots < 0) == held)).all())
 
 
-def _collect(loop: SeparateLoop, found: list[Any], guesses: Any) -> list[Any]:
+def _collect(loop: SeparateLoop, found: list[Any], guesses: Array) -> list[Any]:
     """Return the known solutions, and those to which guesses lead."""
     found = list(found)
     for end in arrivals(loop, guesses):
@@ -59,7 +61,7 @@ def _collect(loop: SeparateLoop, found: list[Any], guesses: Any) -> list[Any]:
     return found
 
 
-def _same(loop: SeparateLoop, a: Any, b: Any) -> bool:
+def _same(loop: SeparateLoop, a: Array, b: Array) -> bool:
     """Return True if two solutions are equal to rounding: between two regular ones the derivative along their distance must change."""
     way = b - a
     near = np.maximum(CLOSE * np.maximum(np.abs(a), np.abs(b)).max(), FLOOR * loop.magnitude)
@@ -71,7 +73,7 @@ def _same(loop: SeparateLoop, a: Any, b: Any) -> bool:
     return bool(np.ptp(along, axis=0).max() <= BENT)
 
 
-def _regular(loop: SeparateLoop, z: Any) -> bool:
+def _regular(loop: SeparateLoop, z: Array) -> bool:
     """Return True if a solution is isolated: in a flat law a whole range would be a solution, which is no second one."""
     matrix = loop.matrix(z) * np.maximum(np.abs(z), 1e-300)
     scale = np.abs(matrix).max(axis=1)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, IntArray, Program
 
 from ...errors import RunFailed
 
@@ -37,7 +37,7 @@ class LoopSolver:
     """
 
     def __init__(
-        self, program: Program, constants: Any, inputs: Any, magnitude: Any, parameters: Any = None
+        self, program: Program, constants: Array, inputs: Array, magnitude: Array, parameters: Array | None = None
     ) -> None:  # fmt: skip
         self.program, self.constants, self.inputs, self.parameters = program, constants, inputs, parameters
         self.count = len(program.states.names)
@@ -51,7 +51,7 @@ class LoopSolver:
         self._order = np.argsort(program.eliminated)
         self._place = rows[self._chosen] - self.count, columns[self._chosen] - self.count
 
-    def solve(self, time: float, state: Any, mode: Any) -> Any:
+    def solve(self, time: float, state: Array, mode: Array) -> Any:
         """Return the state with the unknowns that belong to it. Raises `RunFailed`."""
         if not len(self.magnitude):
             return state
@@ -76,7 +76,7 @@ class LoopSolver:
             )  # fmt: skip
         return np.concatenate([state[: self.count], found])
 
-    def _opened(self, time: float, state: Any, mode: Any) -> OpenedLoops | None:
+    def _opened(self, time: float, state: Array, mode: Array) -> OpenedLoops | None:
         """Return the loops with both variables of each nonlinear law as unknowns; None if not available. Conditions on states are
         evaluated at each iterate; what only events change, and conditions on time, are as in the mode."""
         source = self.program.kept.get("opened")
@@ -101,7 +101,7 @@ class LoopSolver:
             else OpenedLoops(program, laws, (time, self.inputs, constants, fitting), state[: self.count])
         )
 
-    def _mode_of(self, opened: Program, constants: Any, mode: Any) -> Any:
+    def _mode_of(self, opened: Program, constants: Array, mode: Array) -> Any:
         """Mode of the opened program: what only events change, then the conditions on time, whose order may differ there. None if
         they are not the same."""
         hybrid = self.program.hybrid
@@ -114,7 +114,7 @@ class LoopSolver:
         )  # fmt: skip
         return None if places is None else np.concatenate([mode[: len(modes)], timed[places]])
 
-    def _by_waves(self, waves: OpenedLoops, time: float, state: Any, mode: Any) -> Any:
+    def _by_waves(self, waves: OpenedLoops, time: float, state: Array, mode: Array) -> Any:
         """Return the unknowns by an iteration in wave variables; None if it does not converge."""
         from .waves import solve_opened
 
@@ -130,7 +130,7 @@ class LoopSolver:
                 return end[places]  # the laws as they are there: the mode says otherwise, and is what has to change
         return None
 
-    def _is_beyond(self, time: float, state: Any, mode: Any) -> bool:
+    def _is_beyond(self, time: float, state: Array, mode: Array) -> bool:
         """Return True if a condition that steers differs, at a state, from its truth in a mode."""
         hybrid = self.program.hybrid
         if hybrid is None:
@@ -140,7 +140,7 @@ class LoopSolver:
         steers = np.array([c.steers for c in hybrid.conditions], dtype=bool)
         return bool((steers & np.isfinite(roots) & (roots != 0) & ((roots < 0) != said)).any())
 
-    def _one_by_one(self, time: float, state: Any, mode: Any) -> Any:
+    def _one_by_one(self, time: float, state: Array, mode: Array) -> Any:
         """Return all unknowns, solved loop after loop; None if one loop fails."""
         z = state[self.count :]
         for places in self.separate():
@@ -152,7 +152,7 @@ class LoopSolver:
             z = found
         return z
 
-    def _scattered(self, time: float, state: Any, mode: Any, last: Any, places: Any) -> Any:
+    def _scattered(self, time: float, state: Array, mode: Array, last: Array, places: IntArray) -> Any:
         """Return the nearest of the solutions to which many guesses lead; None if there is none."""
         if len(places) > LARGEST:
             return None
@@ -164,19 +164,19 @@ class LoopSolver:
         found = (self.newton(time, state, mode, _put(last, places, end), places) for end in ends[:NEAREST])
         return next((z for z in found if z is not None), None)
 
-    def _homotopies(self, time: float, state: Any, mode: Any, last: Any, places: Any) -> Any:
+    def _homotopies(self, time: float, state: Array, mode: Array, last: Array, places: IntArray) -> Any:
         """Return a solution by homotopy from guesses over many decades, since a law may have no value at others; None if all fail."""
         starts = (_put(last, places, share * self.magnitude[places]) for share in GUESSES)
         found = (self._homotopy(time, state, mode, start, places) for start in starts)
         return next((z for z in found if z is not None), None)
 
-    def _multipliers(self, time: float, state: Any, mode: Any) -> Any:
+    def _multipliers(self, time: float, state: Array, mode: Array) -> Any:
         """Return the state with the multipliers of loop joints, which the program computes directly."""
         assert self.program.solved is not None
         found = np.asarray(self.program.solved(time, state, self.inputs, self.constants, mode))
         return np.concatenate([state[: self.count], found[len(state) :][self._order]])
 
-    def solve_all(self, times: Any, states: Any, mode: Any) -> Any:
+    def solve_all(self, times: Array, states: Array, mode: Array) -> Any:
         """Return the states with their unknowns at several instants; shape (times, n)."""
         if not len(self.magnitude):
             return states
@@ -192,7 +192,7 @@ class LoopSolver:
             found[k] = self.solve(times[k], guess, mode)
         return found
 
-    def _together(self, times: Any, states: Any, mode: Any) -> tuple[Any, Any]:
+    def _together(self, times: Array, states: Array, mode: Array) -> tuple[Any, Any]:
         """Solve all instants at once by undamped Newton iterations; return the states and a mask of the instants that converged as in `newton`."""
         times, found = np.asarray(times, dtype=float), np.array(states, dtype=float)
         known, going = np.zeros(len(times), dtype=bool), np.arange(len(times))
@@ -222,19 +222,19 @@ class LoopSolver:
         found[~known] = np.asarray(states)[~known]
         return found, known
 
-    def _matrices(self, times: Any, states: Any, fixed: tuple[Any, ...]) -> Any:
+    def _matrices(self, times: Array, states: Array, fixed: tuple[Any, ...]) -> Any:
         """Return the derivatives of the residuals by the unknowns, in units of the magnitudes, at several instants."""
         count = len(self.magnitude)
         result = np.zeros((len(times), count, count))
         result[(slice(None), *self._place)] = self.program.jacobian_entries(times, states, *fixed)[:, self._chosen]
         return result * self.magnitude
 
-    def residual(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:
+    def residual(self, time: float, state: Array, mode: Array, unknowns: Array) -> Any:
         """Return the residuals of the loop equations; `unknowns` may have a leading axis."""
         full = self._full(state, unknowns)
         return self.program.derivative(time, full, self.inputs, self.constants, mode)[..., self.count :]
 
-    def matrix(self, time: float, state: Any, mode: Any, unknowns: Any) -> Any:
+    def matrix(self, time: float, state: Array, mode: Array, unknowns: Array) -> Any:
         """Return the derivatives of the residuals by the unknowns (last axis); `unknowns` may have a leading axis."""
         full = self._full(state, unknowns)
         entries = self.program.jacobian_entries(time, full, self.inputs, self.constants, mode)
@@ -256,11 +256,11 @@ class LoopSolver:
         waits = {i: {b for a, b in before if a == i and b != i} for i in range(number)}
         return [np.flatnonzero(labels == i) for i in TopologicalSorter(waits).static_order()]
 
-    def _full(self, state: Any, unknowns: Any) -> Any:
+    def _full(self, state: Array, unknowns: Array) -> Any:
         known = np.broadcast_to(state[: self.count], (*unknowns.shape[:-1], self.count))
         return np.concatenate([known, unknowns], axis=-1)
 
-    def newton(self, time: float, state: Any, mode: Any, guess: Any, places: Any = slice(None)) -> Any:
+    def newton(self, time: float, state: Array, mode: Array, guess: Array, places: Any = slice(None)) -> Any:
         """Solve for some of the unknowns by Newton's method, damped by halving, until the correction is round-off; None if it fails."""
         z = np.array(guess, dtype=float)
         magnitude = self.magnitude[places]
@@ -301,14 +301,14 @@ class LoopSolver:
         return None
 
     @staticmethod
-    def _is_rounding(value: Any, matrix: Any, z: Any) -> bool:
+    def _is_rounding(value: Array, matrix: Array, z: Array) -> bool:
         """Return True if residuals that no shortened Newton step reduces are rounding: then they are small relative to their terms.
 
         A law of an argument near zero, exp(u) - 1, leaves more rounding than a unit in the last place, and leakage alone may determine an unknown.
         """
         return bool((np.abs(value) <= ROUNDED * (np.abs(matrix) @ np.abs(z))).all())
 
-    def _homotopy(self, time: float, state: Any, mode: Any, guess: Any, places: Any) -> Any:
+    def _homotopy(self, time: float, state: Array, mode: Array, guess: Array, places: IntArray) -> Any:
         """Return a solution by Newton homotopy from the guess; None if that fails."""
         from ...numerics.homotopy import follow
 
@@ -321,7 +321,7 @@ class LoopSolver:
         return None if near is None else self.newton(time, state, mode, _put(guess, places, near), places)
 
 
-def _matching(ours: Any, theirs: Any) -> Any:
+def _matching(ours: Array, theirs: Array) -> Any:
     """Index, for each column of the second table, of an equal column of the first (the same index if equal); None if one has none."""
     places = []
     for k in range(theirs.shape[1]):
@@ -332,7 +332,7 @@ def _matching(ours: Any, theirs: Any) -> Any:
     return np.array(places, dtype=int)
 
 
-def _put(z: Any, places: Any, values: Any) -> Any:
+def _put(z: Array, places: Any, values: Array) -> Any:
     result = np.array(z, dtype=float)
     result[places] = values
     return result
@@ -351,16 +351,16 @@ class SeparateLoop:
     def magnitude(self) -> Any:
         return self.loops.magnitude[self.places]
 
-    def full(self, z: Any) -> Any:
+    def full(self, z: Array) -> Any:
         """Return the unknowns of all loops, with `z` for those of this one."""
         result = np.tile(self.known, (*z.shape[:-1], 1))
         result[..., self.places] = z
         return result
 
-    def residual(self, z: Any) -> Any:
+    def residual(self, z: Array) -> Any:
         return self.loops.residual(*self.at, self.full(z))[..., self.places]
 
-    def matrix(self, z: Any) -> Any:
+    def matrix(self, z: Array) -> Any:
         return self.loops.matrix(*self.at, self.full(z))[..., self.places[:, None], self.places]
 
 
@@ -383,7 +383,7 @@ class Eliminated:
             self.program.derivative(*arguments) if solved is None else np.asarray(solved(*arguments))[..., : self.size]
         )
 
-    def entries(self, time: Any, state: Any, *fixed: Any) -> Any:
+    def entries(self, time: Array | float, state: Array, *fixed: Any) -> Any:
         """Return the entries of the Jacobian for the same arguments."""
         solved = self.program.solved
         if solved is not None:

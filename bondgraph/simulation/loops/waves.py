@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 RESISTANCES = (1e3, 1.0, 1e6, 1e-3)  # tried one after the other as the reference resistance, in SI units
 LARGEST = 400  # unknowns
@@ -41,7 +41,7 @@ At = tuple[float, Any, Any, Any]  # time, inputs, constants, mode
 class OpenedLoops:
     """Opened loops of a program at one instant. `states`: shape (n,)."""
 
-    def __init__(self, program: Program, laws: Sequence[Law], at: At, states: Any) -> None:
+    def __init__(self, program: Program, laws: Sequence[Law], at: At, states: Array) -> None:
         self.program, self.at, self.states = program, at, states
         self.size = len(program.unknowns.names)
         self.rows, self.arguments, self.values = (np.array([law[i] for law in laws], dtype=int) for i in range(3))
@@ -52,13 +52,13 @@ class OpenedLoops:
         self._chosen = np.flatnonzero((rows >= count) & (columns >= count))
         self._place = rows[self._chosen] - count, columns[self._chosen] - count
 
-    def residual(self, z: Any) -> Any:
+    def residual(self, z: Array) -> Any:
         """Return the residuals of all equations of the loops, shape (unknowns,)."""
         time, inputs, constants, mode = self.at
         state = np.concatenate([self.states, z])
         return self.program.derivative(time, state, inputs, constants, mode)[len(self.states) :]
 
-    def matrix(self, z: Any) -> Any:
+    def matrix(self, z: Array) -> Any:
         """Return the derivatives of the residuals by the unknowns, shape (unknowns, unknowns)."""
         time, inputs, constants, mode = self.at
         state = np.concatenate([self.states, z])
@@ -81,7 +81,7 @@ class OpenedLoops:
             number[k] = seen[a]
         return [np.flatnonzero(number == i) for i in range(number.max(initial=-1) + 1)]
 
-    def law(self, arguments: Any) -> Any:
+    def law(self, arguments: Array) -> Any:
         """Return the values v = g(a) of all laws, shape (laws,)."""
         result = np.empty(len(arguments))
         for group in self.rounds:
@@ -90,7 +90,7 @@ class OpenedLoops:
             result[group] = (z[self.values] - self.residual(z)[self.rows] / self.factors)[group]
         return result
 
-    def slopes(self, arguments: Any) -> Any:
+    def slopes(self, arguments: Array) -> Any:
         """Return the derivatives g'(a), shape (laws,)."""
         result = np.empty(len(arguments))
         for group in self.rounds:
@@ -115,7 +115,7 @@ class OpenedLoops:
         return bool(((slopes >= 0) | np.isnan(slopes)).all())
 
 
-def solve_opened(loops: OpenedLoops, guess: Any) -> Iterator[Any]:
+def solve_opened(loops: OpenedLoops, guess: Array) -> Iterator[Any]:
     """Yield unknowns at which the iteration ends close to a solution, for one reference resistance after the other.
 
     `guess`: shape (unknowns,).
@@ -161,7 +161,7 @@ class _Iteration:
         )
         self.free = np.setdiff1d(np.arange(loops.size), list(owner))
 
-    def run(self, guess: Any) -> tuple[float, Any]:
+    def run(self, guess: Array) -> tuple[float, Any]:
         """Return the relative size of the last correction, and the unknowns."""
         loops = self.loops
         begin = np.where(np.isfinite(guess), guess, BEGIN)
@@ -180,7 +180,7 @@ class _Iteration:
             point = found
         return size, point.z
 
-    def _at(self, y: Any, near: Any) -> _Point:
+    def _at(self, y: Array, near: Array) -> _Point:
         loops = self.loops
         waves = y[: self.count]
         arguments = _arguments(loops.law, waves, self.per_value, near)
@@ -227,7 +227,7 @@ class _Iteration:
             doubled[number] -= inner[place]
         return np.concatenate([whole @ inner, doubled])
 
-    def _shortened(self, point: _Point, step: Any, rows: Any) -> _Point | None:
+    def _shortened(self, point: _Point, step: Array, rows: Array) -> _Point | None:
         """Return the point after a step, halved until the residuals decrease; None if they never do."""
         norm, factor = float(np.linalg.norm(point.rest / rows)), 1.0
         for _ in range(HALVINGS):
@@ -238,10 +238,10 @@ class _Iteration:
         return None
 
 
-def _arguments(law: Callable[[Any], Any], waves: Any, per_value: Any, near: Any) -> Any:
+def _arguments(law: Callable[[Any], Any], waves: Array, per_value: Array, near: Array) -> Any:
     """Return the arguments a with a + r g(a) = w, shape (laws,): bracketed from nearby, then narrowed, all laws at once."""
 
-    def beyond(a: Any) -> Any:
+    def beyond(a: Array) -> Any:
         value = a + per_value * law(a) - waves
         return np.clip(np.where(np.isnan(value), np.sign(a) * np.inf, value), -MOST, MOST)
 
@@ -263,7 +263,7 @@ def _arguments(law: Callable[[Any], Any], waves: Any, per_value: Any, near: Any)
     return np.where(np.isinf(low), high, low)
 
 
-def _narrowed(beyond: Callable[[Any], Any], low: Any, high: Any, at_low: Any, at_high: Any) -> Any:
+def _narrowed(beyond: Callable[[Any], Any], low: Array, high: Array, at_low: Array, at_high: Array) -> Any:
     """Return the zeros of rising functions between places of different sign, by inverse quadratic interpolation where it helps, else bisection.
 
     Method of Chandrupatla, Advances in Engineering Software 28, 1997.

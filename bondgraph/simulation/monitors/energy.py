@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import letters
+from compiler.api import Array, letters
 
 from ...results.records import ElementEnergy, EnergyBalance
 
@@ -26,7 +26,7 @@ GIVEN = 1e-6
 
 
 def energy_balance(
-    space: StateSpace, work: Any, before: Any, after: Any, arguments: dict[int, float], jumps: Sequence[tuple[Any, Any]] = (),
+    space: StateSpace, work: Array, before: Array, after: Array, arguments: dict[int, float], jumps: Sequence[tuple[Any, Any]] = (),
     left: Sequence[tuple[Any, Any]] = (),
 ) -> EnergyBalance:  # fmt: skip
     """Return the balance from the integrated powers and the stored quantities before and after.
@@ -96,7 +96,7 @@ def _jumped(space: StateSpace, jumps: Sequence[tuple[Any, Any]], arguments: dict
     return found
 
 
-def givers(space: StateSpace, instants: Any, powers: Any, turnover: float) -> list[str]:
+def givers(space: StateSpace, instants: Array, powers: Array, turnover: float) -> list[str]:
     """Return resistors that deliver power at reported instants, as sentences.
 
     `powers`: shape (instants, ports …); `turnover`: total energy turnover in J.
@@ -128,7 +128,7 @@ def unexplained(balance: EnergyBalance, turnover: float, rtol: float) -> list[st
     ]
 
 
-def _change(space: StateSpace, before: Any, after: Any, arguments: dict[int, float]) -> float:
+def _change(space: StateSpace, before: Array, after: Array, arguments: dict[int, float]) -> float:
     """Return the change of all stored energy, in J."""
     first = len(space.ports)
     offset = first + len(space.stored)
@@ -141,7 +141,7 @@ def _change(space: StateSpace, before: Any, after: Any, arguments: dict[int, flo
 
 
 def impulse_loss(
-    space: StateSpace, held: Mapping[str, Any], after: Any, arguments: dict[int, float]
+    space: StateSpace, held: Mapping[str, Any], after: Array, arguments: dict[int, float]
 ) -> EnergyBalance | None:  # fmt: skip
     """Return the energy dissipated by impulses where junctions switch; None if it is zero. `held`: content of each storage before, by its name."""
     offset = len(space.ports) + len(space.stored)
@@ -159,7 +159,7 @@ def impulse_loss(
     return EnergyBalance(elements, total, 0.0, -total, 0.0)
 
 
-def held_in(space: StateSpace, powers: Any) -> dict[str, Any]:
+def held_in(space: StateSpace, powers: Array) -> dict[str, Any]:
     """Return the content of each storage, by its name, from the program's `powers`."""
     held, offset = {}, len(space.ports) + len(space.stored)
     for storage in space.storages:
@@ -182,14 +182,14 @@ def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:
     return EnergyBalance(elements, *totals)
 
 
-def stored_change(storage: Storage, before: Any, after: Any, arguments: dict[int, float]) -> float:
+def stored_change(storage: Storage, before: Array, after: Array, arguments: dict[int, float]) -> float:
     """Return the change of a storage's energy in J: from its energy function, or the integral of its law between the two states."""
     from compiler.api import evaluate
 
     count = len(before)
     values = [a if isinstance(a, float) else arguments[a] for a in storage.arguments]
 
-    def at(expression: Any, stored: Any) -> float:
+    def at(expression: Any, stored: Array) -> float:
         return evaluate(expression, lambda slot: float(stored[slot]) if slot < count else values[slot - count])
 
     if storage.energy is not None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Assignment, Expression, LinearLoop, Program, StateSpace, evaluate, symbols
+from compiler.api import Array, Assignment, Expression, LinearLoop, Program, StateSpace, evaluate, symbols
 
 from ...errors import RunFailed
 from .reason import Reason, reason
@@ -21,7 +21,7 @@ LOOK_FOR = (
 )
 
 
-def check_finite(program: Program, space: StateSpace, instants: Any, values: Any, states: Any, parameters: Any) -> None:
+def check_finite(program: Program, space: StateSpace, instants: Array, values: Array, states: Array, parameters: Array) -> None:  # fmt: skip
     """Raise `RunFailed` for the first instant at which an output is not finite; shape of `values`: (points, outputs)."""
     wrong = ~np.isfinite(values)
     if not wrong.any():
@@ -35,22 +35,22 @@ def check_finite(program: Program, space: StateSpace, instants: Any, values: Any
 
 
 def cause_of(
-    program: Program, space: StateSpace, time: float, state: Any, parameters: Any, modes: Mapping[str, float] = NO_MODES
-) -> str:
+    program: Program, space: StateSpace, time: float, state: Array, parameters: Array, modes: Mapping[str, float] = NO_MODES
+) -> str:  # fmt: skip
     """Return the line that most likely causes a value that is not finite, at a time and state; `modes`: discrete variables that only events change."""
     known = _known(program, space, time, state, parameters, modes)
     return _trouble(space, known, dict(known)) or LOOK_FOR
 
 
 def cause_ahead(
-    program: Program, space: StateSpace, now: tuple[float, Any], ahead: tuple[float, Any], parameters: Any, modes: Mapping[str, float]
+    program: Program, space: StateSpace, now: tuple[float, Any], ahead: tuple[float, Any], parameters: Array, modes: Mapping[str, float]
 ) -> str | None:  # fmt: skip
     """Return the cause of a value that is not finite between here and a little later, or of a divisor that passes zero; None if there is none."""
     return _trouble(space, *(_known(program, space, *at, parameters, modes) for at in (now, ahead)))
 
 
 def _known(
-    program: Program, space: StateSpace, time: float, state: Any, parameters: Any, modes: Mapping[str, float]
+    program: Program, space: StateSpace, time: float, state: Array, parameters: Array, modes: Mapping[str, float]
 ) -> dict[Any, float]:
     """Return the values of the variables that are not computed, by variable."""
     given = dict(zip(program.parameters.names, parameters, strict=True))

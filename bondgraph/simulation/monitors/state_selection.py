@@ -9,11 +9,9 @@ derivatives are pivoted for the same reason: Mattsson and Söderlind, SIAM J. Sc
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ..segments.transition import PhaseTransition
 
@@ -24,7 +22,7 @@ class Choice:
     """Monitor of the state selection. `storages`: the elements that can be exchanged; `before`: transition at the end of the phase before."""
 
     def __init__(
-        self, program: Program, constants: Any, inputs: Any, storages: frozenset[str], before: PhaseTransition | None
+        self, program: Program, constants: Array, inputs: Array, storages: frozenset[str], before: PhaseTransition | None
     ) -> None:  # fmt: skip
         self.program, self.fixed = program, (inputs, constants)
         rows, columns = program.sensitivity_pattern
@@ -43,10 +41,10 @@ class Choice:
         """Return True if there are storages that can be exchanged."""
         return len(self.rows) > 0
 
-    def conditions(self, mode: Any) -> None:
+    def conditions(self, mode: Array) -> None:
         """Return None: storages are examined, no conditions."""
 
-    def look(self, time: float, state: Any, mode: Any) -> PhaseTransition | None:
+    def look(self, time: float, state: Array, mode: Array) -> PhaseTransition | None:
         """Return the transition that exchanges two storages after a step that ended here; None if none is needed."""
         if not len(self.rows):
             return None
@@ -61,7 +59,7 @@ class Choice:
         dependent = self.program.dependents.names[self.rows[worst]].rpartition(".")[0]
         return PhaseTransition(time, values, peaks, dependent, self._element(self.columns[worst]))
 
-    def stored(self, time: float, state: Any, mode: Any) -> tuple[dict[str, float], dict[str, float]]:
+    def stored(self, time: float, state: Array, mode: Array) -> tuple[dict[str, float], dict[str, float]]:
         """Return all stored quantities (states and dependent storages) and their largest values so far; by name."""
         count = len(self.program.states.names)
         stored = np.concatenate([state[:count], self.program.dependent(time, state, *self.fixed, mode)])

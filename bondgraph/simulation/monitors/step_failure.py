@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ...errors import RateNotFinite, RunFailed, StepsCollapsed
 from ..segments.context import LastStep, SegmentContext
@@ -29,7 +29,7 @@ SHARES = (1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-4)
 
 
 def ahead(
-    program: Program, tolerances: Tolerances, whole: float, time: float, state: Any, slope: Any
+    program: Program, tolerances: Tolerances, whole: float, time: float, state: Array, slope: Array
 ) -> tuple[tuple[float, Any], ...]:
     """Return points ever further along the rates from a state, where the cause of collapsed steps lies. `whole`: length of the run, s."""
     step = np.where(np.arange(len(state)) < len(program.states.names), slope, 0.0)
@@ -40,7 +40,7 @@ def ahead(
     return tuple((time + x, state + x * step) for x in spans if x <= max(reach, 1e-9 * whole, least))
 
 
-def not_finite(program: Program, time: float, slope: Any, state: Any, mode: Any) -> RateNotFinite:
+def not_finite(program: Program, time: float, slope: Array, state: Array, mode: Array) -> RateNotFinite:
     names = _names(program)
     bad = [names[i] for i in np.flatnonzero(~np.isfinite(slope))[:4]]
     values = ", ".join(f"{n} = {v:.6g}" for n, v in list(zip(names, state, strict=True))[:6])
@@ -49,7 +49,7 @@ def not_finite(program: Program, time: float, slope: Any, state: Any, mode: Any)
     return found.at(time, state, mode)
 
 
-def failure(context: SegmentContext, solver: LastStep, what: str, mode: Any, explicit: bool, most: int) -> RunFailed:
+def failure(context: SegmentContext, solver: LastStep, what: str, mode: Array, explicit: bool, most: int) -> RunFailed:
     """Return the error of a run that cannot go on from the solver's current state; `what`: the part that failed last; `most`: the allowed steps."""
     program, tolerances = context.program, context.tolerances
     state = solver.state * tolerances.magnitude
@@ -69,9 +69,7 @@ def failure(context: SegmentContext, solver: LastStep, what: str, mode: Any, exp
     return error
 
 
-def _cause(
-    context: SegmentContext, solver: LastStep, what: str, here: tuple[Any, Any], most: str, limit: str
-) -> StepsCollapsed:
+def _cause(context: SegmentContext, solver: LastStep, what: str, here: tuple[Any, Any], most: str, limit: str) -> StepsCollapsed:  # fmt: skip
     """Return the error by the part that failed last, at a state with its slope `here`; `limit`: words on the mode that limits the steps."""
     program, tolerances, (state, slope) = context.program, context.tolerances, here
     names, units = _names(program), (*program.states.units, *program.unknowns.units)

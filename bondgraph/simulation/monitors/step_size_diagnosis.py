@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+
+from compiler.api import Array
 
 from ..segments.context import LastStep, SegmentContext
 
@@ -39,7 +40,7 @@ class LimitingMode:
 
 
 def limiting_mode(
-    context: SegmentContext, time: float, x: Any, mode: Any, step: float, driven: Any = None
+    context: SegmentContext, time: float, x: Array, mode: Array, step: float, driven: Array | None = None
 ) -> LimitingMode | None:
     """Return the mode that limits steps of this length; None if no mode is distinct from the others.
 
@@ -69,7 +70,7 @@ def limiting_mode(
     return LimitingMode(complex(rates[chosen]), elements, not slower.any())
 
 
-def notes_of(context: SegmentContext, solver: LastStep, steps: int, mode: Any, explicit: bool) -> list[str]:
+def notes_of(context: SegmentContext, solver: LastStep, steps: int, mode: Array, explicit: bool) -> list[str]:
     """Return a note on the mode that limits the steps of a segment; none if the steps were few, or if the model has no slower mode."""
     if steps < MANY:
         return []
@@ -81,7 +82,7 @@ def notes_of(context: SegmentContext, solver: LastStep, steps: int, mode: Any, e
     return [f"most of the {steps} steps follow {found}; {advice(found, explicit)}"]
 
 
-def elements_of(names: Sequence[str], shares: Any) -> tuple[str, ...]:
+def elements_of(names: Sequence[str], shares: Array) -> tuple[str, ...]:
     """Return the elements with the largest shares, largest first."""
     by_element: dict[str, float] = {}
     for name, share in zip(names, shares, strict=True):

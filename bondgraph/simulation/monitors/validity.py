@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import LimitNote, Program
+from compiler.api import Array, LimitNote, Program, Span
 
 from ...errors import RunFailed
 from ...quantities import behind
@@ -27,7 +27,7 @@ StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 class ValidityMonitor:
     """Monitor of a program's limits during a run."""
 
-    def __init__(self, program: Program, constants: Any, inputs: Any, rtol: float) -> None:
+    def __init__(self, program: Program, constants: Array, inputs: Array, rtol: float) -> None:
         self.program, self.fixed, self.rtol = program, (inputs, constants), rtol
         self.left: dict[int, LimitLeft] = {}
         ends = np.cumsum([0, *(len(note.values) for note in program.limits)])
@@ -38,7 +38,7 @@ class ValidityMonitor:
         """Violated limits, in the order of time."""
         return tuple(sorted(self.left.values(), key=lambda item: item.time))
 
-    def look(self, times: Any, mode: Any, state_at: StateAt, tables: bool = True) -> None:
+    def look(self, times: Array, mode: Array, state_at: StateAt, tables: bool = True) -> None:
         """Check rising instants of one smooth segment; the limits held before the first of them, or a run begins there.
 
         `tables`: True to check the ranges of tables too. Raises `RunFailed` for a table that is read outside its range.
@@ -57,7 +57,7 @@ class ValidityMonitor:
         for time, limit in sorted(found):
             self._leave(limit, time, mode, state_at)
 
-    def _holds(self, times: Any, states: Any, mode: Any) -> Any:
+    def _holds(self, times: Array, states: Array, mode: Array) -> Any:
         """Return the truth of all limits; shape (times, limits)."""
         truth = self.program.holds(times, states, *self.fixed, mode) == 1.0
         if not truth.all():
@@ -69,7 +69,7 @@ class ValidityMonitor:
                     truth[:, number] |= beyond <= self.rtol * (high - low)
         return truth
 
-    def _bisected(self, number: int, good: float, bad: float, mode: Any, state_at: StateAt) -> float:
+    def _bisected(self, number: int, good: float, bad: float, mode: Array, state_at: StateAt) -> float:
         """Return the first instant at which a limit does not hold, between one where it holds and one where it does not."""
         for _ in range(BISECTIONS):
             middle = 0.5 * (good + bad)
@@ -81,7 +81,7 @@ class ValidityMonitor:
                 bad = middle
         return float(bad)
 
-    def _leave(self, number: int, time: float, mode: Any, state_at: StateAt) -> None:
+    def _leave(self, number: int, time: float, mode: Array, state_at: StateAt) -> None:
         note = self.program.limits[number]
         at = np.array([time])
         values = self.program.limit_values(at, state_at(at), *self.fixed, mode)[0, self.places[number]]
@@ -105,5 +105,5 @@ def _outside(note: LimitNote, time: float, values: tuple[tuple[str, float, str],
     )  # fmt: skip
 
 
-def _place(span: Any) -> str:
+def _place(span: Span) -> str:
     return f"{PurePath(span.source.name).name}:{span.line}"

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Ranges
+from compiler.api import Array, IntArray, Ranges
 
 MOST_BOXES = 3_000_000  # boxes at once; with more, the search is given up (`Undecided`)
 MOST_CROSSINGS = 1_000_000  # crossings of one function
@@ -28,7 +28,7 @@ ITERATIONS = 120
 Signs = Callable[[Any, Any], Any]  # times, indices of segments -> signs
 
 
-def distinct(times: Any) -> Any:
+def distinct(times: Array) -> Any:
     """Return sorted instants without duplicates.
 
     numpy.unique is avoided: it loads masked arrays, which takes a tenth of the time of a short run.
@@ -66,25 +66,25 @@ class OneFunction:
     edges: Any
     modes: Any
 
-    def mode(self, stretch: Any) -> Any:
+    def mode(self, stretch: IntArray) -> Any:
         return self.modes[stretch] if self.modes.shape[-1] else self.modes[:0]
 
-    def over(self, low: Any, high: Any, stretch: Any) -> tuple[Any, Any, Any, Any]:
+    def over(self, low: Array, high: Array, stretch: IntArray) -> tuple[Any, Any, Any, Any]:
         """Return lower and upper bounds of the function and of its derivative over boxes, four arrays (boxes,)."""
         (a, b), (c, d) = self.ranges.over(low, high, self.mode(stretch))
         whole = np.empty((4, len(low)))
         whole[0], whole[1], whole[2], whole[3] = a, b, c, d
         return whole[0], whole[1], whole[2], whole[3]
 
-    def at(self, times: Any, stretch: Any) -> tuple[Any, Any]:
+    def at(self, times: Array, stretch: IntArray) -> tuple[Any, Any]:
         """Return lower and upper bounds of the values at instants, including rounding errors."""
         ((a, b),) = self.alone.over(times, times, self.mode(stretch))
         return np.broadcast_to(a, np.shape(times)), np.broadcast_to(b, np.shape(times))
 
-    def values(self, times: Any, stretch: Any) -> Any:
+    def values(self, times: Array, stretch: IntArray) -> Any:
         return np.broadcast_to(self.alone.values(times, self.mode(stretch))[0], np.shape(times)).astype(float)
 
-    def signs(self, times: Any, stretch: Any) -> Any:
+    def signs(self, times: Array, stretch: IntArray) -> Any:
         values = self.values(times, stretch)
         return np.where(np.isnan(values), NO_VALUE, np.sign(values))
 
@@ -148,7 +148,7 @@ def _pieces(function: OneFunction) -> Pieces:
     return Pieces(a, b, stretch, left, left.copy(), monotone).sorted()
 
 
-def _decided(function: OneFunction, low: Any, high: Any, stretch: Any) -> tuple[Any, Any]:
+def _decided(function: OneFunction, low: Array, high: Array, stretch: IntArray) -> tuple[Any, Any]:
     """Return for each box its constant sign, `UNKNOWN` where rounding hides it, or NaN if undecided; and a mask of the monotone boxes."""
     least, most, falls, rises = function.over(low, high, stretch)
     sign = _one_sign(least, most)
@@ -177,7 +177,7 @@ def _decided(function: OneFunction, low: Any, high: Any, stretch: Any) -> tuple[
     return sign, monotone
 
 
-def _one_sign(least: Any, most: Any) -> Any:
+def _one_sign(least: Array, most: Array) -> Any:
     """Return the sign of a whole range; NaN if it has several."""
     sign = np.full(len(least), np.nan)
     sign[least > 0], sign[most < 0], sign[(least == 0) & (most == 0)] = 1.0, -1.0, 0.0
@@ -209,7 +209,7 @@ def _in_clusters(function: OneFunction, pieces: Pieces) -> list[Any]:
     return [_halved(function.signs, pieces.low[firsts], pieces.high[lasts], pieces.stretch[firsts], left)]
 
 
-def _located(function: OneFunction, pieces: Pieces, changes: Any) -> Any:
+def _located(function: OneFunction, pieces: Pieces, changes: IntArray) -> Any:
     """Return the zeros within monotone boxes; two instants, begin and end, where a function is zero for a while."""
     low, high, stretch = pieces.low[changes], pieces.high[changes], pieces.stretch[changes]
     left, right = pieces.left[changes], pieces.right[changes]
@@ -228,7 +228,7 @@ def _located(function: OneFunction, pieces: Pieces, changes: Any) -> Any:
     return np.concatenate([found[~exact], first[rounded], first[~rounded], last[~rounded]])
 
 
-def _halved(signs: Signs, here: Any, there: Any, stretch: Any, sign: Any) -> Any:
+def _halved(signs: Signs, here: Array, there: Array, stretch: IntArray, sign: Array) -> Any:
     """Bisect for the end of the interval that has the sign `sign` at `here`."""
     for _ in range(ITERATIONS):
         middle = 0.5 * (here + there)
@@ -240,7 +240,7 @@ def _halved(signs: Signs, here: Any, there: Any, stretch: Any, sign: Any) -> Any
     return there
 
 
-def _zeros(function: OneFunction, low: Any, high: Any, stretch: Any) -> tuple[Any, Any]:
+def _zeros(function: OneFunction, low: Array, high: Array, stretch: IntArray) -> tuple[Any, Any]:
     """Return a zero between each two instants with different signs, and a mask of those that are exact.
 
     Method of Chandrupatla, Advances in Engineering Software 28, 1997.

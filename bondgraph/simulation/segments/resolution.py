@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Program, Ranges, TimeFunctions
+from compiler.api import Array, Program, Ranges, TimeFunctions
 
 BEGIN = 32  # number of boxes of a segment at the beginning
 TOGETHER = 256  # number of segments that are examined at once
@@ -29,7 +29,7 @@ NARROWEST = 64  # least width of a box, in units in the last place of a time
 class Resolution:
     """Sampling places of all segments of a timeline, found when they are asked for. `edges` (segments + 1,), `modes` (segments, mode) or (0,)."""
 
-    def __init__(self, edges: Any, modes: Any) -> None:
+    def __init__(self, edges: Array, modes: Array) -> None:
         self.edges, self.modes = np.asarray(edges), np.asarray(modes)
         self.ends: list[float] = self.edges[:-1].tolist()
         self.key: Any = None
@@ -48,7 +48,7 @@ class Resolution:
             for name, start, stop in self.crowded
         )
 
-    def places(self, program: Program, inputs: Any, constants: Any, mode: Any, start: float, stop: float) -> Any:
+    def places(self, program: Program, inputs: Array, constants: Array, mode: Array, start: float, stop: float) -> Any:
         """Return rising times within a part of one segment that resolve its narrow signals; an empty array where no signal is narrow."""
         functions = program.time_functions
         if functions is None or not functions.narrow or not stop > start:
@@ -76,14 +76,14 @@ class Resolution:
         times = self.found[number]
         return times[slice(*np.searchsorted(times, (start, stop)))]
 
-    def _tell(self, functions: TimeFunctions, edges: Any, crowded: set[tuple[int, int]]) -> None:
+    def _tell(self, functions: TimeFunctions, edges: Array, crowded: set[tuple[int, int]]) -> None:
         """Record signals with more peaks than are resolved. `crowded`: operations and segments."""
         for operation, segment in sorted(crowded, key=lambda pair: (pair[1], pair[0])):
             key = functions.narrow_names[operation], float(edges[segment]), float(edges[segment + 1])
             self.crowded.setdefault(key)
 
 
-def _resolved(ranges: Ranges, edges: Any, modes: Any) -> tuple[list[Any], set[tuple[int, int]]]:
+def _resolved(ranges: Ranges, edges: Array, modes: Array) -> tuple[list[Any], set[tuple[int, int]]]:
     """Return for each segment the rising times that resolve its signals; empty where no box was halved, because regular sampling is enough.
 
     Also return the operations and segments with more peaks than are resolved.
@@ -127,7 +127,7 @@ def _resolved(ranges: Ranges, edges: Any, modes: Any) -> tuple[list[Any], set[tu
     return [part if len(part) > BEGIN * len(INSIDE) else np.empty(0) for part in parts], crowded
 
 
-def _ignored(lower: Any, upper: Any, count: int) -> Any:
+def _ignored(lower: Array, upper: Array, count: int) -> Any:
     """Return the ranges that are too small to matter on each segment, shape (operations, segments)."""
     shape = (len(lower), count, BEGIN)
     lower, upper = (np.where(np.isfinite(x), x, np.nan).reshape(shape) for x in (lower, upper))
@@ -136,7 +136,7 @@ def _ignored(lower: Any, upper: Any, count: int) -> Any:
     return np.nan_to_num(np.fmax(SMALL * (greatest - smallest), ROUNDING * values))
 
 
-def _bounds(ranges: Ranges, low: Any, high: Any, times: Any, mode: Any) -> tuple[Any, Any, Any]:
+def _bounds(ranges: Ranges, low: Array, high: Array, times: Array, mode: Array) -> tuple[Any, Any, Any]:
     """Return lower and upper bounds over boxes, and the widths that samples at `times` (boxes, places) show; each (operations, boxes)."""
     lower, upper, shown = np.empty((3, len(ranges.roots), len(low)))
     values = ranges.values(times, mode[:, None, :] if mode.ndim == 2 else mode)

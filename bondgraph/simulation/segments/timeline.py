@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from compiler.api import Program, Ranges, TimeFunction, TimeFunctions
+from compiler.api import Array, Program, Ranges, TimeFunction, TimeFunctions
 
 from ...errors import RunFailed
 from ...numerics.roots import crossing
@@ -52,7 +52,7 @@ class Segment:
     # cache of `signals_on`
     seen: dict[float, tuple[Any, ...]] = field(default_factory=dict, init=False, compare=False, repr=False)
 
-    def up_to(self, start: float, stop: float, mode: Any = None) -> Segment:
+    def up_to(self, start: float, stop: float, mode: Array | None = None) -> Segment:
         """Return a part of the segment, in another mode if one is given; the segment itself if the part is all of it."""
         if mode is None and (start, stop) == (self.start, self.stop):
             return self
@@ -67,12 +67,12 @@ class Timeline:
     notes: tuple[str, ...] = ()
 
 
-def segments(program: Program, constants: Any, start: float, stop: float) -> list[Segment]:
+def segments(program: Program, constants: Array, start: float, stop: float) -> list[Segment]:
     """Cut [start, stop] at the jumps and kinks of expressions of time."""
     return timeline(program, constants, start, stop).segments
 
 
-def timeline(program: Program, constants: Any, start: float, stop: float) -> Timeline:
+def timeline(program: Program, constants: Array, start: float, stop: float) -> Timeline:
     """Cut [start, stop] at the jumps and kinks of expressions of time. The last answer of a program is cached with its arguments."""
     key = np.asarray(constants).tobytes(), start, stop
     last = program.kept.get("timeline")
@@ -87,7 +87,7 @@ def timeline(program: Program, constants: Any, start: float, stop: float) -> Tim
     return Timeline([Segment(a, b, mode, resolution) for (a, b), mode in spans], notes)
 
 
-def _resolution(program: Program, edges: Any, modes: Any) -> Resolution | None:
+def _resolution(program: Program, edges: Array, modes: Array) -> Resolution | None:
     """Return the places of narrow signals on all segments; None if there is no such signal."""
     if program.time_functions is None or not program.time_functions.narrow:
         return None
@@ -96,7 +96,7 @@ def _resolution(program: Program, edges: Any, modes: Any) -> Resolution | None:
     return Resolution(edges, modes)
 
 
-def _edges(program: Program, constants: Any, start: float, stop: float) -> tuple[Any, tuple[str, ...]]:
+def _edges(program: Program, constants: Array, start: float, stop: float) -> tuple[Any, tuple[str, ...]]:
     """Return the ends of all segments, rising, shape (segments + 1,); and notes."""
     cuts = np.atleast_1d(program.instants(constants))
     base = _distinct(np.concatenate([[start], np.sort(cuts[(start < cuts) & (cuts < stop)]), [stop]]))
@@ -117,7 +117,7 @@ def _edges(program: Program, constants: Any, start: float, stop: float) -> tuple
 
 
 def _crossings(
-    program: Program, functions: TimeFunctions, number: int, constants: Any, edges: Any
+    program: Program, functions: TimeFunctions, number: int, constants: Array, edges: Array
 ) -> tuple[Any, tuple[str, ...]]:
     """Return the zeros of one function of time; the last answer is cached with the constants that the function reads."""
     function = functions.crossings[number]
@@ -136,7 +136,7 @@ def _crossings(
 
 
 def _searched(
-    program: Program, functions: TimeFunctions, number: int, constants: Any, edges: Any, modes: Any
+    program: Program, functions: TimeFunctions, number: int, constants: Array, edges: Array, modes: Array
 ) -> tuple[Any, tuple[str, ...]]:
     """Return the zeros of one function of time; without interval ranges, those found by sampling, with a note about it."""
     from .crossings import OneFunction, Undecided, crossings
@@ -193,7 +193,7 @@ def _named(function: TimeFunction) -> str:
     )
 
 
-def timeline_in_parts(program: Program, constants: Any, ends: tuple[float, float], parts: int) -> Timeline:
+def timeline_in_parts(program: Program, constants: Array, ends: tuple[float, float], parts: int) -> Timeline:
     """Return the segments between two instants, searched separately in each of `parts` parts; no part begins at a round instant."""
     start, stop = ends
     if parts == 1:
@@ -243,7 +243,7 @@ def _irregular(start: float, span: float, count: int) -> Any:
     return start + span * (numbers + beside) / count
 
 
-def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float = 0.0) -> Signals:
+def signals_on(program: Program, inputs: Array, constants: Array, stretch: Segment, whole: float = 0.0) -> Signals:
     """Return the signals on a segment at irregular places, the denser, the larger its share of the `whole` run is.
 
     A signal with narrow peaks is also sampled at each of them. All users of a segment share these places: they are computed once, unless delayed
@@ -258,7 +258,7 @@ def signals_on(program: Program, inputs: Any, constants: Any, stretch: Segment, 
     return found
 
 
-def _signals(program: Program, inputs: Any, constants: Any, stretch: Segment, whole: float) -> Signals:
+def _signals(program: Program, inputs: Array, constants: Array, stretch: Segment, whole: float) -> Signals:
     span = stretch.stop - stretch.start
     share = span / whole if whole > 0 else 0.0
     begin, end = inside(stretch)  # a narrow pulse may have its crest there
@@ -281,8 +281,8 @@ def _signals(program: Program, inputs: Any, constants: Any, stretch: Segment, wh
 
 
 def follower(
-    program: Program, inputs: Any, constants: Any, stretch: Segment, known: Signals | None = None, coarse: float = 1.0
-) -> Callable[[float, float], bool]:
+    program: Program, inputs: Array, constants: Array, stretch: Segment, known: Signals | None = None, coarse: float = 1.0
+) -> Callable[[float, float], bool]:  # fmt: skip
     """Return a function of the ends of a step that is True if the step resolves the signals of time.
 
     The cubic through the nodes of the step must be close to the signal between them, to a fraction of the signal's range, at fixed places and
@@ -321,17 +321,17 @@ def inside(stretch: Segment) -> tuple[float, float]:
     return stretch.start + margin, stretch.stop - margin
 
 
-def mode_size(program: Program, constants: Any) -> int:
+def mode_size(program: Program, constants: Array) -> int:
     """Return the number of entries of a program's mode."""
     return len(program.switches(0.0, constants)) if program.hybrid is None else program.hybrid.size
 
 
-def mode_after(program: Program, constants: Any, instant: float, last: Segment) -> Any:
+def mode_after(program: Program, constants: Array, instant: float, last: Segment) -> Any:
     """Return the conditions just after the end of a run, which an output at a jump shows (values hold from the jump on)."""
     return with_time_of(program, _mode(program, constants, instant + 1e-6 * (last.stop - last.start)), last.mode)
 
 
-def with_time_of(program: Program, mode: Any, before: Any) -> Any:
+def with_time_of(program: Program, mode: Array, before: Array) -> Any:
     """Return the mode `before`, with the conditions on time alone taken from `mode`."""
     if program.hybrid is None:
         return mode
@@ -341,13 +341,13 @@ def with_time_of(program: Program, mode: Any, before: Any) -> Any:
     return result
 
 
-def _modes(program: Program, constants: Any, edges: Any) -> Any:
+def _modes(program: Program, constants: Array, edges: Array) -> Any:
     """Return the modes between the edges, shape (segments, mode); (0,) where there is none."""
     mode = _mode(program, constants, edges[:-1] + GOLDEN * np.diff(edges))  # a place at which no periods meet
     return mode if mode.shape[-1] else np.empty(0)
 
 
-def _mode(program: Program, constants: Any, time: Any) -> Any:
+def _mode(program: Program, constants: Array, time: Array | float) -> Any:
     """Return the conditions on time; with events, the entries that only events change are as at the start. Shape (…, mode)."""
     hybrid = program.hybrid
     if hybrid is None and not _count(program, "switches", lambda: program.switches(0.0, constants)):
@@ -370,7 +370,7 @@ def _count(program: Program, name: str, values: Callable[[], Any]) -> int:
     return cast("int", kept[name])
 
 
-def _distinct(edges: Any) -> Any:
+def _distinct(edges: Array) -> Any:
     """Return sorted instants without those that rounding has split; the first and the last stay.
 
     Intervals below the rounding of the whole run are no segments: a root of high order at time 0 is found anywhere below 1e-60 s.
@@ -388,7 +388,7 @@ def _distinct(edges: Any) -> Any:
     return np.array(kept)
 
 
-def _places(program: Program, constants: Any, length: float) -> int:
+def _places(program: Program, constants: Array, length: float) -> int:
     """Return the number of places at which a segment is searched."""
     period = float(min(np.abs(program.periods(constants)), default=np.inf))
     places = max(UNBOUNDED, int(min(PER_PERIOD * length / period, 10 * MAXIMUM_GRID)))
@@ -400,7 +400,7 @@ def _places(program: Program, constants: Any, length: float) -> int:
     return places
 
 
-def _looked_at(program: Program, constants: Any, start: float, stop: float) -> tuple[Any, Any]:
+def _looked_at(program: Program, constants: Array, start: float, stop: float) -> tuple[Any, Any]:
     """Return times and values of the functions whose zeros are searched; more places where signs change often."""
     places = _places(program, constants, stop - start)
     while True:
@@ -418,7 +418,7 @@ def _looked_at(program: Program, constants: Any, start: float, stop: float) -> t
             )  # fmt: skip
 
 
-def _sampled(program: Program, constants: Any, number: int, edges: Any) -> tuple[list[float], float]:
+def _sampled(program: Program, constants: Array, number: int, edges: Array) -> tuple[list[float], float]:
     """Return zeros of a function of time without ranges (signs at many places, then bisection), and the largest distance of these places.
 
     Two zeros closer than that can be missed.
@@ -433,7 +433,7 @@ def _sampled(program: Program, constants: Any, number: int, edges: Any) -> tuple
         for i in np.flatnonzero(signs[:-1] * signs[1:] < 0):
             mode = _mode(program, constants, times[i])
 
-            def g(t: float, mode: Any = mode) -> float:
+            def g(t: float, mode: Array = mode) -> float:
                 return float(program.crossings(t, constants, mode)[number])
 
             if g(times[i]) * g(times[i + 1]) < 0:

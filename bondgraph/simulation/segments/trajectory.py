@@ -12,7 +12,7 @@ from .timeline import Segment
 from .transition import PhaseTransition
 
 if TYPE_CHECKING:
-    from compiler.api import Program
+    from compiler.api import Array, Program
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +102,6 @@ class Trajectory:
         return kept
 
 
-def empty(program: Program, instants: Any) -> Trajectory:
+def empty(program: Program, instants: Array) -> Trajectory:
     """Return a trajectory in which no instant has been reached yet."""
     return Trajectory(np.empty((len(instants), len(program.states.names) + len(program.unknowns.names))))

@@ -11,7 +11,7 @@ import numpy as np
 from ..segments.timeline import Segment
 
 if TYPE_CHECKING:
-    from compiler.api import Program
+    from compiler.api import Array, Program
 
     from .coarse import PilotObserver
 
@@ -23,11 +23,8 @@ LARGEST = 200  # most states for which parts of the run are examined
 
 
 def trusted(
-    look_along: Callable[[Sequence[Segment]], PilotObserver],
-    program: Program,
-    stretches: Sequence[Segment],
-    driven: bool,
-) -> PilotObserver:
+    look_along: Callable[[Sequence[Segment]], PilotObserver], program: Program, stretches: Sequence[Segment], driven: bool
+) -> PilotObserver:  # fmt: skip
     """Return a coarse run over the segments, or over their beginning only. `driven`: some input depends on time.
 
     A motion without drive swings about as far as its forces take it at first, or grows gradually; then its tolerances grow with it. Where states
@@ -56,13 +53,13 @@ def trusted(
     return replace(sound, largest=np.maximum(sound.largest, beginning))
 
 
-def _follows_from(program: Program, found: Any, before: Any, times: float) -> bool:
+def _follows_from(program: Program, found: Array, before: Array, times: float) -> bool:
     """Return True if magnitudes are at most `times` those of a part of the run."""
     most = times * np.maximum(before, SLIGHT * _most_alike(program, before))
     return bool((found <= np.where(most > 0, most, np.inf)).all())
 
 
-def _most_alike(program: Program, values: Any) -> Any:
+def _most_alike(program: Program, values: Array) -> Any:
     """Return for every state and unknown the largest value of its unit."""
     units = np.array([*program.states.units, *program.unknowns.units])
     return np.array([values[units == unit].max() for unit in units])

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ..segments.timeline import Segment
 
@@ -16,7 +16,7 @@ MOST_STRETCHES = 64
 
 
 def chargeable(
-    program: Program, constants: Any, inputs: Any, state: Any, stretches: Sequence[Segment], known: Any
+    program: Program, constants: Array, inputs: Array, state: Array, stretches: Sequence[Segment], known: Array
 ) -> Any:
     """Return positive magnitudes of all states and unknowns, shape (n,).
 

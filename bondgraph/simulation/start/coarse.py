@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ..constraints.constraints import Constraints
 from ..integrators import pilot
@@ -29,9 +29,9 @@ SMALLEST_ANGLE = 1e-12  # rad, and rad/s: smaller values that symmetry leaves ar
 class PilotObservation(Protocol):
     """Monitor of states on the way; once it reports, later states are not valid any more."""
 
-    def look(self, time: float, state: Any, mode: Any) -> object | None: ...
+    def look(self, time: float, state: Array, mode: Array) -> object | None: ...
 
-    def conditions(self, mode: Any) -> Conditions | None:
+    def conditions(self, mode: Array) -> Conditions | None:
         """Return the conditions of the program with their truth in a mode, if it observes these and nothing else; else None."""
         ...
 
@@ -65,7 +65,7 @@ class PilotRun:
     """Pilot run by implicit Euler in about 60 steps; a step is halved where Newton's method fails."""
 
     def __init__(
-        self, program: Program, constants: Any, inputs: Any, state: Any, constraints: Constraints | None = None,
+        self, program: Program, constants: Array, inputs: Array, state: Array, constraints: Constraints | None = None,
         mechanisms: Sequence[str] = (),
     ) -> None:  # fmt: skip
         self.constraints = constraints
@@ -159,7 +159,7 @@ class PilotRun:
             self.compiled, None if reach is None else (reach.amplitudes, reach.inverse, reach.scale)
         )
 
-    def _further(self, pace: StepSchedule, follows: Callable[[float, float], bool], mode: Any) -> bool:
+    def _further(self, pace: StepSchedule, follows: Callable[[float, float], bool], mode: Array) -> bool:
         """Make one step and return True; if it fails, shorten the next one."""
         pace.taken += 1
         if pace.taken == pilot.CAREFUL:  # a state grows all the time, as at the foot of a pulse: go on with usual steps
@@ -203,7 +203,7 @@ class PilotRun:
         known = signals_on(self.program, self.inputs, self.constants, stretch, whole)
         return follower(self.program, self.inputs, self.constants, stretch, known, COARSE)
 
-    def _on_constraints(self, first: Segment, basis: Any) -> Any:
+    def _on_constraints(self, first: Segment, basis: Array) -> Any:
         """Return the Jacobian of the motions that loop joints allow, with multipliers eliminated; None if the multipliers are not determined."""
         count, size = len(basis), len(self.state)
         whole = np.zeros((size, size))
@@ -216,7 +216,7 @@ class PilotRun:
             return None
         return basis.T @ (whole[:count, :count] - whole[:count, count:] @ follow) @ basis
 
-    def _sure_step(self, time: float, size: float, mode: Any, careful: bool) -> Any:
+    def _sure_step(self, time: float, size: float, mode: Array, careful: bool) -> Any:
         """Return the state after a step; where a state grows fast, two half steps must agree, because implicit Euler overshoots growth."""
         found = self._step(self.state, time + size, size, mode)
         if found is None or not careful:
@@ -231,12 +231,12 @@ class PilotRun:
         end = None if middle is None else self._step(middle, time + size, 0.5 * size, mode)
         return None if end is None or (np.abs(found) > pilot.SAME * np.abs(end))[grows].all() else found
 
-    def _step(self, begin: Any, time: float, size: float, mode: Any) -> Any:
+    def _step(self, begin: Array, time: float, size: float, mode: Array) -> Any:
         """Return the state at the end of a step; None if Newton's method fails."""
         x = self._guess(time, begin, mode) if len(self.program.unknowns.names) else begin
         return self.compiled.step(begin, x, self.largest, (time, size), mode)
 
-    def _guess(self, time: float, begin: Any, mode: Any) -> Any:
+    def _guess(self, time: float, begin: Array, mode: Array) -> Any:
         """Return the state at the start of a step, with the unknowns of loops for the end of the step if they are near the known ones.
 
         The step solves for them anyway, and a search from far away would cost more than the whole pilot run.
@@ -248,7 +248,7 @@ class PilotRun:
         found = loops.newton(time, begin, mode, begin[loops.count :])
         return begin if found is None else np.concatenate([begin[: loops.count], found])
 
-    def _peers(self, sizes: Any) -> Any:
+    def _peers(self, sizes: Array) -> Any:
         """Return for every state and unknown the largest value of its unit; shape (n,)."""
         most = np.zeros(int(self.kinds.max(initial=-1)) + 1)
         np.maximum.at(most, self.kinds, sizes)

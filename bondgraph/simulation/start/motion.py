@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import address_of
+from compiler.api import Array, address_of
 
 from ..integrators.compiled import balancing
 from ..integrators.compiled.code import POINTER, WHOLE, called
@@ -17,7 +17,7 @@ LARGEST = 200  # most states for which the modes are computed
 WELL_TOLD = 1e6  # largest condition number of the eigenvectors with which the modes are separable
 
 
-def balance(matrix: Any, compiled: bool) -> tuple[Any, Any]:
+def balance(matrix: Array, compiled: bool) -> tuple[Any, Any]:
     """Return a matrix balanced, and the powers of two used; by machine code or by its source."""
     count = len(matrix)
     if not compiled:
@@ -39,10 +39,10 @@ class FreeMotion:
     fastest: float  # largest of its rates, 1/s
     matrix: Any  # in units of the scale
 
-    def __call__(self, x: Any) -> Any:
+    def __call__(self, x: Array) -> Any:
         return self.amplitudes @ np.abs(self.inverse @ (x / self.scale)) * self.scale
 
-    def rest(self, rates: Any) -> Any | None:
+    def rest(self, rates: Array) -> Any | None:
         """Return the displacement to the point of zero rates according to the Jacobian; None where there is no restoring force."""
         try:
             away = -np.linalg.solve(self.matrix, rates / self.scale) * self.scale
@@ -50,7 +50,7 @@ class FreeMotion:
             return None
         return away if np.isfinite(away).all() else None
 
-    def is_slower_than(self, rate: float, jacobians: Any) -> bool:
+    def is_slower_than(self, rate: float, jacobians: Array) -> bool:
         """Return True if all modes of other Jacobians, shape (…, n, n), are slower; Jacobians that are not finite are ignored."""
         finite = jacobians[np.isfinite(jacobians).all(axis=(-2, -1))]
         sums = np.abs(finite * self.scale / self.scale[:, None]).sum(axis=-1)
@@ -67,7 +67,7 @@ def along(reach: FreeMotion, basis: Any | None, size: int) -> Callable[[Any], An
     return lambda x: np.concatenate([np.abs(basis) @ reach(basis.T @ x[:count]), np.zeros(size - count)])
 
 
-def free_motion(jacobian: Any, compiled: bool) -> FreeMotion | None:
+def free_motion(jacobian: Array, compiled: bool) -> FreeMotion | None:
     """Return the free linear motion of a state; None if its modes are too many, or too close to each other to separate their amplitudes.
 
     `compiled`: there is machine code for it.

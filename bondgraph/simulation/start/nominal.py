@@ -14,7 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ...results.records import ToleranceDoubt
 from ..constraints.constraints import Constraints
@@ -56,8 +56,8 @@ class Magnitudes:
 
 
 def nominal_magnitudes(
-    program: Program, mechanisms: Sequence[str], constants: Any, state: Any, inputs: Any, stretches: Sequence[Segment],
-    choice: PilotObservation | None = None, constraints: Constraints | None = None, largest: Any = 0.0,
+    program: Program, mechanisms: Sequence[str], constants: Array, state: Array, inputs: Array, stretches: Sequence[Segment],
+    choice: PilotObservation | None = None, constraints: Constraints | None = None, largest: Array | float = 0.0,
 ) -> Magnitudes:  # fmt: skip
     """Return a positive magnitude for every state and unknown.
 
@@ -108,9 +108,7 @@ def _numbered(groups: Sequence[object]) -> tuple[Any, int]:
     return np.array([numbers[group] for group in groups], dtype=int), len(numbers)
 
 
-def _smallest(
-    program: Program, mechanisms: Sequence[str], constraints: Constraints | None, state: Any, first: Segment
-) -> Any:
+def _smallest(program: Program, mechanisms: Sequence[str], constraints: Constraints | None, state: Array, first: Segment) -> Any:  # fmt: skip
     """Return the rounding level of angles, and of lengths of mechanisms with closed loops, that symmetry leaves."""
     result = smallest_angles(program, mechanisms)
     if constraints:
@@ -122,9 +120,7 @@ def _smallest(
     return result
 
 
-def least_tolerances(
-    program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Any, first: Segment
-) -> Any:
+def least_tolerances(program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment) -> Any:  # fmt: skip
     """Return lower bounds of absolute tolerances, because projection on loop joints is accurate to rounding only; 0 for other states.
 
     Coordinates that such joints lock altogether stay constant to that accuracy, whatever fraction of their magnitude a tolerance is.

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array, ComplexArray
+
 from .modal_envelope import Ringing, Way
 from .spectrum_split import ScaledDynamics
 
@@ -78,7 +80,7 @@ def _seen(flow: ScaledDynamics, ringings: Sequence[tuple[Way, Ringing]]) -> bool
     return False
 
 
-def _answer(flow: ScaledDynamics, fine: Fine, ringing: Ringing, held: Any) -> tuple[Any, Any]:
+def _answer(flow: ScaledDynamics, fine: Fine, ringing: Ringing, held: Array) -> tuple[Any, Any]:
     """Return the shift of the slow solution at the end (n,), and its largest effect on each output; `held`: the shift at the start."""
     slow, static = (np.array([getattr(at, part) for at in ringing.splits])[fine.places] for part in ("slow", "inverse"))
     each = _pushes(flow, fine.way, fine.shapes + fine.later)
@@ -158,7 +160,7 @@ def _resolvents(ringing: Ringing) -> Any:
     return np.linalg.solve(rates * (unit + own) - matrices, unit - own)
 
 
-def _between(way: Way, matrices: Any, ringing: Ringing, resolvents: Any) -> Any:
+def _between(way: Way, matrices: Array, ringing: Ringing, resolvents: ComplexArray) -> Any:
     """Return shapes at all instants, interpolated from the places on both sides, and their first-order correction for the matrix there."""
     found = np.zeros((len(way), *ringing.shapes.shape[1:]), dtype=complex)
     for at, shapes, resolvent, own in zip(
@@ -171,12 +173,12 @@ def _between(way: Way, matrices: Any, ringing: Ringing, resolvents: Any) -> Any:
     return found
 
 
-def _through(resolvents: Any, changes: Any) -> Any:
+def _through(resolvents: ComplexArray, changes: ComplexArray) -> Any:
     """Apply the matrix (p, n, n) of each mode to its changes (c, n, p), for all modes."""
     return (resolvents @ changes.transpose(2, 1, 0)).transpose(2, 1, 0)
 
 
-def _pushes(flow: ScaledDynamics, way: Way, shapes: Any) -> Any:
+def _pushes(flow: ScaledDynamics, way: Way, shapes: ComplexArray) -> Any:
     """Return the mean of the rates over the phases of each mode, minus the rates without it (k, p, n)."""
     count, n, modes = shapes.shape
     ways = (shapes.transpose(0, 2, 1)[:, :, None, :] * PHASES[:, None]).real.reshape(count, 4 * modes, n)
@@ -185,7 +187,7 @@ def _pushes(flow: ScaledDynamics, way: Way, shapes: Any) -> Any:
     return (rates[:, 1:] - rates[:, :1]).reshape(count, modes, 4, n).mean(axis=2)
 
 
-def _means(pushes: Any, sizes: Any) -> Any:
+def _means(pushes: Array, sizes: Array) -> Any:
     """Return the mean forcing by all modes within the intervals between instants (k - 1, n).
 
     It is proportional to the square of the amplitudes, which grow or decay exponentially within an interval; everything else changes linearly.
@@ -200,7 +202,7 @@ def _means(pushes: Any, sizes: Any) -> Any:
     return np.where(np.abs(decays) > STEEP, one, both).sum(axis=1)
 
 
-def _propagators(matrices: Any) -> tuple[Any, Any]:
+def _propagators(matrices: Array) -> tuple[Any, Any]:
     """Return exp(A) and the mean of exp(A s) over s from 0 to 1, for matrices A (k, n, n); Taylor series and doubling, to about four digits."""
     norm = float(np.abs(matrices).sum(axis=1).max(initial=0.0))
     halvings = max(0, int(np.ceil(np.log2(norm)))) if 0 < norm < np.inf else 0

@@ -4,21 +4,21 @@ answer to a different signal.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..segments.timeline import GOLDEN, Segment, inside
 
 if TYPE_CHECKING:
-    from compiler.api import Program
+    from compiler.api import Array, Program
 
 PLACES = 128  # number of sample places per segment
 AHEAD = 1e-3  # radians at the bandwidth: time step of difference quotients
 SMALL = 1e-9  # relative change of a signal within that time that counts as rounding
 
 
-def content(program: Program, inputs: Any, constants: Any, stretch: Segment, bandwidth: float) -> float:
+def content(program: Program, inputs: Array, constants: Array, stretch: Segment, bandwidth: float) -> float:
     """Return a frequency in Hz: how fast the fastest signal of time changes, from its largest second and first derivative; 0 if below the bandwidth."""
     ahead = AHEAD / (2 * np.pi * bandwidth)
     first, last = inside(stretch)

@@ -15,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array, BoolArray, ComplexArray
+
 from ..segments.timeline import Segment
 from .mode_truncation import Removal
 from .spectrum_split import GROWN, PlaceModes, ScaledDynamics, Split, several, split
@@ -48,13 +50,13 @@ class Way:
     def __getitem__(self, places: Any) -> Way:
         return Way(self.times[places], self.states[places], self.modes[places])
 
-    def moved(self, flow: ScaledDynamics, by: Any) -> tuple[Any, Any, Any, Any]:
+    def moved(self, flow: ScaledDynamics, by: Array) -> tuple[Any, Any, Any, Any]:
         """Return times, modes, states in SI and scaled states for displacements `by` (k, m, n) of the states."""
         k, m, n = by.shape
         scaled, places = self.states[:, None, :n] / flow.magnitude + by, np.repeat(np.arange(k), m)
         return self.times[places], self.modes[places], self.states[places], scaled.reshape(k * m, n)
 
-    def outputs(self, flow: ScaledDynamics, by: Any) -> Any:
+    def outputs(self, flow: ScaledDynamics, by: Array) -> Any:
         """Return the outputs (k, m, outputs) at states displaced by `by` (k, m, n)."""
         return flow.outputs(*self.moved(flow, by)).reshape(*by.shape[:2], -1)
 
@@ -82,7 +84,7 @@ class Ringing:
         steps = 0.5 * np.diff(self.instants)[:, None] * (self.rates[1:] + self.rates[:-1]).real
         return np.concatenate([np.zeros((1, self.rates.shape[1])), np.cumsum(steps, axis=0)])
 
-    def sizes(self, times: Any) -> Any:
+    def sizes(self, times: Array) -> Any:
         """Return the amplitudes at rising times (k, p), relative to 1 at the start."""
         if len(self.instants) == 1:
             return np.ones((len(times), self.rates.shape[1]))
@@ -128,7 +130,7 @@ class Ringing:
         return float(self.instants[first]), float(np.exp(min(grown[last, mode], LARGEST)))
 
 
-def ways_of(removals: Sequence[Removal], instants: Any, states: Any, pieces: Sequence[Segment]) -> Iterator[Way]:
+def ways_of(removals: Sequence[Removal], instants: Array, states: Array, pieces: Sequence[Segment]) -> Iterator[Way]:
     """Yield the slow motion from each removal to the next one or to the end: the reported instants between, and those of the removals."""
     starts, modes = np.array([p.start for p in pieces]), several([p.mode for p in pieces])
     for removal, after in zip_longest(removals, removals[1:]):
@@ -142,9 +144,7 @@ def ways_of(removals: Sequence[Removal], instants: Any, states: Any, pieces: Seq
         yield Way(times, np.concatenate(reached), modes[np.maximum(numbers, 0)])
 
 
-def followed(
-    flow: ScaledDynamics, removal: Removal, way: Way, part: float = 1.0, before: Ringing | None = None
-) -> Ringing:
+def followed(flow: ScaledDynamics, removal: Removal, way: Way, part: float = 1.0, before: Ringing | None = None) -> Ringing:  # fmt: skip
     """Return the modes of an oscillation at places from the start of a way to its end, or to the place at which they are not recognised.
 
     `part`: fraction of the run that the way covers; `before`: oscillation of the preceding way, which continues on this one.
@@ -206,15 +206,8 @@ def _with(removal: Removal, before: Ringing) -> Split | None:
 
 
 def _recognised(
-    flow: ScaledDynamics,
-    rate: float,
-    way: Way,
-    place: int,
-    usual: Split | str | None,
-    vectors: Any,
-    duals: Any,
-    gone: Any,
-) -> Split | None:
+    flow: ScaledDynamics, rate: float, way: Way, place: int, usual: Split | str | None, vectors: ComplexArray, duals: ComplexArray, gone: BoolArray
+) -> Split | None:  # fmt: skip
     """Return the split at a place of a way if it contains all modes that still ring; None otherwise.
 
     The modes are searched among the fast modes first, then wherever their eigenvalues have moved to.
@@ -230,12 +223,12 @@ def _recognised(
     return other if fits and isinstance(other, Split) else None
 
 
-def _found(at: Split, vectors: Any, duals: Any) -> Any:
+def _found(at: Split, vectors: ComplexArray, duals: ComplexArray) -> Any:
     """Return a mask (p,) of the modes that lie in the fast subspace of a split."""
     return np.abs(((at.dual @ vectors) * (duals @ at.right).T).sum(axis=0)) >= KNOWN
 
 
-def _between(flow: ScaledDynamics, way: Way, places: Any, rates: Any) -> tuple[Any, Any]:
+def _between(flow: ScaledDynamics, way: Way, places: Array, rates: ComplexArray) -> tuple[Any, Any]:
     """Return instants from the start to the last place, and the eigenvalues there (f, p); more instants where decay rates change."""
     apart, span = np.ptp(rates.real, axis=0), places[-1] - places[0]
     if not (apart > STEADY * np.maximum(np.abs(rates.real).max(axis=0), 1 / max(span, TINY))).any() or len(way) <= len(
@@ -255,7 +248,7 @@ def _between(flow: ScaledDynamics, way: Way, places: Any, rates: Any) -> tuple[A
     return there.times, found
 
 
-def carried(vectors: Any, duals: Any, new: Split) -> tuple[Any, Any, Any]:
+def carried(vectors: ComplexArray, duals: ComplexArray, new: Split) -> tuple[Any, Any, Any]:
     """Return right and left vectors of the modes at the next place, scaled so that c v changes only in phase, and the eigenvalues there."""
     here, back = new.dual @ vectors, duals @ new.right  # (new, old), (old, new)
     shares = np.abs(here * back.T)  # share of each old mode in each new one: 1 where they are equal

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...errors import RunFailed
 from ...results.truncation import frequency_text
 from ..segments.timeline import Segment
@@ -63,7 +65,7 @@ class Leaving:
         self.pause = AFTER  # number of steps of a segment after which it is examined
         self._began, self._counted = 0.0, 0
 
-    def begin(self, stepper: IntegrationState, stretch: Segment, x: Any) -> Any:
+    def begin(self, stepper: IntegrationState, stretch: Segment, x: Array) -> Any:
         """Return the state without its fast oscillations. x: in SI, with its unknowns."""
         self.pause, self._began, self._counted = AFTER, stretch.start, 0
         first = self.flow is None
@@ -100,7 +102,7 @@ class Leaving:
         x = stepper.held(time, solver.state * stepper.tolerances.magnitude, stretch.mode)
         return isinstance(self._found(time, x, stretch.mode, LEFT_LATER), SlowState)
 
-    def _found(self, time: float, x: Any, mode: Any, left: float) -> SlowState | str | None:
+    def _found(self, time: float, x: Array, mode: Array, left: float) -> SlowState | str | None:
         """Return the slow motion at a state; None if nothing need be removed, or the reason as text if removal is not possible."""
         flow = self.flow
         assert flow is not None
@@ -133,20 +135,20 @@ class Leaving:
         rate = rates[np.argmax(rates.real)]
         return f"a motion of {frequency_text(abs(rate) / (2 * np.pi))} grows, so it is followed"
 
-    def _whole(self, stepper: IntegrationState, stretch: Segment, x: Any, found: SlowState) -> Any:
+    def _whole(self, stepper: IntegrationState, stretch: Segment, x: Array, found: SlowState) -> Any:
         """Return the slow state in SI, on all constraints, with its unknowns."""
         assert self.flow is not None
         states = np.concatenate([found.state * self.flow.magnitude, x[self.flow.count :]])
         return stepper.held(stretch.start, states, stretch.mode)
 
 
-def _ask(stepper: IntegrationState, magnitude: Any, removal: Removal) -> None:
+def _ask(stepper: IntegrationState, magnitude: Array, removal: Removal) -> None:
     """Check the requirements of the model over the first period of the removed oscillation; ignore instants at which loops have no solution."""
     at, count = removal.found.split, len(removal.found.removed)
     parts = (at.right * (at.dual @ removal.found.removed)).T * magnitude
     turn = 2 * np.pi / float(np.abs(at.values.imag).min())
 
-    def state_at(times: Any) -> Any:
+    def state_at(times: Array) -> Any:
         states = np.tile(removal.after, (len(times), 1))
         states[:, :count] += (np.exp((times - removal.time)[:, None] * at.values) @ parts).real
         return stepper.held_all(times, states, removal.mode)
@@ -155,6 +157,6 @@ def _ask(stepper: IntegrationState, magnitude: Any, removal: Removal) -> None:
         stepper.watch.look(removal.time + np.linspace(0.0, turn, IN_A_TURN), removal.mode, state_at, tables=False)
 
 
-def _size(flow: ScaledDynamics, change: Any) -> float:
+def _size(flow: ScaledDynamics, change: Array) -> float:
     """Return the norm of a change in units of the tolerance, as the integrators measure their errors."""
     return float(np.linalg.norm(change / flow.allowed) / max(1, len(change)) ** 0.5)

@@ -18,7 +18,7 @@ from .mode_truncation import Leaving, Removal
 from .spectrum_split import STEADY, ScaledDynamics
 
 if TYPE_CHECKING:
-    from compiler.api import Program
+    from compiler.api import Array, ComplexArray, Program
 
     from ..segments.timeline import Segment
     from ..segments.trajectory import Trajectory
@@ -27,7 +27,7 @@ SHARE = 0.01  # fraction of the largest removed amplitude above which a mode is 
 
 
 def left_out_of(
-    bandwidth: float, program: Program, leaving: Leaving | None, instants: Any, trajectory: Trajectory, stretches: Sequence[Segment]
+    bandwidth: float, program: Program, leaving: Leaving | None, instants: Array, trajectory: Trajectory, stretches: Sequence[Segment]
 ) -> TruncationReport:  # fmt: skip
     """Return the truncation report of a phase that has been run. `stretches`: its segments, where no event cut them."""
     if leaving is None:
@@ -50,7 +50,7 @@ def left_out_of(
 
 
 def _estimated(
-    removals: Sequence[Removal], flow: ScaledDynamics, instants: Any, states: Any, pieces: Sequence[Segment]
+    removals: Sequence[Removal], flow: ScaledDynamics, instants: Array, states: Array, pieces: Sequence[Segment]
 ) -> tuple[Any, Any, list[str]]:
     """Return the largest amplitude of the oscillation per output, its largest effect on the slow solution (outputs,), and further remarks."""
     lacking = np.zeros(len(flow.program.outputs.names))
@@ -70,7 +70,7 @@ def _estimated(
     return lacking, kept(flow, ringings), list(dict.fromkeys(reasons))
 
 
-def _finite(names: Sequence[str], values: Any) -> dict[str, float]:
+def _finite(names: Sequence[str], values: Array) -> dict[str, float]:
     """Return values by name, with NaN (unknown) for each value that is not finite."""
     return {n: float(v) if np.isfinite(v) else math.nan for n, v in zip(names, values, strict=True)}
 
@@ -116,7 +116,7 @@ class _NamedMode:
     right: Any
     left: Any
 
-    def is_in(self, right: Any, left: Any) -> bool:
+    def is_in(self, right: ComplexArray, left: ComplexArray) -> bool:
         return bool(abs((left @ self.right) * (self.left @ right)) > ALIKE)
 
 

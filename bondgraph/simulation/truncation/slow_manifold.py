@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from .spectrum_split import ScaledDynamics, Split, one
 
 ROUNDS = 3  # number of splits, each at the state that the previous one led to
@@ -36,9 +38,7 @@ class SlowState:
     rest: Any
 
 
-def settled(
-    flow: ScaledDynamics, first: Split, time: float, state: Any, mode: Any, bandwidth: float
-) -> SlowState | str:
+def settled(flow: ScaledDynamics, first: Split, time: float, state: Array, mode: Array, bandwidth: float) -> SlowState | str:  # fmt: skip
     """Return the slow motion near a state in SI, with its unknowns; or the reason as text why there is none."""
     before = state[: flow.count] / flow.magnitude
     here, now, times, near = before, first, np.array([time]), state[None]
@@ -62,7 +62,7 @@ def settled(
     return SlowState(here, before - here, now, np.abs(rest) + np.abs(last))
 
 
-def _iterated(flow: ScaledDynamics, at: Split, time: float, here: Any, mode: Any, near: Any) -> tuple[Any, Any, float]:
+def _iterated(flow: ScaledDynamics, at: Split, time: float, here: Array, mode: Array, near: Array) -> tuple[Any, Any, float]:  # fmt: skip
     """Return the state whose fast part of x'' vanishes, the last change of the iteration, and the ratio of the second change to the first."""
     twice = at.inverse @ at.inverse
     sizes: list[float] = []
@@ -78,13 +78,13 @@ def _iterated(flow: ScaledDynamics, at: Split, time: float, here: Any, mode: Any
     return here, change, sizes[1] / sizes[0] if len(sizes) > 1 and sizes[0] else 0.0
 
 
-def second(flow: ScaledDynamics, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
+def second(flow: ScaledDynamics, at: Split, time: float, here: Array, mode: Array, near: Array) -> Any:
     """Return the second time derivative at a state over the magnitudes; `near`: a state in SI with its unknowns."""
     return _next(flow, at, time, here, mode, near)[1]
 
 
 def _next(
-    flow: ScaledDynamics, at: Split, time: float, here: Any, mode: Any, near: Any, matrix: Any = None
+    flow: ScaledDynamics, at: Split, time: float, here: Array, mode: Array, near: Array, matrix: Array | None = None
 ) -> tuple[Any, Any]:
     """Return the first two time derivatives. `matrix`: the Jacobian there, if it differs from that of `at`."""
     ahead = LOOK / float(np.abs(at.values).max())
@@ -92,7 +92,7 @@ def _next(
     return rate, (at.matrix if matrix is None else matrix) @ rate + (later - rate) / ahead
 
 
-def _third(flow: ScaledDynamics, at: Split, time: float, here: Any, mode: Any, near: Any) -> Any:
+def _third(flow: ScaledDynamics, at: Split, time: float, here: Array, mode: Array, near: Array) -> Any:
     """Return the third time derivative."""
     ahead = LOOK / float(np.abs(at.values).max())
     rate, now = _next(flow, at, time, here, mode, near)

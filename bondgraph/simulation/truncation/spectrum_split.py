@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Array, BoolArray, ComplexArray
+
 from ..loops.loops import Eliminated
 
 if TYPE_CHECKING:
@@ -53,7 +55,7 @@ class Split:
         """Projector onto the slow part."""
         return np.eye(len(self.matrix)) - (self.right @ self.dual).real
 
-    def envelope(self, change: Any) -> Any:
+    def envelope(self, change: Array) -> Any:
         """Return the largest value of each state due to the fast part of a change, for any phases of its modes."""
         return np.abs(self.right) @ np.abs(self.dual @ change)
 
@@ -84,7 +86,7 @@ class PlaceModes:
     def __getitem__(self, places: Any) -> PlaceModes:
         return PlaceModes(self.kinds, self.numbers[places])
 
-    def each(self, function: Callable[[Any, Any, Any], Any], times: Any, states: Any) -> Any:
+    def each(self, function: Callable[[Any, Any, Any], Any], times: Array, states: Array) -> Any:
         """Evaluate a function of times, states and one mode, once per mode for all places with that mode."""
         if len(self.kinds) == 1:
             return np.asarray(function(times, states, self.kinds[0]))
@@ -93,7 +95,7 @@ class PlaceModes:
         return np.concatenate(values)[np.argsort(np.concatenate(places), kind="stable")]
 
 
-def one(mode: Any, count: int = 1) -> PlaceModes:
+def one(mode: Array, count: int = 1) -> PlaceModes:
     """Return `PlaceModes` with the same mode at `count` places."""
     return PlaceModes((mode,), np.zeros(count, dtype=int))
 
@@ -123,7 +125,7 @@ class ScaledDynamics:
         found: Any = self.stepper.tolerances.absolute[: self.count] / self.magnitude
         return found
 
-    def whole(self, times: Any, modes: PlaceModes, near: Any, scaled: Any) -> Any:
+    def whole(self, times: Array, modes: PlaceModes, near: Array, scaled: Array) -> Any:
         """Return states and unknowns in SI.
 
         `scaled` (k, n) at `times` (k,), with one mode per place; `near` (k, …): states whose unknowns are an initial guess.
@@ -131,33 +133,33 @@ class ScaledDynamics:
         states = np.concatenate([scaled * self.magnitude, near[:, self.count :]], axis=1)
         return states if states.shape[1] == self.count else modes.each(self.stepper.loops.solve_all, times, states)
 
-    def rate(self, time: float, mode: Any, near: Any, scaled: Any) -> Any:
+    def rate(self, time: float, mode: Array, near: Array, scaled: Array) -> Any:
         """Return the rates (n,) of one scaled state; `near`: a state in SI whose unknowns are an initial guess."""
         state = scaled * self.magnitude
         if len(near) > self.count:
             state = self.stepper.loops.solve(time, np.concatenate([state, near[self.count :]]), mode)
         return self.program.derivative(time, state, *self.fixed, mode)[: self.count] / self.magnitude
 
-    def rates(self, times: Any, modes: PlaceModes, near: Any, scaled: Any) -> Any:
+    def rates(self, times: Array, modes: PlaceModes, near: Array, scaled: Array) -> Any:
         """Return the rates at several instants (k, n)."""
 
-        def at(times: Any, states: Any, mode: Any) -> Any:
+        def at(times: Array, states: Array, mode: Array) -> Any:
             return self.program.derivative(times, states, *self.fixed, mode)
 
         return modes.each(at, times, self.whole(times, modes, near, scaled))[:, : self.count] / self.magnitude
 
-    def outputs(self, times: Any, modes: PlaceModes, near: Any, scaled: Any) -> Any:
+    def outputs(self, times: Array, modes: PlaceModes, near: Array, scaled: Array) -> Any:
         """Return the outputs (k, outputs)."""
 
-        def at(times: Any, states: Any, mode: Any) -> Any:
+        def at(times: Array, states: Array, mode: Array) -> Any:
             return self.program.output(times, states, *self.fixed, mode)
 
         return modes.each(at, times, self.whole(times, modes, near, scaled))
 
-    def matrices(self, times: Any, modes: PlaceModes, states: Any) -> Any:
+    def matrices(self, times: Array, modes: PlaceModes, states: Array) -> Any:
         """Return the Jacobians (k, n, n) of the rates with the unknowns eliminated. `states`: in SI, with their unknowns. Raises `LinAlgError`."""
 
-        def entries(times: Any, states: Any, mode: Any) -> Any:
+        def entries(times: Array, states: Array, mode: Array) -> Any:
             return self.eliminated.entries(times, states, *self.fixed, mode)
 
         size, n = states.shape[1], self.count
@@ -170,7 +172,7 @@ class ScaledDynamics:
             found = found - whole[:, :n, n:] @ np.linalg.solve(below[:, :, n:], below[:, :, :n])
         return found * self.magnitude / self.magnitude[:, None]
 
-    def splits(self, times: Any, states: Any, modes: PlaceModes, bandwidth: float) -> list[Split | str]:
+    def splits(self, times: Array, states: Array, modes: PlaceModes, bandwidth: float) -> list[Split | str]:
         """Return, for each state in SI, the split at a bandwidth in Hz, or the reason as text why the fast motions are not separable."""
         if not len(times):
             return []
@@ -183,7 +185,7 @@ class ScaledDynamics:
             return ["its modes are not found"] * len(times)
 
 
-def split(matrices: Any, rate: float, known: tuple[Any, Any] | None = None) -> list[Split | str]:
+def split(matrices: Array, rate: float, known: tuple[Any, Any] | None = None) -> list[Split | str]:
     """Split each of several matrices (k, n, n) at a rate in 1/s; or return the reason as text why that is not possible.
 
     `known`: right and left vectors of modes that belong to the fast part wherever their eigenvalues have moved to. Raises `LinAlgError`.
@@ -213,12 +215,12 @@ def split(matrices: Any, rate: float, known: tuple[Any, Any] | None = None) -> l
     return found
 
 
-def _partners(values: Any, chosen: Any) -> Any:
+def _partners(values: ComplexArray, chosen: BoolArray) -> Any:
     """Return the mask `chosen` extended by the conjugates of the chosen eigenvalues."""
     return chosen | (values[:, None] == values[chosen].conj()).any(axis=1)
 
 
-def _dual(matrix: Any, fast: Any, right: Any) -> Any:
+def _dual(matrix: Array, fast: Any, right: Array) -> Any:
     """Return the left vectors of the fast eigenvalues and right vectors, if the slow part is defective (rigid motion); None if the fast part is."""
     values, left = np.linalg.eig(matrix.T)
     left = left[:, np.argsort(np.abs(values[:, None] - fast).min(axis=1), kind="stable")[: len(fast)]].T

@@ -59,7 +59,7 @@ class Server(ThreadingHTTPServer):
         self.session.load()
         threading.Thread(target=self.session.watch, daemon=True).start()
 
-    def process_request(self, request: Any, client_address: Any) -> None:
+    def process_request(self, request: Any, client_address: object) -> None:
         """Answer a connection in a thread, or refuse it if too many are being answered."""
         if self.connections.admit(request):
             super().process_request(request, client_address)
@@ -74,7 +74,7 @@ class Server(ThreadingHTTPServer):
         self.connections.release(request)
         super().shutdown_request(request)
 
-    def handle_error(self, request: Any, client_address: Any) -> None:
+    def handle_error(self, request: Any, client_address: object) -> None:
         """Ignore the error of a page that is closed while it waits for changes."""
         if not isinstance(sys.exc_info()[1], (ConnectionError, TimeoutError)):
             super().handle_error(request, client_address)

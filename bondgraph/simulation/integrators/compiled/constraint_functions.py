@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, BoolArray, Program
 
 from ...segments.timeline import mode_size
 from .normal_equations import square
@@ -14,7 +14,7 @@ from .plain import record_for
 from .projection import ProjectionWorkspace, hold_all, least_all, rates_all
 
 
-def fields_of(program: Program, inputs: Any, constants: Any, magnitude: Any, taking: Any) -> dict[str, Any]:
+def fields_of(program: Program, inputs: Array, constants: Array, magnitude: Array, taking: BoolArray) -> dict[str, Any]:
     """Return the fields of a `ProjectionWorkspace`; `taking`: mask of the active residuals. Empty where a program has no constraints."""
     count, full = len(program.states.names), len(program.states.names) + len(program.unknowns.names)
     gaps = len(program.multipliers)
@@ -63,7 +63,7 @@ class CompiledConstraints:
         self.values = record_for(ProjectionWorkspace, program, taking.tobytes(), values, given, native)
         self.native, self.redundant = native, not taking.all()
 
-    def hold(self, times: Any, states: Any, mode: Any) -> tuple[Any, Any]:
+    def hold(self, times: Array, states: Array, mode: Array) -> tuple[Any, Any]:
         """Return the states projected on their invariants, and the number of nearly dependent rows at each."""
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.array(states, dtype=float)
@@ -71,7 +71,7 @@ class CompiledConstraints:
         self.values.call(hold_all, len(times), times, states, weak)
         return states, weak
 
-    def least(self, times: Any, states: Any, mode: Any) -> Any:
+    def least(self, times: Array, states: Array, mode: Array) -> Any:
         """Return the smallest singular value of the residuals' Jacobian at each instant."""
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(states, dtype=float)
@@ -79,7 +79,7 @@ class CompiledConstraints:
         self.values.call(least_all, len(times), times, states, out)
         return out
 
-    def rates(self, times: Any, scaled: Any, unknowns: Any, mode: Any) -> tuple[Any, Any]:
+    def rates(self, times: Array, scaled: Array, unknowns: Array, mode: Array) -> tuple[Any, Any]:
         """Return rates of the states at their projections, in units of the magnitudes, and the number of nearly dependent rows at each."""
         self.values["mode"][:] = mode
         self.values["full"][self.values["count"] :] = unknowns

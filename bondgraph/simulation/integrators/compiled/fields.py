@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Program
+from compiler.api import Array, Program
 
 from ....numerics.indicators import PLACES
 from ...monitors.state_selection import WORST
@@ -33,7 +33,7 @@ def is_sparse(program: Program) -> bool:
 
 
 def given_at(
-    program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float, signals: Signals
+    program: Program, inputs: Array, constants: Array, tolerances: Tolerances, stretch: Segment, state: Array, longest: float, signals: Signals
 ) -> dict[str, Any]:  # fmt: skip
     """Return the fields that depend on the run and on its current state."""
     rows, columns = program.pattern

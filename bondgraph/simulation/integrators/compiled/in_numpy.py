@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, TypeVar, cast
 
-from compiler.api import Vectorised
+from compiler.api import Array, Vectorised
 
 from ..factorise import dense
 from . import factors, sparse
@@ -46,7 +46,7 @@ def _is_negative(f: Any) -> int:
     return int(f.solved.negative)
 
 
-def _back(f: Any, x: Any) -> None:
+def _back(f: Any, x: Array) -> None:
     x[: f.n] = f.solved.solve(x[: f.n])
 
 
@@ -56,7 +56,7 @@ def _back_complex(f: Any, xr: Any, xi: Any) -> None:
 
 
 # ------------------------------------------------------------ `sparse.py` by SuperLU
-def _real_factors(p: Any, shift: float, entries: Any) -> int:
+def _real_factors(p: Any, shift: float, entries: Array) -> int:
     try:
         p.solved = p.shifted_by(shift, entries)
     except (RuntimeError, ValueError):
@@ -64,7 +64,7 @@ def _real_factors(p: Any, shift: float, entries: Any) -> int:
     return FINE
 
 
-def _complex_factors(p: Any, re: float, im: float, entries: Any) -> int:
+def _complex_factors(p: Any, re: float, im: float, entries: Array) -> int:
     try:
         p.solved_complex = p.shifted_by(complex(re, im), entries)
     except (RuntimeError, ValueError):

@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import IntArray
 
-def square(rows: Any, columns: Any, chosen: Any, lengths: Any) -> dict[str, Any]:
+
+def square(rows: IntArray, columns: IntArray, chosen: IntArray, lengths: Any) -> dict[str, Any]:
     """Return the fields of a `projection.Square` for some of the rows of a pattern; `lengths`: mask of the rows that are lengths."""
     entries: dict[int, list[int]] = {int(i): [] for i in chosen}
     for k, row in enumerate(rows):
@@ -38,7 +40,7 @@ def square(rows: Any, columns: Any, chosen: Any, lengths: Any) -> dict[str, Any]
     }  # fmt: skip
 
 
-def _near(entries: dict[int, list[int]], columns: Any) -> dict[int, set[int]]:
+def _near(entries: dict[int, list[int]], columns: IntArray) -> dict[int, set[int]]:
     """Return for each row the other rows with a common column."""
     sharing: dict[int, list[int]] = {}
     for row, places in entries.items():
@@ -73,7 +75,7 @@ def _least_degree(near: dict[int, set[int]]) -> tuple[list[int], dict[int, list[
 
 
 def _pairs(
-    order: list[int], entries: dict[int, list[int]], columns: Any, below: dict[tuple[int, int], int]
+    order: list[int], entries: dict[int, list[int]], columns: IntArray, below: dict[tuple[int, int], int]
 ) -> list[list[tuple[int, int]]]:
     """Return the products that add up to each entry of the square: those below the diagonal, then the diagonal."""
     pairs: list[list[tuple[int, int]]] = [[] for _ in range(len(below) + len(order))]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Record
+from compiler.api import Array, IntArray, Record
 
 from .code import POINTER, called
 from .eliminations import Eliminations, plan_eliminations, put_rows
@@ -27,7 +27,7 @@ MOST = 6  # most rows per column of L for which an unsymmetric pattern is treate
 Columns = tuple[Any, Any]  # starts, and rows in rising order, without the diagonal
 
 
-def on_diagonal(rows: Any, columns: Any, differential: int, count: int, compiled: bool = True) -> dict[str, Any] | None:
+def on_diagonal(rows: IntArray, columns: IntArray, differential: int, count: int, compiled: bool = True) -> dict[str, Any] | None:  # fmt: skip
     """Return the fields of a `Pattern` for shift M - J, M = diag(1 … 1, 0 … 0), with all pivots on the diagonal.
 
     None if the diagonal has gaps, or if a good order depends on the numbers. `compiled`: by machine code or by its source.
@@ -43,7 +43,7 @@ def on_diagonal(rows: Any, columns: Any, differential: int, count: int, compiled
     return _fields(place, place, lower, upper, wide, rows, columns, differential, count)
 
 
-def _neighbours(rows: Any, columns: Any, count: int) -> tuple[Any, Any, bool]:
+def _neighbours(rows: IntArray, columns: IntArray, count: int) -> tuple[Any, Any, bool]:
     """Return for each node its neighbours in (i, j) or (j, i), as starts and nodes, and True if the pattern is symmetric."""
     beside = rows != columns
     own = _distinct(rows[beside] * count + columns[beside])
@@ -51,7 +51,7 @@ def _neighbours(rows: Any, columns: Any, count: int) -> tuple[Any, Any, bool]:
     return np.searchsorted(both, np.arange(count + 1) * count), both % count, len(both) == len(own)
 
 
-def _distinct(numbers: Any) -> Any:
+def _distinct(numbers: IntArray) -> Any:
     """Return rising numbers without duplicates; numpy's own function would load its masked arrays."""
     rising = np.sort(numbers)
     first = np.ones(len(rising), dtype=bool)
@@ -59,7 +59,7 @@ def _distinct(numbers: Any) -> Any:
     return rising[first]
 
 
-def _least_degree(start: Any, neighbours: Any, compiled: bool) -> Any:
+def _least_degree(start: IntArray, neighbours: IntArray, compiled: bool) -> Any:
     """Return the nodes in an order with little fill."""
     count, room = len(start) - 1, len(neighbours) + len(start)
     names = ("joined", "weight", "degree", "after", "before", "seen", "member", "last", "order")
@@ -72,7 +72,7 @@ def _least_degree(start: Any, neighbours: Any, compiled: bool) -> Any:
     return given["order"]
 
 
-def _eliminated(start: Any, neighbours: Any, order: Any, compiled: bool) -> tuple[Any, Columns, Columns, Any]:
+def _eliminated(start: IntArray, neighbours: IntArray, order: IntArray, compiled: bool) -> tuple[Any, Columns, Columns, Any]:  # fmt: skip
     """Return the places of the nodes, the patterns of L and U, and for each column of L the number of adjacent columns with its pattern."""
     names = ("place", "above", "reached", "child", "sibling", "stack", "count", "number", "wide")
     given: dict[str, Any] = {name: np.zeros(len(order), dtype=np.int64) for name in names}
@@ -95,7 +95,7 @@ def _work(function: Callable[[Any], None], noun: type[Record], given: Mapping[st
 
 
 def ordered(
-    rows: Any, columns: Any, differential: int, count: int, shift: float, entries: Any
+    rows: IntArray, columns: IntArray, differential: int, count: int, shift: float, entries: Array
 ) -> dict[str, Any] | None:
     """Return the same fields for given numbers, with pivots that are not small; None if the matrix is singular."""
     every_row, every_column = _places(rows, columns, differential)
@@ -113,13 +113,13 @@ def ordered(
     return _by_library(matrix, rows, columns, differential, methods)
 
 
-def _places(rows: Any, columns: Any, differential: int) -> tuple[Any, Any]:
+def _places(rows: IntArray, columns: IntArray, differential: int) -> tuple[Any, Any]:
     """Return the rows and columns of the entries of shift M - J; entries at the same place are added."""
     diagonal = np.arange(differential)
     return np.concatenate([rows, diagonal]), np.concatenate([columns, diagonal])
 
 
-def _matrix(rows: Any, columns: Any, values: Any, count: int) -> Any:
+def _matrix(rows: IntArray, columns: IntArray, values: Array, count: int) -> Any:
     from scipy.sparse import csc_array
 
     matrix = csc_array((values, (rows, columns)), shape=(count, count))
@@ -127,7 +127,7 @@ def _matrix(rows: Any, columns: Any, values: Any, count: int) -> Any:
     return matrix
 
 
-def _by_library(matrix: Any, rows: Any, columns: Any, differential: int, methods: Sequence[str]) -> dict[str, Any] | None:  # fmt: skip
+def _by_library(matrix: Any, rows: IntArray, columns: IntArray, differential: int, methods: Sequence[str]) -> dict[str, Any] | None:  # fmt: skip
     from scipy.sparse.linalg import splu
 
     count = matrix.shape[0]
@@ -149,7 +149,7 @@ def _is_symmetric(matrix: Any) -> bool:
 
 
 def _fields(
-    row_place: Any, column_place: Any, lower: Columns, upper: Columns, wide: Any, rows: Any, columns: Any, differential: int, count: int
+    row_place: Any, column_place: Any, lower: Columns, upper: Columns, wide: IntArray, rows: IntArray, columns: IntArray, differential: int, count: int
 ) -> dict[str, Any]:  # fmt: skip
     # One slot for each place of the matrix: an entry of the Jacobian, the shift, or both.
     slots = np.full(count, -1)
@@ -187,7 +187,7 @@ def _without_diagonal(factor: Any, count: int) -> tuple[Any, Any]:
     return np.searchsorted(columns[kept], np.arange(count + 1)), factor.indices[kept]
 
 
-def _wide(starts: Any, rows: Any) -> Any:
+def _wide(starts: IntArray, rows: Any) -> Any:
     """Return for each column the number of columns from there on with equal pattern, apart from their own rows: they are subtracted together."""
     count = len(starts) - 1
     lengths = np.diff(starts)

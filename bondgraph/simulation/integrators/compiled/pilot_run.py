@@ -22,7 +22,7 @@ from .run import Ordered
 from .sparse import ANEW, FINE
 
 if TYPE_CHECKING:
-    from compiler.api import Program
+    from compiler.api import Array, Program
 
 PACE = "time", "size", "taken", "usual", "smallest", "stop"
 SMALL = 0.0  # pivots beside what they divide; scales change from one iteration to the next and say little
@@ -33,7 +33,7 @@ def keeps_factors(program: Program) -> bool:
     return not program.unknowns.names and is_large(len(program.states.names), len(program.pattern[0]))
 
 
-def _room(program: Program, constants: Any) -> dict[str, Any]:
+def _room(program: Program, constants: Array) -> dict[str, Any]:
     """Return the work arrays of steps, and the data of the program that they need."""
     entries, n = len(program.pattern[0]), len(program.states.names) + len(program.unknowns.names)
     numbers = {
@@ -51,7 +51,7 @@ def _room(program: Program, constants: Any) -> dict[str, Any]:
 class CompiledPilotStep:
     """Steps of the pilot run: `start.coarse.PilotRun._step` after the unknowns of loops are known."""
 
-    def __init__(self, program: Program, inputs: Any, constants: Any, smallest: Any) -> None:
+    def __init__(self, program: Program, inputs: Array, constants: Array, smallest: Array) -> None:
         rows, columns = program.pattern
         self.program = program
         self.order = Unordered(program) if program.native is None else Ordered(program, SMALL)
@@ -69,7 +69,7 @@ class CompiledPilotStep:
             return interpreted(source, self.record.n, self.record.sparse)
         return called(source.__name__, ctypes.c_int64, ctypes.c_void_p)  # type: ignore[no-any-return]
 
-    def step(self, start: Any, guess: Any, largest: Any, at: tuple[float, float], mode: Any) -> Any:
+    def step(self, start: Array, guess: Array, largest: Array, at: tuple[float, float], mode: Array) -> Any:
         """Return the state at the end of a step, or None if it fails; `at`: time of the end, and size of the step."""
         values, record, order = self.values, self.record, self.order
         record.time, record.size = at
@@ -115,7 +115,7 @@ class CompiledPilotRun:
         self._record.root_count = len(conditions.holds)
         self.values["root_said"][:], self.values["root_strict"][:] = conditions.holds, conditions.strict
 
-    def go(self, run: Progress, pace: StepSchedule, begun: float, mode: Any) -> bool:
+    def go(self, run: Progress, pace: StepSchedule, begun: float, mode: Array) -> bool:
         """Step until Python must act; `begun`: start of the run. Updates state and magnitudes of `run`, and `pace`. True if a condition has changed."""
         record, values, euler, order = self._record, self.values, self.euler.values, self.euler.order
         values.put({"state": run.state, "far": run.far, "until": run.until.ravel(), "begun": begun, "noted": run.noted})

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Handed, Program, Record, record_of
+from compiler.api import Array, Handed, Program, Record, record_of
 
 from ..factorise import sparse
 from .in_numpy import interpreted
@@ -41,11 +41,11 @@ class Plain:
     def __getitem__(self, name: str) -> Any:
         return getattr(self.record, name)
 
-    def __setitem__(self, name: str, value: Any) -> None:
+    def __setitem__(self, name: str, value: Array | float) -> None:
         self.put({name: value})
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Array) -> Any:
     """Return a value of a field as the source reads it: records as objects, lists as arrays."""
     if isinstance(value, Mapping):
         return SimpleNamespace(**{name: _plain(inner) for name, inner in value.items()})
@@ -78,7 +78,7 @@ def functions_of(noun: type[Record], program: Program) -> dict[str, Callable[...
 def _into(function: Callable[..., Any], count: int) -> Callable[..., None]:
     """Wrap a function of `count` states and unknowns, which may be the first numbers of a longer array; an absent one is never called."""
 
-    def call(time: float, state: Any, inputs: Any, constants: Any, mode: Any, out: Any) -> None:
+    def call(time: float, state: Array, inputs: Array, constants: Array, mode: Array, out: Array) -> None:
         found = function(time, state[:count], inputs, constants, mode)
         out[: len(found)] = found
 
@@ -99,6 +99,6 @@ class Unordered:
         self.record = self.values.record
         self.record.shifted_by = sparse(rows, columns, np.arange(n) < differential)
 
-    def choose(self, shift: float, entries: Any) -> bool:
+    def choose(self, shift: float, entries: Array) -> bool:
         """Return False: there is no other order."""
         return False

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import INTS, Fields, Handed, Record, address_of, record_of
+from compiler.api import INTS, Array, Fields, Handed, Record, address_of, record_of
 
 from .code import POINTER, WHOLE, called
 
@@ -134,7 +134,7 @@ class RecordArray:
             return getattr(self.record, name)
         raise KeyError(name)
 
-    def __setitem__(self, name: str, value: Any) -> None:
+    def __setitem__(self, name: str, value: Array | int) -> None:
         self.put({name: value})
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Program, address_of, record_of
+from compiler.api import Array, Program, address_of, record_of
 
 from ...monitors.state_selection import Choice
 from ...segments.timeline import Segment, Signals, inside
@@ -66,7 +66,7 @@ class Ordered:
         self.values = RecordArray(form_of(Pattern, program, "", values), {"small": small})
         self.record = self.values.record
 
-    def choose(self, shift: float, entries: Any) -> bool:
+    def choose(self, shift: float, entries: Array) -> bool:
         """Choose an order for these numbers; return False if there is none."""
         if self._on_diagonal(shift, entries):
             return True
@@ -77,7 +77,7 @@ class Ordered:
         self._take(found, self._small)
         return True
 
-    def _on_diagonal(self, shift: float, entries: Any) -> bool:
+    def _on_diagonal(self, shift: float, entries: Array) -> bool:
         """Choose the order that depends on the program alone, if its pivots are not small; return True if it is used."""
         key = "order", len(entries), self.pattern[-1]
         if key not in self._kept:
@@ -102,7 +102,7 @@ class CompiledRadau:
     """Steps of a method over one segment, in machine code if `native`."""
 
     def __init__(
-        self, program: Program, inputs: Any, constants: Any, tolerances: Tolerances, stretch: Segment, state: Any, longest: float,
+        self, program: Program, inputs: Array, constants: Array, tolerances: Tolerances, stretch: Segment, state: Array, longest: float,
         constraints: CompiledConstraints, signals: Signals, method: int = RADAU,
     ) -> None:  # fmt: skip
         self.program, self.constraints, self.native = program, constraints, constraints.native
@@ -123,7 +123,7 @@ class CompiledRadau:
         self._begun = False
         self._record = self.values.record
 
-    def report(self, instants: Any, position: int, states: Any) -> None:
+    def report(self, instants: Array, position: int, states: Array) -> None:
         """Set the array for states at the reported instants, from the index `position` on."""
         self.values.put(
             {"instants": instants, "instant_count": len(instants), "position": position, "reported": states.reshape(-1)}
@@ -141,7 +141,7 @@ class CompiledRadau:
             "slopes": np.zeros(len(choice.chosen)), "stored_peak": choice.peak,
         })  # fmt: skip
 
-    def measure(self, work: Any, traffic: float) -> None:
+    def measure(self, work: Array, traffic: float) -> None:
         """Add up the work at all ports, starting from these values."""
         room = {"power": np.zeros(len(work)), "partial": np.zeros(2 * len(work))}
         self.values.put({"power_count": len(work), "work": work, "traffic": traffic} | room)
@@ -155,7 +155,7 @@ class CompiledRadau:
         if self.fixed_size is not None:
             self._record.size = self.fixed_size
 
-    def begin_at(self, stretch: Segment, state: Any, signals: Signals, method: int, automatic: int) -> None:
+    def begin_at(self, stretch: Segment, state: Array, signals: Signals, method: int, automatic: int) -> None:
         """Go on with another segment, or after an event, as a new solver would."""
         record, values = self._record, self.values
         scaled = state / values["magnitude"]
@@ -172,7 +172,7 @@ class CompiledRadau:
         values["error"][:] = 0.0
         self._forget()
 
-    def doubt(self, floor: Any) -> None:
+    def doubt(self, floor: Array | None) -> None:
         """Set the level below which roots of conditions are rounding."""
         if floor is not None:
             self.values["root_floor"][:] = floor
@@ -181,7 +181,7 @@ class CompiledRadau:
         """End the last step at an event: its remaining processing goes up to this time."""
         self._record.until = time
 
-    def put_mode(self, mode: Any) -> None:
+    def put_mode(self, mode: Array) -> None:
         """Set the conditions and discrete variables from now on."""
         self._mode = mode
         self.values["mode"][:] = mode
@@ -190,7 +190,7 @@ class CompiledRadau:
         if hybrid is not None:
             self.values["root_said"][:] = [mode[c.position] == 1.0 for c in hybrid.conditions]
 
-    def begin_again(self, time: float, state: Any, size: float) -> None:
+    def begin_again(self, time: float, state: Array, size: float) -> None:
         """Go on from another state, with a first step no longer than this."""
         record, values = self._record, self.values
         values["state"][:], values["absolute"][:] = state / values["magnitude"], values["resting"]
@@ -221,7 +221,7 @@ class CompiledRadau:
         record.last_size = record.last_error = record.contraction = 0.0
         self.values.call(begin)
 
-    def went_on(self, position: int, work: Any, traffic: float) -> Any:
+    def went_on(self, position: int, work: Array | None, traffic: float) -> Any:
         """Return the array of accumulated work, after setting position, work and energy turnover reached by other means."""
         self._record.position, self._record.traffic = position, traffic
         if work is not None:
@@ -289,24 +289,24 @@ class CompiledRadau:
         """Fractions of a step at which the limits of a model are checked."""
         return radau.INNER if THROUGH_ENDS[self.method] else dop853.INNER
 
-    def sample(self, times: Any) -> Any:
+    def sample(self, times: Array) -> Any:
         """Return states at instants within the last step; shape (times, n)."""
         return self._along(scaled_along, times, self._record.n)
 
-    def roots(self, times: Any, mode: Any) -> Any:
+    def roots(self, times: Array, mode: Array) -> Any:
         """Return the roots of the conditions at instants within the last step, under a mode; shape (times, conditions)."""
         return self._all(roots_along, times, mode, self._record.root_count)
 
-    def states(self, times: Any, mode: Any) -> Any:
+    def states(self, times: Array, mode: Array) -> Any:
         """Return the states in SI there, with the multipliers that belong to them; shape (times, n)."""
         return self._all(states_along, times, mode, self._record.n)
 
-    def _all(self, source: Callable[..., None], times: Any, mode: Any, width: int) -> Any:
+    def _all(self, source: Callable[..., None], times: Array, mode: Array, width: int) -> Any:
         if mode is not self._mode:
             self.put_mode(mode)
         return self._along(source, times, width)
 
-    def _along(self, source: Callable[..., None], times: Any, width: int) -> Any:
+    def _along(self, source: Callable[..., None], times: Array, width: int) -> Any:
         times = np.ascontiguousarray(times, dtype=float)
         out = np.empty((len(times), width))
         self.values.call(source, len(times), times, out)
