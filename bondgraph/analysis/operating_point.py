@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..compiled_model import CompiledModel
     from ..results.records import LimitLeft
     from ..simulation.constraints.constraints import Constraints
+    from ..simulation.events.events import Events
     from .following import Follower
 
 RANK = 1e-9  # relative to the largest: a smaller pivot shows a dependent constraint
@@ -221,9 +222,18 @@ class OperatingPoint:
         state = self.state + side * departure(size, distance)
         if self.program.hybrid is None or not self.program.hybrid.conditions:
             return state, self.mode
-        from ..simulation.events.events import Events, Moment
+        from ..simulation.events.events import Moment
 
-        return state, Events(self.constraints, size, AHEAD).guess(Moment(self.time, state, self.mode))
+        return state, self._conditions(size).guess(Moment(self.time, state, self.mode))
+
+    def _conditions(self, size: Any) -> Events:
+        """Conditions of the model at the values of this point, made once for all points of the program."""
+        from ..simulation.events.events import Events
+
+        first: Events | None = self.made.kept.get("conditions")
+        if first is None:
+            first = self.made.kept["conditions"] = Events(self.constraints, size, AHEAD)
+        return first.with_values(self.constraints, size)
 
     def _without_slope(self, name: str) -> RunFailed:
         return RunFailed("BR215", f"`{name}` has no finite slope at this state (t = {self.time:.9g} s)")

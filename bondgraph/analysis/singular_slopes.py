@@ -7,6 +7,7 @@ of an integrator go on. In a product or a sum, such as `max(x, 0) + min(x, 0)`, 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,12 @@ SAME = 1e-4  # relative difference of slopes that are one
 
 def departure(size: Array, distance: float) -> Array:
     """Return a displacement of all coordinates together, (n,), in a fixed direction, so that no difference of two of them stays zero."""
-    direction = np.random.default_rng(0).uniform(0.5, 1.0, len(size)) * np.resize([1.0, -1.0, -1.0], len(size))
-    return np.asarray(distance * size * direction)
+    return np.asarray(distance * size * _direction(len(size)))
+
+
+@lru_cache(maxsize=256)
+def _direction(count: int) -> Array:
+    return np.asarray(np.random.default_rng(0).uniform(0.5, 1.0, count) * np.resize([1.0, -1.0, -1.0], count))
 
 
 def slopes_from_beside(beside: Callable[[float, float], Any], here: Array) -> tuple[Array, IntArray]:

@@ -8,7 +8,12 @@ the possible interpretations). Events that accumulate are reported as well.
 
 from __future__ import annotations
 
+<<<<<<< HEAD
 from collections.abc import Iterable, Sequence
+=======
+from collections.abc import Sequence
+from copy import copy
+>>>>>>> 1821ff3 (Slopes beside a point: conditions are made once per program and the direction once per size; a guess of conditions ends when nothing changes)
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any
@@ -105,6 +110,13 @@ class Events:
         self.magnitude = magnitude
         self.loops = LoopSolver(self.program, self.constants, self.inputs, magnitude, self.constraints.parameters)
 
+    def with_values(self, constraints: Constraints, magnitude: Any) -> Events:
+        """Return the same conditions for other inputs, parameters and magnitudes: for `guess`, not for a search, whose bounds stay those of the first."""
+        found = copy(self)
+        found.constraints, found.inputs, found.constants = constraints, constraints.inputs, constraints.constants
+        found.measure(magnitude)
+        return found
+
     # ------------------------------------------------------------ truth
     def roots(self, time: Array | float, state: Array, mode: Array) -> Any:
         """Return left minus right side of each condition; leading axes as of time and state."""
@@ -120,7 +132,10 @@ class Events:
         for _ in range(len(self.places) + 1):
             roots = self.roots(at.time, at.state, mode)
             noise = self.noise(Moment(at.time, at.state, mode), roots)
-            mode[self.places] = self.truth(np.where(np.abs(roots) <= noise, 0.0, roots))
+            truth = self.truth(np.where(np.abs(roots) <= noise, 0.0, roots))
+            if (truth == mode[self.places]).all():
+                break
+            mode[self.places] = truth
         return mode
 
     def triggers(self, at: Moment) -> Any:
