@@ -8,12 +8,8 @@ the possible interpretations). Events that accumulate are reported as well.
 
 from __future__ import annotations
 
-<<<<<<< HEAD
 from collections.abc import Iterable, Sequence
-=======
-from collections.abc import Sequence
 from copy import copy
->>>>>>> 1821ff3 (Slopes beside a point: conditions are made once per program and the direction once per size; a guess of conditions ends when nothing changes)
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any
