@@ -299,9 +299,9 @@ def solve_stages(s: IntegratorWorkspace, size: float) -> int:
             s.w[i] += s.change[i]
         combine_stages(n, stages, T, s.w, s.z)
         first = s.last_size == 0.0 and iteration + 1 < most
-        asked = TIGHT * (s.first_newton_tolerance if first else s.newton_tolerance)
+        allowed = TIGHT * (s.first_newton_tolerance if first else s.newton_tolerance)
         left = s.contraction / (1.0 - s.contraction) * norm
-        if norm == 0.0 or (last > 0.0 and left < asked and most_left(s, stages) < s.creeping_tolerance):
+        if norm == 0.0 or (last > 0.0 and left < allowed and most_left(s, stages) < s.creeping_tolerance):
             return iteration + 1
         last = norm
         for i in range(stages * n):
