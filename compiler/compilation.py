@@ -15,6 +15,7 @@ from .codegen.identity import identity
 from .codegen.lower import lower, moving
 from .codegen.lowered import Lowered
 from .codegen.program import Program
+from .codegen.zero_divisors import zero_divisors
 from .equations import EquationSystem, derive_equations, notes
 from .equations.companion import companion, companion_inputs
 from .equations.products import integrands
@@ -315,7 +316,7 @@ class Compilation:
         return RunMetadata(
             mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written),
             _following(space, places), self.valves, self.gaps,
-            integrands(self.whole_graph), laws,
+            integrands(self.whole_graph), laws, zero_divisors(space, self.later),
         )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:

@@ -228,3 +228,4 @@ class RunMetadata:
     integrals: tuple[Integrand, ...] = ()
     # of opened loops: row, argument and value as places among the unknowns, and whether the argument is an effort
     laws: tuple[tuple[int, int, int, bool], ...] = ()
+    zero_divisors: frozenset[frozenset[str]] = frozenset()  # where all of a set are zero, the equations divide by zero

@@ -23,7 +23,7 @@ from .integrators.methods import chosen_solver
 from .monitors.state_selection import WORST
 from .phase import Phase, PhaseOptions
 from .segments.transition import PhaseTransition
-from .settings import Settings, refused_with_values, settle, with_zeros
+from .settings import Settings, refused_with_values, settle
 
 if TYPE_CHECKING:
     from compiler.api import Plan, Program, Scene
@@ -91,26 +91,16 @@ def simulate(
     wanted = replace(wanted, target=chosen_target(wanted.target), energy=energy)
     settled = settle(model, experiment, settings, outputs, energy, wanted.target or "")
     try:
-        return run(model, settled.scene, settled.values, wanted, start)
+        result = run(model, settled.scene, settled.values, wanted, start)
     except RunFailed:
-        scene = with_zeros(model, experiment, settings, outputs)
-        found = None if scene is None else _with_zeros(model, scene, wanted, start)
-        if found is not None:
-            return found
         if settled.values:
             refused_with_values(model, experiment, settings, outputs)
         raise
-
-
-def _with_zeros(model: CompiledModel, scene: Scene, wanted: RunOptions, start: Result | None) -> Result | None:
-    """Run the scene in which parameters set to zero are compiled in; return None if that fails as well."""
-    try:
-        found = run(model, scene, {}, wanted, start)
-    except (CompilationFailed, RunFailed):
-        return None
-    names = ", ".join(f"`{n} = 0`" for n in sorted(scene.fixed))
+    if not settled.scene.fixed:
+        return result
+    names = ", ".join(f"`{n} = 0`" for n in sorted(settled.scene.fixed))
     note = f"{names}: the equations are others than with values that are not zero, and were made for this run"
-    return replace(found, notes=(*found.notes, note))
+    return replace(result, notes=(*result.notes, note))
 
 
 def run(

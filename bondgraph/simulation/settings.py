@@ -23,7 +23,7 @@ Settings = Mapping[str, str | float]
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """A scene, and the numbers that are set when its run begins."""
+    """A scene, and the numbers that are set when its run begins. Parameters fixed by the scene are zeros that change its equations."""
 
     scene: Scene
     values: Mapping[str, float]
@@ -49,6 +49,9 @@ def settle(
             prepared = model.prepared(scene, everything, target)
             facts = prepared.facts
             values = {n: numbers[n].value for n in sorted(later)}
+            zeros = frozenset(name for name, number in numbers.items() if number.value == 0)
+            if any(names <= zeros for names in facts.zero_divisors):
+                return Settled(replace(model.scene(experiment, settings, (), outputs), fixed=zeros), {})
             if _fits(facts, {n: numbers[n] for n in later}, values):
                 if any(n in facts.looped for n in later):
                     prepared.compilation.refuse_values(values)
@@ -85,14 +88,6 @@ def compiled_in(
             pass  # raised where the scene is compiled
         break
     return found
-
-
-def with_zeros(model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> Scene | None:  # fmt: skip
-    """Return the scene in which settings equal to zero are compiled in for the whole run; None if no setting is zero."""
-    zeros = frozenset(n.replace(" ", "") for n, x in settings.items() if (found := _number(n, x)) and found.value == 0)
-    if not zeros:
-        return None
-    return replace(model.scene(experiment, settings, (), outputs), fixed=zeros)
 
 
 def refused_with_values(model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> None:  # fmt: skip

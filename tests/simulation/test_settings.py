@@ -168,3 +168,44 @@ def test_parameters_of_the_manipulator_are_arguments(name: str) -> None:
     """Also those that say where its joints are: a mechanism is compiled for all places."""
     model = bondgraph.load(MODELS / "manipulator.bg")
     assert settle(model, "", {name: 1e-4}, None, False, "numpy").values == {name: 1e-4}
+
+
+ZEROS = [  # text of a model with parameters a and b, settings that are zero, whether the equations are others
+    ("I m : p = a*v\n C k : F = b*x\n R r : F = 0.5 [N*s/m]*v", "N*s^2/m", "N/m", {"a"}, True),
+    ("I m : p = a*v\n C k : F = b*x\n R r : F = 0.5 [N*s/m]*v", "N*s^2/m", "N/m", {"b"}, False),
+    ("I m : p = a*v\n C k : F = b*x\n R r : F = 0.5 [N*s/m]*v", "N*s^2/m", "N/m", {"a", "b"}, True),
+    ("I m : p = (a + b)*v\n C k : F = 2 [N/m]*x\n R r : F = 0.5 [N*s/m]*v", "kg", "kg", {"a"}, False),
+    ("I m : p = (a + b)*v\n C k : F = 2 [N/m]*x\n R r : F = 0.5 [N*s/m]*v", "kg", "kg", {"a", "b"}, True),
+    ("I m[1] : p = a*v\n I m[2] : p = b*v\n C k : F = 2 [N/m]*x\n R r : F = 0.5 [N*s/m]*v", "kg", "kg", {"a", "b"}, True),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("parts", "of_a", "of_b", "zero", "others"), ZEROS)
+def test_zeros_that_change_the_equations_are_known_before_the_run(
+    parts: str, of_a: str, of_b: str, zero: set[str], others: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One run, of the program that the text with the zeros has; without a run that fails before."""
+    from bondgraph.simulation import run
+
+    runs = []
+    monkeypatch.setattr(run, "run", lambda *a, made=run.run: (runs.append(a), made(*a))[1])
+    names = ", ".join(line.split(":")[0].split()[1] for line in parts.split("\n"))
+    text = f"model A {{\n parameter a: {of_a} = 2, b: {of_b} = 3\n Se drive : F = 1 N\n 1 body\n {parts}\n drive -> body -> {names}\n output v = body.v\n}}"
+    found = bondgraph.load(text).simulate(to=1, settings=dict.fromkeys(sorted(zero), 0.0))
+    assert len(runs) == 1 and any("the equations are others" in note for note in found.notes) is others
+    for name in zero:
+        text = text.replace(f"{name}: {of_a if name == 'a' else of_b} = {2 if name == 'a' else 3}", f"{name}: {of_a if name == 'a' else of_b} = 0")  # fmt: skip
+    said = bondgraph.load(text).simulate(to=1)
+    np.testing.assert_allclose(found.values[-1], said.values[-1], rtol=0 if others else 1e-6)
+
+
+def test_zeros_of_a_mechanism_and_of_resistors() -> None:
+    """A pendulum without length, two resistors without resistance."""
+    text = (MODELS / "pendulum.bg").read_text()
+    found = bondgraph.load(text).simulate(to=0.1, settings={"l": 0.0})
+    np.testing.assert_array_equal(
+        found.values, bondgraph.load(text.replace("l = 1 m", "l = 0 m")).simulate(to=0.1).values
+    )
+    net = "model A {\n parameter r: ohm = 2, s: ohm = 3\n Se u : u = 1 V\n R a : u = r*i\n R b : u = s*i\n C q : u = q/(1 F)\n u -> 1(a, 0(q, b))\n output y = q.u\n}"
+    assert bondgraph.load(net).simulate(to=1, settings={"r": 0}).final("y") == 1
+    assert bondgraph.load(net).simulate(to=1, settings={"s": 0}).final("y") == 0
