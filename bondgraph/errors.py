@@ -39,12 +39,7 @@ class RunFailed(BondgraphError):
 class RunInterrupted(KeyboardInterrupt):
     """Raised if Ctrl-C was pressed during a run; `result` is the part computed up to then."""
 
-    def __init__(self, what: str, result: object) -> None:
-        super().__init__(what)
-        self.result: Any = result
-
-    def __reduce__(self) -> tuple[type[RunInterrupted], tuple[Any, ...]]:
-        return type(self), (str(self), self.result)
+    result: Any = None
 
 
 class RunBroken(BondgraphError):

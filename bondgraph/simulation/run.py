@@ -149,7 +149,9 @@ def run(
             raise
         from ..errors import RunInterrupted
 
-        raise RunInterrupted(f"interrupted at t = {run.reached:.9g} s", result) from None
+        interrupted = RunInterrupted(f"interrupted at t = {run.reached:.9g} s")
+        interrupted.result = result
+        raise interrupted from None
     except UsageError:  # the requested solver cannot run this model
         raise
     except CompilationFailed as failed:

@@ -14,7 +14,6 @@ from ..fast_dataclass import dataclass
 from ..graph.mechanism import GROUND, POSE, Body, Joint, Mechanism
 from .joint_order import Ranks, joint_ranks
 
-CHORDS = frozenset({"free", "distance"})
 CLOSING = frozenset({"rod", "gear", "rack"})  # they tie what moves anyhow
 
 

@@ -125,7 +125,7 @@ def test_all_that_goes_wrong_in_runs_goes_from_process_to_process() -> None:
     """With the data of the exception besides its message."""
     result, state = bondgraph.load(TEXT).simulate(), np.array([1.0, 2.0])
     for problem in (
-        RunInterrupted("interrupted at t = 1 s", result), RunBroken("BR710", "broken"), PointBroken("BR464", "a defect"),
+        RunInterrupted("interrupted at t = 1 s"), RunBroken("BR710", "broken"), PointBroken("BR464", "a defect"),
         RateNotFinite("BR781", "no number").at(1.0, state, None), StepsCollapsed("BR786", "none").at(1.0, state, None),
         NotLossless("BR720", "lossy").at(1.0, state, None),
     ):  # fmt: skip

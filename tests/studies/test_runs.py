@@ -184,7 +184,9 @@ def test_an_interruption_within_a_run_is_one_of_all(count: int, monkeypatch: pyt
 
     def simulate(*arguments: Any) -> Any:
         if len(made) == 3 and os.getpid() == home:
-            raise RunInterrupted("interrupted at t = 0.5 s", model.simulate())
+            interrupted = RunInterrupted("interrupted at t = 0.5 s")
+            interrupted.result = model.simulate()
+            raise interrupted
         made.append(1)
         return plain(*arguments)
 

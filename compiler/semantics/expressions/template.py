@@ -101,9 +101,8 @@ class CompiledLaw:
     law: Law
     slots: tuple[Slot, ...]
     stored: tuple[str, ...]
-    remembered: tuple[
-        str, ...
-    ]  # integrals of its own flow (`q`) or effort (`p`) that the law reads, in the slots after all others
+    # integrals of its own flow (`q`) or effort (`p`) that the law reads, in the slots after all others
+    remembered: tuple[str, ...]
     checks: tuple[Check, ...]  # points of tables, known per instance
     lists: tuple[tuple[tree.PathSyntax, int], ...]  # lists that it reads, with their lengths
 
