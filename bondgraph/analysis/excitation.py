@@ -29,9 +29,7 @@ def excite(
     linear = linearization(operating_point(model, AnalysisRequest(experiment, settings, (seen,), (given,))))
     waited = math.ceil(settling_time(linear, given, seen, frequency) * frequency) + 1
     if waited > MOST_PERIODS:
-        raise UsageError(
-            "BR206", f"it takes {waited} periods until `{seen}` has settled:", "`bode` gives its response exactly"
-        )
+        raise UsageError("BR206", f"it takes {waited} periods until `{seen}` has settled:", "`bode` gives its response exactly")  # fmt: skip
     unit = linear.units.get(given, "1")
     mean = f"{float(linear.u[0])!r} [{unit}]"
     swing = f"{amplitude!r} [{unit}]*sin(2*pi*{frequency!r}*time/(1 [s]))"

@@ -53,9 +53,7 @@ class Linearization:
         try:
             import control
         except ImportError as error:
-            raise MissingPackage(
-                "BR208", "this needs python-control:", 'pip install "bondgraph-lang[control]"'
-            ) from error
+            raise MissingPackage("BR208", "this needs python-control:", 'pip install "bondgraph-lang[control]"') from error  # fmt: skip
         names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
         return control.ss(self.A, self.B, self.C, self.D, **names)
 

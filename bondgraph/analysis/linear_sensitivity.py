@@ -42,9 +42,7 @@ class ResponseSensitivity:
         """Return the derivatives from an input to an output, (f,). Raises `UsageError`."""
         self.response.of(given, seen)  # raises for unknown names
         if parameter not in self.parameters:
-            raise UsageError(
-                "BR209", f"there is no `{parameter}` in this sensitivity; there is {', '.join(self.parameters) or 'none'}",
-            )  # fmt: skip
+            raise UsageError("BR209", f"there is no `{parameter}` in this sensitivity; there is {', '.join(self.parameters) or 'none'}")  # fmt: skip
         i, j = self.response.outputs.index(seen), self.response.inputs.index(given)
         return np.asarray(self.slopes[:, i, j, self.parameters.index(parameter)])
 
@@ -203,9 +201,7 @@ def response_sensitivity(
 
 
 def _without_bound(frequency: float) -> RunFailed:
-    return RunFailed(
-        "BR212", f"at {frequency:.6g} Hz an undamped mode answers without bound: its response does not move smoothly there",
-    )  # fmt: skip
+    return RunFailed("BR212", f"at {frequency:.6g} Hz an undamped mode answers without bound: its response does not move smoothly there")  # fmt: skip
 
 
 def _moves(moving: _Moving, s: complex) -> Any:

@@ -308,8 +308,7 @@ class OperatingPoint:
         if sampled:
             raise UsageError(
                 "BR216", f"`{sampled[0]}` is sampled, and this analysis is one of continuous equations: "
-                "`equilibrium` and `bode` (`response`) are made of the sampled loop;",
-                "for others write what it does as a continuous law, or simulate",
+                "`equilibrium` and `bode` (`response`) are made of the sampled loop;", "for others write what it does as a continuous law, or simulate",
             )  # fmt: skip
         return reduction(self)
 

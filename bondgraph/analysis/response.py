@@ -121,8 +121,7 @@ def response(linear: Linearization, low: float | None, high: float | None, point
     """Return the response at `points` frequencies from `low` to `high` (Hz, logarithmic; None: a decade around the modes) and at resonances."""
     if not linear.inputs or not linear.outputs:
         raise UsageError(
-            "BR233", "a frequency response leads from an input to an output:",
-            "name one that the model has (or a parameter as input)",
+            "BR233", "a frequency response leads from an input to an output:", "name one that the model has (or a parameter as input)",
         )  # fmt: skip
     frequencies = frequencies_between(np.linalg.eigvals(linear.A), low, high, points)
     found = bounded_eigenvalues(linear.A)
@@ -178,8 +177,7 @@ def frequencies_between(poles: Any, low: float | None, high: float | None, point
     moving = np.abs(poles)[np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)] / (2 * np.pi)
     if (low is None or high is None) and not len(moving):
         raise UsageError(
-            "BR234", "nothing in the model says over which frequencies to look:",
-            'give a range (`--over "1 Hz .. 1 kHz"`)',
+            "BR234", "nothing in the model says over which frequencies to look:", 'give a range (`--over "1 Hz .. 1 kHz"`)',
         )  # fmt: skip
     low = float(moving.min()) / 10 if low is None else low
     high = float(moving.max()) * 10 if high is None else high

@@ -169,8 +169,7 @@ def sampled_response(
     linear, nyquist = loop.continuous, 0.5 / loop.period
     if not point.by or not linear.outputs:
         raise UsageError(
-            "BR233", "a frequency response leads from an input to an output:",
-            "name one that the model has (or a parameter as input)",
+            "BR233", "a frequency response leads from an input to an output:", "name one that the model has (or a parameter as input)",
         )  # fmt: skip
     if high is not None and high > nyquist * (1 + 1e-12):
         raise UsageError(

@@ -337,7 +337,6 @@ def _model_of(model: CompiledModel) -> str:
         )
     if model.model is None and len(names) != 1:
         raise UsageError(
-            "BR530", f"{model.source.name} defines {', '.join(names)}:",
-            f"name one, `load(path, {(names[0] if names else '')!r})`",
+            "BR530", f"{model.source.name} defines {', '.join(names)}:", f"name one, `load(path, {(names[0] if names else '')!r})`",
         )  # fmt: skip
     return model.model or names[0]

@@ -31,8 +31,7 @@ def read_result(path: str | os.PathLike[str]) -> Result:
         told = json.loads(str(arrays[RUN].item()))
         if told["schema"] != ARCHIVE:
             raise UsageError(
-                "BR908", f"{path} was written by another version of bondgraph ({told['schema']});",
-                "run it again with this version",
+                "BR908", f"{path} was written by another version of bondgraph ({told['schema']});", "run it again with this version",
             )  # fmt: skip
         return _result(told, arrays)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, EOFError, zipfile.BadZipFile) as problem:

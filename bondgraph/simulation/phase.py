@@ -232,8 +232,7 @@ class Phase:
             self.state, self.start_notes = self._start(self.program, self.compilation, self.constraints, self.stretches)
         raise RunFailed(
             "BR733", f"at t = {start:.9g} s what is delayed and the state at the start do not settle on each other: each makes the other larger, or goes to "
-            "and fro;",
-            "give the start itself instead of `equilibrium`, or delay what does not read itself",
+            "and fro;", "give the start itself instead of `equilibrium`, or delay what does not read itself",
         )  # fmt: skip
 
     def _tolerances(self) -> Tolerances:

@@ -73,13 +73,11 @@ def _check_model(before: Result, end: Checkpoint, prepared: Prepared, values: Ma
         raise UsageError("BR725", f"the result is of {old}, this run of {new}:", "name the same with -e")
     if before.names != program.outputs.names:
         raise UsageError(
-            "BR726", f"the result has the outputs {', '.join(before.names)}, this run {', '.join(program.outputs.names)}:",
-            "ask for the same",
+            "BR726", f"the result has the outputs {', '.join(before.names)}, this run {', '.join(program.outputs.names)}:", "ask for the same",
         )  # fmt: skip
     if energy and before.energy is None:
         raise UsageError(
-            "BR727", "the result has no energy balance, so that of the whole cannot be told:",
-            "run both with --energy, or none",
+            "BR727", "the result has no energy balance, so that of the whole cannot be told:", "run both with --energy, or none",
         )  # fmt: skip
     now = {n: values.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)}
     other = [n for n in now if n in end.parameters and not _same(now[n], end.parameters[n])]

@@ -153,8 +153,7 @@ def _sorted_out(file: str, columns: Mapping[str, Array], settable: frozenset[str
     if time is not None:
         if settings:
             raise UsageError(
-                "BR433", f"{file}: over time nothing else is set line by line;",
-                f"leave out `{next(iter(settings))}`, or set it for all",
+                "BR433", f"{file}: over time nothing else is set line by line;", f"leave out `{next(iter(settings))}`, or set it for all",
             )  # fmt: skip
         if any(OF_MODES.fullmatch(n) for n in found):
             raise UsageError("BR434", f"{file}: frequencies of modes stand in no column over time")

@@ -98,8 +98,7 @@ def _checked(
         other = next((n for n in columns if n in units and n not in outputs), None)
         if other is not None:
             raise UsageError(
-                "BR433", f"{file}: over time nothing else is set line by line;",
-                f"leave out `{other}`, or set it for all",
+                "BR433", f"{file}: over time nothing else is set line by line;", f"leave out `{other}`, or set it for all",
             )  # fmt: skip
         if (np.diff(columns["time"]) <= 0).any():
             raise UsageError("BR435", f"{file}: the column `time` does not grow from line to line")

@@ -52,9 +52,7 @@ def invert_along(
     path = path_of(model, wanted, along.start, along.stop)
     drives = drives_of(inputs)
     if len(drives) != len(path.names):
-        raise UsageError(
-            "BR302", f"{len(path.names)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}"
-        )
+        raise UsageError("BR302", f"{len(path.names)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}")  # fmt: skip
     names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
     state = "start" if along.moving else "equilibrium"
     asked = replace(asked, outputs=path.names, by=names, time=along.start, state=state)
@@ -80,8 +78,7 @@ def _refuse_jumps(point: OperatingPoint, along: Along) -> None:
     for before, after in pairwise(stretches):
         if (np.asarray(before.mode) != np.asarray(after.mode)).any():
             raise UsageError(
-                "BR303", f"something in the model itself jumps at t = {after.start:.6g} s:",
-                "invert it before and after that",
+                "BR303", f"something in the model itself jumps at t = {after.start:.6g} s:", "invert it before and after that",
             )  # fmt: skip
 
 
@@ -179,18 +176,14 @@ def _left(point: OperatingPoint, states: Any, times: Any, inputs: Mapping[str, A
         state = states[:, i]
         mode = np.asarray(program.mode_at(time, state, here, point.constants))
         if program.hybrid is not None and len(mode) and (mode != np.asarray(point.mode)).any():
-            raise RunFailed(
-                "BR306", f"a condition on states changes before t = {time:.6g} s: the equations are others from there on",
-            )  # fmt: skip
+            raise RunFailed("BR306", f"a condition on states changes before t = {time:.6g} s: the equations are others from there on")  # fmt: skip
         if not program.limits:
             continue
         holds = np.asarray(program.holds(time, state, here, point.constants, point.mode))
         for k in np.flatnonzero(holds == 0):
             limit = program.limits[k]
             if limit.kind == "table":
-                raise RunFailed(
-                    "BR307", f"at t = {time:.6g} s the path leads out of the table `{limit.words}` of `{limit.owner}`"
-                )
+                raise RunFailed("BR307", f"at t = {time:.6g} s the path leads out of the table `{limit.words}` of `{limit.owner}`")  # fmt: skip
             if k not in told:
                 told.add(int(k))
                 notes.append(

@@ -188,9 +188,7 @@ def _degree(name: str, output: Expression, reads: Sequence[set[Leaf]], loops: Se
     while not any(leaf.role == STRENGTH for leaf in now):
         states = {leaf for leaf in now if leaf.role == "state"} - seen
         if not states:
-            raise UsageError(
-                "BR308", f"none of the inputs has an effect on `{name}`, however often it is differentiated"
-            )
+            raise UsageError("BR308", f"none of the inputs has an effect on `{name}`, however often it is differentiated")  # fmt: skip
         seen |= states
         now = _behind({leaf for s in states for leaf in reads[s.position]}, reads, loops)
         degree += 1

@@ -128,8 +128,7 @@ def model_text(found: FeedForward, target: Path) -> str:
     """Return the text of a model beside `target`'s table. Raises `UsageError`."""
     if len(found.time) > MOST_ROWS:
         raise UsageError(
-            "BR309", f"a table of a model has at most {MOST_ROWS} rows, this path has {len(found.time)} points:",
-            "ask for fewer",
+            "BR309", f"a table of a model has at most {MOST_ROWS} rows, this path has {len(found.time)} points:", "ask for fewer",
         )  # fmt: skip
     imported, name = _place(found, target), found.model
     own = "Driven" if name != "Driven" else "Controlled"
@@ -197,14 +196,11 @@ def _place(found: FeedForward, target: Path) -> str:
     if found.file is None:
         raise UsageError("BR310", "a feed-forward model imports the model that it drives:", "save that as a file first")
     if found.experiment is not None:
-        raise UsageError(
-            "BR311", "a feed-forward model is made of a model as it is:", "leave the experiment out, set what it sets"
-        )
+        raise UsageError("BR311", "a feed-forward model is made of a model as it is:", "leave the experiment out, set what it sets")  # fmt: skip
     whole, folder = found.file.resolve(), target.resolve().parent
     if not whole.is_relative_to(project_folder(target)):
         raise UsageError(
-            "BR312", f"{target} would have to import {found.file}, which is not in its project folder {project_folder(target)}:",
-            "write it beside the model",
+            "BR312", f"{target} would have to import {found.file}, which is not in its project folder {project_folder(target)}:", "write it beside the model",
         )  # fmt: skip
     return Path(os.path.relpath(whole, folder)).as_posix()
 

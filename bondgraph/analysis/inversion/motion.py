@@ -103,9 +103,7 @@ class _Solver:
             growing = self._internal(-1, self.ends.last)[2]
         self.held = decaying, growing
         if len(decaying) + len(growing) != self.equations.free:
-            raise RunFailed(
-                "BR317", "what the outputs leave to move by itself grows at one end of the path and decays at the other"
-            )
+            raise RunFailed("BR317", "what the outputs leave to move by itself grows at one end of the path and decays at the other")  # fmt: skip
 
     def _internal(self, at: int, unknowns: Any) -> tuple[Any, Any, Any]:
         """Return eigenvalues, and the conditions on the states (k, n) that keep decaying, and growing, motions at rest."""

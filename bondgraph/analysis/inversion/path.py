@@ -91,9 +91,7 @@ class Path:
         if len(bad):
             output, k, at = bad[0]
             what = "value" if k == 0 else f"derivative of order {k}"
-            raise UsageError(
-                "BR318", f"what is wanted of `{self.names[output]}` has no {what} at t = {times[at]:.6g} s"
-            )
+            raise UsageError("BR318", f"what is wanted of `{self.names[output]}` has no {what} at t = {times[at]:.6g} s")  # fmt: skip
         return found
 
     def _derivatives(self, times: Any, order: int, mode: Any) -> Any:
@@ -180,9 +178,7 @@ def path_of(model: CompiledModel, wanted: Mapping[str, Any], start: float, stop:
     outputs = model.compilation(model.scene(None)).whole_graph.outputs
     unknown = [n for n in wanted if n not in outputs]
     if unknown or not wanted:
-        raise UsageError(
-            "BR322", f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}"
-        )
+        raise UsageError("BR322", f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}")  # fmt: skip
     lines, samples = [f"{'plain ' if is_plain(model) else ''}model Wanted {{"], {}
     for number, (name, value) in enumerate(wanted.items(), 1):
         unit = outputs[name].unit

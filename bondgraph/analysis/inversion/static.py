@@ -74,9 +74,7 @@ def rest_with(point: OperatingPoint, targets: Mapping[str, float], drives: Seque
     """Return the search at an equilibrium with the outputs at their targets. Raises `UsageError`, `RunFailed`."""
     outputs = point.program.outputs.names
     if len(drives) != len(targets):
-        raise UsageError(
-            "BR302", f"{len(targets)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}"
-        )
+        raise UsageError("BR302", f"{len(targets)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}")  # fmt: skip
     search = Search(point, [outputs.index(name) for name in targets], drives)
     wanted = np.array(list(targets.values()), dtype=float)
     begun = search.point.outputs[search.rows]
@@ -230,12 +228,8 @@ def asked_for(model: CompiledModel, targets: Mapping[str, str | float], experime
     outputs = model.compilation(model.scene(experiment)).whole_graph.outputs
     unknown = [n for n in targets if n not in outputs]
     if unknown or not targets:
-        raise UsageError(
-            "BR322", f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}"
-        )
+        raise UsageError("BR322", f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}")  # fmt: skip
     for name, value in targets.items():
         if isinstance(value, str) and re.search(r"\btime\b", value):
-            raise UsageError(
-                "BR324", f"what is wanted of `{name}` goes with time:", "say until when (`--to`, in Python `to=`)"
-            )
+            raise UsageError("BR324", f"what is wanted of `{name}` goes with time:", "say until when (`--to`, in Python `to=`)")  # fmt: skip
     return {n: quantity(v, outputs[n].unit, n) if isinstance(v, str) else float(v) for n, v in targets.items()}

@@ -32,8 +32,7 @@ def check_drawing(path: str | os.PathLike[str]) -> None:
         raise UsageError("BR936", f"a diagram is written to a file that ends in {', '.join(ENDINGS)}, not to `{path}`")
     if ending != ".svg" and find_spec("matplotlib") is None:
         raise MissingPackage(
-            "BR937", f"a diagram as {ending} needs matplotlib:",
-            'pip install "bondgraph-lang[plot]"; .svg needs nothing',
+            "BR937", f"a diagram as {ending} needs matplotlib:", 'pip install "bondgraph-lang[plot]"; .svg needs nothing',
         )  # fmt: skip
 
 

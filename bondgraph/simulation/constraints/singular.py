@@ -83,8 +83,7 @@ class SingularPoseMonitor:
             names = ", ".join(f"`{n}`" for n in constraints.assembled.redundant[:SHOWN])
             raise RunFailed(
                 "BR743", f"at t = {time:.9g} s {names}, which followed from the other constraints at the start, no longer do: the mechanism is drawn in a "
-                "special pose;",
-                "start it elsewhere, or leave a joint out",
+                "special pose;", "start it elsewhere, or leave a joint out",
             )  # fmt: skip
 
     def other_rows(self, time: float, state: Array, mode: Array, step: float) -> bool:

@@ -125,8 +125,7 @@ class Companion:
         names = ", ".join(f"`{v.junction.rpartition('.')[0] or v.junction}`" for v in self.valves)
         return RunFailed(
             "BR766", f"at t = {time:.9g} s no set of conducting and blocking valves among {names} goes on: none of them keeps every effort at or below zero "
-            "and every flow at or above zero;",
-            "look for a source that works against another through valves, or put a resistor in line with one of them",
+            "and every flow at or above zero;", "look for a source that works against another through valves, or put a resistor in line with one of them",
         )  # fmt: skip
 
     def _refused(self, time: float) -> frozenset[bytes]:
@@ -194,8 +193,7 @@ class Companion:
         if len(bad):
             raise RunFailed(
                 "BR767", f"at t = {at.time:.9g} s an impulse passes, and what `{names[bad[0]]}` integrates has no integral across it: it is not proportional "
-                "to the current or force of the impulse;",
-                "put a resistor or a damper where the storages are tied",
+                "to the current or force of the impulse;", "put a resistor or a damper where the storages are tied",
             )  # fmt: skip
         known = dict(zip(outputs, limit.tolist(), strict=True))
         self._refuse_products(at, jumps, known)
@@ -221,8 +219,7 @@ class Companion:
             ):
                 raise RunFailed(
                     "BR770", f"at t = {at.time:.9g} s an impulse changes `{name}` by {jump:.6g}, but the currents or forces across it add {passed[name]:.6g}: "
-                    "what integrals take of it is not known;",
-                    "put a resistor or a damper where the storages are tied",
+                    "what integrals take of it is not known;", "put a resistor or a damper where the storages are tied",
                 )  # fmt: skip
 
     def _refuse_products(self, at: Instant, jumps: Mapping[str, float], passed: Mapping[str, float]) -> None:

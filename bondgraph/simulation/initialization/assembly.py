@@ -56,8 +56,7 @@ def rates_closed(
             rates = [constraints.program.states.names[i].rpartition(".")[0] for i in given]
             raise RunFailed(
                 "BR736", f"the starts of rates of {_told(tuple(dict.fromkeys((*rates, *claimed))))} cannot hold together: in this pose `{opening}` would not "
-                "stay closed;",
-                "leave one of them out",
+                "stay closed;", "leave one of them out",
             )  # fmt: skip
         found = loose
     return found
@@ -145,15 +144,13 @@ def choose_rows(constraints: Constraints, time: float, state: Array, mode: Array
     if beside is None and rank < positions:
         raise RunFailed(
             "BR737", f"at t = {time:.9g} s the mechanism is drawn in a pose from which it cannot move although {_told(_lost(constraints, here))} would let it: "
-            "its bars are stretched out;",
-            "draw it a little beside, or leave a joint out",
+            "its bars are stretched out;", "draw it a little beside, or leave a joint out",
         )  # fmt: skip
     _, order, generic = _rank(constraints, time, state if beside is None else beside, mode)
     if generic > rank:
         raise RunFailed(
             "BR738", f"at t = {time:.9g} s the mechanism starts in a singular pose: {_told(_lost(constraints, here))} let it go on in several ways "
-            f"there ({positions - rank} motions instead of {positions - generic}), and nothing says in which;",
-            "start it a little beside",
+            f"there ({positions - rank} motions instead of {positions - generic}), and nothing says in which;", "start it a little beside",
         )  # fmt: skip
     taking = np.zeros(constraints.gaps, dtype=bool)
     taking[order[:generic]] = True

@@ -164,6 +164,5 @@ def _check(program: Program, space: StateSpace, constants: Array, value: Array, 
     said = [space.variables[s.variable].name for s in space.states if s.given]
     against = f" together with those of {', '.join(f'`{n}`' for n in said[:6])}" if said else ""
     raise RunFailed(
-        "BR735", f"the start of {names} (line {bad[0].span.line}) cannot hold{against}: the model ties them to each other;",
-        "leave one of them out",
+        "BR735", f"the start of {names} (line {bad[0].span.line}) cannot hold{against}: the model ties them to each other;", "leave one of them out",
     )  # fmt: skip

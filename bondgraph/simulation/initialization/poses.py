@@ -163,8 +163,7 @@ def _from_singular(problem: PoseProblem, z: Array, beside: Sequence[Any]) -> tup
     """
     several = RunFailed(
         "BR741", f"the start of {_names(problem.given)} (line {problem.given[0].line}) can be reached in several ways from the drawing, "
-        "a singular pose, and nothing says in which:",
-        "draw the mechanism a little beside it, on the side that is meant",
+        "a singular pose, and nothing says in which:", "draw the mechanism a little beside it, on the side that is meant",
     )  # fmt: skip
     gaps = slice(0, problem.gaps)
     if any(_rank(problem.slopes(b)[gaps]) > _rank(problem.slopes(z)[gaps]) for b in beside):
@@ -339,8 +338,7 @@ def _short(problem: PoseProblem, end: Followed) -> RunFailed:
         else "draw it beyond that pose, on the branch that is meant"
     )
     return RunFailed(
-        "BR739", f"the start of {_names(given)} (line {given[0].line}) cannot hold: from the drawing it can be reached up to {reached}; {why}:",
-        f"{advice}",
+        "BR739", f"the start of {_names(given)} (line {given[0].line}) cannot hold: from the drawing it can be reached up to {reached}; {why}:", f"{advice}",
     )  # fmt: skip
 
 

@@ -231,8 +231,7 @@ class IntegrationState:
         if len(bad):
             raise RunFailed(
                 "BR765", f"at t = {time:.9g} s what forces a storage in derivative form jumps from {old[bad[0]]:.6g} to {new[bad[0]]:.6g}: its flow would be "
-                "an impulse;",
-                "put a resistor between source and storage, or let the source rise within a time",
+                "an impulse;", "put a resistor between source and storage, or let the source rise within a time",
             )  # fmt: skip
 
     def check_rates(self, start: float, x: Array, mode: Array) -> None:

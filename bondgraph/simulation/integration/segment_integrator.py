@@ -62,8 +62,7 @@ class SegmentIntegrator(IntegrationState):
             check_driven(self, stretch, x)
             raise UsageError(
                 "BR715", "the matrix exponential takes linear models of up to a few hundred states, without events on states, noise and delays, whose inputs "
-                "a few thousand polynomials can follow;",
-                "leave the solver to choose",
+                "a few thousand polynomials can follow;", "leave the solver to choose",
             )  # fmt: skip
         if self.linear:  # the exact solution was not possible
             x = self._without_ringing(stretch, x)

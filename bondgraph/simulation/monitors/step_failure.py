@@ -83,8 +83,7 @@ def _cause(context: SegmentContext, solver: LastStep, what: str, here: tuple[Any
     if max(abs(state[huge]), abs(slope[huge])) > HUGE:
         return StepsCollapsed(
             "BR782", f"{begin}: `{names[huge]}` (now {state[huge]:.6g} {units[huge]}, and changing by {slope[huge]:.6g} a second) becomes too large "
-            "for a number.",
-            f"Likely causes: a law that grows like an exponential, or a unit that is missing{limit}",
+            "for a number.", f"Likely causes: a law that grows like an exponential, or a unit that is missing{limit}",
         )  # fmt: skip
     loops = len(program.unknowns.names) > 0 and tolerances.relative > LOOSE
     bend = ". A loop with a law that bends within the tolerance, as a diode's at hundreds of volts, needs a tighter one"
@@ -97,8 +96,7 @@ def _cause(context: SegmentContext, solver: LastStep, what: str, here: tuple[Any
     if what == "round-off":
         return StepsCollapsed(
             "BR784", f"{begin}: shorter steps make the error of {value} no smaller, so it is round-off: quantities of very different size "
-            "are subtracted from each other.",
-            f"Loosen the tolerance, or give its `nominal`{steep}",
+            "are subtracted from each other.", f"Loosen the tolerance, or give its `nominal`{steep}",
         )  # fmt: skip
     if what == "newton":
         return StepsCollapsed(

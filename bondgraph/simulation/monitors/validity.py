@@ -100,8 +100,7 @@ def _outside(note: LimitNote, time: float, values: tuple[tuple[str, float, str],
     kind = "a table" if note.words == "inverse" else f"the table `{note.words}(…)`"
     return RunFailed(
         "BR747", f"at t = {time:.9g} s {kind} of `{note.owner}` ({_place(note.span)}) is asked {asked}, but it goes from "
-        f"{low:.9g} to {high:.9g}{suffix};",
-        "give it more points, or keep what it is asked at within its ends (min, max)",
+        f"{low:.9g} to {high:.9g}{suffix};", "give it more points, or keep what it is asked at within its ends (min, max)",
     )  # fmt: skip
 
 
