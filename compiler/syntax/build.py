@@ -9,19 +9,20 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
+from lark import Token
+
 from ..source import Source, Span
 from . import tree
 from .errors import NumberTooLarge, WrongUnit
 from .operators import Operators, deepened
-from .refused import Refused
-from .word import Word
+from .refused import Refused, place_of
 
 MAXIMUM_UNIT_POWER = 20
 ONE = Fraction(1)
 _NUMBER = re.compile(r"([0-9]+)(?:\.([0-9]+))?(?:[eE]([+-]?[0-9]+))?")
 
 
-def _text(token: Word | None) -> str | None:
+def _text(token: Token | None) -> str | None:
     return None if token is None else str(token)[1:-1]
 
 
@@ -55,14 +56,14 @@ class Builder:
         if first is None or last is None:
             known = [p for p in parts if p is not None]
             first, last = known[0], known[-1]
-        start = first.start_pos if isinstance(first, Word) else first.span.start
-        return Span(self.source, start, last.end_pos if isinstance(last, Word) else last.span.end)
+        start = place_of(first)[0] if isinstance(first, Token) else first.span.start
+        return Span(self.source, start, place_of(last)[1] if isinstance(last, Token) else last.span.end)
 
     @staticmethod
-    def _number(token: Word) -> Fraction:
+    def _number(token: Token) -> Fraction:
         number = _number_of(token.value)
         if number is None:
-            raise Refused(NumberTooLarge, token.start_pos, token.end_pos, number=token.value[:40])
+            raise Refused.at(NumberTooLarge, token, number=token.value[:40])
         return number
 
     # ------------------------------------------------------------ files and models
@@ -145,7 +146,7 @@ class Builder:
         return tree.Declared(self._span([name]), str(name), _items(index), components or ())
 
     def index(self, parts: list[Any]) -> tuple[Any, ...]:
-        items = tuple(_done(p) for p in parts if not isinstance(p, Word))
+        items = tuple(_done(p) for p in parts if not isinstance(p, Token))
         return ("index", tree.Index(items), parts[-1].end_pos)
 
     def ports(self, parts: list[Any]) -> tuple[tree.Component, ...]:
@@ -250,7 +251,7 @@ class Builder:
         return self._set("start", parts)
 
     def sweep(self, parts: list[Any]) -> tree.StudySyntax:
-        values = tuple(_done(p) for p in parts[2:] if not isinstance(p, Word))  # commas: lark shares the list's rule
+        values = tuple(_done(p) for p in parts[2:] if not isinstance(p, Token))  # commas: lark shares the list's rule
         return tree.StudySyntax(self._span([parts[0], values[-1]]), "sweep", (parts[0],), parts[1], values, None, ())
 
     def simulate(self, parts: list[Any]) -> tree.Simulate:
@@ -277,7 +278,7 @@ class Builder:
         )
 
     def listed(self, parts: list[Any]) -> tuple[tree.GivenSyntax, ...]:
-        return tuple(p for p in parts if not isinstance(p, Word))  # commas: lark shares the list's rule
+        return tuple(p for p in parts if not isinstance(p, Token))  # commas: lark shares the list's rule
 
     drives = wishes = listed
 
@@ -293,7 +294,7 @@ class Builder:
         return tree.GivenSyntax(self._span([parts[0], value]), parts[0], value=value)
 
     def correlation(self, parts: list[Any]) -> tree.GivenSyntax:
-        word, first, second, value = (p for p in parts if not isinstance(p, Word) or p.type == "NAME")
+        word, first, second, value = (p for p in parts if not isinstance(p, Token) or p.type == "NAME")
         value = _done(value)
         return tree.GivenSyntax(self._span([word, value]), first, second, value, word=str(word))
 
@@ -359,20 +360,20 @@ class Builder:
         return replace(_done(parts[1]), span=self._span(parts))
 
     def call(self, parts: list[Any]) -> tree.Call:
-        arguments = tuple(_done(p) for p in parts[1:] if p is not None and not isinstance(p, Word))
+        arguments = tuple(_done(p) for p in parts[1:] if p is not None and not isinstance(p, Token))
         return deepened(tree.Call, self._span(parts), arguments, str(parts[0]), arguments)  # type: ignore[no-any-return]
 
     def text(self, parts: list[Any]) -> tree.TextSyntax:
         return tree.TextSyntax(self._span(parts), 1, str(parts[0])[1:-1])
 
     def vector(self, parts: list[Any]) -> tree.VectorSyntax:
-        items = tuple(_done(p) for p in parts if not isinstance(p, Word))
+        items = tuple(_done(p) for p in parts if not isinstance(p, Token))
         return deepened(tree.VectorSyntax, self._span(parts), items, items)  # type: ignore[no-any-return]
 
     def quantity(self, parts: list[Any]) -> tree.Literal:
         number, unit = parts
-        if isinstance(unit, Word):
-            span = Span(self.source, unit.start_pos, unit.end_pos)
+        if isinstance(unit, Token):
+            span = self._span([unit])
             unit = tree.Unit(span, ((unit.value, ONE, span),), ONE)
         return tree.Literal(self._span([number, unit]), 1, self._number(number), unit)
 
@@ -384,7 +385,7 @@ class Builder:
         number = ONE
         sign = 1
         for part in parts:
-            if isinstance(part, Word):
+            if isinstance(part, Token):
                 sign = 1 if part == "*" else -1
                 continue
             factors += part.factors if sign > 0 else [(name, -power, span) for name, power, span in part.factors]
@@ -409,8 +410,8 @@ class Builder:
     def unit_power(self, parts: list[Any]) -> tree.Unit:
         base, exponent = parts
         power = ONE if exponent is None else exponent
-        if isinstance(base, Word):
-            span = Span(self.source, base.start_pos, base.end_pos)
+        if isinstance(base, Token):
+            span = self._span([base])
             return tree.Unit(span, ((base.value, power, span),), ONE)
         factors = [(name, p * power, span) for name, p, span in base.factors]
         if power.denominator != 1 and base.number != 1:
@@ -420,7 +421,7 @@ class Builder:
     def unit_number(self, parts: list[Any]) -> tree.Unit:
         number = self._number(parts[0])
         if number == 0:
-            raise Refused(WrongUnit, parts[0].start_pos, parts[0].end_pos, what="A unit cannot contain 0")
+            raise Refused.at(WrongUnit, parts[0], what="A unit cannot contain 0")
         return tree.Unit(self._span(parts), (), number)
 
     def exponent(self, parts: list[Any]) -> Fraction:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ..errors import Diagnostic
 from ..source import Source, Span
 from .errors import StrangeCharacter, Unclosed, Unexpected
-from .refused import Unreadable
-from .table import END
-from .word import Word
+from .refused import Unreadable, place_of
 
+if TYPE_CHECKING:
+    from lark import Token
+
+END = "$END"  # lark's word at the end of the text
 _WORDS = {
     "NAME": "a name", "NUMBER": "a number", "STRING": 'a text in ""', "_NL": "the end of the line", "RBRACE": "`}`", "LBRACE": "`{`",
     "RPAR": "`)`", "LPAR": "`(`", "RSQB": "`]`", "LSQB": "`[`", "COLON": "`:`", "EQUAL": "`=`", "COMMA": "`,`", "SEMICOLON": "`;`",
@@ -44,7 +47,7 @@ def explain(source: Source, problem: Unreadable) -> Diagnostic:
     if word.type == END:
         end = len(source.text.rstrip())
         return Unexpected(Span(source, max(0, end - 1), max(1, end)), "The end of the file", _hint(problem, source))
-    start = word.start_pos
+    start, _ = place_of(word)
     text = "The end of the line" if word.type == "_NL" else f"`{str(word).strip()}`"
     end = start + 1 if word.type == "_NL" else start + len(word)
     return Unexpected(Span(source, start, end), text, _hint(problem, source))
@@ -60,13 +63,13 @@ def _character(source: Source, start: int, problem: Unreadable) -> Diagnostic:
     return StrangeCharacter(span, shown, advice)
 
 
-def _unclosed(source: Source, word: Word, open_brackets: Sequence[Word]) -> Diagnostic | None:
+def _unclosed(source: Source, word: Token, open_brackets: Sequence[Token]) -> Diagnostic | None:
     """Diagnostic for an open bracket, the cause of errors some lines later or at the end of the file."""
     if not open_brackets:
         return None
     last = open_brackets[-1]
     round_bracket = last.type != "LBRACE"
-    start = last.start_pos
+    start, _ = place_of(last)
     if word.type == END or (round_bracket and "\n" in source.text[start : word.start_pos]):
         if last.type == "LBRACE":
             start = _open_brace(source.text, start)
@@ -106,7 +109,7 @@ _IN_A_MODEL = frozenset(
 def _hint(problem: Unreadable, source: Source) -> str:
     expected, word = problem.expected, problem.word
     if word is not None:
-        start = word.start_pos
+        start, _ = place_of(word)
         before = source.text[source.line_starts[Span(source, start, start).line - 1] : start].rstrip()
         special = _special(word, expected, before)
         if special:
@@ -123,7 +126,7 @@ def _hint(problem: Unreadable, source: Source) -> str:
     return "What may stand here: " + ", ".join(words[:12]) + ("…" if len(words) > 12 else "") + "."
 
 
-def _special(token: Word, expected: set[str], before: str) -> str:
+def _special(token: Token, expected: set[str], before: str) -> str:
     """Advice on the probable intention, from the token and the line before it."""
     text = str(token)
     if text == "import" and "MODEL" not in expected:

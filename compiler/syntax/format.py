@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field, fields
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 from ..errors import CompilationFailed, InternalError
 from ..fast_dataclass import dataclass
@@ -21,9 +22,11 @@ from ..garbage_collection import uncollected
 from ..source import Source, Span
 from .hidden import without_hidden
 from .parse import MAXIMUM_SIZE, parse, read_words
-from .refused import Refused, Unreadable
+from .refused import Refused, Unreadable, place_of
 from .tree import Index, Member, SyntaxNode
-from .word import Word
+
+if TYPE_CHECKING:
+    from lark import Token
 
 INDENT = 2  # columns for each open brace
 COMMENT = 2  # columns before a comment at the end of a line
@@ -121,12 +124,12 @@ class _Line:
     words: list[_Word] = field(default_factory=list)
 
 
-def _parse_with_tokens(source: Source) -> tuple[object, list[Word]]:
+def _parse_with_tokens(source: Source) -> tuple[object, list[Token]]:
     """Statements of a file and its tokens, with `_NL` where a line break ends a statement."""
-    tokens: list[Word] = []
+    tokens: list[Token] = []
     try:
         if len(source.text) <= MAXIMUM_SIZE and not without_hidden(source)[1]:
-            return read_words(source, source.text, seen=tokens), tokens
+            return read_words(source, source.text, words=tokens), tokens
     except (Unreadable, Refused):
         pass
     parse(source)  # reports all syntax errors
@@ -141,7 +144,7 @@ class _Reader:
         self.column = 0
         self.ended = True  # True if a statement can begin at the next word
 
-    def read(self, text: str, tokens: Iterable[Word]) -> list[_Line]:
+    def read(self, text: str, tokens: Iterable[Token]) -> list[_Line]:
         position = 0
         for token in tokens:
             if token.type == "_NL":  # its text is read with the gap before the next token
@@ -150,7 +153,7 @@ class _Reader:
             self.gap(text[position : token.start_pos])
             self.word(token.type, str(token))
             self.ended = token.type in ("LBRACE", "SEMICOLON")
-            position = token.end_pos
+            _, position = place_of(token)
         self.ended = True
         self.gap(text[position:])
         return [line for line in self.lines if line.words]

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
+from lark import Token
+
 from ..source import Span
 from . import tree
 from .errors import TooDeep, Unexpected
-from .refused import Refused
-from .word import Word
+from .refused import Refused, place_of
 
 MAXIMUM_DEPTH = 120  # height of an expression
 
@@ -39,18 +40,18 @@ class Operators:
         self.items = items
         self.place = 0
 
-    def append(self, operator: Word, right: Any) -> None:
+    def append(self, operator: Token, right: Any) -> None:
         self.items.append(operator)
         if type(right) is Operators:  # an operand with signs before it
             self.items += right.items
         else:
             self.items.append(right)
 
-    def prepend(self, operator: Word) -> None:
+    def prepend(self, operator: Token) -> None:
         """A sign or `not` before an operand."""
         self.items.insert(0, operator)
         if len(self.items) > MAXIMUM_DEPTH:
-            raise Refused(TooDeep, operator.start_pos, operator.end_pos, limit=MAXIMUM_DEPTH)
+            raise Refused.at(TooDeep, operator, limit=MAXIMUM_DEPTH)
 
     def finish(self) -> Any:
         """Return the expression. Raises `Refused` if two operators do not fit together."""
@@ -65,11 +66,11 @@ class Operators:
         """The longest expression from here with operators of at least this precedence (precedence climbing)."""
         items = self.items
         if level > MAXIMUM_DEPTH:
-            token = next(t for t in items[self.place :] + items[::-1] if isinstance(t, Word))
-            raise Refused(TooDeep, token.start_pos, token.end_pos, limit=MAXIMUM_DEPTH)
+            token = next(t for t in items[self.place :] + items[::-1] if isinstance(t, Token))
+            raise Refused.at(TooDeep, token, limit=MAXIMUM_DEPTH)
         left = items[self.place]
         self.place += 1
-        if isinstance(left, Word):
+        if isinstance(left, Token):
             left = self._prefix(left, least, level)
         while self.place < len(items):
             operator = items[self.place]
@@ -83,12 +84,12 @@ class Operators:
             left = self._pair(left, operator, binds, level)
         return left
 
-    def _prefix(self, operator: Word, least: int, level: int) -> Any:
+    def _prefix(self, operator: Token, least: int, level: int) -> Any:
         own = _SIGN if operator.value == "-" else _NOT
         if least > own:
             self._refuse(operator)
         operand = self._climb(own, level + 1)
-        span = Span(operand.span.source, operator.start_pos, operand.span.end)
+        span = Span(operand.span.source, place_of(operator)[0], operand.span.end)
         if own == _SIGN:
             return deepened(tree.Negative, span, (operand,), operand)
         return deepened(tree.Logical, span, (operand,), "not", (operand,))
@@ -104,7 +105,7 @@ class Operators:
         span = Span(first.span.source, first.span.start, parts[-1][1].span.end)
         return deepened(kind, span, [part for _, part in parts], tuple(parts))
 
-    def _pair(self, left: Any, operator: Word, binds: int, level: int) -> Any:
+    def _pair(self, left: Any, operator: Token, binds: int, level: int) -> Any:
         if binds == _IF:
             return self._choice(left, operator, level)
         right = self._climb(_SIGN if binds == _POWER else binds + 1, level + 1)
@@ -118,7 +119,7 @@ class Operators:
             return deepened(tree.Comparison, span, (left, right), str(operator), left, right)
         return deepened(tree.Logical, span, (left, right), str(operator), (left, right))
 
-    def _choice(self, value: Any, word: Word, level: int) -> tree.ChoiceSyntax:
+    def _choice(self, value: Any, word: Token, level: int) -> tree.ChoiceSyntax:
         condition = self._climb(_OR, level + 1)
         if self.place >= len(self.items) or self.items[self.place].value != "else":
             self._refuse(word, "An `if` needs an `else`: `1 if a > 2 else 0`.")
@@ -128,10 +129,10 @@ class Operators:
         return deepened(tree.ChoiceSyntax, value.span.to(otherwise.span), operands, *operands)  # type: ignore[no-any-return]
 
     @staticmethod
-    def _refuse(token: Word, hint: str = "") -> NoReturn:
+    def _refuse(token: Token, hint: str = "") -> NoReturn:
         usual = {
             "else": "`else` follows an `if`: `1 if a > 2 else 0`.",
             "not": "`not` stands before a condition: put brackets around `not …`.",
         }
         hint = hint or usual.get(str(token), "Put brackets around what belongs together.")
-        raise Refused(Unexpected, token.start_pos, token.end_pos, found=f"`{token}`", hint=hint)
+        raise Refused.at(Unexpected, token, found=f"`{token}`", hint=hint)

@@ -5,22 +5,21 @@ from __future__ import annotations
 import re
 import threading
 from functools import cache
-from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import CompilationFailed, Diagnostic
 from ..garbage_collection import uncollected
-from ..persistent_cache import kept
 from ..source import Source, Span
-from .build import Builder
 from .errors import ForeignFile, TooLarge
 from .explain import explain
 from .hidden import without_hidden
-from .read import Reader
 from .refused import Refused, Unreadable
-from .table import ParserTable, make_table
 from .tree import ExpressionSyntax, LawSyntax, SyntaxTree
-from .word import Word
+
+if TYPE_CHECKING:
+    from lark import Token
+
+    from .grammar import Parser
 
 MAXIMUM_SIZE = 8_000_000  # characters of one file
 MAXIMUM_MISTAKES = 20  # syntax errors reported for one file
@@ -29,10 +28,10 @@ _parser_lock = threading.Lock()
 
 
 @cache
-def _parser() -> tuple[Reader, Builder]:
-    builder = Builder()
-    grammar = FilePath(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-    return Reader(kept(ParserTable, grammar, make_table), builder), builder
+def _parser() -> Parser:
+    from .grammar import Parser  # lark: who runs a model seen before parses nothing
+
+    return Parser()
 
 
 def parse(source: Source) -> SyntaxTree:
@@ -93,13 +92,12 @@ def _parse_alone(source: Source, start: str) -> Any:
         raise CompilationFailed([explain(source, problem)]) from None
 
 
-def read_words(source: Source, text: str, start: str = "start", seen: list[Word] | None = None) -> Any:
-    """Return the result of rule `start` for a text. `seen` collects its words. Raises `Unreadable` and `Refused`."""
-    with _parser_lock:
-        reader, builder = _parser()
-        builder.source = source
-        with uncollected():
-            return reader.read(text, start, seen)
+def read_words(source: Source, text: str, start: str = "start", words: list[Token] | None = None) -> Any:
+    """Return the result of rule `start` for a text. `words` collects its words. Raises `Unreadable` and `Refused`."""
+    with _parser_lock, uncollected():
+        parser = _parser()
+        parser.builder.source = source
+        return parser.parse(text, start, words)
 
 
 def _blank_statement(text: str, source: Source, span: Span) -> tuple[str, bool]:

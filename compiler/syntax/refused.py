@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import Diagnostic
 from ..source import Source, Span
 from .errors import StrangeCharacter, Unexpected
-from .word import Word
+
+if TYPE_CHECKING:
+    from lark import Token
+
+
+def place_of(word: Token) -> tuple[int, int]:
+    """Offsets of a word. lark gives none to the end of an empty text."""
+    return word.start_pos or 0, word.end_pos or 0
 
 
 class Refused(Exception):
@@ -16,6 +23,11 @@ class Refused(Exception):
     def __init__(self, kind: type[Diagnostic], start: int, end: int, **values: Any) -> None:
         self.kind, self.start, self.end, self.values = kind, start, end, values
         super().__init__(kind.__name__)
+
+    @classmethod
+    def at(cls, kind: type[Diagnostic], word: Token, **values: Any) -> Refused:
+        """Refusal of one word."""
+        return cls(kind, *place_of(word), **values)
 
     @property
     def is_limit(self) -> bool:
@@ -29,6 +41,6 @@ class Refused(Exception):
 class Unreadable(Exception):
     """A word that cannot be at its place, or a character (`word` is None) that begins no word. `expected`: terminals that can be there."""
 
-    def __init__(self, position: int, word: Word | None, expected: set[str], open_brackets: list[Word]) -> None:
+    def __init__(self, position: int, word: Token | None, expected: set[str], open_brackets: list[Token]) -> None:
         self.position, self.word, self.expected, self.open_brackets = position, word, expected, open_brackets
         super().__init__(position)

@@ -183,7 +183,7 @@ def domains_table() -> str:
 LIMITS = [
     ("bytes of a file", "compiler.source:MAXIMUM_BYTES"),
     ("characters of a file", "compiler.syntax.parse:MAXIMUM_SIZE"),
-    ("brackets within brackets", "compiler.syntax.read:MAXIMUM_NESTING"),
+    ("brackets within brackets", "compiler.syntax.grammar:MAXIMUM_NESTING"),
     ("height of an expression", "compiler.syntax.operators:MAXIMUM_DEPTH"),
     ("syntax mistakes told of one file", "compiler.syntax.parse:MAXIMUM_MISTAKES"),
     ("files that are imported", "compiler.semantics.names.imports:MAXIMUM_FILES"),

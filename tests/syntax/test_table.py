@@ -1,58 +1,30 @@
-"""The table of the grammar says what lark says: lark's own parser, given the same words, makes the same of them."""
+"""The table of the grammar that is kept says what lark says that reads the grammar."""
 
 from __future__ import annotations
 
 import pickle
-from typing import Any
 
 import lark
 import pytest
 
 import compiler.persistent_cache as kept_module
-from compiler.syntax.read import Reader
-from compiler.syntax.table import STARTS, ParserTable, make_table
-from compiler.syntax.word import Word
+from compiler.source import Source
+from compiler.syntax.build import Builder
+from compiler.syntax.grammar import STARTS, Parser, ParserTable, Words, make_table
 from tests.compiling import ROOT
 
 GRAMMAR = (ROOT / "compiler" / "syntax" / "grammar.lark").read_text(encoding="utf-8")
 MODELS = ["oscillator.bg", "manipulator.bg", "dc_motor.bg"]
 
 
-class Listing:
-    """A builder that only lists: each rule's name and parts."""
-
-    def __getattr__(self, name: str) -> Any:
-        if name in ("expression", "operand", "atom", "definition"):  # they only stand for what they are
-            raise AttributeError(name)
-        return lambda parts: (name, parts)
-
-
-def listed(node: Any) -> Any:
-    """lark's tree in the same form."""
-    if isinstance(node, lark.Tree):
-        return (str(node.data), [listed(child) for child in node.children])
-    return None if node is None else str(node)
-
-
 @pytest.mark.parametrize("model", MODELS)
 def test_as_lark_reads(model: str) -> None:
+    """Tables that were kept give what lark gives that has just read the grammar."""
     text = (ROOT / "models" / model).read_text(encoding="utf-8")
-    seen: list[Word] = []
-    ours = Reader(make_table(GRAMMAR), Listing()).read(text, "start", seen)
-
-    class Same(lark.lexer.Lexer):
-        """Hands lark the words that we have read."""
-
-        __future_interface__ = 2
-
-        def __init__(self, conf: Any) -> None:
-            pass
-
-        def lex(self, lexer_state: Any, parser_state: Any) -> Any:
-            return (lark.Token(word.type, str(word)) for word in seen)
-
-    theirs = lark.Lark(GRAMMAR, parser="lalr", start=list(STARTS), lexer=Same).parse(text, start="start")
-    assert listed(theirs) == ours
+    kept_parser, builder = Parser(), Builder()
+    kept_parser.builder.source = builder.source = Source(model, text)
+    fresh = lark.Lark(GRAMMAR, parser="lalr", start=STARTS, transformer=builder, postlex=Words())
+    assert kept_parser.parse(text, "start", None) == fresh.parse(text, "start")
 
 
 def test_a_table_is_plain_data() -> None:
@@ -80,7 +52,7 @@ def test_made_once_where_it_can_be_kept() -> None:
 
     def make(grammar: str) -> ParserTable:
         made.append(grammar)
-        return ParserTable({}, (), (), (), {grammar: ()})
+        return ParserTable({grammar: ()}, {})
 
     before = kept_module._backends[:]
     try:
@@ -90,4 +62,4 @@ def test_made_once_where_it_can_be_kept() -> None:
     finally:
         kept_module._backends[:] = before
     assert made == ["one", "two"]
-    assert [list(t.fixed) for t in tables] == [["one"], ["one"], ["two"]]
+    assert [list(t.data) for t in tables] == [["one"], ["one"], ["two"]]
