@@ -52,7 +52,7 @@ def _plain(data: Any) -> Any:
     return str(data) if isinstance(data, str) else data
 
 
-class Words(PostLex):
+class WordFilter(PostLex):
     """Words on their way from the lexer to the parser: line breaks in ( ) and [ ] are dropped, brackets and texts checked."""
 
     # Read in every state, so that `orange` is never `or` and `ange`, nor `==` two signs.
@@ -109,7 +109,7 @@ class Parser:
     def __init__(self) -> None:
         grammar = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
         table = kept(ParserTable, f"// lark {lark.__version__}\n{grammar}", make_table)
-        self.builder, self.words = Builder(), Words()
+        self.builder, self.words = Builder(), WordFilter()
         self.lark = lark.Lark._load_from_dict(table.data, table.memo, transformer=self.builder, postlex=self.words)  # type: ignore[no-untyped-call]
         patterns = {t.name: t.pattern for t in self.lark.terminals}
         self.keywords = {p.value: name for name, p in patterns.items() if isinstance(p, PatternStr)}

@@ -10,7 +10,7 @@ import pytest
 import compiler.persistent_cache as kept_module
 from compiler.source import Source
 from compiler.syntax.build import Builder
-from compiler.syntax.grammar import STARTS, Parser, ParserTable, Words, make_table
+from compiler.syntax.grammar import STARTS, Parser, ParserTable, WordFilter, make_table
 from tests.compiling import ROOT
 
 GRAMMAR = (ROOT / "compiler" / "syntax" / "grammar.lark").read_text(encoding="utf-8")
@@ -23,7 +23,7 @@ def test_as_lark_reads(model: str) -> None:
     text = (ROOT / "models" / model).read_text(encoding="utf-8")
     kept_parser, builder = Parser(), Builder()
     kept_parser.builder.source = builder.source = Source(model, text)
-    fresh = lark.Lark(GRAMMAR, parser="lalr", start=STARTS, transformer=builder, postlex=Words())
+    fresh = lark.Lark(GRAMMAR, parser="lalr", start=STARTS, transformer=builder, postlex=WordFilter())
     assert kept_parser.parse(text, "start", None) == fresh.parse(text, "start")
 
 
