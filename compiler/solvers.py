@@ -1,6 +1,6 @@
 """Solvers of an experiment, one row each: the words of an author, and the facts by which a run chooses, refuses, names and repeats.
 
-The steps of a method are the module and function `<word>_step` in `bondgraph/simulation/integrators/compiled/`.
+The steps of a method are the module and function `<word>_step` in `bondgraph/simulation/integrators/steps/`.
 """
 
 from __future__ import annotations

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from bondgraph.simulation.constraints.constraints import Constraints
+from bondgraph.simulation.magnitudes.nominal_magnitudes import nominal_magnitudes
 from bondgraph.simulation.segments.timeline import Segment
-from bondgraph.simulation.start.nominal import nominal_magnitudes
 from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed, Diagnostic
 from compiler.examination import check

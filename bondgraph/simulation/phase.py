@@ -19,13 +19,13 @@ from .initialization.consistent_start import consistent_start
 from .integration.integrate import integrate
 from .integration.integration_state import PhaseProblem
 from .loops.loops import LoopSolver
+from .magnitudes.nominal_magnitudes import Magnitudes, least_tolerances, nominal_magnitudes
+from .magnitudes.pilot_run import PilotObservation
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor
 from .segments.timeline import Segment, Timeline, mode_after, rest_of, timeline_in_parts
 from .segments.trajectory import Tolerances, Trajectory, empty
 from .segments.transition import PhaseTransition
-from .start.coarse import PilotObservation
-from .start.nominal import Magnitudes, least_tolerances, nominal_magnitudes
 
 if TYPE_CHECKING:
     from compiler.api import Plan, Program, Scene, StateSpace

@@ -29,10 +29,11 @@ class _StaysAsItIs(Exception):
 
 
 class Vectorised:
-    """Functions with array operations, made on first use with all functions of their package that they call."""
+    """Functions with array operations, made on first use with all functions of a package that they call."""
 
-    def __init__(self, replaced: Mapping[Callable[..., Any], Callable[..., Any]]) -> None:
+    def __init__(self, package: str, replaced: Mapping[Callable[..., Any], Callable[..., Any]]) -> None:
         """`replaced`: functions, and those that take their place."""
+        self._package = f"{package}."
         self._made: dict[Callable[..., Any], Callable[..., Any]] = dict(replaced)
         self._homes: dict[str, dict[str, Any]] = {}
 
@@ -51,12 +52,9 @@ class Vectorised:
         exec(compile(ast.fix_missing_locations(ast.Module([*future, *functions], [])), module, "exec"), home)
         for node in functions:
             self._made.setdefault(known[node.name], home[node.name])
-        package = module.rpartition(".")[0]
         for name, value in known.items():
             several = value if isinstance(value, tuple) else (value,)
-            if several and all(
-                isinstance(f, FunctionType) and f.__module__.rpartition(".")[0] == package for f in several
-            ):
+            if several and all(isinstance(f, FunctionType) and f.__module__.startswith(self._package) for f in several):
                 home[name] = tuple(self[f] for f in several) if several is value else self[value]
 
 

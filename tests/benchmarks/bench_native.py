@@ -22,7 +22,7 @@ from bondgraph.prepared import Prepared
 from bondgraph.simulation.integration import native_integrator
 from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.advance import advance, begin
-from bondgraph.simulation.integrators.compiled.pilot_step import euler
+from bondgraph.simulation.integrators.pilot.step import euler
 from compiler.codegen.c.write import write_c
 from compiler.codegen.llvm.evaluate import _Many
 from compiler.jit.c_source import BEGINNING, c_source

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from bondgraph.model import Model
+from bondgraph.simulation.magnitudes.nominal_magnitudes import nominal_magnitudes
 from bondgraph.simulation.segments.timeline import segments
-from bondgraph.simulation.start.nominal import nominal_magnitudes
 from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed
 from compiler.reduction.state_space import LinearLoop, StateSpace

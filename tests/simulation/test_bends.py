@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import bondgraph
 from bondgraph.errors import RunFailed
-from bondgraph.simulation.integrators.compiled import radau_step
+from bondgraph.simulation.integrators.steps import radau_step
 
 BOUNCE = """
 model Bounce {

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from bondgraph.simulation.magnitudes.nominal_magnitudes import nominal_magnitudes
 from bondgraph.simulation.segments.timeline import segments
-from bondgraph.simulation.start.nominal import nominal_magnitudes
 from tests.compiling import Running, compiled
 
 TEXT = """model Plates {

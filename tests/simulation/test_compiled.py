@@ -23,8 +23,8 @@ from bondgraph.simulation.integrators.compiled import fields, pilot_run
 from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.advance import advance, begin
 from bondgraph.simulation.integrators.compiled.plain import functions_of
-from bondgraph.simulation.integrators.compiled.sparse import FINE, Pattern, real_back, real_factors
-from bondgraph.simulation.integrators.compiled.stepper import IntegratorWorkspace
+from bondgraph.simulation.integrators.linear_algebra.sparse import FINE, Pattern, real_back, real_factors
+from bondgraph.simulation.integrators.workspace import IntegratorWorkspace
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.compiling import MODELS
 

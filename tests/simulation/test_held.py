@@ -13,7 +13,7 @@ import bondgraph
 from bondgraph.simulation import phase
 from bondgraph.simulation.constraints.constraints import Constraints
 from bondgraph.simulation.integrators.compiled.constraint_functions import CompiledConstraints, fields_of
-from bondgraph.simulation.integrators.compiled.projection import ProjectionWorkspace, Square, hold, least
+from bondgraph.simulation.integrators.projection.projection import ProjectionWorkspace, Square, hold, least
 from tests.compiling import MODELS
 
 pytestmark = pytest.mark.machine_code

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from bondgraph.model import Model
+from bondgraph.simulation.magnitudes.pilot_run import PilotRun
 from bondgraph.simulation.segments.timeline import Segment
-from bondgraph.simulation.start.coarse import PilotRun
 from compiler.api import Source
 from tests.benchmarks import large_models
 

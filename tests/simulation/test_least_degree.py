@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bondgraph.simulation.integrators.compiled import least_degree
 from bondgraph.simulation.integrators.compiled.ordering import on_diagonal, ordered
+from bondgraph.simulation.integrators.linear_algebra import least_degree
 from tests.benchmarks import large_models
 from tests.compiling import ROOT
 

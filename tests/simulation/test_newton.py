@@ -7,11 +7,11 @@ import pytest
 
 import bondgraph
 from bondgraph.simulation.integrators.compiled.advance import begin, one_step
-from bondgraph.simulation.integrators.compiled.factors import ComplexFactors, Factors, room_for
-from bondgraph.simulation.integrators.compiled.projection import ProjectionWorkspace
-from bondgraph.simulation.integrators.compiled.stepper import IntegratorWorkspace
+from bondgraph.simulation.integrators.linear_algebra.factors import ComplexFactors, Factors, room_for
 from bondgraph.simulation.integrators.methods import RADAU
+from bondgraph.simulation.integrators.projection.projection import ProjectionWorkspace
 from bondgraph.simulation.integrators.tolerances import LOOSE, allowed_estimate, creeping_tolerance, newton_tolerance
+from bondgraph.simulation.integrators.workspace import IntegratorWorkspace
 from tests.compiling import MODELS
 
 

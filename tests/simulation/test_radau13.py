@@ -8,8 +8,8 @@ import pytest
 import bondgraph
 from bondgraph.errors import UsageError
 from bondgraph.simulation.integrators import radau
-from bondgraph.simulation.integrators.compiled import radau13_step as source
-from bondgraph.simulation.integrators.compiled.radau13_step import coefficients
+from bondgraph.simulation.integrators.steps import radau13_step as source
+from bondgraph.simulation.integrators.steps.radau13_step import coefficients
 from tests.compiling import MODELS
 from tests.published.test_stiff_problems import PUBLISHED
 

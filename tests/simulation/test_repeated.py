@@ -14,9 +14,9 @@ import bondgraph
 from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.ordering import on_diagonal, ordered
 from bondgraph.simulation.integrators.compiled.record_layout import RecordArray, form_of
-from bondgraph.simulation.integrators.compiled.sparse import Pattern
-from bondgraph.simulation.start.coarse import PilotRun
-from bondgraph.simulation.start.motion import balance
+from bondgraph.simulation.integrators.linear_algebra.sparse import Pattern
+from bondgraph.simulation.magnitudes.free_response import balance
+from bondgraph.simulation.magnitudes.pilot_run import PilotRun
 from tests.benchmarks import large_models
 from tests.compiling import MODELS
 

@@ -10,7 +10,7 @@ import pytest
 
 import bondgraph
 from bondgraph.simulation.integrators.compiled.ordering import on_diagonal, ordered
-from bondgraph.simulation.integrators.compiled.sparse import (
+from bondgraph.simulation.integrators.linear_algebra.sparse import (
     FINE,
     complex_back,
     complex_factors,

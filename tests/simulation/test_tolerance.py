@@ -15,8 +15,8 @@ import bondgraph
 from bondgraph.model import Model
 from bondgraph.results.records import ToleranceDoubt
 from bondgraph.results.result import Result
+from bondgraph.simulation.magnitudes.nominal_magnitudes import nominal_magnitudes
 from bondgraph.simulation.segments.timeline import segments
-from bondgraph.simulation.start.nominal import nominal_magnitudes
 from compiler.source import Source
 from tests.compiling import Running, compiled
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from compiler.api import Array, Program
 
-from ..integrators.limits import ITERATIONS, NOISE, ROUNDING, WEAK
+from ..integrators.projection.limits import ITERATIONS, NOISE, ROUNDING, WEAK
 
 if TYPE_CHECKING:
     from ..integrators.compiled.constraint_functions import CompiledConstraints

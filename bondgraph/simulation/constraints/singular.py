@@ -16,7 +16,7 @@ from compiler.api import Array
 
 from ...errors import RunFailed
 from ...results.records import ToleranceDoubt
-from ..integrators.limits import APART, FINE, LOOK, NEVER, NOISE
+from ..integrators.projection.limits import APART, FINE, LOOK, NEVER, NOISE
 from ..loops.loops import LoopSolver
 from ..segments.trajectory import SingularPose
 from .constraints import Assembled, Constraints

@@ -17,7 +17,7 @@ from compiler.api import Array, Program
 
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
-from ..integrators.factorise import is_large
+from ..integrators.linear_algebra.factorise import is_large
 from ..segments.timeline import Segment
 from .dense import CLOSE, EquilibriumSearch
 

@@ -14,7 +14,7 @@ from ...errors import RunFailed
 from ..constraints.constraints import Constraints
 from ..initialization.assembly import choose_rows
 from ..initialization.consistent_start import consistent_start
-from ..integrators.pilot import Conditions
+from ..integrators.pilot.schedule import Conditions
 from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment
 from ..segments.transition import PhaseTransition

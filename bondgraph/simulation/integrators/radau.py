@@ -1,7 +1,7 @@
 """Radau IIA of order 5 for M y' = f(t, y) with M = diag(1 … 1, 0 … 0): differential equations, and those with unknowns of loops.
 
 Hairer and Wanner, Solving Ordinary Differential Equations II, sections IV.8 (the method, its simplified Newton iteration, its
-error estimate) and VI.1 (problems with M). Here are its coefficients; the step is in `compiled/step.py`. Four things differ from the
+error estimate) and VI.1 (problems with M). Here are its coefficients; the step is in `steps/radau_step.py`. Four things differ from the
 program that comes with that book:
 
 - Within a step the quintic through values and derivatives at the last three step ends is evaluated, which has the order of the

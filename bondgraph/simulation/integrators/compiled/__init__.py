@@ -1,1 +1,1 @@
-"""Integration in machine code: functions in the subset of Python that is compiled, and their use in a run."""
+"""Integration over a segment: the loop over steps, its machine code, and its use in a run."""

@@ -10,16 +10,16 @@ from typing import Any
 from compiler.api import MachineCode
 
 from ....native import kernel
+from ..acceptance.zero_crossings import roots_along, states_along
+from ..dense_output.dense_output import scaled_along
+from ..linear_algebra.balancing import balance
+from ..linear_algebra.eliminations import plan_eliminations, put_rows
+from ..linear_algebra.least_degree import least_degree
+from ..linear_algebra.sparse import real_factors
+from ..pilot.loop import coarse
+from ..pilot.step import euler
+from ..projection.projection import hold_all, least_all, rates_all
 from .advance import advance, begin
-from .balancing import balance
-from .dense_output import scaled_along
-from .eliminations import plan_eliminations, put_rows
-from .least_degree import least_degree
-from .pilot_loop import coarse
-from .pilot_step import euler
-from .projection import hold_all, least_all, rates_all
-from .sparse import real_factors
-from .zero_crossings import roots_along, states_along
 
 OPTIMISED = 2
 WHOLE, POINTER = ctypes.c_int64, ctypes.c_void_p

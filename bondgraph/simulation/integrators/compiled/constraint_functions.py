@@ -9,9 +9,9 @@ import numpy as np
 from compiler.api import Array, BoolArray, Program
 
 from ...segments.timeline import mode_size
-from .normal_equations import square
+from ..projection.normal_equations import square
+from ..projection.projection import ProjectionWorkspace, hold_all, least_all, rates_all
 from .plain import record_for
-from .projection import ProjectionWorkspace, hold_all, least_all, rates_all
 
 
 def fields_of(program: Program, inputs: Array, constants: Array, magnitude: Array, taking: BoolArray) -> dict[str, Any]:

@@ -14,11 +14,11 @@ from ....numerics.indicators import PLACES
 from ...monitors.state_selection import WORST
 from ...segments.timeline import LOOKS, Segment, Signals, inside
 from .. import dop853
-from ..factorise import is_large
+from ..linear_algebra.factorise import is_large
+from ..linear_algebra.factors import ComplexFactors, Factors, room_for
 from ..methods import METHODS
 from ..radau import STUBBORN
 from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance, stagnation_tolerance
-from .factors import ComplexFactors, Factors, room_for
 
 if TYPE_CHECKING:
     from ...segments.trajectory import Tolerances

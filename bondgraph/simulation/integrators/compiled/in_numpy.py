@@ -8,9 +8,9 @@ from typing import Any, TypeVar, cast
 
 from compiler.api import Array, Vectorised
 
-from ..factorise import dense
-from . import factors, sparse
-from .sparse import FINE, SINGULAR
+from ..linear_algebra import factors, sparse
+from ..linear_algebra.factorise import dense
+from ..linear_algebra.sparse import FINE, SINGULAR
 
 FEW = 6  # unknowns of a system up to which the loops of the source itself are faster
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -23,7 +23,7 @@ def interpreted(function: Function, unknowns: int, sparse: int) -> Function:
 
 @lru_cache
 def _vectorised() -> Vectorised:
-    return Vectorised({
+    return Vectorised(__package__.rpartition(".")[0], {
         factors.eliminate: _eliminate, factors.eliminate_complex: _eliminate_complex, factors.back: _back,
         factors.back_complex: _back_complex, factors.is_negative: _is_negative,
         sparse.real_factors: _real_factors, sparse.complex_factors: _complex_factors, sparse.real_back: _back,

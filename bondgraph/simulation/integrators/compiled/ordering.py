@@ -14,9 +14,9 @@ import numpy as np
 
 from compiler.api import Array, IntArray, Record
 
+from ..linear_algebra.eliminations import Eliminations, plan_eliminations, put_rows
+from ..linear_algebra.least_degree import Quotient, least_degree
 from .code import POINTER, called
-from .eliminations import Eliminations, plan_eliminations, put_rows
-from .least_degree import Quotient, least_degree
 from .record_layout import Form, RecordArray
 
 SYMMETRIC, ANY = "MMD_AT_PLUS_A", "COLAMD"  # orders; for an unsymmetric pattern the one with less fill is used

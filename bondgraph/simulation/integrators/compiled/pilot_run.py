@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...segments.timeline import mode_size
-from ..factorise import is_large
-from ..pilot import Conditions, Progress, StepSchedule, unit_numbers
+from ..linear_algebra.factorise import is_large
+from ..linear_algebra.factors import Factors, room_for
+from ..linear_algebra.sparse import ANEW, FINE
+from ..pilot.loop import CROSSED, PilotWorkspace, coarse
+from ..pilot.schedule import Conditions, Progress, StepSchedule, unit_numbers
+from ..pilot.step import Euler, euler
 from .code import called
-from .factors import Factors, room_for
 from .fields import is_sparse
 from .in_numpy import interpreted
-from .pilot_loop import CROSSED, PilotWorkspace, coarse
-from .pilot_step import Euler, euler
 from .plain import Unordered, record_for
 from .run import Ordered
-from .sparse import ANEW, FINE
 
 if TYPE_CHECKING:
     from compiler.api import Array, Program
@@ -49,7 +49,7 @@ def _room(program: Program, constants: Array) -> dict[str, Any]:
 
 
 class CompiledPilotStep:
-    """Steps of the pilot run: `start.coarse.PilotRun._step` after the unknowns of loops are known."""
+    """Steps of the pilot run: `magnitudes.PilotRun._step` after the unknowns of loops are known."""
 
     def __init__(self, program: Program, inputs: Array, constants: Array, smallest: Array) -> None:
         rows, columns = program.pattern

@@ -10,10 +10,10 @@ import numpy as np
 
 from compiler.api import Array, Handed, Program, Record, record_of
 
-from ..factorise import sparse
+from ..linear_algebra.factorise import sparse
+from ..linear_algebra.sparse import Pattern
 from .in_numpy import interpreted
 from .record_layout import RecordArray, form_of
-from .sparse import Pattern
 
 
 class Plain:

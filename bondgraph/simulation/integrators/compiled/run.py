@@ -18,19 +18,19 @@ from compiler.api import Array, Program, address_of, record_of
 from ...monitors.state_selection import Choice
 from ...segments.timeline import Segment, Signals, inside
 from .. import dop853, radau, rodas
+from ..acceptance.zero_crossings import roots_along, states_along
+from ..dense_output.dense_output import scaled_along
+from ..linear_algebra.sparse import FINE, Pattern
 from ..methods import METHODS, RADAU, THROUGH_ENDS
 from ..radau import StepFailed
+from ..steps.radau_step import FAILURES, NEWTON, ORDER
+from ..workspace import IntegratorWorkspace
 from .advance import LOOK, MORE, advance, begin
 from .code import POINTER, WHOLE, called
-from .dense_output import scaled_along
 from .fields import given_at, room_of, signal_fields
 from .ordering import DIAGONAL, on_diagonal, ordered, room_in
 from .plain import Unordered, record_for
-from .radau_step import FAILURES, NEWTON, ORDER
 from .record_layout import RecordArray, form_of
-from .sparse import FINE, Pattern
-from .stepper import IntegratorWorkspace
-from .zero_crossings import roots_along, states_along
 
 if TYPE_CHECKING:
     from ...segments.trajectory import Tolerances

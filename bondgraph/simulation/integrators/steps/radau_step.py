@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from ...segments import timeline
 from .. import radau, tolerances
-from .dense import factorise, factorise_real, solve_complex, solve_real
+from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
+from ..projection.projection import hold, put_multipliers
+from ..workspace import IntegratorWorkspace
 from .kinks import after_bend, bends_of, first_bend
+from .newton_matrices import factorise, factorise_real, solve_complex, solve_real
 from .norms import factor, most_left, squares
-from .projection import hold, put_multipliers
-from .sparse import ANEW, FINE, SINGULAR
-from .stepper import IntegratorWorkspace
 
 if TYPE_CHECKING:
     from compiler.api import Floats, Numbers
@@ -22,13 +22,12 @@ T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 NEWTON_ITERATIONS, STUBBORN, PATIENT = radau.NEWTON_ITERATIONS, radau.STUBBORN, radau.PATIENT
 UNSOLVED, SOLVED, ROUNDED, NOISE = radau.UNSOLVED, radau.SOLVED, radau.ROUNDED, radau.NOISE
-SHORTER, INFINITE = radau.SHORTER, tolerances.INFINITE
+SHORTER, GROWN, INFINITE = radau.SHORTER, radau.GROWN, tolerances.INFINITE
 NEARLY, UNCONVERGED, MOST_SOLVING, DAMPED = radau.NEARLY, radau.UNCONVERGED, radau.MOST_SOLVING, radau.DAMPED
 STAGNANT, ASIDE, FINEST, RINGING = tolerances.STAGNANT, tolerances.ASIDE, tolerances.FINEST, tolerances.RINGING
 BENT, NEAREST, MOST_BENDS, BEYOND = radau.BENT, radau.NEAREST, radau.MOST_BENDS, radau.BEYOND
 POWER = 0.25  # exponent of the estimate in the step size
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
-GROWN = radau.GROWN
 LOOKS, BETWEEN = tuple(timeline.LOOKS.tolist()), tuple(timeline.BETWEEN.ravel().tolist())
 CUBIC = tuple(timeline.CUBIC.ravel().tolist())
 SEEN, UNSEEN = len(timeline.SEEN), len(timeline.LOOKS) - len(timeline.SEEN)

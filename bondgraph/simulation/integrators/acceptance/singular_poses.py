@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from math import pow
 
-from .. import limits
-from .projection import least
-from .stepper import IntegratorWorkspace
+from ..projection.limits import APART, FINE, LOOK, MISSES, NEAR, NEVER
+from ..projection.projection import least
+from ..workspace import IntegratorWorkspace
 
-LOOK_AHEAD, FINE = limits.LOOK, limits.FINE
-NEAR, MISSES, APART = limits.NEAR, limits.MISSES, limits.APART
-NEVER = limits.NEVER
 GOES_ON, CROSS, REDUNDANT = 0, 8, 9
 
 
@@ -64,7 +61,7 @@ def watch(s: IntegratorWorkspace) -> int:
     if s.redundant != 0 and opened(s):
         return REDUNDANT
     if s.comes != 0 and s.time + 2.0 * s.ahead <= s.stop and s.ahead <= 0.5 * s.tried:
-        if s.ahead < LOOK_AHEAD * max(1.0, pow(FINE / s.relative, 0.25)) * s.size:
+        if s.ahead < LOOK * max(1.0, pow(FINE / s.relative, 0.25)) * s.size:
             return CROSS
     return GOES_ON
 

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .dense import factorise_real, solve_real
+from ..linear_algebra.factors import ComplexFactors, back_complex, eliminate_complex
+from ..linear_algebra.sparse import FINE, SINGULAR
+from ..workspace import IntegratorWorkspace
 from .dop853_dense import first_bend_along
-from .factors import ComplexFactors, back_complex, eliminate_complex
 from .kinks import after_bend
+from .newton_matrices import factorise_real, solve_real
 from .norms import factor, most_left
 from .radau_step import (
     BENT,
@@ -50,8 +52,6 @@ from .radau_step import (
     share,
     stagnant,
 )  # fmt: skip
-from .sparse import FINE, SINGULAR
-from .stepper import IntegratorWorkspace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,18 +12,16 @@ from math import isfinite, pow, sqrt, ulp
 from typing import TYPE_CHECKING
 
 from .. import dop853
+from ..workspace import IntegratorWorkspace
 from .dop853_dense import first_bend_of_pair
 from .radau_step import ERROR, ROUND_OFF, first_size, is_stubborn, put_end, rates, renew
-from .stepper import IntegratorWorkspace
 
 if TYPE_CHECKING:
     from compiler.api import Floats
 
 C, STARTS, FROM, A, E5, E3 = dop853.C, dop853.STARTS, dop853.FROM, dop853.A, dop853.E5, dop853.E3
-STAGES = dop853.STAGES
 SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH = dop853.SEEN, dop853.UNSEEN, dop853.LOOKS, dop853.BETWEEN, dop853.THROUGH
-CAREFUL = dop853.CAREFUL
-MOST_BENDS, REGAINED = dop853.MOST_BENDS, dop853.REGAINED
+STAGES, CAREFUL, MOST_BENDS, REGAINED = dop853.STAGES, dop853.CAREFUL, dop853.MOST_BENDS, dop853.REGAINED
 SHORTEST, LONGEST, SAFETY = dop853.SHORTEST, dop853.LONGEST, dop853.SAFETY
 STABLE, SELDOM, LOOK_AGAIN, ITERATIONS = dop853.STABLE, dop853.SELDOM, dop853.LOOK_AGAIN, dop853.ITERATIONS
 

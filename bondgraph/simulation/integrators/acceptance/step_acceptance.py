@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import sqrt
 
 from ....numerics import quadrature
-from .polynomials import collocation
-from .projection import put_multipliers
-from .stepper import IntegratorWorkspace
+from ..dense_output.polynomials import collocation
+from ..projection.projection import put_multipliers
+from ..workspace import IntegratorWorkspace
 
 PLACES, KRONROD, GAUSS = (tuple(a.tolist()) for a in (quadrature.PLACES, quadrature.KRONROD, quadrature.GAUSS))
 DEEPEST = quadrature.DEEPEST

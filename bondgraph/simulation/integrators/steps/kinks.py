@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .. import radau
-from .stepper import IntegratorWorkspace
+from ..workspace import IntegratorWorkspace
 from .trial_interpolant import tried_at
 
 if TYPE_CHECKING:

@@ -19,9 +19,9 @@ from compiler.api import Array, Program
 from ...results.records import ToleranceDoubt
 from ..constraints.constraints import Constraints
 from ..segments.timeline import Segment
-from .ahead import trusted
-from .chargeable import chargeable
-from .coarse import SMALLEST_ANGLE, PilotObservation, PilotObserver, PilotRun, smallest_angles
+from .pilot_horizon import trusted
+from .pilot_run import SMALLEST_ANGLE, PilotObservation, PilotObserver, PilotRun, smallest_angles
+from .rate_bounds import chargeable
 
 ROUNDED = 1e-3  # relative to the smallest angle: remainder of a projection on loop joints
 CAUTIOUS = 1e-6  # fraction of the charge that sources could bring in a run: magnitude of an unknown state

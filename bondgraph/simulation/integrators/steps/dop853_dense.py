@@ -8,17 +8,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .. import dop853
+from ..workspace import IntegratorWorkspace
 from .kinks import bends_at, first_between
 from .radau_step import rates
-from .stepper import IntegratorWorkspace
 from .trial_interpolant import value_at
 
 if TYPE_CHECKING:
     from compiler.api import Floats
 
 C, STARTS, FROM, A, D = dop853.C, dop853.STARTS, dop853.FROM, dop853.A, dop853.D
-STAGES, ALL_STAGES = dop853.STAGES, dop853.ALL_STAGES
-NEAREST = dop853.NEAREST
+STAGES, ALL_STAGES, NEAREST = dop853.STAGES, dop853.ALL_STAGES, dop853.NEAREST
 PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)  # fractions of a step at which kinks are searched
 
 

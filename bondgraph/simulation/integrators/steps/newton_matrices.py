@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .. import radau
-from .factors import back, back_complex, eliminate, eliminate_complex, is_negative
-from .sparse import FINE, SINGULAR, complex_back, complex_factors, real_back, real_factors
-from .stepper import IntegratorWorkspace
+from ..linear_algebra.factors import back, back_complex, eliminate, eliminate_complex, is_negative
+from ..linear_algebra.sparse import FINE, SINGULAR, complex_back, complex_factors, real_back, real_factors
+from ..workspace import IntegratorWorkspace
 
 if TYPE_CHECKING:
     from compiler.api import Floats

@@ -6,10 +6,10 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from ....numerics import indicators
+from ..dense_output.dense_output import state_at
 from ..methods import PARTS
-from .dense_output import state_at
-from .projection import put_multipliers
-from .stepper import IntegratorWorkspace
+from ..projection.projection import put_multipliers
+from ..workspace import IntegratorWorkspace
 
 if TYPE_CHECKING:
     from compiler.api import Floats

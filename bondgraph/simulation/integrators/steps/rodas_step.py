@@ -9,9 +9,11 @@ from __future__ import annotations
 from math import isfinite, sqrt, ulp
 
 from .. import rodas
-from .dense import factorise_real, solve_real
+from ..linear_algebra.sparse import ANEW, SINGULAR
+from ..workspace import IntegratorWorkspace
 from .dop853_dense import first_bend_along
 from .kinks import after_bend
+from .newton_matrices import factorise_real, solve_real
 from .norms import factor
 from .radau_step import (
     BENT,
@@ -32,14 +34,11 @@ from .radau_step import (
     rates,
     renew,
 )  # fmt: skip
-from .sparse import ANEW, SINGULAR
-from .stepper import IntegratorWorkspace
 
 STAGES, WRITTEN, ROWS, GAMMA = rodas.STAGES, rodas.WRITTEN, rodas.ROWS, rodas.GAMMA
 C, D, A, COUPLING, WITHIN = rodas.C, rodas.D, rodas.A, rodas.COUPLING, rodas.WITHIN
 SHORTEST, LONGEST, SAFETY, POWER, ASIDE = rodas.SHORTEST, rodas.LONGEST, rodas.SAFETY, rodas.POWER, rodas.ASIDE
-CAREFUL = rodas.CAREFUL
-MOST_BENDS = rodas.MOST_BENDS
+CAREFUL, MOST_BENDS = rodas.CAREFUL, rodas.MOST_BENDS
 
 
 def rodas_step(s: IntegratorWorkspace) -> int:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from .. import dop853, radau
 from ..methods import CONSERVING, THROUGH_ENDS
-from .energy_step import sample_step
+from ..projection.projection import hold
+from ..steps.energy_step import sample_step
+from ..workspace import IntegratorWorkspace
 from .polynomials import collocation, quintic
-from .projection import hold
-from .stepper import IntegratorWorkspace
 from .stiff_interpolation import bring_back, has_steep_states, is_unsure
 
 if TYPE_CHECKING:

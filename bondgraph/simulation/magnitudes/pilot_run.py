@@ -11,12 +11,12 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ..constraints.constraints import Constraints
-from ..integrators import pilot
 from ..integrators.compiled.pilot_run import CompiledPilotRun, CompiledPilotStep
-from ..integrators.pilot import Conditions, StepSchedule, unit_numbers
+from ..integrators.pilot import schedule as pilot
+from ..integrators.pilot.schedule import Conditions, StepSchedule, unit_numbers
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments.timeline import Segment, always, follower, signals_on
-from .motion import LARGEST, FreeMotion, along, free_motion
+from .free_response import LARGEST, FreeMotion, along, free_motion
 
 STEPS = 60  # steps of the pilot run
 COARSE = 1000  # factor on the part of a signal that a step of the run may overlook

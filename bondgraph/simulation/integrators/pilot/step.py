@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from compiler.api import Record
 
-from .factors import Factors, back, eliminate
-from .sparse import FINE, SINGULAR, Pattern, real_back, real_factors
-from .stepper import Function
+from ..linear_algebra.factors import Factors, back, eliminate
+from ..linear_algebra.sparse import FINE, SINGULAR, Pattern, real_back, real_factors
+from ..workspace import Function
 
 if TYPE_CHECKING:
     from compiler.api import Floats, Ints

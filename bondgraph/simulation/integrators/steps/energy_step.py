@@ -5,16 +5,13 @@ from __future__ import annotations
 from math import isfinite, sqrt
 from typing import TYPE_CHECKING
 
-from .. import gauss
-from .factors import back, eliminate
+from ..gauss import CLOSE, ITERATIONS, PROJECTIONS, SLOW, WITHIN, A, B, C
+from ..linear_algebra.factors import back, eliminate
+from ..workspace import IntegratorWorkspace
 from .radau_step import NEWTON, put_end, rates, renew
-from .stepper import IntegratorWorkspace
 
 if TYPE_CHECKING:
     from compiler.api import Floats
-
-C, A, B, WITHIN = gauss.C, gauss.A, gauss.B, gauss.WITHIN
-ITERATIONS, SLOW, CLOSE, PROJECTIONS = gauss.ITERATIONS, gauss.SLOW, gauss.CLOSE, gauss.PROJECTIONS
 
 
 def energy_step(s: IntegratorWorkspace) -> int:

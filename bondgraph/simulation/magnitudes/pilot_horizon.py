@@ -13,7 +13,7 @@ from ..segments.timeline import Segment
 if TYPE_CHECKING:
     from compiler.api import Array, Program
 
-    from .coarse import PilotObserver
+    from .pilot_run import PilotObserver
 
 ASTRAY = 1e3  # factor on the magnitudes of the beginning above which the run is suspect
 FAR = 2.0  # factor on steady growth up to which a part is accepted

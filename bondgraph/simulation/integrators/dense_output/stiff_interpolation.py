@@ -10,12 +10,12 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from .. import radau
+from ..linear_algebra.factors import Factors, back, eliminate
 from ..methods import STIFF as STEEP
 from ..methods import THROUGH_ENDS
-from .factors import Factors, back, eliminate
+from ..steps.radau_step import rates
+from ..workspace import IntegratorWorkspace
 from .polynomials import collocation, quintic
-from .radau_step import rates
-from .stepper import IntegratorWorkspace
 
 if TYPE_CHECKING:
     from compiler.api import Floats

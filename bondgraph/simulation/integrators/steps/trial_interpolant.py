@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from .. import radau
 from ..methods import THROUGH_ENDS
-from .stepper import IntegratorWorkspace
+from ..workspace import IntegratorWorkspace
 
 if TYPE_CHECKING:
     from compiler.api import Floats

@@ -1,4 +1,4 @@
-"""Loop of the pilot run over steps of `pilot_step.py`, in the subset that becomes machine code; same names as in `start.coarse.PilotRun.peak`.
+"""Loop of the pilot run over steps of `step.py`, in the subset that becomes machine code; same names as in `magnitudes.PilotRun.peak`.
 
 It returns where Python must act: before the step that ends a segment, where even the shortest step fails, and where a condition no longer holds as it did.
 """
@@ -10,17 +10,15 @@ from typing import TYPE_CHECKING
 
 from compiler.api import Record
 
-from .. import pilot
-from .pilot_step import Euler, euler
-from .sparse import ANEW, FINE, SINGULAR
-from .stepper import Function
+from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
+from ..workspace import Function
+from .schedule import AGAIN, CAREFUL, GROWN, MOST_STEPS, NOTES, SAME, SLIGHT
+from .step import Euler, euler
 
 if TYPE_CHECKING:
     from compiler.api import Floats, Ints
 
-CAREFUL, MOST_STEPS, AGAIN, NOTES = pilot.CAREFUL, pilot.MOST_STEPS, pilot.AGAIN, pilot.NOTES
 CROSSED = 12  # a condition has changed
-GROWN, SAME, SLIGHT = pilot.GROWN, pilot.SAME, pilot.SLIGHT
 
 
 class PilotWorkspace(Record):

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 from compiler.api import Record
 
-from .. import limits
+from . import limits
+from .limits import ITERATIONS, NOISE, ROUNDING
 
 if TYPE_CHECKING:
     from compiler.api import Floats, Ints
 
-ITERATIONS, ROUNDING, NOISE = limits.ITERATIONS, limits.ROUNDING, limits.NOISE
 WEAK = limits.WEAK * limits.WEAK  # relative to its diagonal entry: smaller pivots count as weak
 DROPPED = 1e-15  # relative to its diagonal entry: round-off after cancellation
 INVERSE, SETTLED = 100, 1e-8  # inverse iterations for the smallest singular value, and relative change at their end

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from compiler.api import Record
 
-from .factors import ComplexFactors, Factors
-from .projection import ProjectionWorkspace
-from .sparse import Pattern
+from .linear_algebra.factors import ComplexFactors, Factors
+from .linear_algebra.sparse import Pattern
+from .projection.projection import ProjectionWorkspace
 
 if TYPE_CHECKING:
     from compiler.api import Floats, Ints

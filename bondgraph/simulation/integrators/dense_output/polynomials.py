@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from .. import radau
 from ..methods import CONSERVING, THROUGH_ENDS
-from .dop853_dense import polynomial
-from .energy_step import within_step
-from .stepper import IntegratorWorkspace
+from ..steps.dop853_dense import polynomial
+from ..steps.energy_step import within_step
+from ..workspace import IntegratorWorkspace
 
 if TYPE_CHECKING:
     from compiler.api import Floats

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pow
 
 from .. import radau
-from .stepper import IntegratorWorkspace
+from ..workspace import IntegratorWorkspace
 
 SLOWEST, CREEPING, LARGEST = radau.SLOWEST, radau.CREEPING, float(radau.LARGEST)
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from compiler.api import Array, address_of
 
-from ..integrators.compiled import balancing
 from ..integrators.compiled.code import POINTER, WHOLE, called
+from ..integrators.linear_algebra import balancing
 
 LARGEST = 200  # most states for which the modes are computed
 WELL_TOLD = 1e6  # largest condition number of the eigenvectors with which the modes are separable

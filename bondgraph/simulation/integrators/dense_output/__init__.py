@@ -1,0 +1,1 @@
+"""States within the last step, in the subset that becomes machine code."""

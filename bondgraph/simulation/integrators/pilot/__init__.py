@@ -1,0 +1,1 @@
+"""Pilot run: its steps and their loop, in the subset that becomes machine code."""

@@ -1,0 +1,1 @@
+"""One step of each method, in the subset that becomes machine code."""
