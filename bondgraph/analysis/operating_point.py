@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import IntArray, Leaf, NoSlope, Tape
+from compiler.api import Array, IntArray, Leaf, NoSlope, Tape
 
 from ..errors import RunFailed, UsageError
 from ..prepared import Prepared
@@ -226,7 +226,7 @@ class OperatingPoint:
 
         return state, self._conditions(size).guess(Moment(self.time, state, self.mode))
 
-    def _conditions(self, size: Any) -> Events:
+    def _conditions(self, size: Array) -> Events:
         """Conditions of the model at the values of this point, made once for all points of the program."""
         from ..simulation.events.events import Events
 

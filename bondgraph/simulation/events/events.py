@@ -106,7 +106,7 @@ class Events:
         self.magnitude = magnitude
         self.loops = LoopSolver(self.program, self.constants, self.inputs, magnitude, self.constraints.parameters)
 
-    def with_values(self, constraints: Constraints, magnitude: Any) -> Events:
+    def with_values(self, constraints: Constraints, magnitude: Array) -> Events:
         """Return the same conditions for other inputs, parameters and magnitudes: for `guess`, not for a search, whose bounds stay those of the first."""
         found = copy(self)
         found.constraints, found.inputs, found.constants = constraints, constraints.inputs, constraints.constants
