@@ -145,7 +145,7 @@ class NativeIntegrator:
     def _steps(self) -> int:
         """Step until the loop returns control; `FINISHED` at the end of the segment. Raises `RunFailed`."""
         stepper, native = self.stepper, self.solver.native
-        pause = self.solver.steps + 1 if not native else np.inf if stepper.leaving is None else stepper.leaving.pause
+        pause = np.inf if stepper.leaving is None or not native else stepper.leaving.pause
         most = MOST_COMPILED if native else MOST_STEPS
         if stepper.most_steps < MOST_STEPS:
             most = stepper.most_steps - stepper.steps
@@ -265,7 +265,7 @@ class NativeIntegrator:
             return
         crossed = watcher.crossing(solver.time, state, stretch.mode, wish, stretch.stop, self.tolerances.relative)
         if crossed is None:
-            solver.note_tried(watcher.tried)
+            solver.record.tried = watcher.tried
             return
         stepper.position, stepper.traffic = solver.position, solver.traffic
         after = beyond(stepper, crossed, state, stretch)

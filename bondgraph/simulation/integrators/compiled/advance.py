@@ -47,7 +47,7 @@ def advance(s: IntegratorWorkspace, most: int) -> int:
         if s.power_count > 0:
             add_work(s)
         s.pending = 0
-        if s.until < s.time:
+        if s.until <= s.time and s.until < s.stop:
             return FINISHED
         grow(s)
         if s.slope_count > 0 and s.time < s.stop and steep(s):

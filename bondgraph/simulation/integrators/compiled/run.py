@@ -228,10 +228,6 @@ class CompiledRadau:
             self.values["work"][:] = work
         return None if work is None else self.values["work"]
 
-    def note_tried(self, ahead: float) -> None:
-        """Store that a pose could not be crossed from this time before it."""
-        self._record.tried = ahead
-
     def advance(self, most: int) -> int:
         """Make up to `most` steps; return the reason for the stop, one of the numbers of `advance.py`. Raises `StepFailed`."""
         answer: int = self.values.call(advance, most)
@@ -316,10 +312,10 @@ class CompiledRadau:
 def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause: float = np.inf) -> int:
     """Step to the end of the segment, or to a change of states or a singular pose; return the reason, as in `advance.py`.
 
-    `MORE` after `pause` steps of the segment. `look` checks the limits of the model in the last step, and returns the violated ones. Raises
-    `StepFailed`.
+    `MORE` after `pause` steps of the segment, in Python after each step. `look` checks the limits of the model in the last step, and returns the
+    violated ones. Raises `StepFailed`.
     """
-    several, answer, record = 64, MORE, solver.record
+    several, answer, record = 64 if solver.native else 1, MORE, solver.record
     while answer == LOOK or (answer == MORE and record.steps < pause):
         if record.steps >= most:
             raise StepFailed("steps")
@@ -327,6 +323,8 @@ def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause
         answer = solver.advance(max(1, int(min(several, most - record.steps, pause - record.steps))))
         if answer == LOOK:
             solver.left[look()] = 1
+        elif not solver.native:
+            break
         elif clock.perf_counter() - began < AT_ONCE:
             several = min(2 * several, 1 << 20)
         else:
