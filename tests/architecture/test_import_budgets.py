@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -42,6 +43,7 @@ def test_the_grammar_is_read_once() -> None:
     assert "lark" in loaded(f"{without_grammars}\n{checking}")
 
 
+@pytest.mark.skipif("BONDGRAPH_WITHOUT_LLVM" in os.environ, reason="only native code is kept")
 def test_a_model_seen_before_is_not_parsed() -> None:
     pytest.importorskip("llvmlite")
     running = "import bondgraph\nassert bondgraph.load('models/rlc.bg').simulate().steps > 0"
