@@ -63,7 +63,7 @@ def _into(function: Any) -> Any:
 def test_the_same_source_runs_as_python(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     constraints, state, mode = started(name, monkeypatch)
     states, times = beside(constraints, state, 4), np.zeros(4)
-    machine = CompiledConstraints(constraints)  # its vector for singular values is as it begins
+    machine = CompiledConstraints(constraints, True)  # its vector for singular values is as it begins
     held, weak = machine.hold(times, states, mode)
     smallest = machine.least(times, held, mode)
     python = as_python(constraints, mode)
