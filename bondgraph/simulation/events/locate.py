@@ -63,6 +63,8 @@ def first_flip(
         times[[0, -1]] = low, high
         seen = Interpolants.through(roots(times, False))
         near = ~seen.far(events.floor) | _wrong(events, seen.values[1:], said).any(axis=0)
+        if low == start:
+            near &= ~_returns(events, seen.values, said)
         hidden, moves, bounded = np.zeros_like(near), np.zeros_like(near), None
         if events.bounds is not None:
             bounded = events.bounds.over((low, high), times, state_at(times, False), mode, events.floor, widths)
@@ -108,6 +110,7 @@ def _suspects(
     low, high = part
     shares = [SHARES[_wrong(events, seen.values, said).any(axis=1)]]
     wrong = _wrong(events, on_grid, said) & seen.converged
+    wrong[0] = False  # at the start the mode holds: a change just behind it begins there
     begins = wrong & ~np.concatenate([np.zeros_like(wrong[:1]), wrong[:-1]])
     depth = np.where(wrong, np.abs(on_grid), 0.0)
     deepest = wrong & (depth >= np.roll(depth, 1, axis=0)) & (depth >= np.roll(depth, -1, axis=0))
@@ -182,6 +185,12 @@ def _narrowed(events: Events, low: float, high: float, there: Array, said: BoolA
 def _wrong(events: Events, roots: Array, said: BoolArray) -> Any:
     """Return a mask of the conditions that differ from the mode; shape as the roots."""
     return np.isfinite(roots) & (events.truth(roots) != said) & (np.abs(roots) >= events.floor)
+
+
+def _returns(events: Events, roots: Array, said: BoolArray) -> Any:
+    """Return a mask of the conditions that rounding left behind their zero crossing at the start, and that get no further in a part of a step."""
+    left = _wrong(events, roots[0], said) & (np.abs(roots[0]) <= 4 * events.floor)
+    return left & (np.abs(roots) <= 1.1 * np.abs(roots[0])).all(axis=0)
 
 
 def _unresolved(events: Events, time: float, conditions: IntArray) -> RunFailed:
