@@ -38,6 +38,7 @@ INSTANT = 1e-9  # of the span: the Euler step behind an event
 LOOKS = tuple(i / 8 for i in range(1, 8))  # where within a step the branches are looked at
 UNSURE = 12  # turns at one instant, after which what is zero but for rounding is looked at a little later
 MOST = 400  # events
+PILED = 8  # intervals of an event that shrink, to a ten-thousandth of the span: the next ones have no end
 CERTAIN = 4  # of order five, halved steps are 31 times better; where constraints hold the order is lower, and so much is believed
 getrf, getrs = get_lapack_funcs(("getrf", "getrs"), (np.zeros((1, 1)),))
 
@@ -78,11 +79,17 @@ class Run:
     budget: int = 200_000  # iterations of Newton's method
     largest: Any = 0.0
     weights: Any = 1.0  # how readily an impulse moves each state
+    blur: float = 1.0  # of `INSTANT` and `BEHIND`: what depends on it is not certain
 
     @property
     def peek(self) -> float:
         """Length of a trial step, relative to the span. Index three needs a longer one: rounding counts by its inverse, squared."""
         return 1e-3 if self.system.assembly.linkages else PEEK
+
+    @property
+    def instant(self) -> float:
+        """Length of the Euler step behind an event."""
+        return self.blur * INSTANT * self.span
 
     # ------------------------------------------------------------ Newton
     def linearized(self, t: float, x: Array, w: Array) -> Array:
@@ -214,12 +221,15 @@ class Run:
 
         Where junctions switched or storages were set, an implicit Euler step lets impulses pass; else a tiny step only looks.
         """
-        self.jacobian, impulse = None, False
+        self.jacobian, impulse, was_set = None, False, False
         for turn in range(60):
             self.path = None
             if impulse:
-                xs, ws = self.step(INSTANT * self.span, EULER)
+                xs, ws = self.step(self.instant, EULER)
                 x, w = xs[-1], ws[-1]
+                if was_set:
+                    self._check_jump(x)
+                    was_set = False
             else:
                 xs, ws = self.step(self.peek * self.span)
                 x, w = (self.x, AT_0 @ ws) if turn < UNSURE else (xs[-1], ws[-1])
@@ -234,9 +244,8 @@ class Run:
                 self.jacobian, self.w, impulse = None, w, True
                 continue
             if impulse:  # it passes before anything is read: an effort within this step is the impulse over its length
-                self._check_jump(x)
                 self.x, self.w, impulse = x.copy(), w, False
-                self.t += INSTANT * self.span
+                self.t += self.instant
                 continue
             acting = [i for i, v in enumerate(truth) if v and not self.true[i]]
             self.true = [bool(v) for v in truth]
@@ -244,18 +253,18 @@ class Run:
             if not acting:
                 return
             self.jacobian = None
-            impulse = self.act(acting)
+            impulse = was_set = self.act(acting)
         raise Undecided("events without end at one instant")
 
     def _check_jump(self, x: Array) -> None:
-        """If no junction switches, only variables that an event sets may jump.
+        """Before a junction switches, only variables that an event sets may jump.
 
         Otherwise the event would change other variables too, in one of several possible ways.
         """
-        if self.system.assembly.graph.switches or not len(x):
+        if not len(x):
             return
         size = np.maximum(np.maximum(np.abs(x), np.abs(self.x)), self.largest)
-        if (np.abs(x - self.x) > 1e-4 * size + 1e-300).any():
+        if (np.abs(x - self.x) > 1e-4 * size + 1e-12 * size.max() + 1e-300).any():
             raise Undecided("an event sets what follows from other states")
 
     def act(self, acting: Sequence[int]) -> bool:
@@ -265,6 +274,9 @@ class Run:
             numbers = self.system.action_values[i](self.t, self.x.tolist(), self.w.tolist(), self.m)
             values += list(zip(self.system.actions[i], numbers, strict=True))
             self.events.append((self.t, i))
+            apart = np.diff([t for t, j in self.events if j == i])[-PILED:]
+            if len(apart) == PILED and (np.diff(apart) < 0).all() and apart[-1] < 1e-4 * self.span:
+                raise Undecided("events that accumulate")
         for action, value in values:
             if action.kind == "m":
                 self.m[action.number] = float(value)
@@ -281,7 +293,7 @@ class Run:
     def advance(self, h: float) -> None:
         """A step of this length, cut where a branch changes."""
         end = self.t + h
-        while end - self.t > 2 * INSTANT * self.span:
+        while end - self.t > 2 * self.instant:
             h = end - self.t
             try:
                 xs, ws = self.step(h)
@@ -344,7 +356,7 @@ class Run:
         ]
         crossing = next((i for i, now in enumerate(gaps[1][0]) if now != self.b[i]), 0)
         rate = (gaps[1][1][crossing] - gaps[0][1][crossing]) / (high - low)
-        near, guess, low, high, ends = 0.4 * BEHIND * self.span / h, high, 0.0, most, None
+        near, guess, low, high, ends = 0.4 * self.blur * BEHIND * self.span / h, high, 0.0, most, None
         for turn in range(60):
             xs, ws = self.step(guess * h)
             branches, values = self.looked(self.t + guess * h, xs[-1], ws[-1])
@@ -352,7 +364,7 @@ class Run:
                 high, ends = guess, (xs[-1], ws[-1])
             else:
                 low, here = guess, (xs[-1], ws[-1])
-            if (high - low) * h <= BEHIND * self.span:
+            if (high - low) * h <= self.blur * BEHIND * self.span:
                 break
             guess = 0.5 * (low + high)
             if rate and turn < 12 and turn % 4 < 3:
@@ -541,7 +553,7 @@ class Course:
     every: list[tuple[int, float]]
 
 
-def course(system: System, begin: float, times: Sequence[float], budget: int) -> Course:
+def course(system: System, begin: float, times: Sequence[float], budget: int, blur: float = 1.0) -> Course:
     """Start of a run, for all of its step lengths."""
     a, span = system.assembly, times[-1] - begin
     modes = [_mode(system, name, begin) for name in a.modes]
@@ -553,6 +565,7 @@ def course(system: System, begin: float, times: Sequence[float], budget: int) ->
         np.zeros(a.unknowns),
         [*modes, *[1.0] * len(a.graph.switches)],
         [1.0] * system.atoms,
+        blur=blur,
     )
     state.true, state.budget = [False] * len(a.graph.events), budget
     every = [(i, _number(a, a.opened(e.period), begin)) for i, e in enumerate(a.graph.events) if e.period is not None]
@@ -574,9 +587,9 @@ def run(it: Course, steps: int) -> tuple[Array, Run]:
     span, due, found = state.span, {i: 0 for i, _ in it.every}, []
     _sample(state, it.every, due)
     for stop, report in it.stops:
-        while state.t < stop - 3 * INSTANT * span:
+        while state.t < stop - 3 * state.instant:
             samples = [due[i] * p for i, p in it.every]
-            goal = min([stop, *(s for s in samples if s > state.t + 3 * INSTANT * span)])
+            goal = min([stop, *(s for s in samples if s > state.t + 3 * state.instant)])
             parts = max(1, math.ceil((goal - state.t) / span * steps - 1e-9))
             h = (goal - state.t) / parts
             for i in range(parts):
@@ -592,7 +605,7 @@ def run(it: Course, steps: int) -> tuple[Array, Run]:
 
 def _sample(state: Run, every: Sequence[tuple[int, float]], due: dict[int, int]) -> None:
     """Sampled events whose instant has come."""
-    acting = [i for i, p in every if due[i] * p <= state.t + 3 * INSTANT * state.span]
+    acting = [i for i, p in every if due[i] * p <= state.t + 3 * state.instant]
     if acting:
         for i in acting:
             due[i] += 1
@@ -618,7 +631,7 @@ def _begin(state: Run) -> None:
                 state.weights[free] = 1.0
                 for _ in range(20):
                     state.jacobian = None
-                    xs, ws = state.step(INSTANT * state.span, EULER)
+                    xs, ws = state.step(state.instant, EULER)
                     branches = state.looked(state.t, xs[-1], ws[-1])[0]
                     _, on = state.system.conditions(state.t, xs[-1].tolist(), ws[-1].tolist(), state.m, state.b)
                     modes = [*state.m[: len(a.modes)], *map(float, on)]
@@ -627,13 +640,14 @@ def _begin(state: Run) -> None:
                     state.b, state.w, state.m = branches, ws[-1], modes
                 state.x, state.w, state.weights = xs[-1], ws[-1], 1.0
             state.settle()
-        except (Undecided, ArithmeticError, ValueError):
+        except (Undecided, ArithmeticError, ValueError) as lack:
+            why = str(lack)
             state.weights = 1.0
             if state.count > state.budget:
                 raise
             continue
         return
-    raise Undecided("no solution at the start")
+    raise Undecided(f"no solution at the start: {why}")
 
 
 def _first_branches(state: Run) -> list[float]:
@@ -682,10 +696,11 @@ def opinion(
     most: int = 512,
     budget: int = 200_000,
     same: Any = None,
+    blur: float = 1.0,
 ) -> Opinion:
     """Steps are halved until the outputs change by less than `goal` of their magnitude, or are the `same` as others. Raises `Undecided` where they never do."""
     with np.errstate(all="ignore"):  # what is no number is looked for
-        it, steps, spent, before = course(system, begin, times, budget), 16, 0, None
+        it, steps, spent, before = course(system, begin, times, budget, blur), 16, 0, None
         while True:
             it.state.budget = budget - spent
             values, state = run(it, steps)

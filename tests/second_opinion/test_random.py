@@ -13,6 +13,7 @@ import bondgraph
 from tests.second_opinion import comparison
 from tests.second_opinion.comparison import compared, second
 from tests.second_opinion.random_models import mechanism, network
+from tests.second_opinion.solution import Undecided
 from tests.second_opinion.trial import KINDS, campaign, verdict_on
 
 # Seeds that disagree today, with what is wrong. They go from here with their cause.
@@ -83,6 +84,26 @@ def test_a_bouncing_ball_by_its_parabolas() -> None:
     since = (own.times + half) % (2 * half) - half
     np.testing.assert_allclose(own.values[0], 1 - 5 * since**2, atol=1e-7)
     assert len(own.events) == 6
+
+
+def test_what_is_not_certain_is_undecided() -> None:
+    """Bounces that accumulate, and an event that sets one of two inertias with one flow, at a switched junction too."""
+    stop = "plain model Stop {\n  I m : p = f { start p = 1 }\n  Se w : e = 2\n  w -> m\n  signal x = integral(m.f, 0)\n  when x > 0.01 { m.p = -0.5*m.p }\n  output p = m.p\n}"
+    with pytest.raises(Undecided, match="accumulate"):
+        second(stop, 4.0, points=3)
+    tied = """plain model Tied {
+  I a : p = f { start p = 1 }
+  I b : p = 2*f { start p = 2 }
+  R r : e = f
+  1 side { active = time < 0.7 }
+  1 j
+  j -> a, b, side
+  side -> r
+  when time > 0.4 { a.p = 0.5*a.p }
+  output p = a.p
+}"""
+    with pytest.raises(Undecided, match="follows from other states"):
+        second(tied, 0.6, points=3)
 
 
 def test_charge_goes_over_in_an_impulse() -> None:
