@@ -1,7 +1,8 @@
 """Indicators of located conditions: left less right side, or a function with the same sign that polynomials follow better.
 
-A bell exp(-((x - a)/w)^2) against a level is a parabola against its logarithm, and u^6 is u^2 against a root: neither is narrow or flat near its zeros.
-A level and a factor are parameters of the run: their signs decide there.
+A bell exp(-((x - a)/w)^2) against a level is a parabola against its logarithm, which is not narrow.
+A level and a factor are parameters of the run: their signs decide there. A window `|u| < r` is two conditions, u < r and -r < u:
+each crosses zero straight, however narrow the window is, while a square, or a kink, that dips below zero for 1e-12 of the range has no place for a polynomial.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Callable
 from ..algebra.expression import ONE, ZERO, Apply, Expression, Number, add, call, divide, multiply, power, select
 
 LEAST = Number(1e-300)
+Window = tuple[Expression, Expression, Expression, Expression]  # u, r, a sign, and what a factor of zero leaves
 
 
 def indicator(left: Expression, right: Expression, is_fixed: Callable[[Expression], bool]) -> Expression:
@@ -23,8 +25,49 @@ def indicator(left: Expression, right: Expression, is_fixed: Callable[[Expressio
     return left - right
 
 
+def window(left: Expression, right: Expression, is_fixed: Callable[[Expression], bool]) -> Window | None:
+    """Return u, r, s and the fixed rest such that `left < right` is |u| < r where s > 0, and |u| > r where s < 0; None for other forms.
+
+    Forms: even powers, their products, absolute values, and roots of these, beside what is fixed.
+    """
+    for moving, level, side in ((left, right, ONE), (right, left, Number(-1.0))):
+        if is_fixed(level) and not is_fixed(moving):
+            if isinstance(moving, Apply) and moving.operator == "add":
+                level = level - add(*(x for x in moving.operands if is_fixed(x)))
+                moving = add(*(x for x in moving.operands if not is_fixed(x)))
+            if isinstance(moving, Apply) and moving.operator == "sqrt":
+                moving, level = moving.operands[0], multiply(level, call("abs", level))
+            return None if level == ZERO else _window(moving, level, side, is_fixed)
+    return None
+
+
+def _window(
+    moving: Expression, level: Expression, side: Expression, is_fixed: Callable[[Expression], bool]
+) -> Window | None:
+    factors = moving.operands if isinstance(moving, Apply) and moving.operator == "multiply" else (moving,)
+    factor = multiply(*(x for x in factors if is_fixed(x)))
+    bases: dict[Expression, float] = {}
+    for x in factors:
+        match x:
+            case Apply(operator="power", operands=(base, Number(n))) if not is_fixed(x):
+                bases[base] = bases.get(base, 0.0) + n
+            case _ if not is_fixed(x):
+                bases[x] = bases.get(x, 0.0) + 1
+    ratio = divide(level, select(call("equal", factor, ZERO), ONE, factor))
+    sign = multiply(side, call("sign", factor))
+    if all(isinstance(x, Apply) and x.operator == "abs" and n == 1 for x, n in bases.items()):
+        return multiply(*(x.operands[0] for x in bases if isinstance(x, Apply))), ratio, sign, multiply(side, level)
+    degrees = set(bases.values())
+    if any(n <= 0 or n % 2 for n in degrees):
+        return None
+    degree = degrees.pop() if len(degrees) == 1 else 2.0
+    u = multiply(*(power(x, Number(n / degree)) for x, n in bases.items()))
+    r = multiply(call("sign", ratio), power(call("abs", ratio), Number(1.0 / degree)))
+    return u, r, sign, multiply(side, level)
+
+
 def _against(moving: Expression, level: Expression, is_fixed: Callable[[Expression], bool]) -> Expression | None:
-    """Return an expression with the sign of `moving - level` for an exponential or a high even power with a factor; None for others."""
+    """Return an expression with the sign of `moving - level` for an exponential with a factor; None for others."""
     factors = moving.operands if isinstance(moving, Apply) and moving.operator == "multiply" else (moving,)
     inner = [x for x in factors if not is_fixed(x)]
     factor = multiply(*(x for x in factors if is_fixed(x)))
@@ -33,8 +76,6 @@ def _against(moving: Expression, level: Expression, is_fixed: Callable[[Expressi
     operator, operands = inner[0].operator, inner[0].operands
     if operator == "exp":
         return _exponential(factor, operands[0], level)
-    if operator == "power" and isinstance(operands[1], Number) and operands[1].value in (4.0, 6.0, 8.0, 10.0, 12.0):
-        return _even_power(factor, operands[0], operands[1].value, level)
     return None
 
 
@@ -43,14 +84,6 @@ def _exponential(factor: Expression, exponent: Expression, level: Expression) ->
     alike = select(call("less", ZERO, call("sign", factor) * call("sign", level)), ONE, ZERO)
     zero = call("log", _size(level)) - call("log", _size(factor))
     return add(multiply(call("sign", factor), alike, exponent - zero), multiply(ONE - alike, factor - level))
-
-
-def _even_power(factor: Expression, base: Expression, degree: float, level: Expression) -> Expression:
-    """Return an expression with the sign of `factor base^degree - level`."""
-    sign = call("sign", factor)
-    ratio = divide(level, select(call("equal", factor, ZERO), ONE, factor))
-    zero = call("sign", ratio) * power(call("abs", ratio), Number(2.0 / degree))
-    return add(multiply(sign, power(base, Number(2.0)) - zero), multiply(call("abs", sign) - ONE, level))
 
 
 def _size(x: Expression) -> Expression:

@@ -32,7 +32,7 @@ from ..source import Span
 from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME
 from .errors import JumpsWithoutEnd, NoiseOutOfStep
 from .events import Located
-from .indicators import indicator
+from .indicators import indicator, window
 from .limits import Leaf
 from .lowered import Lowered
 from .program import ConditionNote
@@ -159,6 +159,9 @@ class Switching:
         if condition.operator in ("and", "or", "not") or not (alone or locatable):
             return _rebuilt(condition.operator, operands)
         events, a, b = self.result.events, *condition.operands
+        if not alone and (parts := window(operands[0], operands[1], self._is_fixed)) is not None:
+            self.modes[condition] = self._within(condition.operator, *parts)
+            return self.modes[condition]
         if alone:
             self._instant(self.replaced(a - b), condition.operator)
             self.modes[condition] = Symbol(Leaf("mode", self.next))
@@ -172,6 +175,24 @@ class Switching:
             events.located.append(Located(symbol, indicator(operands[0], operands[1], self._is_fixed), note))
         self.next += 1
         return self.modes[condition]
+
+    def _within(self, operator: str, u: Expression, r: Expression, sign: Expression, rest: Expression) -> Expression:
+        """The condition of a `window`, with `operator` less or less_equal, as two: each crosses zero straight."""
+        sides = [call(operator, sign * u, sign * r), call(operator, negate(sign * r), sign * u)]
+        self.authored.update(sides)
+        low, high = (self._mode(x, False) if isinstance(x, Apply) else x for x in sides)
+        inside, outside = call("and", low, high), call("or", low, high)
+        if isinstance(sign, Number):
+            return inside if sign.value > 0 else outside
+        return call(
+            "or",
+            call("and", call("less", ZERO, sign), inside),
+            call(
+                "or",
+                call("and", call("less", sign, ZERO), outside),
+                call("and", call("equal", sign, ZERO), call(operator, ZERO, rest)),
+            ),
+        )
 
     def _is_fixed(self, x: Expression) -> bool:
         """Return True if an expression is constant between two events."""
