@@ -51,7 +51,7 @@ def test_bounces_that_end_nowhere_are_told(
             model.simulate(points=3, rtol=rtol, solver=solver)
 
 
-@pytest.mark.parametrize("target", ["native", "numpy"])
+@pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
 @pytest.mark.parametrize(("rebound", "push", "level"), [(0.3, 0.3, 0.03), (0.5, 1.7, 0.03), (0.7, 1.7, 0.25)])
 def test_each_bounce_is_where_its_parabola_ends(rebound: float, push: float, level: float, target: str) -> None:
     """Without a spring the mass flies on parabolas, each `rebound` times as long as the one before; a run may end where one does."""
@@ -111,7 +111,7 @@ TIED = """plain model Tied {{
 """
 
 
-@pytest.mark.parametrize("target", ["native", "numpy"])
+@pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
 @pytest.mark.parametrize("part", ["Friction", "Valve"])
 @pytest.mark.parametrize("chosen", ["a", "b"])
 @pytest.mark.parametrize("factor", [0.5, -0.7])

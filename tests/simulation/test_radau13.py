@@ -76,6 +76,7 @@ def test_the_order_rises_and_falls(monkeypatch: pytest.MonkeyPatch) -> None:
     assert model.simulate(solver="radau13", rtol=1e-10, target="numpy").steps > 8 * steps
 
 
+@pytest.mark.machine_code
 def test_both_back_ends() -> None:
     model = bondgraph.load(MODELS / "van_der_pol.bg")
     native, numpy = (model.simulate(solver="radau13", target=target) for target in ("native", "numpy"))
