@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ..errors import RunFailed
 from .operating_point import OperatingPoint
 from .verdict import Eigenvalues, decisive
@@ -72,7 +74,7 @@ class BranchFollower:
         self.seen, self.unseen = np.zeros(first.count), 1.0
         self.see(first.state)
 
-    def see(self, state: Any) -> None:
+    def see(self, state: Array) -> None:
         """Raise the magnitudes of the states: those of one unit share the largest; 1 for units without any value."""
         size = np.abs(state[: self.count])
         least = np.array([NOTHING.get(unit, LEAST) for unit in self.units])
@@ -92,7 +94,7 @@ class BranchFollower:
         rates = np.abs(self.rates(place.point))
         return not bool(((rates > RESTING * terms) & (terms > 0)).any())
 
-    def shrink(self, state: Any) -> bool:
+    def shrink(self, state: Array) -> bool:
         """Reduce the magnitudes of states without any value; return False if there are none, or if they are very small already."""
         self.unseen *= 1e-4
         before = self.scale
@@ -257,9 +259,7 @@ class BranchLine:
             length = min(1.3 * length, LONGEST / self.points)
         return special
 
-    def _limit(
-        self, here: BranchPlace, found: BranchPlace, length: float
-    ) -> tuple[tuple[float, str] | None, BranchPlace]:
+    def _limit(self, here: BranchPlace, found: BranchPlace, length: float) -> tuple[tuple[float, str] | None, BranchPlace]:  # fmt: skip
         """Return the length up to which the model is valid with the violated limit, and the last valid point; None with the given point if it is valid."""
         left = found.point.left
         if not left:
@@ -311,9 +311,7 @@ def _bracketed(function: Callable[[float], float], length: float) -> float:
     return float(brentq(function, 0.0, length, xtol=1e-14 * length, rtol=1e-14, maxiter=200))
 
 
-def _special(
-    follower: BranchFollower, here: BranchPlace, found: BranchPlace, length: float
-) -> list[tuple[str, BranchPlace]]:
+def _special(follower: BranchFollower, here: BranchPlace, found: BranchPlace, length: float) -> list[tuple[str, BranchPlace]]:  # fmt: skip
     """Return the special point between two points of known stability: a fold, or an eigenvalue that changes sign through zero.
 
     An eigenvalue that passes through infinity is no special point.
@@ -372,9 +370,7 @@ def _crossing(place: BranchPlace) -> bool:
     return bool(abs(np.imag(least)) > 1e-6 * abs(least))
 
 
-def _at(
-    follower: BranchFollower, here: BranchPlace, length: float, sign: Callable[[BranchPlace], float]
-) -> BranchPlace:
+def _at(follower: BranchFollower, here: BranchPlace, length: float, sign: Callable[[BranchPlace], float]) -> BranchPlace:  # fmt: skip
     """Return the point of a step at which a function of it changes sign."""
     return _root(follower, here, length, sign)[0]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Tape
+from compiler.api import Array, Tape
 
 from ..errors import UsageError
 
@@ -27,7 +27,7 @@ class Follower:
     offset: float
     unit: str
 
-    def at(self, state: Any) -> float:
+    def at(self, state: Array) -> float:
         """Return its value for states (n, ...)."""
         return float(self.slope * state[self.place] + self.offset)
 

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from compiler.api import Array
+
 
 def finite(value: float) -> float | None:
     """Return a number for JSON: null if it is not finite."""
@@ -27,6 +29,6 @@ def pair(value: complex) -> dict[str, float | None]:
     return {"re": finite(value.real), "im": finite(value.imag)}
 
 
-def named(names: Iterable[str], values: Any) -> dict[str, float]:
+def named(names: Iterable[str], values: Array) -> dict[str, float]:
     """Return name -> float."""
     return {name: float(value) for name, value in zip(names, values, strict=True)}

@@ -65,7 +65,7 @@ class OperatingPoint:
     """States (n,) and unknowns (m,) of a model at an instant. Derivatives have a column for each of them and for each of `by`."""
 
     def __init__(
-        self, made: Prepared, constraints: Constraints, state: Any, mode: Any, time: float, by: tuple[str, ...],
+        self, made: Prepared, constraints: Constraints, state: Array, mode: Array, time: float, by: tuple[str, ...],
         values: Mapping[str, float] | None = None,
     ) -> None:  # fmt: skip
         self.made, self.constraints, self.mode, self.time = made, constraints, mode, time
@@ -93,7 +93,7 @@ class OperatingPoint:
                 return role, names.index(name)
         raise UsageError("BR213", f"nothing in the model reads `{name}`, or it follows from others: it cannot be moved")
 
-    def elsewhere(self, given: Mapping[str, float], state: Any) -> OperatingPoint:
+    def elsewhere(self, given: Mapping[str, float], state: Array) -> OperatingPoint:
         """Return the point at other values of parameters or inputs, with the nearest state on constraints and loops. Raises `RunFailed`."""
         from ..simulation.constraints.constraints import Constraints
         from ..simulation.loops.loops import LoopSolver
@@ -157,7 +157,7 @@ class OperatingPoint:
         given = {n: whole[n].value for n in names if n in whole} | dict(self.values)
         return np.array([values.get(n, given.get(n)) for n in names], dtype=float)
 
-    def stored(self, state: Any) -> dict[str, float]:
+    def stored(self, state: Array) -> dict[str, float]:
         """Return states (n,) by name, and the quantities that share them."""
         found = named(self.program.states.names, state[: self.count])
         return found | {name: follower.at(state) for name, follower in self.followers.items()}
@@ -467,7 +467,7 @@ def placed(made: Prepared, asked: AnalysisRequest, values: Mapping[str, float] |
     return OperatingPoint(made, leg.constraints, state, mode, begins, asked.by, values).check_limits()
 
 
-def magnitudes(constraints: Constraints, state: Any) -> Any:
+def magnitudes(constraints: Constraints, state: Array) -> Any:
     """Return magnitudes of states and unknowns, (n + m,); 1 where none is known."""
     count = len(constraints.program.states.names)
     sizes = np.abs(state)
@@ -475,7 +475,7 @@ def magnitudes(constraints: Constraints, state: Any) -> Any:
     return np.where(sizes > 0, sizes, 1.0)
 
 
-def _given(leg: Any, given: Mapping[str, float], time: float, mode: Any) -> Any:
+def _given(leg: Any, given: Mapping[str, float], time: float, mode: Array) -> Any:
     """Return the state with given values, on the constraints, with the unknowns that belong to it."""
     from ..simulation.loops.loops import LoopSolver
     from .following import led

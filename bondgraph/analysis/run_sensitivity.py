@@ -113,9 +113,7 @@ def run_sensitivity(
 class Flow:
     """States and their derivatives along the segments of a run."""
 
-    def __init__(
-        self, made: Any, asked: AnalysisRequest, instants: Array, values: Mapping[str, float], rtol: float
-    ) -> None:
+    def __init__(self, made: Any, asked: AnalysisRequest, instants: Array, values: Mapping[str, float], rtol: float) -> None:  # fmt: skip
         from ..simulation.loops.loops import LoopSolver
         from ..simulation.phase import Phase, PhaseOptions
 
@@ -258,7 +256,7 @@ class Flow:
             )  # fmt: skip
         return list(zip(at, done.y.T, strict=True))
 
-    def _over(self, time: float, y: Array, mode: Any, jumps: Array, moving: Array) -> Array:
+    def _over(self, time: float, y: Array, mode: Array, jumps: Array, moving: Array) -> Array:
         """Return S after an instant that depends on parameters."""
         near = [i for i, t in enumerate(jumps) if abs(t - time) <= SAME_INSTANT * max(abs(time), 1e-300)]
         way = moving[near[0]] if near else np.zeros(self.k)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import letters
+from compiler.api import Array, letters
 
 from ..errors import RunFailed
 from .linear import state_matrix
@@ -125,7 +125,7 @@ def verdict_of(found: Eigenvalues, neutral: int = 0) -> Verdict:
 # ---------------------------------------------------------------- eigenvalues
 
 
-def bounded_eigenvalues(A: Any, sizes: Any = None, lossless: bool = False) -> Eigenvalues:
+def bounded_eigenvalues(A: Any, sizes: Array | None = None, lossless: bool = False) -> Eigenvalues:
     """Return the eigenvalues of a real matrix (n, n), each with a bound.
 
     `sizes` (n, n): sizes of the terms of the entries; None: the entries. `lossless`: of a model without losses, in which entries of the size of rounding
@@ -283,7 +283,7 @@ def _without_neutral(point: OperatingPoint, A: Any, known: int) -> tuple[Any, An
         A, sizes, places, neutral = A.T, sizes.T, places[left], neutral + kept.shape[1]
 
 
-def _quotient(A: Any, sizes: Any, vectors: Any) -> tuple[Any, Any, Any]:
+def _quotient(A: Any, sizes: Array, vectors: Any) -> tuple[Any, Any, Any]:
     """Return the matrix (n - k, n - k) of motions modulo null vectors (n, k), the sizes of its terms, and the remaining indices."""
     from scipy.linalg import qr
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
 from ..equilibrium import units_of
@@ -163,7 +165,7 @@ def _inputs(drives: Sequence[Drive], strengths: Any) -> dict[str, Any]:
     return found
 
 
-def _left(point: OperatingPoint, states: Any, times: Any, inputs: Mapping[str, Any]) -> list[str]:
+def _left(point: OperatingPoint, states: Array, times: Array, inputs: Mapping[str, Any]) -> list[str]:
     """Return notes on violated limits along the path. Raises `RunFailed` where a table ends, or a condition on states changes."""
     program, notes = point.program, []
     told: set[int] = set()
@@ -192,7 +194,7 @@ def _left(point: OperatingPoint, states: Any, times: Any, inputs: Mapping[str, A
     return notes
 
 
-def _start(point: OperatingPoint, states: Any) -> dict[str, float]:
+def _start(point: OperatingPoint, states: Array) -> dict[str, float]:
     """Return the states in which the path begins, if they differ from those of the model."""
     program, n = point.program, point.count
     own = np.asarray(program.start(point.constants), dtype=float)[:n]

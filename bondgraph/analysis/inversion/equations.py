@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Expression, Leaf, Number, Symbol, TaylorSeries, call, select, substitute, symbols
+from compiler.api import Array, Expression, Leaf, Number, Symbol, TaylorSeries, call, select, substitute, symbols
 
 from ...errors import UsageError
 from ..operating_point import OperatingPoint
@@ -71,12 +71,12 @@ class InversionEquations:
         """Number of coordinates of the internal dynamics."""
         return self.columns - self.rows
 
-    def __call__(self, times: Any, unknowns: Any, wanted: Any) -> Evaluated:
+    def __call__(self, times: Array, unknowns: Array, wanted: Any) -> Evaluated:
         """Evaluate at instants (N,), `unknowns` (columns, N), `wanted` (outputs, highest degree + 1, N)."""
         with np.errstate(all="ignore"):
             return self._evaluated(times, unknowns, wanted)
 
-    def _evaluated(self, times: Any, unknowns: Any, wanted: Any) -> Evaluated:
+    def _evaluated(self, times: Array, unknowns: Array, wanted: Any) -> Evaluated:
         n, size, width, count = self.count, self.all, self.columns, len(times)
         expansion = self.series.expand(self._leaves(times, unknowns))
         outputs = range(size, size + len(self.outputs))
@@ -100,7 +100,7 @@ class InversionEquations:
             stacked[:, 0].T, np.moveaxis(stacked[:, 1:], -1, 0), flowing[:, 0].T, np.moveaxis(flowing[:, 1:], -1, 0)
         )
 
-    def _advance(self, expansion: Any, k: int, slopes: Any, width: int, count: int) -> None:
+    def _advance(self, expansion: Any, k: int, slopes: Array | None, width: int, count: int) -> None:
         """Advance the series to order k. The unknowns' coefficients follow from the residuals without them: values first, then derivatives."""
         n, size = self.count, self.all
         given: dict[Leaf, Any] = {Leaf("time", 0): np.ones((1, 1)) if k == 1 else None}
@@ -118,7 +118,7 @@ class InversionEquations:
             expansion.back()
             expansion.advance(given | {Leaf("state", n + j): found[j] for j in range(size - n)})
 
-    def _leaves(self, times: Any, unknowns: Any) -> dict[Leaf, Any]:
+    def _leaves(self, times: Array, unknowns: Array) -> dict[Leaf, Any]:
         point, width, count = self.point, self.columns, len(times)
         given: dict[Leaf, Any] = {Leaf("time", 0): np.asarray(times, dtype=float)[None]}
         for role, values in (

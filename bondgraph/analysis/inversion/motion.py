@@ -15,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...errors import RunFailed
 from .equations import Evaluated, InversionEquations, together
 
@@ -59,7 +61,7 @@ class Ends:
     last: Any | None
 
 
-def motion(equations: InversionEquations, times: Any, wanted: PrescribedOutputs, ends: Ends) -> Motion:
+def motion(equations: InversionEquations, times: Array, wanted: PrescribedOutputs, ends: Ends) -> Motion:
     """Return the states and strengths at `times` with which the outputs follow `wanted`. Raises `RunFailed`."""
     solver = _Solver(equations, np.asarray(times, dtype=float), wanted, ends)
     found = solver.solve()
@@ -68,7 +70,7 @@ def motion(equations: InversionEquations, times: Any, wanted: PrescribedOutputs,
 
 
 class _Solver:
-    def __init__(self, equations: InversionEquations, times: Any, wanted: PrescribedOutputs, ends: Ends) -> None:
+    def __init__(self, equations: InversionEquations, times: Array, wanted: PrescribedOutputs, ends: Ends) -> None:
         self.equations, self.ends = equations, ends
         self.steps = None if equations.free == 0 else np.diff(times)
         if self.steps is not None:
@@ -105,7 +107,7 @@ class _Solver:
         if len(decaying) + len(growing) != self.equations.free:
             raise RunFailed("BR317", "what the outputs leave to move by itself grows at one end of the path and decays at the other")  # fmt: skip
 
-    def _internal(self, at: int, unknowns: Any) -> tuple[Any, Any, Any]:
+    def _internal(self, at: int, unknowns: Array) -> tuple[Any, Any, Any]:
         """Return eigenvalues, and the conditions on the states (k, n) that keep decaying, and growing, motions at rest."""
         from scipy.linalg import schur
 
@@ -168,7 +170,7 @@ class _Solver:
             f"at {100 * reached:.3g} % of the way from rest",
         )  # fmt: skip
 
-    def _newton(self, unknowns: Any, wanted: Any) -> tuple[Any | None, int]:
+    def _newton(self, unknowns: Array, wanted: Any) -> tuple[Any | None, int]:
         before = math.inf
         for number in range(ITERATIONS):
             found = self.equations(self.times, unknowns, wanted)
@@ -189,7 +191,7 @@ class _Solver:
             before = norm
         return None, int(np.argmax(size.max(axis=0)))
 
-    def _magnitudes(self, size: Any) -> Any:
+    def _magnitudes(self, size: Array) -> Any:
         """Return magnitudes of the unknowns, (columns,): those of one unit share the largest."""
         largest = size.max(axis=1)
         units = self.equations.units
@@ -217,7 +219,7 @@ class _Solver:
             names = together(self.equations.outputs, self.equations.degrees)
             raise RunFailed("BR325", f"the inputs cannot move {names}")
 
-    def _together(self, found: Evaluated, unknowns: Any, scale: Any) -> Any:
+    def _together(self, found: Evaluated, unknowns: Array, scale: Any) -> Any:
         """Return the Newton step of one sparse system: the equations of all instants, the steps of the internal dynamics, and their end conditions."""
         from scipy.sparse import csc_matrix
         from scipy.sparse.linalg import splu
@@ -244,7 +246,7 @@ class _Solver:
             return None
         return step.reshape(len(self.times), -1).T
 
-    def _step_rows(self, builder: _Blocks, found: Evaluated, unknowns: Any, scale: Any) -> None:
+    def _step_rows(self, builder: _Blocks, found: Evaluated, unknowns: Array, scale: Any) -> None:
         """Add x_j - x_0 - h sum of a_jl f_l, in the directions of the internal dynamics."""
         assert self.steps is not None
         n, width, stages = self.equations.count, self.equations.columns, len(NODES)
@@ -297,7 +299,7 @@ class _Blocks:
         return down, across, values, np.concatenate(self.right)
 
 
-def _free_space(jacobian: Any, free: int) -> Any:
+def _free_space(jacobian: Array, free: int) -> Any:
     """Return an orthonormal basis (columns, free) of the null space of the equations, in the scaled unknowns."""
     rows = np.abs(jacobian).max(axis=1, keepdims=True)
     _, _, right = np.linalg.svd(jacobian / np.where(rows > 0, rows, 1.0), full_matrices=True)

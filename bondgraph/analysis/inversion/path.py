@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Leaf, TaylorSeries
+from compiler.api import Array, Leaf, TaylorSeries
 
 from ...compiled_model import CompiledModel
 from ...errors import UsageError
@@ -48,13 +48,8 @@ class Path:
     """Functions `derivatives(times, order)` of all outputs over [start, stop], and their jumps. `samples`: those given by points instead of a text."""
 
     def __init__(
-        self,
-        names: Sequence[str],
-        model: CompiledModel,
-        start: float,
-        stop: float,
-        samples: Mapping[str, Any] | None = None,
-    ) -> None:
+        self, names: Sequence[str], model: CompiledModel, start: float, stop: float, samples: Mapping[str, Any] | None = None
+    ) -> None:  # fmt: skip
         from ...simulation.segments.timeline import segments
 
         made = model.prepared(model.scene(None), True, "numpy")
@@ -79,7 +74,7 @@ class Path:
     def _at(self, time: float) -> dict[str, float]:
         return dict(zip(self.names, self.derivatives(np.array([time]), 0)[:, 0, 0].tolist(), strict=True))
 
-    def derivatives(self, times: Any, order: int) -> Any:
+    def derivatives(self, times: Array, order: int) -> Any:
         """Return derivatives (outputs, order + 1, instants), in SI. Raises `UsageError` where there is none."""
         times = np.asarray(times, dtype=float)
         found = np.zeros((len(self.names), order + 1, len(times)))
@@ -94,7 +89,7 @@ class Path:
             raise UsageError("BR318", f"what is wanted of `{self.names[output]}` has no {what} at t = {times[at]:.6g} s")  # fmt: skip
         return found
 
-    def _derivatives(self, times: Any, order: int, mode: Any) -> Any:
+    def _derivatives(self, times: Array, order: int, mode: Array) -> Any:
         given = {Leaf("time", 0): times[None]}
         given |= {Leaf("parameter", i): np.array([[v]]) for i, v in enumerate(self._parameters)}
         given |= {Leaf("mode", i): np.array([[v]]) for i, v in enumerate(np.atleast_1d(mode))}

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...errors import RunFailed, UsageError
 from ...rendering import text_of
 from ..equilibrium import stability, units_of
@@ -162,7 +164,7 @@ class Search:
             before = norm
         return None
 
-    def _checked(self, settings: Any, state: Any, strengths: Any, wanted: Any) -> tuple[OperatingPoint, Any] | None:
+    def _checked(self, settings: Any, state: Array, strengths: Any, wanted: Any) -> tuple[OperatingPoint, Any] | None:
         """Return the point and strengths if outputs and rates have their values: a zero step may also mean that no input has an effect."""
         point = self.point.elsewhere(settings, state)
         by_states, by_strengths = self._slopes(point, strengths)
