@@ -250,7 +250,7 @@ def _never_negative(x: Expression) -> bool:
 
 
 def call(operator: str, *operands: Expression) -> Expression:
-    """Any operator; folded if all operands are numbers and the value is finite."""
+    """Any operator; folded if it has one value, all operands are numbers and the value is finite."""
     if operator == "add":
         return add(*operands)
     if operator == "multiply":
@@ -258,7 +258,7 @@ def call(operator: str, *operands: Expression) -> Expression:
     if operator == "select":
         return select(*operands)
     numbers = [x.value for x in operands if isinstance(x, Number)]
-    if operator not in CONDITIONS and len(numbers) == len(operands):
+    if operator in OPERATORS and operator not in CONDITIONS and len(numbers) == len(operands):
         try:
             value = value_of(operator, numbers)
         except (ArithmeticError, ValueError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -201,3 +202,28 @@ def test_two_junctions_that_hold_one_motion(arrows: str) -> None:
     x = (1 - np.cos(np.sqrt(4.5) * after)) / 9
     np.testing.assert_allclose(found["v"], np.sqrt(4.5) * np.sin(np.sqrt(4.5) * after) / 9, atol=1e-7)
     np.testing.assert_allclose(found["x"], x, atol=1e-7)
+
+
+@pytest.mark.parametrize("rungs", [1, 2, 3, 5])
+@pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
+def test_a_mesh_that_rests_while_its_valve_blocks(rungs: int, target: str) -> None:
+    """A ladder of resistors behind a diode: as long as that blocks, all in the system of its loop are numbers. That ended with a defect."""
+    last = 2 + rungs
+    sizes = values(rungs, *[(1, 100)] * (3 * rungs))
+    rails = [(2 + k, 3 + k, r) for k, r in enumerate(sizes[:rungs])]
+    steps = [(3 + k // 2, 0, r) for k, r in enumerate(sizes[rungs:])]
+    circuit = Circuit(
+        resistors=[*rails, *steps, (2, 0, 7.0), (1, last + 1, 2.0)], capacitors=[(last + 1, 0, 1e-4, 1.0)],
+        sources=[(1, 0, 1.0, 5.0, 300.0, 0.4)], diodes=[(1, 2)],
+    )  # fmt: skip
+    columns = [f"u{k} = n{k}.e" for k in range(1, last + 1)]
+    found = bondgraph.load(text(circuit, None, columns, 0.05)).simulate(to=0.05, points=41, target=target)
+    beyond, shares = math.inf, [1.0]  # resistance to earth from the end of a rail on; what of a potential passes it
+    for k in reversed(range(rungs)):
+        load = 1 / (1 / beyond + 1 / steps[2 * k][2] + 1 / steps[2 * k + 1][2])
+        beyond = load + rails[k][2]
+        shares.insert(1, load / beyond)
+    source = 1 + 5 * np.sin(300 * found.time + 0.4)
+    assert (source < -1).any()
+    for k, share in enumerate(np.cumprod(shares)):
+        np.testing.assert_allclose(found[f"u{k + 2}"], share * np.maximum(source, 0), atol=1e-9)
