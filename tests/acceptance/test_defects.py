@@ -11,6 +11,7 @@ import math
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,11 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from bondgraph.commands import commands
+from bondgraph.presentation.page.serve import Server, Session
 from tests.compiling import MODELS, ROOT
+from tests.metamorphic.changing import parsed, permuted
+from tests.metamorphic.printing import text_of
+from tests.page.test_serve_refusals import exchange, request
 
 DEFECTS = Path(__file__).parent / "defects"
 Arrays = dict[str, Any]
@@ -342,6 +347,32 @@ def test_inverses_at_rest(name: str, target: str, source: str, truth: float) -> 
     assert abs(json.loads(done.stdout)["inputs"][source]["value"]) == pytest.approx(truth, rel=3e-4)
 
 
+BOUNDED = """model Bounded {
+  input push = 0 N
+  MSe s : F = push
+  I m : p = 1 kg*v
+  C spring : F = 4 [N/m]*x
+  R loss : F = 1 [N*s/m]*v
+  s -> 1(m, spring, loss)
+  require spring.x < 1 m "the spring breaks"
+  output x = spring.x
+}
+"""
+
+
+@pytest.mark.parametrize("reach", ["0.99", "1.01", "2"])
+def test_what_a_model_requires_along_an_inverse(reach: str, tmp_path: Path) -> None:
+    """At rest it is refused, along a path told with the first instant, and only where the model is left."""
+    path = tmp_path / "bounded.bg"
+    path.write_text(BOUNDED, encoding="utf-8")
+    rest = command("invert", str(path), "--want", f"x={reach} m", "--by", "push")
+    along = f"x={reach} m*smoothstep9(time, 0 s, 5 s)"
+    moved = command("invert", str(path), "--want", along, "--by", "push", "--to", "6 s", "--points", "61")
+    words = "does not hold (the spring breaks)"
+    assert moved.exit_code == 0 and (words in moved.output) == (float(reach) > 1)
+    assert is_refused(rest) == (float(reach) > 1) and ("the spring breaks" in rest.output) == (float(reach) > 1)
+
+
 def test_a_branch_stops_where_the_model_ends() -> None:
     """No branch crosses that of a plate over an electrode, which is unstable from the fold on; a gap of 5 % is not valid any more."""
     done = command("continue", file_of("unstable_called_stable"), "--along", "volt=0 V .. 10 V", "--json")
@@ -470,6 +501,62 @@ def test_a_very_tight_tolerance(name: str) -> None:
     assert json.loads(done.stdout)["steps"] < 100_000
 
 
+def test_a_manipulator_at_a_very_tight_tolerance() -> None:
+    """From 1e-9 to 1e-11 the steps of a method of order 5 grow 10^(2/5) times; they grew 200 times."""
+    path = str(MODELS / "manipulator.bg")
+    loose, tight = (
+        json.loads(command("run", path, "--rtol", rtol, "--to", "50 ms", "--points", "3", "--json").stdout)
+        for rtol in ("1e-9", "1e-11")
+    )
+    assert tight["steps"] < 4 * loose["steps"]
+
+
+def test_a_four_bar_at_a_loose_tolerance(tmp_path: Path) -> None:
+    """Angle and swing against each other by the geometry of the bars, and both against a run at 1e-10."""
+    path = str(MODELS / "four_bar.bg")
+    found, truth = (values(path, tmp_path, "--rtol", rtol, "--points", "31") for rtol in ("1e-6", "1e-10"))
+    np.testing.assert_allclose(truth["swing"], [swing(phi) for phi in truth["angle"]], atol=1e-8)
+    for output in ("angle", "swing", "omega"):
+        assert np.abs(found[output] - truth[output]).max() <= 30e-6 * np.abs(truth[output]).max(), output
+
+
+PENDULUM = """model Pendulum {{
+  constant span = {unit!r} s
+  I bob : p = (1 kg)*v {{ start v = (1 m)/span }}
+  C weight : F = (1 kg)*(1 m)/span^2*sin(x/(1 m))
+  R air : F = (0.1 kg)/span*v
+  1(bob, weight) -> air
+  output x = weight.x
+  experiment go {{ simulate 0 .. 50*span }}
+}}
+"""
+
+
+@pytest.mark.parametrize("unit", [1e4, 1e8, 1e-4, 3e-9])
+def test_a_scale_of_time_changes_no_steps(unit: float, tmp_path: Path) -> None:
+    """They grew by 2 % in each decade. The units are no powers of two: a step more or less is rounding."""
+    told = []
+    for number, size in enumerate((1.0, unit)):
+        path = tmp_path / f"{number}.bg"
+        path.write_text(PENDULUM.format(unit=size), encoding="utf-8")
+        told.append(json.loads(command("run", str(path), "--json").stdout))
+    assert told[0]["steps"] > 50 and abs(told[1]["steps"] - told[0]["steps"]) <= 1
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_mechanism_with_its_declarations_permuted(seed: int, tmp_path: Path) -> None:
+    """It had 8 states for 11 and results 2e-7 apart."""
+    text = (MODELS / "spatial_slider_crank.bg").read_text(encoding="utf-8")
+    other = tmp_path / "other.bg"
+    other.write_text(text_of(permuted(parsed(text), seed)), encoding="utf-8")
+    first, second = (
+        values(path, tmp_path, "--rtol", "1e-8", "--to", "0.3", "--points", "16")
+        for path in (str(MODELS / "spatial_slider_crank.bg"), str(other))
+    )
+    for output in ("angle", "omega", "x", "side"):
+        np.testing.assert_allclose(second[output], first[output], rtol=0, atol=1e-8 * np.abs(first[output]).max())
+
+
 # ---------------------------------------------------------------- accepted and wrong, slow, small
 @pytest.mark.parametrize("name", ["check", "run"])
 def test_an_integral_in_a_parameter(name: str) -> None:
@@ -501,6 +588,31 @@ def test_an_integral_across_an_impulse(tmp_path: Path) -> None:
 def test_a_chain_of_preferred_derivative_forms() -> None:
     done = in_time("check", file_of("slow_check_prefer_derivative"), "--json")
     assert done.returncode == 0, done.stderr
+
+
+ODD = [
+    ("POST /run HTTP/1.1", "Content-Length: ²"),
+    ("GET /changes?since=%C2%B2 HTTP/1.1",),
+    (f"GET /changes?since={'9' * 400} HTTP/1.1",),
+]
+
+
+@pytest.mark.parametrize("lines", ODD, ids=["length", "since", "digits"])
+def test_odd_requests_to_the_live_server(lines: tuple[str, ...], tmp_path: Path) -> None:
+    """Refused as the client's mistake (400); there were tracebacks. All are in `tests/page/test_serve_refusals.py`."""
+    path = tmp_path / "bounded.bg"
+    path.write_text(BOUNDED, encoding="utf-8")
+    server = Server(Session(path))
+    thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
+    server.start()
+    thread.start()
+    try:
+        status, _ = exchange(server, request(server, *lines))
+        assert status == 400
+        assert exchange(server, request(server, "GET /changes?since=0 HTTP/1.1"))[0] == 200
+    finally:
+        server.end()
+        thread.join()
 
 
 def test_a_closed_standard_output() -> None:
