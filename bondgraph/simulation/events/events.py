@@ -486,6 +486,14 @@ class Events:
             if happening.time - first.time <= SHORT * max(abs(happening.time), 1e-300):
                 raise self._piled(happening.time, self.log[-MOST_AT_ONCE:])
 
+    def unsettled(self, time: float) -> BoolArray:
+        """Return a mask of the conditions that changed twice at an instant without any event: rounding of unknowns of loops decides them there."""
+        result = np.zeros(len(self.places), dtype=bool)
+        last = [set(h.conditions) for h in self.log[-2:] if not h.events and time - h.time <= SHORT * abs(time)]
+        if len(last) == 2:
+            result[list(last[0] & last[1])] = True
+        return result
+
     def _piled(self, time: float, last: Sequence[Happening]) -> RunFailed:
         events = dict.fromkeys(i for h in last for i in h.events)
         conditions = dict.fromkeys(i for h in last for i in h.conditions)
