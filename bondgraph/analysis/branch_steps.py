@@ -112,7 +112,7 @@ class BranchFollower:
         names = np.take(point.program.states.names, point.reduced.chosen)
         return np.where([n in self.steady for n in names], 0.0, point.rates[point.reduced.chosen])
 
-    def system(self, point: OperatingPoint, A: Any, b: Any) -> Any:
+    def system(self, point: OperatingPoint, A: Array, b: Array) -> Any:
         """Return the scaled rows of [A b], then the conserved sums; columns are scaled coordinates and the parameter."""
         whole = np.concatenate([A * self.scale[point.reduced.chosen], b[:, None] * self.range], axis=1)
         rows = np.abs(whole).max(axis=1)
@@ -124,7 +124,7 @@ class BranchFollower:
         kept = np.concatenate([kept / np.where(norm > 0, norm, 1.0), np.zeros((len(kept), 1))], axis=1)
         return rows, whole / rows[:, None], kept
 
-    def place(self, point: OperatingPoint, value: float, along: Any) -> BranchPlace:
+    def place(self, point: OperatingPoint, value: float, along: Array) -> BranchPlace:
         """Return the point with the tangent in the direction of `along`."""
         A, b = self.slopes(point)
         _, whole, kept = self.system(point, A, b)
@@ -211,7 +211,7 @@ class BranchFollower:
         return None
 
 
-def _chosen(moved: Any, point: OperatingPoint) -> Any:
+def _chosen(moved: Array, point: OperatingPoint) -> Any:
     return np.concatenate([moved[:-1][point.reduced.chosen], moved[-1:]])
 
 

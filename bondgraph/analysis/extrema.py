@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array, BoolArray, ComplexArray
+
 PER_DECADE = 50  # frequencies in addition to those about poles
 NARROWEST = 1e-7  # relative width of the grid about a pole without damping
 WIDEST = 0.5
@@ -38,7 +40,7 @@ class Extremum:
 
 
 def extrema(
-    evaluate: Evaluate, poles: Any, undamped: Any, low: float, high: float, given: tuple[str, ...], seen: tuple[str, ...]
+    evaluate: Evaluate, poles: ComplexArray, undamped: BoolArray, low: float, high: float, given: tuple[str, ...], seen: tuple[str, ...]
 ) -> tuple[Extremum, ...]:  # fmt: skip
     """Return the extrema of all pairs of input and output, rising. `undamped` (n,): mask of the `poles` (n,), in 1/s, on the imaginary axis."""
     infinite = np.unique(np.abs(poles[undamped].imag) / (2 * np.pi)) if len(poles) else np.zeros(0)
@@ -63,7 +65,7 @@ def extrema(
     return tuple(sorted(found, key=lambda e: (given.index(e.given), seen.index(e.seen), e.frequency)))
 
 
-def _about(poles: Any, infinite: Any, low: float, high: float) -> Any:
+def _about(poles: ComplexArray, infinite: Array, low: float, high: float) -> Any:
     """Return the frequencies (Hz) at which peaks and dips are searched; none of them is an infinite peak."""
     count = max(20, int(PER_DECADE * np.log10(high / low)))
     parts = [np.geomspace(low, high, count)]
@@ -93,7 +95,7 @@ def _is_infinite(evaluate: Evaluate, frequency: float, i: int, j: int) -> bool:
     return bool(close > DOUBLED * far) or not np.isfinite(close)
 
 
-def _turns(size: Any) -> list[tuple[int, int]]:
+def _turns(size: Array) -> list[tuple[int, int]]:
     """Return the places of local maxima (sign 1) and minima (-1) of magnitudes, without those that are flat to rounding."""
     result = []
     for sign in (1, -1):
@@ -106,13 +108,13 @@ def _turns(size: Any) -> list[tuple[int, int]]:
     return [(k, s) for k, s in result if np.isfinite(size[k - 1 : k + 2]).all()]
 
 
-def _refined(evaluate: Evaluate, frequencies: Any, brackets: list[tuple[int, int, int, int]]) -> tuple[Any, Any]:
+def _refined(evaluate: Evaluate, frequencies: Array, brackets: list[tuple[int, int, int, int]]) -> tuple[Any, Any]:
     """Return frequencies of the extrema and the responses there, for all brackets at once."""
     if not brackets:
         return np.zeros(0), np.zeros(0, dtype=complex)
     rows, columns, places, signs = (np.array(part) for part in zip(*brackets, strict=True))
 
-    def at(f: Any) -> tuple[Any, Any]:
+    def at(f: Array) -> tuple[Any, Any]:
         unique, back = np.unique(f, return_inverse=True)
         values = evaluate(unique)[back, rows, columns]
         squares = np.abs(values) ** 2
@@ -134,7 +136,7 @@ def _refined(evaluate: Evaluate, frequencies: Any, brackets: list[tuple[int, int
     return best, at(best)[0]
 
 
-def _vertex(x: Any, q: Any) -> Any:
+def _vertex(x: Array, q: Array) -> Any:
     """Return the vertices of parabolas through three points each."""
     left, right = x[1] - x[0], x[1] - x[2]
     with np.errstate(divide="ignore", invalid="ignore"):  # next to a response of zero
@@ -144,12 +146,12 @@ def _vertex(x: Any, q: Any) -> Any:
     return np.where(np.isfinite(found), found, x[1])
 
 
-def _halved(x: Any) -> Any:
+def _halved(x: Array) -> Any:
     """Return the middles of the longer sides."""
     return np.where(x[2] - x[1] > x[1] - x[0], 0.5 * (x[1] + x[2]), 0.5 * (x[0] + x[1]))
 
 
-def _narrowed(x: Any, q: Any, new: Any, value: Any) -> tuple[Any, Any]:
+def _narrowed(x: Array, q: Array, new: Array, value: Array) -> tuple[Any, Any]:
     """Return the three points about each minimum, updated by a new one."""
     right, better = new > x[1], value < q[1]
     triples = {

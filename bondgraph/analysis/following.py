@@ -32,7 +32,7 @@ class Follower:
         return float(self.slope * state[self.place] + self.offset)
 
 
-def followers(compilation: Compilation, parameters: Any) -> dict[str, Follower]:
+def followers(compilation: Compilation, parameters: Array | tuple[float, ...]) -> dict[str, Follower]:
     """Return the followers by name, with the parameters (p,) of the program."""
     space, lowered = compilation.state_space, compilation.lowered
     if not space.following:
@@ -52,7 +52,9 @@ def followers(compilation: Compilation, parameters: Any) -> dict[str, Follower]:
     }
 
 
-def led(compilation: Compilation, parameters: Any, given: Mapping[str, float]) -> dict[str, float]:
+def led(
+    compilation: Compilation, parameters: Array | tuple[float, ...], given: Mapping[str, float]
+) -> dict[str, float]:
     """Return given values by name, with those of followers converted to the states that they share.
 
     Raises `UsageError` where two of them contradict each other.

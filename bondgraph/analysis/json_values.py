@@ -19,7 +19,7 @@ def with_units(values: Mapping[str, float], units: Mapping[str, str]) -> dict[st
     return {name: {"value": finite(value), "unit": units.get(name, "1")} for name, value in values.items()}
 
 
-def rows_of(matrix: Any) -> list[list[float | None]]:
+def rows_of(matrix: Array | list[Array]) -> list[list[float | None]]:
     """Return a matrix by rows."""
     return [[finite(x) for x in row] for row in matrix]
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Leaf, letters
+from compiler.api import Array, ComplexArray, Leaf, letters
 
 from ..rendering import text_of
 from .json_values import finite, pair
@@ -114,7 +114,7 @@ class Modes(Sequence[Mode]):
     def __len__(self) -> int:
         return len(self.modes)
 
-    def __getitem__(self, place: Any) -> Any:
+    def __getitem__(self, place: int | slice) -> Any:
         return self.modes[place]
 
     def __iter__(self) -> Iterator[Mode]:
@@ -189,25 +189,25 @@ def moving_frequencies(point: OperatingPoint) -> list[float]:
     return [abs(v) / (2 * math.pi) for v in eigenvalues(state_matrix(point)) if v]
 
 
-def eigenvalues(A: Any) -> list[complex]:
+def eigenvalues(A: Array) -> list[complex]:
     """Return the eigenvalues in 1/s, of a conjugate pair the one with the positive imaginary part; slowest first."""
     values = spectrum(A).values
     return [complex(v) for v in values[_slowest_first(values)]]
 
 
-def _slowest_first(values: Any) -> Any:
+def _slowest_first(values: ComplexArray) -> Any:
     """Return the indices of eigenvalues, slowest first; of a conjugate pair only the one with the positive imaginary part."""
     chosen = np.flatnonzero(values.imag >= 0)
     return chosen[np.lexsort((values[chosen].real, np.abs(values[chosen])))]
 
 
-def _turned(shapes: Any) -> Any:
+def _turned(shapes: Array | ComplexArray) -> Any:
     """Return the factors that rotate the largest component of each column to the positive real axis."""
     largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])] if len(shapes) else np.ones(0)
     return np.conj(largest) / np.where(largest != 0, np.abs(largest), 1.0)
 
 
-def element_energies(point: OperatingPoint, values: Any, shapes: Any) -> tuple[list[str], Any]:
+def element_energies(point: OperatingPoint, values: ComplexArray, shapes: Array | ComplexArray) -> tuple[list[str], Any]:  # fmt: skip
     """Return names of elements and their energies (elements, modes) in J, for complex amplitudes of the states (n, modes).
 
     For a motion x exp(value t): averaged over a cycle for complex values, at t = 0 for real ones. Rigid motion has none.
@@ -249,14 +249,14 @@ def _is_displacement(point: OperatingPoint, port: Any) -> bool:
     return rate is not None and bool(units[rate].unit == units[port.flow].unit)
 
 
-def _with_unknowns(point: OperatingPoint, shapes: Any) -> Any:
+def _with_unknowns(point: OperatingPoint, shapes: Array | ComplexArray) -> Any:
     """Return amplitudes of states and unknowns."""
     if point.all == point.count:
         return shapes
     return np.concatenate([shapes, point.reduced.unknowns[:, : point.count] @ shapes])
 
 
-def _mechanism_energy(point: OperatingPoint, variable: int, full: Any) -> Any:
+def _mechanism_energy(point: OperatingPoint, variable: int, full: Array | ComplexArray) -> Any:
     """Return half the second variation of a stored energy, for each column of amplitudes."""
     slopes = point.lowered.slopes.get(variable, {})
     tape, rows = point.tape(f"energy of {variable}", lambda: list(slopes.values())), list(slopes)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, IntArray, Leaf, NoSlope, Tape
+from compiler.api import Array, ComplexArray, IntArray, Leaf, NoSlope, Tape
 
 from ..errors import RunFailed, UsageError
 from ..prepared import Prepared
@@ -336,25 +336,25 @@ class Reduced:
         """True if some coordinates follow others."""
         return len(self.chosen) < len(self.directions)
 
-    def whole(self, amplitudes: Any) -> Any:
+    def whole(self, amplitudes: Array | ComplexArray) -> Any:
         """Return all states from the free coordinates."""
         return self.directions @ amplitudes if self.tied else amplitudes
 
-    def by_states(self, slopes: Any) -> tuple[Any, Any]:
+    def by_states(self, slopes: Array) -> tuple[Any, Any]:
         """Convert columns for states, unknowns and `by` to columns for all states, taken as independent, and for `by`."""
         n, (m, width) = len(self.directions), self.unknowns.shape
         whole = np.concatenate([slopes[:, :n], slopes[:, n + m :]], axis=1)
         whole = whole + slopes[:, n : n + m] @ self.unknowns if m else whole
         return whole[:, :n], whole[:, n:width]
 
-    def through(self, slopes: Any) -> tuple[Any, Any]:
+    def through(self, slopes: Array) -> tuple[Any, Any]:
         """Convert columns for states, unknowns and `by` to columns for free coordinates, and for `by`."""
         states, moved = self.by_states(slopes)
         if not self.tied:
             return states, moved
         return states @ self.directions, states @ self.following + moved
 
-    def held(self, moved: Any) -> Any:
+    def held(self, moved: Array) -> Any:
         """Return derivatives of the states (n, k) by `by`, with tied coordinates determined by the free ones."""
         return self.directions @ moved[self.chosen] + self.following if self.tied else moved
 
@@ -381,7 +381,7 @@ def reduction(point: OperatingPoint) -> Reduced:
     return Reduced(chosen, directions, following, follow)
 
 
-def _tied(slopes: Any, moved: Any) -> tuple[Any, Any, Any]:
+def _tied(slopes: Array, moved: Array) -> tuple[Any, Any, Any]:
     """Return coordinates that stay free where slopes @ x + moved @ p = 0, and the derivatives of all by them and by p."""
     from scipy.linalg import qr
 

@@ -115,7 +115,7 @@ class Outcome(Sequence[Point]):
     def __len__(self) -> int:
         return len(self.points)
 
-    def __getitem__(self, place: Any) -> Any:
+    def __getitem__(self, place: int | slice) -> Any:
         return self.points[place]
 
     def __iter__(self) -> Iterator[Point]:

@@ -113,7 +113,7 @@ class _Form:
         signs = np.array([p.sign for p in net.resistors], dtype=int).reshape(-1, 1)
         self.efforts, self.flows = self.efforts[:, :n] * signs, self.flows[:, :n]
 
-    def losses(self, chosen: Any = slice(None)) -> Any:
+    def losses(self, chosen: list[int] | slice = slice(None)) -> Any:
         """Return twice the power into the chosen ports of resistors, as a symmetric form in the co-energy variables of the states."""
         product = self.efforts[chosen].T @ self.flows[chosen]
         return product + product.T

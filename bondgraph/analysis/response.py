@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, ComplexArray
+from compiler.api import Array, BoolArray, ComplexArray
 
 from ..errors import UsageError
 from ..rendering import draw, text_of
@@ -132,7 +132,7 @@ def response(linear: Linearization, low: float | None, high: float | None, point
     )  # fmt: skip
 
 
-def with_extrema(made: Response, evaluate: Evaluate, poles: Any, undamped: Any) -> Response:
+def with_extrema(made: Response, evaluate: Evaluate, poles: ComplexArray, undamped: BoolArray) -> Response:
     """Return the response with values, peaks and dips; its frequencies include the finite extrema and no infinite one."""
     frequencies = made.frequencies
     found = extrema(evaluate, poles, undamped, float(frequencies[0]), float(frequencies[-1]), made.inputs, made.outputs)
@@ -165,7 +165,7 @@ def transfer(linear: Linearization, places: Any) -> Any:
     return result
 
 
-def _at(matrix: Any, B: Any, C: Any, D: Any) -> Any:
+def _at(matrix: ComplexArray, B: Array, C: Array, D: Array) -> Any:
     try:
         return D + C @ np.linalg.solve(matrix, B)
     except np.linalg.LinAlgError:
@@ -219,13 +219,11 @@ def settling_time(linear: Linearization, given: str, seen: str, frequency: float
     with np.errstate(divide="ignore", invalid="ignore"):
         times = np.where(parts > left * steady, np.log(parts / (left * steady)) / -values.real, 0.0)
     if not np.isfinite(times).all() or (times < 0).any():
-        raise UsageError(
-            "BR237", f"`{seen}` never settles under a harmonic `{given}`: a mode that takes part in it is not damped"
-        )
+        raise UsageError("BR237", f"`{seen}` never settles under a harmonic `{given}`: a mode that takes part in it is not damped")  # fmt: skip
     return float(times.max(initial=0.0))
 
 
-def first_harmonic(time: Any, values: Any, frequency: float) -> tuple[complex, float]:
+def first_harmonic(time: Array, values: Array, frequency: float) -> tuple[complex, float]:
     """Return the complex amplitude a of Im(a exp(i w t)) and the share of the other motion; least squares over whole periods."""
     angle = 2 * np.pi * frequency * time
     basis = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=1)

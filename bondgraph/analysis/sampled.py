@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Leaf
+from compiler.api import Array, Leaf
 
 from ..errors import RunFailed, UsageError
 from .linear import Linearization
-from .operating_point import OperatingPoint, reduction
+from .operating_point import OperatingPoint, Reduced, reduction
 from .response import POINTS, Response, frequencies_between, transfer, with_extrema
 from .verdict import EPS, Verdict
 
@@ -110,7 +110,7 @@ def _units(point: OperatingPoint) -> Mapping[str, str]:
     return units | {n: space.variables[v].unit for n, v in quantities.items() if v is not None}
 
 
-def _directions(point: OperatingPoint, reduced: Any, modes: list[int]) -> tuple[dict[Leaf, Any], int]:
+def _directions(point: OperatingPoint, reduced: Reduced, modes: list[int]) -> tuple[dict[Leaf, Any], int]:
     """Return the derivatives of the program's symbols by free coordinates, held values and inputs, with unknowns following; and their number."""
     n, r, k, p = point.count, len(reduced.chosen), len(modes), len(point.by)
     width = r + k + p
@@ -161,9 +161,7 @@ def sampled_verdict(point: OperatingPoint) -> Verdict:
     return Verdict(growth, float(bounds[worst] / loop.period), stable, unsure, neutral=int((~keep).sum()))
 
 
-def sampled_response(
-    point: OperatingPoint, low: float | None, high: float | None, points: int = POINTS
-) -> Response:  # fmt: skip
+def sampled_response(point: OperatingPoint, low: float | None, high: float | None, points: int = POINTS) -> Response:  # fmt: skip
     """Return the response of the continuous outputs at the frequency of the inputs, `low` to `high` in Hz, at most the Nyquist frequency."""
     loop = sampled_loop(point)
     linear, nyquist = loop.continuous, 0.5 / loop.period
@@ -181,9 +179,7 @@ def sampled_response(
         min(float(np.abs(poles).min(initial=np.inf)) / 20 / np.pi, nyquist / 100) if low is None and len(poles) else low
     )
     frequencies = frequencies_between(poles, low, nyquist if high is None else high, points)
-    notes = (
-        f"sampled every {loop.period:g} s: the part of the outputs at the frequency of the input, up to {nyquist:g} Hz",
-    )
+    notes = (f"sampled every {loop.period:g} s: the part of the outputs at the frequency of the input, up to {nyquist:g} Hz",)  # fmt: skip
     made = Response(
         linear.model, linear.experiment, point.by, linear.outputs, linear.units, frequencies, np.zeros((0, 0, 0), dtype=complex), notes=notes
     )  # fmt: skip
@@ -191,7 +187,7 @@ def sampled_response(
     return with_extrema(made, lambda f: _at(loop, f), poles, undamped & (poles.imag != 0))
 
 
-def _at(loop: SampledLoop, frequencies: Any) -> Any:
+def _at(loop: SampledLoop, frequencies: Array) -> Any:
     """Return the response at frequencies (f,) in Hz, (f, m, p)."""
     r, k = loop.sizes
     P, Q = loop.step

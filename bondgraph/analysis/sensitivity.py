@@ -151,7 +151,7 @@ def rest_moves(point: OperatingPoint, linear: Linearization, by: Sequence[int]) 
     return _followed(point, _moved(linear), by)
 
 
-def _followed(point: OperatingPoint, moved: Any, by: Sequence[int]) -> Any:
+def _followed(point: OperatingPoint, moved: Array, by: Sequence[int]) -> Any:
     """Return derivatives of all states and unknowns by some of `by`, from those of the free coordinates."""
     n, reduced, places = point.count, point.reduced, list(by)
     states = reduced.directions @ moved + reduced.following[:, places]
@@ -173,7 +173,7 @@ def _moved(linear: Linearization) -> Any:
     return found
 
 
-def balanced_step(A: Any, B: Any) -> tuple[Any, Any]:
+def balanced_step(A: Array, B: Array) -> tuple[Any, Any]:
     """Return the x (r, k) with A x + B = 0, and the residual relative to B (k,).
 
     Where A is singular, conserved quantities (w with w A = 0: the difference of two displacements on one flow) stay unchanged, and so do coordinates
@@ -199,7 +199,7 @@ def balanced_step(A: Any, B: Any) -> tuple[Any, Any]:
     return found / columns[:, None], left / np.where(size > 0, size, 1.0)
 
 
-def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: Any) -> list[tuple[complex, Any]]:
+def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: Array) -> list[tuple[complex, Any]]:
     """Return eigenvalues that are not zero, slowest first, each with its derivatives (k,) by the point's `by`. Raises `RunFailed`."""
     n, size, k = point.count, point.all, len(point.by)
     space = point.compilation.state_space
@@ -228,7 +228,7 @@ def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: An
     return result
 
 
-def _jacobian_changes(point: OperatingPoint, moved: Any) -> dict[tuple[int, int], Any]:
+def _jacobian_changes(point: OperatingPoint, moved: Array) -> dict[tuple[int, int], Any]:
     """Return the derivatives of the Jacobian's entries by `by`, with states and unknowns following: place -> (k,)."""
     lowered = point.lowered
     tape = point.tape("jacobian", lambda: list(lowered.jacobian.values()))
@@ -236,7 +236,7 @@ def _jacobian_changes(point: OperatingPoint, moved: Any) -> dict[tuple[int, int]
     return {place: s for place, s in zip(lowered.jacobian, slopes, strict=True) if s is not None}
 
 
-def directions_of(point: OperatingPoint, moved: Any, names: Sequence[str]) -> dict[Leaf, Any]:
+def directions_of(point: OperatingPoint, moved: Array, names: Sequence[str]) -> dict[Leaf, Any]:
     """Return the derivatives of the program's symbols by parameters or inputs of these names (k); states and unknowns as in `moved` (n + m, k)."""
     lowered, k = point.lowered, len(names)
     directions: dict[Leaf, Any] = {Leaf("state", i): row for i, row in enumerate(moved) if row.any()}

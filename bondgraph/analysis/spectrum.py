@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from compiler.api import Array, ComplexArray, IntArray
+
 LARGEST = 500  # most states for which the rank is computed
 SINGULAR = 1e-11  # relative to the largest singular value
 SLOW = 1e-8  # relative to the fastest: zero eigenvalues come out below that
@@ -22,11 +24,11 @@ CONSISTENT = 1e-10  # relative difference of the scales along the two ways round
 class Spectrum:
     """Eigenvalues `values` (n,) and right vectors `shapes` (n, n), column by column; both of a conjugate pair."""
 
-    values: Any
-    shapes: Any
+    values: ComplexArray
+    shapes: Array | ComplexArray
 
 
-def spectrum(A: Any) -> Spectrum:
+def spectrum(A: Array) -> Spectrum:
     """Return the spectrum of a real matrix (n, n)."""
     from scipy.linalg import eig
 
@@ -40,7 +42,7 @@ def spectrum(A: Any) -> Spectrum:
     return Spectrum(_with_zeros(A, values), shapes)
 
 
-def _with_zeros(A: Any, values: Any) -> Any:
+def _with_zeros(A: Array, values: ComplexArray) -> ComplexArray:
     """Return the eigenvalues with as many exact zeros as the rank requires: rounding changes them slightly."""
     if len(A) > LARGEST:
         return values
@@ -56,7 +58,7 @@ def _with_zeros(A: Any, values: Any) -> Any:
     return result
 
 
-def left_shapes(A: Any) -> tuple[Any, Any, Any]:
+def left_shapes(A: Array) -> tuple[Any, Any, Any]:
     """Return eigenvalues, left vectors w and right vectors v with w^H v = 1 for each; infinite where they are orthogonal (a Jordan block)."""
     from scipy.linalg import eig
 
@@ -66,7 +68,7 @@ def left_shapes(A: Any) -> tuple[Any, Any, Any]:
         return values, left / products.conj(), right
 
 
-def _scales(A: Any) -> tuple[Any, Any] | None:
+def _scales(A: Array) -> tuple[Array, IntArray] | None:
     """Return scales d and sides (0 or 1) of the states that make A skew and couple only different sides; None if there are none."""
     if np.diag(A).any() or ((A != 0) != (A.T != 0)).any() or (A * A.T > 0).any():
         return None
@@ -89,7 +91,7 @@ def _scales(A: Any) -> tuple[Any, Any] | None:
     return (scale, side) if np.isfinite(scale).all() else None
 
 
-def _lossless(A: Any, scale: Any, side: Any) -> Spectrum | None:
+def _lossless(A: Array, scale: Array, side: IntArray) -> Spectrum | None:
     """Return the spectrum from the singular values between the two sides: with M v = s u, (u, i v) belongs to i s. None if that fails."""
     first, second = np.flatnonzero(side == 0), np.flatnonzero(side == 1)
     block = np.sign(A) * np.sqrt(np.abs(A * A.T))

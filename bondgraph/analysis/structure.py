@@ -235,7 +235,7 @@ def _put(row: Row, variable: int, known: Row) -> None:
         row[other] = row.get(other, 0) + factor * coefficient
 
 
-def _gain(own: Any) -> float:
+def _gain(own: object) -> float:
     """Return the cost of a division by 1 - own: zero if there is no loop."""
     if isinstance(own, int | float):
         return 0.0 if own == 0.0 else 1.0 + 1.0 / max(abs(1.0 - own), 1e-300)

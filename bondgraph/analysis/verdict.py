@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, letters
+from compiler.api import Array, ComplexArray, letters
 
 from ..errors import RunFailed
 from .linear import state_matrix
@@ -89,7 +89,7 @@ def verdict(point: OperatingPoint) -> Verdict:
     return verdict_of(*decisive(point, state_matrix(point)))
 
 
-def decisive(point: OperatingPoint, A: Any, known: int = 0) -> tuple[Eigenvalues, int]:
+def decisive(point: OperatingPoint, A: Array, known: int = 0) -> tuple[Eigenvalues, int]:
     """Return the eigenvalues of A that decide on stability, and the number of further neutral ones.
 
     `known`: number of eigenvalues shown to be neutral at another point of the same branch.
@@ -117,15 +117,13 @@ def verdict_of(found: Eigenvalues, neutral: int = 0) -> Verdict:
     undecided, undamped = found.undecided, tuple(complex(v) for v in found.values[found.undamped] if v.imag > 0)
     stable = False if found.growing else None if undecided else True
     growth = float(found.values.real[worst])
-    return Verdict(
-        max(growth, 0.0) if neutral else growth, float(found.bounds[worst]), stable, undecided, undamped, neutral
-    )
+    return Verdict(max(growth, 0.0) if neutral else growth, float(found.bounds[worst]), stable, undecided, undamped, neutral)  # fmt: skip
 
 
 # ---------------------------------------------------------------- eigenvalues
 
 
-def bounded_eigenvalues(A: Any, sizes: Array | None = None, lossless: bool = False) -> Eigenvalues:
+def bounded_eigenvalues(A: Array, sizes: Array | None = None, lossless: bool = False) -> Eigenvalues:
     """Return the eigenvalues of a real matrix (n, n), each with a bound.
 
     `sizes` (n, n): sizes of the terms of the entries; None: the entries. `lossless`: of a model without losses, in which entries of the size of rounding
@@ -166,7 +164,7 @@ def bounded_eigenvalues(A: Any, sizes: Array | None = None, lossless: bool = Fal
     return Eigenvalues(np.where(undamped, 1j * values.imag, values), bounds, undamped)
 
 
-def two_sided(A: Any) -> bool:
+def two_sided(A: Array) -> bool:
     """Return True if states fall into two kinds and each rate reads only the other kind: then -lambda is an eigenvalue with lambda."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, connected_components
@@ -184,7 +182,7 @@ def two_sided(A: Any) -> bool:
     return bool((side[rows] != side[columns]).all())
 
 
-def _of_pencil(A: Any, terms: Any, scale: float, count: int) -> tuple[Any, Any]:
+def _of_pencil(A: Array, terms: Array, scale: float, count: int) -> tuple[Any, Any]:
     """Return the smallest eigenvalues and their bounds from the pencil in which no state is faster than a scale (1/s)."""
     from scipy.linalg import eig
 
@@ -196,7 +194,7 @@ def _of_pencil(A: Any, terms: Any, scale: float, count: int) -> tuple[Any, Any]:
     return values[chosen], _bounds(A, terms, values[chosen], w, v)
 
 
-def equilibrated(A: Any, least: float) -> tuple[Any, Any]:
+def equilibrated(A: Array, least: float) -> tuple[Any, Any]:
     """Return factors r (n,) and c (n,) with |a_ij| <= r_i c_j, each product r_i c_i at least `least` (by Ruiz's iteration, upwards only)."""
     size = np.abs(A)
     rows = columns = np.full(len(A), np.sqrt(least))
@@ -209,7 +207,7 @@ def equilibrated(A: Any, least: float) -> tuple[Any, Any]:
     return rows, columns
 
 
-def _bounds(A: Any, terms: Any, values: Any, left: Any, right: Any) -> Any:
+def _bounds(A: Array, terms: Array, values: ComplexArray, left: Array | ComplexArray, right: Array | ComplexArray) -> Any:  # fmt: skip
     """Return first-order bounds (k,) on the errors of eigenvalues with vectors `left` and `right` (n, k)."""
     if len(A) <= EXTENDED:
         long = A.astype(np.longdouble)
@@ -228,7 +226,7 @@ def _bounds(A: Any, terms: Any, values: Any, left: Any, right: Any) -> Any:
 # ---------------------------------------------------------------- neutral directions
 
 
-def null_space(A: Any) -> Any:
+def null_space(A: Array) -> Any:
     """Return right null vectors (n, k) of a matrix up to the rounding of its entries, the largest component of each 1 in its scales."""
     n = len(A)
     if not n:
@@ -247,7 +245,7 @@ def null_space(A: Any) -> Any:
     return vectors[:, null] / columns[:, None]
 
 
-def _reduced_columns(vectors: Any) -> Any:
+def _reduced_columns(vectors: Array) -> Any:
     """Return another basis of the same space, with an identity in k of its rows: it shows the zeros of the space."""
     from scipy.linalg import qr
 
@@ -260,7 +258,7 @@ def _reduced_columns(vectors: Any) -> Any:
     return found
 
 
-def _without_neutral(point: OperatingPoint, A: Any, known: int) -> tuple[Any, Any, int]:
+def _without_neutral(point: OperatingPoint, A: Array, known: int) -> tuple[Any, Any, int]:
     """Return the matrix without directions of continua of equilibria and of conserved sums, the sizes of its terms, and the number removed."""
     sizes, neutral = np.abs(A), 0
     vectors = null_space(A)
@@ -283,7 +281,7 @@ def _without_neutral(point: OperatingPoint, A: Any, known: int) -> tuple[Any, An
         A, sizes, places, neutral = A.T, sizes.T, places[left], neutral + kept.shape[1]
 
 
-def _quotient(A: Any, sizes: Array, vectors: Any) -> tuple[Any, Any, Any]:
+def _quotient(A: Array, sizes: Array, vectors: Array) -> tuple[Any, Any, Any]:
     """Return the matrix (n - k, n - k) of motions modulo null vectors (n, k), the sizes of its terms, and the remaining indices."""
     from scipy.linalg import qr
 
@@ -295,7 +293,7 @@ def _quotient(A: Any, sizes: Array, vectors: Any) -> tuple[Any, Any, Any]:
     return inner, size, left
 
 
-def leads_to_rests(point: OperatingPoint, vector: Any) -> bool:
+def leads_to_rests(point: OperatingPoint, vector: Array) -> bool:
     """Return True if other equilibria lie along a null vector of the free coordinates: a continuum, not a branch point."""
     reduced, n = point.reduced, point.count
     state = np.array(point.state)
@@ -330,7 +328,7 @@ def resting_rates(point: OperatingPoint) -> Any:
     return np.where([n in point.steady for n in names], 0.0, point.rates[point.reduced.chosen])
 
 
-def least_step(A: Any, rates: Any, scale: Any) -> Any:
+def least_step(A: Array, rates: Array, scale: Array) -> Any:
     """Return Newton's step to an equilibrium, the shortest in units of `scale`."""
     rows = np.abs(A * scale).max(axis=1, initial=0.0)
     rows = np.where(rows > 0, rows, 1.0)
@@ -344,7 +342,7 @@ def magnitudes(point: OperatingPoint) -> Any:
     return np.where(found > 0, found, 1.0)
 
 
-def _conserved(point: OperatingPoint, places: Sequence[int], vector: Any) -> bool:
+def _conserved(point: OperatingPoint, places: Sequence[int], vector: Array) -> bool:
     """Return True if a combination of free coordinates has zero rate at all states nearby."""
     if point.reduced.tied:
         return False

@@ -67,7 +67,7 @@ class Computing:
             for i, number in enumerate(published)
         ]
 
-    def _value(self, outcome: Outcome, entry: Mapping[str, Any], what: str, published: float, place: Any) -> Compared:
+    def _value(self, outcome: Outcome, entry: Mapping[str, Any], what: str, published: float, place: object) -> Compared:  # fmt: skip
         name = entry["of"]
         if name not in outcome.names or not isinstance(place, int) or not 0 <= place < len(outcome):
             known: Sequence[str] = outcome.names

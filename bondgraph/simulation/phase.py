@@ -208,7 +208,7 @@ class Phase:
         return full, first
 
     @staticmethod
-    def _check_rest(state: Array, rest: Array, mode: Array, assumed: Any) -> None:
+    def _check_rest(state: Array, rest: Array, mode: Array, assumed: Array) -> None:
         """Raise `RunFailed` where ideal diodes or switches turn on or off at an equilibrium that was computed in another mode."""
         if not np.array_equal(mode, assumed) or not np.allclose(state, rest, rtol=1e-9, atol=0.0):
             raise RunFailed(

@@ -58,7 +58,7 @@ def compare(result: Result, other: Result, rtol: float) -> RunCheck:
     return RunCheck(other.solver, rtol, PARTS, tuple(rows), (len(first), len(second)), shift, allowed)
 
 
-def _clear(times: Array, events: Any, margin: float) -> Any:
+def _clear(times: Array, events: Array, margin: float) -> Any:
     """Return a mask (n,) of the reported instants that are not near an event."""
     clear = np.ones(len(times), dtype=bool)
     if len(events):

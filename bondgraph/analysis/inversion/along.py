@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array
+from compiler.api import Array, ComplexArray
 
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
@@ -18,7 +18,7 @@ from ..operating_point import AnalysisRequest, OperatingPoint, operating_point
 from .drives import Drive, drives_of
 from .equations import InversionEquations
 from .feed_forward import NEAR, FeedForward, within_limits
-from .motion import Ends, motion
+from .motion import Ends, Motion, motion
 from .path import Path, is_plain, path_of
 from .static import Search, rest_with
 
@@ -118,7 +118,7 @@ def _ends(search: Search, path: Path, equations: InversionEquations, along: Alon
 
 
 def _told(
-    search: Search, equations: InversionEquations, path: Path, wanted: Mapping[str, Any], asked: AnalysisRequest, found: Any, along: Along,
+    search: Search, equations: InversionEquations, path: Path, wanted: Mapping[str, Any], asked: AnalysisRequest, found: Motion, along: Along,
     notes: list[str], model: CompiledModel,
 ) -> FeedForward:  # fmt: skip
     point, program = search.point, search.point.program
@@ -153,7 +153,7 @@ def _number(model: CompiledModel, asked: AnalysisRequest, name: str, value: str 
     return known.value
 
 
-def _inputs(drives: Sequence[Drive], strengths: Any) -> dict[str, Any]:
+def _inputs(drives: Sequence[Drive], strengths: Array) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for drive, strength in zip(drives, strengths, strict=True):
         size = np.sqrt(np.abs(strength)) if drive.power == 2 else np.abs(strength)
@@ -206,7 +206,7 @@ def _start(point: OperatingPoint, states: Array) -> dict[str, float]:
     return point.stored(states)
 
 
-def _inside(eigenvalues: Any, search: Search, first: Any, units: Mapping[str, str]) -> list[str]:
+def _inside(eigenvalues: Array | ComplexArray, search: Search, first: Array, units: Mapping[str, str]) -> list[str]:
     """Return notes on the internal dynamics."""
     kept, shown = int((eigenvalues == 0).sum()), [v for v in eigenvalues if v != 0]
     told = []

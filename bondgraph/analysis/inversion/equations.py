@@ -71,12 +71,12 @@ class InversionEquations:
         """Number of coordinates of the internal dynamics."""
         return self.columns - self.rows
 
-    def __call__(self, times: Array, unknowns: Array, wanted: Any) -> Evaluated:
+    def __call__(self, times: Array, unknowns: Array, wanted: Array) -> Evaluated:
         """Evaluate at instants (N,), `unknowns` (columns, N), `wanted` (outputs, highest degree + 1, N)."""
         with np.errstate(all="ignore"):
             return self._evaluated(times, unknowns, wanted)
 
-    def _evaluated(self, times: Array, unknowns: Array, wanted: Any) -> Evaluated:
+    def _evaluated(self, times: Array, unknowns: Array, wanted: Array) -> Evaluated:
         n, size, width, count = self.count, self.all, self.columns, len(times)
         expansion = self.series.expand(self._leaves(times, unknowns))
         outputs = range(size, size + len(self.outputs))
@@ -142,7 +142,7 @@ def together(outputs: Sequence[str], degrees: Sequence[int]) -> str:
     )
 
 
-def filled(coefficient: Any, width: int, count: int) -> Any:
+def filled(coefficient: Array | None, width: int, count: int) -> Any:
     """Return a coefficient with all directions and instants, (1 + width, count)."""
     full = np.zeros((1 + width, count))
     if coefficient is not None:
@@ -150,7 +150,7 @@ def filled(coefficient: Any, width: int, count: int) -> Any:
     return full
 
 
-def _solved(matrix: Any, right: Any) -> Any:
+def _solved(matrix: Array, right: Array) -> Any:
     try:
         return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:

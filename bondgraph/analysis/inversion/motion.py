@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array
+from compiler.api import Array, ComplexArray
 
 from ...errors import RunFailed
 from .equations import Evaluated, InversionEquations, together
@@ -126,7 +126,7 @@ class _Solver:
         quiet = np.abs(eigenvalues) <= least
         return np.where(quiet, 0.0, eigenvalues)[np.argsort(-eigenvalues.real)], parts[0], parts[1]
 
-    def _still(self, eigenvalues: Any) -> float:
+    def _still(self, eigenvalues: Array | ComplexArray) -> float:
         """Return a rate that counts as zero: rounding, or no change over the length of the path."""
         return STILL * max(float(np.abs(eigenvalues).max(initial=0.0)), 1.0 / float(self.times[-1] - self.times[0]))
 
@@ -170,7 +170,7 @@ class _Solver:
             f"at {100 * reached:.3g} % of the way from rest",
         )  # fmt: skip
 
-    def _newton(self, unknowns: Array, wanted: Any) -> tuple[Any | None, int]:
+    def _newton(self, unknowns: Array, wanted: Array) -> tuple[Any | None, int]:
         before = math.inf
         for number in range(ITERATIONS):
             found = self.equations(self.times, unknowns, wanted)
@@ -198,7 +198,7 @@ class _Solver:
         shared = np.array([max(x for x, u in zip(largest, units, strict=True) if u == unit) for unit in units])
         return np.where(shared > 0, shared, 1.0)
 
-    def _alone(self, found: Evaluated, scale: Any) -> Any:
+    def _alone(self, found: Evaluated, scale: Array) -> Any:
         """Return the Newton step of each instant separately."""
         matrix = found.jacobian * scale
         rows = np.abs(matrix).max(axis=2, keepdims=True)
@@ -213,13 +213,13 @@ class _Solver:
             return None
         return -(step / columns[:, 0]).T * scale[:, None]
 
-    def _refuse_singular(self, matrix: Any) -> None:
+    def _refuse_singular(self, matrix: Array) -> None:
         sizes = np.linalg.svd(matrix, compute_uv=False)
         if sizes[-1] < SINGULAR * sizes[0]:
             names = together(self.equations.outputs, self.equations.degrees)
             raise RunFailed("BR325", f"the inputs cannot move {names}")
 
-    def _together(self, found: Evaluated, unknowns: Array, scale: Any) -> Any:
+    def _together(self, found: Evaluated, unknowns: Array, scale: Array) -> Any:
         """Return the Newton step of one sparse system: the equations of all instants, the steps of the internal dynamics, and their end conditions."""
         from scipy.sparse import csc_matrix
         from scipy.sparse.linalg import splu
@@ -246,7 +246,7 @@ class _Solver:
             return None
         return step.reshape(len(self.times), -1).T
 
-    def _step_rows(self, builder: _Blocks, found: Evaluated, unknowns: Array, scale: Any) -> None:
+    def _step_rows(self, builder: _Blocks, found: Evaluated, unknowns: Array, scale: Array) -> None:
         """Add x_j - x_0 - h sum of a_jl f_l, in the directions of the internal dynamics."""
         assert self.steps is not None
         n, width, stages = self.equations.count, self.equations.columns, len(NODES)
@@ -276,7 +276,7 @@ class _Blocks:
         self.parts: list[tuple[Any, Any, Any]] = []
         self.right: list[Any] = []
 
-    def diagonal(self, blocks: Any, right: Any) -> None:
+    def diagonal(self, blocks: Array, right: Array) -> None:
         """Add blocks (instants, rows, width) with right-hand sides (instants, rows)."""
         count, rows, width = blocks.shape
         down = np.repeat(np.arange(count * rows), width)
@@ -285,7 +285,7 @@ class _Blocks:
         self.right.append(right.ravel())
         self.next = count * rows
 
-    def row(self, blocks: list[tuple[int, Any]], right: Any) -> None:
+    def row(self, blocks: list[tuple[int, Any]], right: Array) -> None:
         """Add rows with a block at each of some instants."""
         for at, block in blocks:
             down = self.next + np.repeat(np.arange(len(block)), self.width)

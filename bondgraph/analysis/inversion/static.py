@@ -138,13 +138,13 @@ class Search:
         by_states, by_inputs = point.of_states(variables)
         return dict(zip(point.by, by_inputs.T, strict=True)), by_states
 
-    def settings(self, strengths: Any) -> dict[str, float]:
+    def settings(self, strengths: Array) -> dict[str, float]:
         found: dict[str, float] = {}
         for drive, strength in zip(self.drives, strengths, strict=True):
             found |= drive.settings(float(strength))
         return found
 
-    def newton(self, wanted: Any) -> tuple[OperatingPoint, Any] | None:
+    def newton(self, wanted: Array) -> tuple[OperatingPoint, Any] | None:
         """Return the point and strengths with these outputs; None if Newton's method does not find them from here."""
         strengths, state, before = np.array(self.strengths), np.array(self.point.state), math.inf
         for _ in range(ITERATIONS):
@@ -164,7 +164,9 @@ class Search:
             before = norm
         return None
 
-    def _checked(self, settings: Any, state: Array, strengths: Any, wanted: Any) -> tuple[OperatingPoint, Any] | None:
+    def _checked(
+        self, settings: Mapping[str, float], state: Array, strengths: Array, wanted: Array
+    ) -> tuple[OperatingPoint, Any] | None:
         """Return the point and strengths if outputs and rates have their values: a zero step may also mean that no input has an effect."""
         point = self.point.elsewhere(settings, state)
         by_states, by_strengths = self._slopes(point, strengths)
@@ -177,7 +179,7 @@ class Search:
         allowed = ENOUGH * (np.abs(gains) @ np.abs(strengths) + np.abs(wanted))
         return (point, strengths) if (missed <= allowed).all() else None
 
-    def _slopes(self, point: OperatingPoint, strengths: Any) -> tuple[Any, Any]:
+    def _slopes(self, point: OperatingPoint, strengths: Array) -> tuple[Any, Any]:
         """Return the derivatives of rates and outputs by the free coordinates and by the strengths."""
         columns, by_states = self._columns(point)
         slopes = []
@@ -190,7 +192,7 @@ class Search:
                 slopes.append(drive.slope(float(strength), columns))
         return by_states, np.array(slopes).T
 
-    def _step(self, point: OperatingPoint, strengths: Any, wanted: Any) -> tuple[Any, Any, float] | None:
+    def _step(self, point: OperatingPoint, strengths: Array, wanted: Array) -> tuple[Any, Any, float] | None:
         """Return changes of states and strengths, and their relative size."""
         by_states, by_strengths = self._slopes(point, strengths)
         matrix = np.concatenate([by_states, by_strengths], axis=1)

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...errors import RunFailed
 from ...numerics.continuation import Followed, SolutionPath, follow, newton, split
 from ...quantities import behind
@@ -235,7 +237,7 @@ def _attitudes(problem: PoseProblem) -> list[list[int]]:
     return [rows for rows in groups.values() if len(rows) == 4]
 
 
-def _turned(begin: Array, end: Any, share: float) -> Any:
+def _turned(begin: Array, end: Array, share: float) -> Any:
     """Return the unit quaternion at a share of the rotation from one to another."""
     angle = math.acos(min(1.0, max(-1.0, float(begin @ end))))
     if math.sin(angle) < CLOSE:
@@ -419,12 +421,8 @@ def pose_problem(space: StateSpace, constraints: Constraints, claims: Claims, at
 
 
 def _sizes(
-    constraints: Constraints,
-    at: tuple[float, Any, Any],
-    places: IntArray,
-    given: Sequence[GivenCoordinates],
-    claims: Claims,
-) -> tuple[Any, float]:
+    constraints: Constraints, at: tuple[float, Any, Any], places: IntArray, given: Sequence[GivenCoordinates], claims: Claims
+) -> tuple[Any, float]:  # fmt: skip
     """Return the unit of change of each coordinate (a radian for an angle, the mechanism's length for a length), and that length in m.
 
     The length of the mechanism is its longest lever arm.

@@ -260,7 +260,7 @@ class LoopSolver:
         known = np.broadcast_to(state[: self.count], (*unknowns.shape[:-1], self.count))
         return np.concatenate([known, unknowns], axis=-1)
 
-    def newton(self, time: float, state: Array, mode: Array, guess: Array, places: Any = slice(None)) -> Any:
+    def newton(self, time: float, state: Array, mode: Array, guess: Array, places: IntArray | slice = slice(None)) -> Any:  # fmt: skip
         """Solve for some of the unknowns by Newton's method, damped by halving, until the correction is round-off; None if it fails."""
         z = np.array(guess, dtype=float)
         magnitude = self.magnitude[places]
@@ -332,7 +332,7 @@ def _matching(ours: Array, theirs: Array) -> Any:
     return np.array(places, dtype=int)
 
 
-def _put(z: Array, places: Any, values: Array) -> Any:
+def _put(z: Array, places: IntArray | slice, values: Array) -> Any:
     result = np.array(z, dtype=float)
     result[places] = values
     return result

@@ -220,7 +220,7 @@ def _partners(values: ComplexArray, chosen: BoolArray) -> Any:
     return chosen | (values[:, None] == values[chosen].conj()).any(axis=1)
 
 
-def _dual(matrix: Array, fast: Any, right: Array) -> Any:
+def _dual(matrix: Array, fast: ComplexArray, right: Array) -> Any:
     """Return the left vectors of the fast eigenvalues and right vectors, if the slow part is defective (rigid motion); None if the fast part is."""
     values, left = np.linalg.eig(matrix.T)
     left = left[:, np.argsort(np.abs(values[:, None] - fast).min(axis=1), kind="stable")[: len(fast)]].T

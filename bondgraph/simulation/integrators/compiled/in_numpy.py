@@ -50,7 +50,7 @@ def _back(f: Any, x: Array) -> None:
     x[: f.n] = f.solved.solve(x[: f.n])
 
 
-def _back_complex(f: Any, xr: Any, xi: Any) -> None:
+def _back_complex(f: Any, xr: Array, xi: Array) -> None:
     found = f.solved_complex.solve(xr[: f.n] + 1j * xi[: f.n])
     xr[: f.n], xi[: f.n] = found.real, found.imag
 

@@ -149,7 +149,8 @@ def _is_symmetric(matrix: Any) -> bool:
 
 
 def _fields(
-    row_place: Any, column_place: Any, lower: Columns, upper: Columns, wide: IntArray, rows: IntArray, columns: IntArray, differential: int, count: int
+    row_place: IntArray, column_place: IntArray,
+    lower: Columns, upper: Columns, wide: IntArray, rows: IntArray, columns: IntArray, differential: int, count: int
 ) -> dict[str, Any]:  # fmt: skip
     # One slot for each place of the matrix: an entry of the Jacobian, the shift, or both.
     slots = np.full(count, -1)
@@ -187,7 +188,7 @@ def _without_diagonal(factor: Any, count: int) -> tuple[Any, Any]:
     return np.searchsorted(columns[kept], np.arange(count + 1)), factor.indices[kept]
 
 
-def _wide(starts: IntArray, rows: Any) -> Any:
+def _wide(starts: IntArray, rows: IntArray) -> Any:
     """Return for each column the number of columns from there on with equal pattern, apart from their own rows: they are subtracted together."""
     count = len(starts) - 1
     lengths = np.diff(starts)
