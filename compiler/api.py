@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from .reduction.order import blocks
     from .reduction.state_space import LinearLoop, StateSpace, Unknown
     from .scene import (
-        Analysis, ContinuationRequest, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, RandomParameter,
+        Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, RandomParameter,
         RunMetadata, Scene, Study,
     )  # fmt: skip
     from .semantics.names.domain_table import ELEMENT_KINDS
@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from .solvers import AUTOMATIC, SOLVERS
     from .source import Source, Span, read_text
     from .source_file import read_source
+    from .steps import ANALYSIS_STEPS
     from .syntax import parse_expression, parse_law
     from .syntax.format import format_text
     from .syntax.tree import Experiment, Literal, Negative, PathSyntax

@@ -78,7 +78,7 @@ class Swept:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A step other than a simulation: `equilibrium`, `modes` or `response`, the last from an input to an output over frequencies in Hz."""
+    """An analysis step without names of its own, as `equilibrium`; or a `response` from an input to an output over frequencies in Hz."""
 
     role: str
     given: str = ""

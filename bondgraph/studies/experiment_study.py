@@ -12,7 +12,7 @@ from ..analysis.outcome import Point
 from ..simulation.run import RunOptions, simulate
 from .point_failure import kept
 from .scalar_study import STEPS
-from .steps import differentiated, made_of, varied
+from .steps import RESULTS, differentiated, varied
 from .workers import ALONE, Workers
 
 if TYPE_CHECKING:
@@ -59,24 +59,13 @@ class ExperimentStudy:
         self, model: AnalysedModel, found: Point, studies: Sequence[Analysis], of: tuple[str, ...], settings: Settings
     ) -> Point:
         for study in studies:
-            match study:
-                case Study(role="equilibrium"):
-                    found = replace(found, equilibrium=model.equilibrium(self.experiment, settings, self.outputs))
-                case Study(role="modes"):
-                    found = replace(found, modes=model.modes(self.experiment, settings))
-                case Study():
-                    made = model.response(
-                        study.given, study.seen, study.low, study.high, study.points, self.experiment, settings
-                    )  # fmt: skip
-                    found = replace(found, responses=(*found.responses, made))
-                case Differentiating():
-                    some = differentiated(
-                        model, study, of, studies, self.experiment, settings, self.outputs, self.wanted
-                    )
-                    found = replace(found, analyses=(*found.analyses, *some))
-                case _:
-                    one = made_of(model, study, self.experiment, settings, self.outputs)
-                    found = replace(found, analyses=(*found.analyses, (study.role, one)))
+            if isinstance(study, Differentiating):
+                some = differentiated(model, study, of, studies, self.experiment, settings, self.outputs, self.wanted)
+                found = replace(found, analyses=(*found.analyses, *some))
+            else:
+                found = found.joined(
+                    study.role, RESULTS[study.role](model, study, self.experiment, settings, self.outputs)
+                )
         if self.simulates:
             found = replace(found, run=simulate(model, self.experiment, settings, self.outputs, self.wanted))
         return found

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from compiler.api import ANALYSIS_STEPS
+
 from ..analysis.modes import moving_frequencies
 from ..analysis.operating_point import AnalysisRequest, operating_point
 from ..analysis.outcome import MODES
@@ -19,7 +21,7 @@ from .point_failure import kept, why
 if TYPE_CHECKING:
     from ..compiled_model import CompiledModel
 
-STEPS = ("equilibrium", "modes", "simulate")
+STEPS = (*(word for word, row in ANALYSIS_STEPS.items() if row.scalar), "simulate")
 
 
 @dataclass(frozen=True, slots=True)

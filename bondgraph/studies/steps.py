@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import ContinuationRequest, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Study
+from compiler.api import Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Study
 
 from .distributions import Distribution
 
@@ -16,30 +16,17 @@ if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
     from ..simulation.run import RunOptions
     from ..simulation.settings import Settings
+    from .fitted import Fit
     from .workers import Workers
 
 
-def made_of(
-    model: AnalysedModel, step: Analysis, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None
-) -> Any:
-    """Return the result of a step: `linearize`, `continue`, `invert` or `fit`. Raises as the call."""
-    match step:
-        case Linearizing():
-            return model.linearize(step.inputs or None, step.outputs or outputs, experiment, settings)
-        case ContinuationRequest():
-            return model.continuation(
-                step.name, step.low, step.high, step.points, step.most, experiment, settings, outputs, step.branches
-            )  # fmt: skip
-        case Inverting():
-            return _inverted(model, step, experiment, settings)
-        case Fitting():
-            from .fit import fit
-            from .fit_problem import BoundedParameter
+def _fitted(model: AnalysedModel, step: Fitting, experiment: str | None, settings: Settings) -> Fit:
+    from .fit import fit
+    from .fit_problem import BoundedParameter
 
-            sought = {s.name: BoundedParameter(s.name, s.low, s.high, s.logarithmic) for s in step.sought}
-            folder = model.source.path.parent if model.source.path is not None else Path()
-            return fit(model, [folder / f for f in step.files], sought, experiment, settings, step.explain)
-    raise AssertionError(step.role)
+    sought = {s.name: BoundedParameter(s.name, s.low, s.high, s.logarithmic) for s in step.sought}
+    folder = model.source.path.parent if model.source.path is not None else Path()
+    return fit(model, [folder / f for f in step.files], sought, experiment, settings, step.explain)
 
 
 def _inverted(model: AnalysedModel, step: Inverting, experiment: str | None, settings: Settings) -> Any:
@@ -50,6 +37,18 @@ def _inverted(model: AnalysedModel, step: Inverting, experiment: str | None, set
         wanted, step.inputs, experiment, settings, to=step.stop, start=step.start, points=step.points, moving=step.moving,
         limits=dict(step.limits),
     )  # fmt: skip
+
+
+# The result of a step that needs no other, by its word: model, step, experiment, settings, outputs -> noun. Raises as the call.
+RESULTS: dict[str, Callable[[AnalysedModel, Any, str | None, Settings, tuple[str, ...] | None], Any]] = {
+    "equilibrium": lambda m, s, *given: m.equilibrium(*given),
+    "modes": lambda m, s, e, at, o: m.modes(e, at),
+    "response": lambda m, s, e, at, o: m.response(s.given, s.seen, s.low, s.high, s.points, e, at),
+    "linearize": lambda m, s, e, at, o: m.linearize(s.inputs or None, s.outputs or o, e, at),
+    "continue": lambda m, s, e, at, o: m.continuation(s.name, s.low, s.high, s.points, s.most, e, at, o, s.branches),
+    "invert": lambda m, s, e, at, o: _inverted(m, s, e, at),
+    "fit": lambda m, s, e, at, o: _fitted(m, s, e, at),
+}
 
 
 def differentiated(

@@ -250,9 +250,11 @@ class Builder:
     def start_value(self, parts: list[Any]) -> tree.Set:
         return self._set("start", parts)
 
-    def sweep(self, parts: list[Any]) -> tree.StudySyntax:
-        values = tuple(_done(p) for p in parts[2:] if not isinstance(p, Token))  # commas: lark shares the list's rule
-        return tree.StudySyntax(self._span([parts[0], values[-1]]), "sweep", (parts[0],), parts[1], values, None, ())
+    def sweep(self, parts: list[Any]) -> tree.Sweep:
+        path, unit, *values = (
+            _done(p) for p in parts if not isinstance(p, Token)
+        )  # commas: lark shares the list's rule
+        return tree.Sweep(self._span([path, values[-1]]), path, unit, tuple(values))
 
     def simulate(self, parts: list[Any]) -> tree.Simulate:
         return tree.Simulate(self._span(parts[:1]), parts[0], parts[1] or ())
@@ -261,26 +263,10 @@ class Builder:
         value = _done(parts[0])
         return tree.Bandwidth(self._span([value]), value)
 
-    def _study(self, role: str, parts: list[Any]) -> tree.StudySyntax:
-        attributes = parts[0] or ()
-        span = self._span(attributes) if attributes else Span(self.source, 0, 0)
-        return tree.StudySyntax(span, role, (), None, (), None, attributes)
-
-    def equilibrium(self, parts: list[Any]) -> tree.StudySyntax:
-        return self._study("equilibrium", parts)
-
-    def modes(self, parts: list[Any]) -> tree.StudySyntax:
-        return self._study("modes", parts)
-
-    def response(self, parts: list[Any]) -> tree.StudySyntax:
-        return tree.StudySyntax(
-            self._span(parts[:3]), "response", (parts[0], parts[1]), None, (), parts[2], parts[3] or ()
-        )
-
     def listed(self, parts: list[Any]) -> tuple[tree.GivenSyntax, ...]:
         return tuple(p for p in parts if not isinstance(p, Token))  # commas: lark shares the list's rule
 
-    drives = wishes = listed
+    one = drives = wishes = chances = unknowns = listed
 
     def named(self, parts: list[Any]) -> tree.GivenSyntax:
         return tree.GivenSyntax(parts[0].span, parts[0])
@@ -301,33 +287,16 @@ class Builder:
     def sought(self, parts: list[Any]) -> tree.GivenSyntax:
         return tree.GivenSyntax(self._span(parts), parts[0], range=parts[1])
 
-    def _analysis(
-        self, role: str, given: Any, wanted: Any = (), span: Any = None, attributes: Any = None
-    ) -> tree.Analysis:
-        given, wanted = given or (), wanted or ()
-        known = [*given, *wanted, *([span] if span is not None else [])]
-        where = self._span([known[0], known[-1]]) if known else Span(self.source, 0, 0)
-        return tree.Analysis(where, role, given, wanted, (), span, attributes or ())
-
-    def linearize(self, parts: list[Any]) -> tree.Analysis:
-        return self._analysis("linearize", *parts)
-
-    def sensitivity(self, parts: list[Any]) -> tree.Analysis:
-        return self._analysis("sensitivity", *parts)
-
-    def continuation(self, parts: list[Any]) -> tree.Analysis:
-        return self._analysis("continue", (parts[0],), (), *parts[1:])
-
-    def inversion(self, parts: list[Any]) -> tree.Analysis:
-        return self._analysis("invert", *parts)
-
-    def chance(self, parts: list[Any]) -> tree.Analysis:
-        return self._analysis("montecarlo", self.listed(parts[:-1]), (), None, parts[-1])
-
-    def fit(self, parts: list[Any]) -> tree.Analysis:
-        given = tuple(p for p in parts if isinstance(p, tree.GivenSyntax))
-        files = tuple(p for p in parts if isinstance(p, tree.TextSyntax))
-        return tree.Analysis(self._span([given[0], files[-1]]), "fit", given, (), files, None, parts[-1] or ())
+    def analysis(self, parts: list[Any]) -> tree.Analysis:
+        """Any row of `steps.py`: the word, then names, files, a range and attributes."""
+        word, *rest = parts
+        lists = [p for p in rest if isinstance(p, tuple) and p]
+        given, wanted, *_ = (*(p for p in lists if isinstance(p[0], tree.GivenSyntax)), (), ())
+        attributes = next((p for p in lists if isinstance(p[0], tree.Attribute)), ())
+        files = tuple(p for p in rest if isinstance(p, tree.TextSyntax))
+        over = next((p for p in rest if isinstance(p, tree.Range)), None)
+        known = [*given, *wanted, *files, *([over] if over is not None else [])] or [word]
+        return tree.Analysis(self._span([known[0], known[-1]]), str(word), given, wanted, files, over, attributes)
 
     def report(self, parts: list[Any]) -> tree.Report:
         return tree.Report(self._span(parts), tuple(parts))

@@ -18,6 +18,7 @@ from lark.lexer import PatternStr, TerminalDef
 
 from ..fast_dataclass import dataclass
 from ..persistent_cache import kept
+from ..steps import ANALYSIS_STEPS
 from .build import Builder
 from .errors import StrangeCharacter, TooDeep
 from .refused import Refused, Unreadable, place_of
@@ -35,6 +36,14 @@ class ParserTable:
 
     data: dict[str, Any]
     memo: dict[int, Any]
+
+
+def grammar() -> str:
+    """Grammar in lark's notation: `grammar.lark`, and a rule of all analysis steps."""
+    rows = {word.upper(): row for word, row in ANALYSIS_STEPS.items()}
+    rule = "analysis: " + " | ".join(f"{name} {row.grammar}" for name, row in rows.items())
+    text = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
+    return "\n".join([text, rule, *(f'{name}: "{row.word}"' for name, row in rows.items()), ""])
 
 
 def make_table(grammar: str) -> ParserTable:
@@ -107,8 +116,7 @@ class Parser:
     """lark's parser with a builder of nodes. The caller sets the builder's source."""
 
     def __init__(self) -> None:
-        grammar = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-        table = kept(ParserTable, f"// lark {lark.__version__}\n{grammar}", make_table)
+        table = kept(ParserTable, f"// lark {lark.__version__}\n{grammar()}", make_table)
         self.builder, self.words = Builder(), WordFilter()
         self.lark = lark.Lark._load_from_dict(table.data, table.memo, transformer=self.builder, postlex=self.words)  # type: ignore[no-untyped-call]
         patterns = {t.name: t.pattern for t in self.lark.terminals}

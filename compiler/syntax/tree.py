@@ -392,15 +392,12 @@ class Report(SyntaxNode):
 
 
 @dataclass(frozen=True, slots=True)
-class StudySyntax(SyntaxNode):
-    """A step of an experiment that is not a simulation: `sweep`, `equilibrium`, `modes`, `response`."""
+class Sweep(SyntaxNode):
+    """`sweep path: unit = 1, 2, 3`."""
 
-    role: str
-    paths: tuple[PathSyntax, ...]
+    path: PathSyntax
     unit: Unit | None
     values: tuple[ExpressionSyntax, ...]
-    range: Range | None
-    attributes: tuple[Attribute, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -416,7 +413,7 @@ class GivenSyntax(SyntaxNode):
 
 @dataclass(frozen=True, slots=True)
 class Analysis(SyntaxNode):
-    """A step with names of its own: `linearize`, `sensitivity`, `continue`, `invert`, `montecarlo`, `fit`.
+    """An analysis step; `role`: its word, one of `ANALYSIS_STEPS`.
 
     `given`: the quantities that are moved, found or varied; `wanted`: the results; `files`: of measurements.
     """

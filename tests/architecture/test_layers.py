@@ -110,6 +110,7 @@ def test_rooms_import_in_the_order_of_the_pipeline(room: str) -> None:
         "source",
         "scene",
         "solvers",
+        "steps",
         "garbage_collection",
         "persistent_cache",
         "certificate",

@@ -195,14 +195,9 @@ def _step(node: Any, margin: str) -> str:
                 expression(r.value) + ("" if r.unit is None else f" in {unit_text(r.unit)}") for r in node.readings
             )
             return "report " + ", ".join(readings)
-        case tree.StudySyntax(role="sweep"):
+        case tree.Sweep():
             shown = "" if node.unit is None else f": {unit_text(node.unit)}"
-            return f"sweep {expression(node.paths[0])}{shown} = {', '.join(map(expression, node.values))}"
-        case tree.StudySyntax(role="response"):
-            first, second = map(expression, node.paths)
-            return f"response {first} to {second} over {_range(node.range)}{_attributes(node.attributes)}"
-        case tree.StudySyntax():
-            return node.role + _attributes(node.attributes)
+            return f"sweep {expression(node.path)}{shown} = {', '.join(map(expression, node.values))}"
         case tree.Analysis():
             return _analysis(node)
     raise AssertionError(type(node))

@@ -108,8 +108,8 @@ def _define(file: File, model: tree.ModelSyntax) -> Definition:
                 names[statement.name] = "index"
             case tree.Experiment():
                 for step in statement.steps:
-                    if isinstance(step, tree.StudySyntax) and step.role == "sweep" and not step.paths[0].steps:
-                        names.setdefault(step.paths[0].head, "parameter")
+                    if isinstance(step, tree.Sweep) and not step.path.steps:
+                        names.setdefault(step.path.head, "parameter")
     return definition
 
 
@@ -350,11 +350,8 @@ class Place:
                 return replace(step, range=self.value(step.range), attributes=self._settings(step.attributes))
             case tree.Report():
                 return replace(step, readings=self.value(step.readings))
-            case tree.StudySyntax():
-                return replace(
-                    step, paths=self.value(step.paths), values=self.value(step.values), range=self.value(step.range),
-                    attributes=self._settings(step.attributes),
-                )  # fmt: skip
+            case tree.Sweep():
+                return replace(step, path=self.value(step.path), values=self.value(step.values))
             case tree.Analysis():
                 given, wanted = (tuple(map(self._given, some)) for some in (step.given, step.wanted))
                 attributes = self._settings(step.attributes)

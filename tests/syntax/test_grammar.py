@@ -10,9 +10,9 @@ import pytest
 
 from compiler.source import Source
 from compiler.syntax import parse, tree
-from tests.compiling import ROOT
+from compiler.syntax.grammar import grammar
 
-GRAMMAR = (ROOT / "compiler" / "syntax" / "grammar.lark").read_text(encoding="utf-8")
+GRAMMAR = grammar()
 SKETCHES = sorted((Path(__file__).parent / "sketches").glob("*.bg"))
 
 needs_interegular = pytest.mark.skipif(

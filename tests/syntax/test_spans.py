@@ -68,10 +68,6 @@ def test_spans_of_the_sketches(path: Path) -> None:
     count = 0
     for node in nodes(parse(source).statements):
         span = node.span
-        if isinstance(node, tree.StudySyntax) and node.role in ("equilibrium", "modes") and not node.attributes:
-            continue  # a step that is one word
-        if isinstance(node, tree.Analysis) and not node.given:
-            continue  # `linearize` of all, `sensitivity` by all
         count += 1
         assert span.source is source and 0 <= span.start < span.end <= len(source.text)
         text = span.text

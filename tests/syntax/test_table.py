@@ -10,10 +10,10 @@ import pytest
 import compiler.persistent_cache as kept_module
 from compiler.source import Source
 from compiler.syntax.build import Builder
-from compiler.syntax.grammar import STARTS, Parser, ParserTable, WordFilter, make_table
+from compiler.syntax.grammar import STARTS, Parser, ParserTable, WordFilter, grammar, make_table
 from tests.compiling import ROOT
 
-GRAMMAR = (ROOT / "compiler" / "syntax" / "grammar.lark").read_text(encoding="utf-8")
+GRAMMAR = grammar()
 MODELS = ["oscillator.bg", "manipulator.bg", "dc_motor.bg"]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from compiler.api import ELEMENT_KINDS
+from compiler.api import ANALYSIS_STEPS, ELEMENT_KINDS
 
 from .markup import Html, joined, tag
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 WORDS = frozenset((
     "model", "plain", "parameter", "constant", "input", "output", "signal", "port", "import", "from", "for", "in", "function", "multibody",
-    "body", "frame", "mode", "when", "every", "experiment", "set", "sweep", "simulate", "report", "start", "equilibrium", "modes", "response",
+    "body", "frame", "mode", "when", "every", "experiment", "set", "sweep", "simulate", "report", "start", *ANALYSIS_STEPS,
     "require", "integral", "delay", "if", "else", "and", "or", "not", "true", "false", "time", "pi", "ground", "to", "over",
 ))  # fmt: skip
 _PIECES = re.compile(

@@ -1,4 +1,4 @@
-"""Reading of the experiment steps `linearize`, `sensitivity`, `continue`, `invert` and `fit`, and of the names in them."""
+"""Reading of the analysis steps, and of the names in them. A step without names of its own is its row of `steps.py`."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from ...scene import (
     Fitting,
     Inverting,
     Linearizing,
+    Study,
     TargetValue,
 )
 from ...syntax import tree
@@ -27,8 +28,7 @@ from ..network.elaborate import Elaborator
 from .distributions import read_montecarlo
 from .measurements import read_headings
 from .step_attributes import each, read_attributes, refuse_twice, settable, together, word
-
-MOST_POINTS = 200_000
+from .studies import read_response
 
 
 def read_analysis(elaborator: Elaborator, step: tree.Analysis, root: Scope, outputs: Mapping[str, Named]) -> Analysis:
@@ -37,6 +37,8 @@ def read_analysis(elaborator: Elaborator, step: tree.Analysis, root: Scope, outp
     Raises `Wrong` and `AlreadyTold`. If several names of the step are wrong, all of them are reported.
     """
     match step.role:
+        case "response":
+            return read_response(elaborator, step, root, outputs)
         case "linearize":
             read = ((_moved, step.given), (_seen, step.wanted))
             return Linearizing(*together(elaborator, *(partial(each, elaborator, f, some, root) for f, some in read)))
@@ -50,7 +52,10 @@ def read_analysis(elaborator: Elaborator, step: tree.Analysis, root: Scope, outp
             return _inverting(elaborator, step, root, outputs)
         case "montecarlo":
             return read_montecarlo(elaborator, step, root)
-    return _fitting(elaborator, step, root)
+        case "fit":
+            return _fitting(elaborator, step, root)
+    read_attributes(elaborator, step, root)
+    return Study(step.role)
 
 
 def _moved(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> str:
@@ -72,11 +77,10 @@ def _seen(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> str:
 # ---------------------------------------------------------------- along a parameter
 def _following(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> ContinuationRequest:
     (given,) = step.given
-    counts = {"points": (2, MOST_POINTS), "most": (2, MOST_POINTS)}
     name, found = together(
         elaborator,
         partial(settable, elaborator, given, root, "A branch is followed along one that can be set"),
-        partial(read_attributes, elaborator, step, root, counts, ("branches",)),
+        partial(read_attributes, elaborator, step, root),
     )
     assert step.range is not None
     dimension = _dimension(elaborator, given.path, root)
@@ -128,7 +132,7 @@ def _along(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> dict[str
         elaborator,
         partial(elaborator.static, step.range.first, root, "The start of a path", time),
         partial(elaborator.static, step.range.last, root, "The end of a path", time),
-        partial(read_attributes, elaborator, step, root, {"points": (2, MOST_POINTS)}, ("moving",), limit),
+        partial(read_attributes, elaborator, step, root, limit),
     )
     if stop <= start:
         raise Wrong(WrongExperiment(step.range.span, "The path ends before it begins", "Write `over 0 .. 5 ms`."))
@@ -233,7 +237,7 @@ def _own_functions(value: tree.ExpressionSyntax, root: Scope) -> list[tree.Call]
 # ---------------------------------------------------------------- parameters from measurements
 def _fitting(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> Fitting:
     scales: dict[str, Callable[[tree.Attribute, Scope], tuple[str, bool]]] = {"scale": _scale}
-    told = elaborator.guard(read_attributes, elaborator, step, root, {}, ("explain",), scales)
+    told = elaborator.guard(read_attributes, elaborator, step, root, scales)
     logarithmic = told.named["scale"] if told is not None else {}
     looked_for = {word(g.path) for g in step.given}
     sought, files = together(

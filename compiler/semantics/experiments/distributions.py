@@ -8,6 +8,7 @@ from functools import partial
 from ...chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
 from ...graph.units import ONE, Dimension
 from ...scene import MonteCarloRequest, Plan, RandomParameter
+from ...steps import ANALYSIS_STEPS
 from ...syntax import tree
 from ..expressions.scales import is_absolute
 from ..names.errors import UnknownName, WrongExperiment
@@ -16,19 +17,17 @@ from ..names.statement_errors import Wrong, suggestion
 from ..network.elaborate import Elaborator
 from .step_attributes import each, read_attributes, refuse_twice, settable, together, word
 
-MOST_SAMPLES = 10_000_000
 CORRELATION = "correlation"
 
 
 def read_montecarlo(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> MonteCarloRequest:
     """Read a `montecarlo` step, with its numbers in SI. Raises `Wrong` and `AlreadyTold`."""
     drawn, linked = ([g for g in step.given if (g.other is None) == alone] for alone in (True, False))
-    counts = {"samples": (2, MOST_SAMPLES), "seed": (0, 2**31 - 1), "indices": (0, MOST_SAMPLES)}
     vary, pairs, found = together(
         elaborator,
         partial(each, elaborator, _drawn, drawn, root),
         partial(each, elaborator, _correlation, linked, root, {word(g.path) for g in drawn}),
-        partial(read_attributes, elaborator, step, root, counts),
+        partial(read_attributes, elaborator, step, root),
     )
     refuse_twice(drawn)
     if not vary:
@@ -124,17 +123,11 @@ def check_together(experiment: tree.Experiment | None, plan: Plan) -> None:
     if len(chances) > 1:
         hint = "Put all that varies into one, or write a second experiment."
         raise Wrong(WrongExperiment(chances[1].span, "A second `montecarlo` in one experiment", hint))
+    repeated = [f"`{word}`" for word, row in ANALYSIS_STEPS.items() if row.scalar]
     for step in steps:
-        if isinstance(step, tree.Analysis | tree.StudySyntax) and step.role not in (
-            "montecarlo",
-            "sweep",
-            "equilibrium",
-            "modes",
-        ):
-            hint = "Beside it stand `equilibrium`, `modes` and `simulate`; write a second experiment for this."
+        if isinstance(step, tree.Analysis) and step not in chances and not ANALYSIS_STEPS[step.role].scalar:
+            hint = f"Beside it stand {', '.join(repeated)} and `simulate`; write a second experiment for this."
             raise Wrong(WrongExperiment(step.span, f"`{step.role}` has no numbers that `montecarlo` could count", hint))
-    if plan.stop is None and not any(
-        isinstance(s, tree.StudySyntax) and s.role in ("equilibrium", "modes") for s in steps
-    ):
-        hint = "Add `equilibrium`, `modes` or `simulate`: that is what is made at each point."
+    if plan.stop is None and not any(isinstance(s, tree.Analysis) and s not in chances for s in steps):
+        hint = f"Add {', '.join(repeated)} or `simulate`: that is what is made at each point."
         raise Wrong(WrongExperiment(chances[0].span, "`montecarlo` of nothing", hint))

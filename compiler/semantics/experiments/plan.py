@@ -21,7 +21,7 @@ from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion
 from ..network.elaborate import Elaborator
 from .analyses import read_analysis
 from .distributions import check_together
-from .studies import read_study, read_sweep
+from .studies import read_sweep
 
 SETTINGS = ("rtol", "atol", "points")
 
@@ -95,12 +95,12 @@ def read_plan(
                     found = elaborator.guard(_reading, elaborator, reading, root, outputs)
                     if found is not None:
                         report.append(found)
-            case tree.StudySyntax(role="equilibrium", attributes=()) if _before_simulate(step, experiment):
+            case tree.Analysis(role="equilibrium", attributes=()) if _before_simulate(step, experiment):
                 plan = replace(plan, equilibrium=True)
-            case tree.StudySyntax(role="sweep") if experiment is not None:
+            case tree.Sweep() if experiment is not None:
                 swept = elaborator.guard(read_sweep, elaborator, step, experiment, root, plan)
                 plan = replace(plan, sweeps=(*plan.sweeps, swept)) if swept is not None else plan
-            case tree.StudySyntax() | tree.Analysis():
+            case tree.Analysis():
                 study = elaborator.guard(_analysis, elaborator, step, root, outputs)
                 plan = replace(plan, studies=(*plan.studies, study)) if study is not None else plan
     plan = replace(plan, report=tuple(report))
@@ -108,24 +108,23 @@ def read_plan(
     return plan, _wanted(elaborator, outputs, plan, scene, root)
 
 
-def _analysis(
-    elaborator: Elaborator, step: tree.StudySyntax | tree.Analysis, root: Scope, outputs: dict[str, Named]
-) -> Analysis | None:
+def _analysis(elaborator: Elaborator, step: tree.Analysis, root: Scope, outputs: dict[str, Named]) -> Analysis | None:
     """Read one analysis step. Return None if its numbers are set when a run begins, in which case it adds no step."""
-    if isinstance(step, tree.StudySyntax):
-        return read_study(elaborator, step, root, outputs)
     before = dict(elaborator.asked)
     try:
         return read_analysis(elaborator, step, root, outputs)
     except ValuesNeeded:
+        if step.role == "response":
+            raise
         elaborator.asked = before
         return None
 
 
-def _before_simulate(step: tree.StudySyntax, experiment: tree.Experiment | None) -> bool:
-    """Return True if a simulation follows the step: the step then gives its start."""
+def _before_simulate(step: tree.Analysis, experiment: tree.Experiment | None) -> bool:
+    """Return True if a simulation follows the first step with this word: the step then gives its start."""
     steps = experiment.steps if experiment is not None else ()
-    return any(isinstance(s, tree.Simulate) for s in steps[steps.index(step) + 1 :]) if step in steps else False
+    first = next((i for i, s in enumerate(steps) if isinstance(s, tree.Analysis) and s.role == step.role), len(steps))
+    return any(isinstance(s, tree.Simulate) for s in steps[first:])
 
 
 def _alias(scalar: Scalar, name: str, pending: Pending) -> Named:

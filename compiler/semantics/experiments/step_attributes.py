@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from ...fast_dataclass import dataclass
+from ...steps import ANALYSIS_STEPS
 from ...syntax import tree
 from ..names.errors import DuplicateName, UnknownAttribute, WrongExperiment
 from ..names.scope import Scalar, Scope
@@ -76,38 +77,39 @@ def refuse_twice(given: Sequence[tree.GivenSyntax]) -> None:
 
 
 def read_attributes(
-    elaborator: Elaborator, step: tree.Analysis, root: Scope, counts: Mapping[str, tuple[int, int]], truths: Sequence[str] = (),
-    named: Mapping[str, Read] | None = None,
-) -> StepAttributes:  # fmt: skip
-    """Read whole numbers within limits, `true` or `false`, and the attributes of `named`.
+    elaborator: Elaborator, step: tree.Analysis, root: Scope, named: Mapping[str, Read] | None = None
+) -> StepAttributes:
+    """Read the attributes that the step's row has; `named`: how those of a name are read.
 
     Raises `AlreadyTold` after all errors are reported.
     """
     found, before = StepAttributes(named={n: {} for n in named or {}}), len(elaborator.diagnostics)
     for attribute in step.attributes:
-        elaborator.guard(_read, elaborator, step, attribute, root, (counts, truths, named or {}), found)
+        elaborator.guard(_read, elaborator, step, attribute, root, named or {}, found)
     if len(elaborator.diagnostics) > before:
         raise AlreadyTold
     return found
 
 
 def _read(
-    elaborator: Elaborator, step: tree.Analysis, attribute: tree.Attribute, root: Scope, known: tuple[Any, Any, Any], found: StepAttributes
+    elaborator: Elaborator, step: tree.Analysis, attribute: tree.Attribute, root: Scope, named: Mapping[str, Read], found: StepAttributes
 ) -> None:  # fmt: skip
-    counts, truths, named = known
-    name = attribute.name
+    name, row = attribute.name, ANALYSIS_STEPS[step.role]
+    counts = {count: (low, high) for count, low, high in row.counts}
     if attribute.target is not None and name in named:
         target, value = named[name](attribute, root)
         found.named[name][target] = value
-    elif attribute.target is None and name in truths:
+    elif attribute.target is None and name in row.truths:
         if attribute.value.span.words not in ("true", "false"):
             raise Wrong(WrongExperiment(attribute.span, f"`{name}` is true or false", f"Write `{name} = true`."))
         found.values[name] = attribute.value.span.words == "true"
     elif attribute.target is None and name in counts:
         found.values[name] = _count(elaborator, attribute, root, counts[name])
     else:
-        words = [*counts, *truths, *(f"`{n} NAME = …`" for n in named)]
-        hint = suggestion(name, [*counts, *truths, *named], f"It has: {', '.join(words) or 'none'}.")
+        words = [*counts, *row.truths, *(f"`{n} NAME = …`" for n in row.named)]
+        hint = suggestion(
+            name, [*counts, *row.truths, *row.named], f"It has: {', '.join(words)}." if words else "It has none."
+        )
         raise Wrong(UnknownAttribute(attribute.span, step.role, name, hint))
 
 

@@ -1,6 +1,8 @@
-"""Experiment steps other than simulations: sweeps, and the analyses at each of their points."""
+"""Sweeps of an experiment, and frequency responses."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 from ...graph.network import Named
 from ...graph.units import ONE, SECOND
@@ -8,21 +10,16 @@ from ...scene import Plan, Study, Swept
 from ...syntax import tree
 from ..expressions.scales import scale_of
 from ..names.domain_table import paths_of
-from ..names.errors import DimensionMismatch, NotStatic, UnknownAttribute, UnknownName, WrongExperiment
+from ..names.errors import DimensionMismatch, NotStatic, UnknownName, WrongExperiment
 from ..names.scope import STATIC_ROLES, Scalar, Scope
 from ..names.statement_errors import Wrong, describe, suggestion
 from ..network.elaborate import Elaborator
-from .step_attributes import expressions_of
-
-MOST_POINTS = 1_000_000
+from .step_attributes import expressions_of, read_attributes, word
 
 
-def read_sweep(
-    elaborator: Elaborator, step: tree.StudySyntax, experiment: tree.Experiment, root: Scope, plan: Plan
-) -> Swept:
+def read_sweep(elaborator: Elaborator, step: tree.Sweep, experiment: tree.Experiment, root: Scope, plan: Plan) -> Swept:
     """`sweep a = …`: the values in SI. Raises `Wrong`."""
-    path = step.paths[0]
-    name = path.words.replace(" ", "")
+    path, name = step.path, word(step.path)
     if any(s.name == name for s in plan.sweeps):
         raise Wrong(WrongExperiment(step.span, f"A second sweep of `{name}`", "Put all values into one."))
     entry = elaborator.lookup(path, root)
@@ -30,7 +27,9 @@ def read_sweep(
     if not isinstance(entry, Scalar) or (entry.role not in ("parameter", "input")):
         raise Wrong(WrongExperiment(path.span, f"`{name}` cannot be swept", "Only single parameters and inputs are."))
     read = [s.value for s in experiment.steps if isinstance(s, tree.Set)]
-    read += [e for s in experiment.steps if isinstance(s, tree.Analysis) for e in expressions_of(s)]
+    read += [
+        e for s in experiment.steps if isinstance(s, tree.Analysis) and s.role != "response" for e in expressions_of(s)
+    ]
     if own and not any(p.head == path.head for e in read for p in paths_of(e)):
         advice = f"Sweep a parameter or an input, or read it: `set NAME = {name}`, `invert u to y = {name}`."
         raise Wrong(WrongExperiment(path.span, f"Nobody reads the swept `{name}`", advice))
@@ -58,38 +57,23 @@ def own_names(model: tree.ModelSyntax) -> set[str]:
     return {i.name for s in model.statements if isinstance(s, tree.Quantities) for i in s.items}
 
 
-def read_study(elaborator: Elaborator, step: tree.StudySyntax, root: Scope, outputs: dict[str, Named]) -> Study:
-    """`equilibrium`, `modes`, `response`. Raises `Wrong`."""
-    if step.role != "response":
-        for attribute in step.attributes:
-            raise Wrong(UnknownAttribute(attribute.span, step.role, attribute.name, "It has none."))
-        return Study(step.role)
-    given, seen = (path.words.replace(" ", "") for path in step.paths)
-    entry = elaborator.lookup(step.paths[0], root)
+def read_response(elaborator: Elaborator, step: tree.Analysis, root: Scope, outputs: Mapping[str, Named]) -> Study:
+    """`response`, with frequencies in Hz. Raises `Wrong` and `AlreadyTold`."""
+    (source,), (target,) = step.given, step.wanted
+    given, seen = word(source.path), word(target.path)
+    entry = elaborator.lookup(source.path, root)
     if not isinstance(entry, Scalar) or entry.role not in ("parameter", "input", "signal", "constant"):
-        raise Wrong(
-            WrongExperiment(
-                step.paths[0].span, f"A response leads from an input, which `{given}` is not", "Name an input."
-            )
-        )
+        what = f"A response leads from an input, which `{given}` is not"
+        raise Wrong(WrongExperiment(source.span, what, "Name an input."))
     if seen not in outputs:
         hint = suggestion(seen, list(outputs), f"Outputs: {', '.join(outputs) or 'none'}.")
-        raise Wrong(UnknownName(step.paths[1].span, seen, "the outputs", hint))
+        raise Wrong(UnknownName(target.span, seen, "the outputs", hint))
     assert step.range is not None
     cycles = ONE if root.plain else ONE / SECOND
     low = elaborator.static(step.range.first, root, "The lowest frequency", cycles)
     high = elaborator.static(step.range.last, root, "The highest frequency", cycles)
     if not 0 < low < high:
-        raise Wrong(
-            WrongExperiment(step.range.span, "Frequencies run upwards from above zero", "Write `over 1 Hz .. 1 kHz`.")
-        )
-    points = 400.0
-    for attribute in step.attributes:
-        if attribute.name != "points" or attribute.target is not None:
-            raise Wrong(UnknownAttribute(attribute.span, "response", attribute.name, "It has: points."))
-        points = elaborator.static(attribute.value, root, "`points`")
-        if points != round(points) or not 2 <= points <= MOST_POINTS:
-            raise Wrong(
-                WrongExperiment(attribute.span, f"`points = {points:g}` makes no sense", "It is a whole number from 2.")
-            )
-    return Study("response", given, seen, low, high, round(points))
+        what = "Frequencies run upwards from above zero"
+        raise Wrong(WrongExperiment(step.range.span, what, "Write `over 1 Hz .. 1 kHz`."))
+    points = read_attributes(elaborator, step, root).values.get("points", 400)
+    return Study("response", given, seen, low, high, points)

@@ -47,7 +47,7 @@ class Elaborator(Declarations):
         self.requirements: list[tuple[Scope, tree.RequirementSyntax]] = []
         self.events: list[tuple[Scope, tree.EventSyntax]] = []
         self.mechanisms: list[tuple[Scope, tree.MechanismSyntax, MechanismEntry]] = []
-        self.swept: tuple[tree.StudySyntax, ...] = ()  # an experiment's own names: those that it sweeps
+        self.swept: tuple[tree.Sweep, ...] = ()  # an experiment's own names: those that it sweeps
         self.structure_broken = False  # then missing connections would be reported for the wrong reason
 
     # ------------------------------------------------------------ declaring
@@ -91,7 +91,7 @@ class Elaborator(Declarations):
         """Enter swept names that the model does not have as names of the experiment, with their first values."""
         own = {i.name for s in root.definition.model.statements if isinstance(s, tree.Quantities) for i in s.items}
         for study in self.swept:
-            path = study.paths[0]
+            path = study.path
             if not path.steps and path.head not in own:
                 item = tree.Item(path.span, path.head, None, study.unit, study.values[0], None)
                 pending = Pending(item, "parameter", path.head, study.values[0], root, root, True)
