@@ -29,6 +29,7 @@ class Step:
 _ROWS = (
     Step("equilibrium", scalar=True),
     Step("modes", scalar=True),
+    Step("bode", counts=(("points", 2, 1_000_000),)),
     Step("response", 'one "to" one "over" range [attributes]', (("points", 2, 1_000_000),)),
     Step("linearize", '[listed "to" listed]'),
     Step("sensitivity", "[listed]"),

@@ -48,7 +48,7 @@ class Point:
         """Return the point with the result of one more step."""
         if role in ("equilibrium", "modes"):
             return replace(self, **{role: found})
-        if role == "response":
+        if role in ("response", "bode"):
             return replace(self, responses=(*self.responses, found))
         return replace(self, analyses=(*self.analyses, (role, found)))
 

@@ -43,6 +43,7 @@ def _inverted(model: AnalysedModel, step: Inverting, experiment: str | None, set
 RESULTS: dict[str, Callable[[AnalysedModel, Any, str | None, Settings, tuple[str, ...] | None], Any]] = {
     "equilibrium": lambda m, s, *given: m.equilibrium(*given),
     "modes": lambda m, s, e, at, o: m.modes(e, at),
+    "bode": lambda m, s, e, at, o: m.response(None, o, None, None, s.points or 400, e, at),
     "response": lambda m, s, e, at, o: m.response(s.given, s.seen, s.low, s.high, s.points, e, at),
     "linearize": lambda m, s, e, at, o: m.linearize(s.inputs or None, s.outputs or o, e, at),
     "continue": lambda m, s, e, at, o: m.continuation(s.name, s.low, s.high, s.points, s.most, e, at, o, s.branches),

@@ -40,6 +40,7 @@ model Actuator {
   experiment spread { set volt = 0 V; montecarlo k = normal(8 [N/m], 0.2 [N/m]), m = uniform(19 ug, 21 ug) { samples = 32, seed = 3, indices = 16 }; modes }
   experiment spreads { sweep volt = 0.5 V, 1 V; montecarlo k = truncated(normal(8 [N/m], 0.2 [N/m]), 7 [N/m], 9 [N/m]), gap = uniform(2.9 um, 3.1 um), correlation(k, gap) = 0.5 { samples = 8 }; equilibrium; modes; report x in um }
   experiment slopes { modes; sensitivity k, gap; linearize volt to x, spring.F }
+  experiment survey { set volt = 0.5 V; bode { points = 50 } }
   experiment along { set volt = 2 V; simulate 0 .. 0.2 ms { points = 11 }; sensitivity k; report x in um }
 }
 """
@@ -62,6 +63,19 @@ def test_a_branch_folds_at_a_third_of_the_gap(plate: bondgraph.Model) -> None:
     assert fold.value == pytest.approx(volt, rel=1e-8)
     assert fold.states["spring.x"] == pytest.approx(1e-6, rel=1e-8)
     assert point.numbers()["fold 1 of volt"] == fold.value and point.units()["fold 1 of volt"] == "V"
+
+
+def test_bode_needs_no_names(plate: bondgraph.Model) -> None:
+    """From all inputs to all outputs; at rest at w -> 0, x/push = 1/(k - slope of the plates' force)."""
+    (point,) = plate.run("survey")
+    (found,) = point.responses
+    called = plate.response(points=50, settings={"volt": 0.5})
+    assert (found.inputs, found.outputs) == (called.inputs, called.outputs) == (("volt", "push", "pull"), ("x", "F"))
+    assert np.array_equal(found.values, called.values) and np.array_equal(found.frequencies, called.frequencies)
+    at_rest = plate.equilibrium(settings={"volt": 0.5})["x"]
+    stiffness = 8 - EPS0 * 1e-6 * 0.5**2 / (3e-6 - at_rest) ** 3
+    assert abs(found.of("push", "x")[0]) == pytest.approx(1 / stiffness, rel=0.02)
+    assert "peak of push to x" in point.numbers()
 
 
 def test_setpoints_become_a_table_of_inputs(plate: bondgraph.Model) -> None:

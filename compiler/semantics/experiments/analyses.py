@@ -54,8 +54,7 @@ def read_analysis(elaborator: Elaborator, step: tree.Analysis, root: Scope, outp
             return read_montecarlo(elaborator, step, root)
         case "fit":
             return _fitting(elaborator, step, root)
-    read_attributes(elaborator, step, root)
-    return Study(step.role)
+    return Study(step.role, **read_attributes(elaborator, step, root).values)
 
 
 def _moved(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> str:
