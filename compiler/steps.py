@@ -11,7 +11,7 @@ _MOST = 200_000
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class AnalysisStep:
     """An analysis step of an experiment.
 
     `grammar`: what follows the word, in the notation of `grammar.lark`. Attributes: `counts` are whole numbers with a lowest and a highest value,
@@ -27,15 +27,15 @@ class Step:
 
 
 _ROWS = (
-    Step("equilibrium", scalar=True),
-    Step("modes", scalar=True),
-    Step("bode", counts=(("points", 2, 1_000_000),)),
-    Step("response", 'one "to" one "over" range [attributes]', (("points", 2, 1_000_000),)),
-    Step("linearize", '[listed "to" listed]'),
-    Step("sensitivity", "[listed]"),
-    Step("continue", 'one "over" range [attributes]', (("points", 2, _MOST), ("most", 2, _MOST)), ("branches",)),
-    Step("invert", 'drives "to" wishes ["over" range] [attributes]', (("points", 2, _MOST),), ("moving",), ("limit",)),
-    Step("montecarlo", "chances [attributes]", (("samples", 2, 10_000_000), ("seed", 0, 2**31 - 1), ("indices", 0, 10_000_000))),
-    Step("fit", 'unknowns "to" text ("," text)* [attributes]', truths=("explain",), named=("scale",)),
+    AnalysisStep("equilibrium", scalar=True),
+    AnalysisStep("modes", scalar=True),
+    AnalysisStep("bode", counts=(("points", 2, 1_000_000),)),
+    AnalysisStep("response", 'one "to" one "over" range [attributes]', (("points", 2, 1_000_000),)),
+    AnalysisStep("linearize", '[listed "to" listed]'),
+    AnalysisStep("sensitivity", "[listed]"),
+    AnalysisStep("continue", 'one "over" range [attributes]', (("points", 2, _MOST), ("most", 2, _MOST)), ("branches",)),
+    AnalysisStep("invert", 'drives "to" wishes ["over" range] [attributes]', (("points", 2, _MOST),), ("moving",), ("limit",)),
+    AnalysisStep("montecarlo", "chances [attributes]", (("samples", 2, 10_000_000), ("seed", 0, 2**31 - 1), ("indices", 0, 10_000_000))),
+    AnalysisStep("fit", 'unknowns "to" text ("," text)* [attributes]', truths=("explain",), named=("scale",)),
 )  # fmt: skip
 ANALYSIS_STEPS = {row.word: row for row in _ROWS}

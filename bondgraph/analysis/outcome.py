@@ -6,7 +6,7 @@ import itertools
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,14 +43,6 @@ class Point:
     failure: str = ""  # reason for missing results
     # results of other steps, by the word of the step, in the order of the experiment
     analyses: tuple[tuple[str, Any], ...] = ()
-
-    def joined(self, role: str, found: Any) -> Point:
-        """Return the point with the result of one more step."""
-        if role in ("equilibrium", "modes"):
-            return replace(self, **{role: found})
-        if role in ("response", "bode"):
-            return replace(self, responses=(*self.responses, found))
-        return replace(self, analyses=(*self.analyses, (role, found)))
 
     def of(self, role: str) -> Any:
         """Return the result of the first step with that word: `of("invert").inputs`. Raises `UsageError`."""

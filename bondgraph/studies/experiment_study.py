@@ -63,9 +63,14 @@ class ExperimentStudy:
                 some = differentiated(model, study, of, studies, self.experiment, settings, self.outputs, self.wanted)
                 found = replace(found, analyses=(*found.analyses, *some))
             else:
-                found = found.joined(
-                    study.role, RESULTS[study.role](model, study, self.experiment, settings, self.outputs)
-                )
+                one = RESULTS[study.role](model, study, self.experiment, settings, self.outputs)
+                match study.role:
+                    case "equilibrium" | "modes":
+                        found = replace(found, **{study.role: one})
+                    case "response" | "bode":
+                        found = replace(found, responses=(*found.responses, one))
+                    case _:
+                        found = replace(found, analyses=(*found.analyses, (study.role, one)))
         if self.simulates:
             found = replace(found, run=simulate(model, self.experiment, settings, self.outputs, self.wanted))
         return found

@@ -120,7 +120,7 @@ def _main(file: FileScope, wanted: str | None) -> ModelDefinition | None:
 def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: ElaborationCache) -> list[Diagnostic]:
     """Return the errors of an experiment. One that sets and sweeps nothing is read in the model that is already elaborated."""
     scene = Scene(experiment=experiment.name)
-    if any(isinstance(s, tree.Set | tree.Sweep | tree.Analysis) for s in experiment.steps):
+    if any(isinstance(s, tree.Set | tree.SweepSyntax | tree.Analysis) for s in experiment.steps):
         other = _Opened.of(opened.definition, scene, (), True, ElaborationCache())
         other.built()
         return other.elaborator.diagnostics
@@ -203,7 +203,7 @@ class _Opened:
         elaborator = Elaborator(overrides, part, known)
         elaborator.diagnostics += [*earlier, *told]
         steps = experiment.steps if experiment is not None else ()
-        elaborator.swept = tuple(s for s in steps if isinstance(s, tree.Sweep))
+        elaborator.swept = tuple(s for s in steps if isinstance(s, tree.SweepSyntax))
         elaborator.open_root(definition)
         return _Opened(definition, scene, experiment, elaborator, known)
 

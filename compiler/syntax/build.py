@@ -250,11 +250,11 @@ class Builder:
     def start_value(self, parts: list[Any]) -> tree.Set:
         return self._set("start", parts)
 
-    def sweep(self, parts: list[Any]) -> tree.Sweep:
+    def sweep(self, parts: list[Any]) -> tree.SweepSyntax:
         path, unit, *values = (
             _done(p) for p in parts if not isinstance(p, Token)
         )  # commas: lark shares the list's rule
-        return tree.Sweep(self._span([path, values[-1]]), path, unit, tuple(values))
+        return tree.SweepSyntax(self._span([path, values[-1]]), path, unit, tuple(values))
 
     def simulate(self, parts: list[Any]) -> tree.Simulate:
         return tree.Simulate(self._span(parts[:1]), parts[0], parts[1] or ())

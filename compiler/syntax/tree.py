@@ -392,7 +392,7 @@ class Report(SyntaxNode):
 
 
 @dataclass(frozen=True, slots=True)
-class Sweep(SyntaxNode):
+class SweepSyntax(SyntaxNode):
     """`sweep path: unit = 1, 2, 3`."""
 
     path: PathSyntax

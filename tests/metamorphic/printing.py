@@ -195,7 +195,7 @@ def _step(node: Any, margin: str) -> str:
                 expression(r.value) + ("" if r.unit is None else f" in {unit_text(r.unit)}") for r in node.readings
             )
             return "report " + ", ".join(readings)
-        case tree.Sweep():
+        case tree.SweepSyntax():
             shown = "" if node.unit is None else f": {unit_text(node.unit)}"
             return f"sweep {expression(node.path)}{shown} = {', '.join(map(expression, node.values))}"
         case tree.Analysis():

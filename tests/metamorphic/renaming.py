@@ -108,7 +108,7 @@ def _define(file: File, model: tree.ModelSyntax) -> Definition:
                 names[statement.name] = "index"
             case tree.Experiment():
                 for step in statement.steps:
-                    if isinstance(step, tree.Sweep) and not step.path.steps:
+                    if isinstance(step, tree.SweepSyntax) and not step.path.steps:
                         names.setdefault(step.path.head, "parameter")
     return definition
 
@@ -350,7 +350,7 @@ class Place:
                 return replace(step, range=self.value(step.range), attributes=self._settings(step.attributes))
             case tree.Report():
                 return replace(step, readings=self.value(step.readings))
-            case tree.Sweep():
+            case tree.SweepSyntax():
                 return replace(step, path=self.value(step.path), values=self.value(step.values))
             case tree.Analysis():
                 given, wanted = (tuple(map(self._given, some)) for some in (step.given, step.wanted))

@@ -52,7 +52,7 @@ class Powers:
                 return self._literal(node, u)
             case tree.Item(unit=tree.Unit() as u) if [s for s, _, _ in u.factors] != ["model"]:
                 return self._item(node, u)
-            case tree.Sweep(unit=tree.Unit() as u):
+            case tree.SweepSyntax(unit=tree.Unit() as u):
                 values = tuple(self._in_unit(v, u) for v in node.values)
                 return replace(node, values=values, unit=KELVIN if scale_of(u).offset else u)
             case tree.Simulate():  # an absolute tolerance in SI means other things in other units

@@ -206,7 +206,7 @@ class TestTraps:
     def test_an_experiment_in_one_line(self) -> None:
         (experiment,) = (s for s in self.traps if isinstance(s, tree.Experiment))
         sweep, simulate, report = experiment.steps
-        assert isinstance(sweep, tree.Sweep) and len(sweep.values) == 2 and sweep.unit is not None
+        assert isinstance(sweep, tree.SweepSyntax) and len(sweep.values) == 2 and sweep.unit is not None
         assert isinstance(simulate, tree.Simulate) and [a.name for a in simulate.attributes] == ["steps", "rtol"]
         assert isinstance(report, tree.Report) and report.readings[1].unit is not None
         assert report.readings[0].unit is None and len(report.readings[1].unit.factors) == 3

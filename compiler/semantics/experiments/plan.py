@@ -97,7 +97,7 @@ def read_plan(
                         report.append(found)
             case tree.Analysis(role="equilibrium", attributes=()) if _before_simulate(step, experiment):
                 plan = replace(plan, equilibrium=True)
-            case tree.Sweep() if experiment is not None:
+            case tree.SweepSyntax() if experiment is not None:
                 swept = elaborator.guard(read_sweep, elaborator, step, experiment, root, plan)
                 plan = replace(plan, sweeps=(*plan.sweeps, swept)) if swept is not None else plan
             case tree.Analysis():

@@ -17,7 +17,9 @@ from ..network.elaborate import Elaborator
 from .step_attributes import expressions_of, read_attributes, word
 
 
-def read_sweep(elaborator: Elaborator, step: tree.Sweep, experiment: tree.Experiment, root: Scope, plan: Plan) -> Swept:
+def read_sweep(
+    elaborator: Elaborator, step: tree.SweepSyntax, experiment: tree.Experiment, root: Scope, plan: Plan
+) -> Swept:
     """`sweep a = …`: the values in SI. Raises `Wrong`."""
     path, name = step.path, word(step.path)
     if any(s.name == name for s in plan.sweeps):

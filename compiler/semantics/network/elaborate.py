@@ -47,7 +47,7 @@ class Elaborator(Declarations):
         self.requirements: list[tuple[Scope, tree.RequirementSyntax]] = []
         self.events: list[tuple[Scope, tree.EventSyntax]] = []
         self.mechanisms: list[tuple[Scope, tree.MechanismSyntax, MechanismEntry]] = []
-        self.swept: tuple[tree.Sweep, ...] = ()  # an experiment's own names: those that it sweeps
+        self.swept: tuple[tree.SweepSyntax, ...] = ()  # an experiment's own names: those that it sweeps
         self.structure_broken = False  # then missing connections would be reported for the wrong reason
 
     # ------------------------------------------------------------ declaring
