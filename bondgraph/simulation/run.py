@@ -93,14 +93,28 @@ def simulate(
     try:
         result = run(model, settled.scene, settled.values, wanted, start)
     except RunFailed:
-        if settled.values:
-            refused_with_values(model, experiment, settings, outputs)
-        raise
+        # Zeros that cancel (1 m + off beside 1 m) are no divisors to the eye: the equations in which they are zero decide.
+        zeros = frozenset(name for name, value in settled.values.items() if value == 0)
+        settled = replace(settled, scene=replace(model.scene(experiment, settings, (), outputs), fixed=zeros))
+        found = _with_zeros(model, settled.scene, wanted, start) if zeros else None
+        if found is None:
+            if settled.values:
+                refused_with_values(model, experiment, settings, outputs)
+            raise
+        result = found
     if not settled.scene.fixed:
         return result
     names = ", ".join(f"`{n} = 0`" for n in sorted(settled.scene.fixed))
     note = f"{names}: the equations are others than with values that are not zero, and were made for this run"
     return replace(result, notes=(*result.notes, note))
+
+
+def _with_zeros(model: CompiledModel, scene: Scene, wanted: RunOptions, start: Result | None) -> Result | None:
+    """Run the scene in which parameters set to zero are compiled in; return None if that fails as well."""
+    try:
+        return run(model, scene, {}, wanted, start)
+    except (CompilationFailed, RunFailed):
+        return None
 
 
 def run(

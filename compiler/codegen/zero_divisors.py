@@ -22,10 +22,6 @@ def zero_divisors(space: StateSpace, settable: Set[str]) -> Sets:
     behind, divisors = behind_the_run(space) if sets else (), set[frozenset[str]]()
     for step in space.steps if sets else ():
         if isinstance(step, LinearLoop):
-            lines = (*step.matrix, *zip(*step.matrix, strict=True)) if any(t in behind for t in step.targets) else ()
-            for line in lines:  # a row or a column without entries
-                entries = [sets.get(e, NEVER) if isinstance(e, int) else NEVER if e else ALWAYS for e in line]
-                divisors |= _smallest(frozenset[str]().union(*chosen) for chosen in product(*entries))
             continue
         arguments = [sets.get(a, NEVER) if isinstance(a, int) else NEVER if a else ALWAYS for a in step.arguments]
         if any(arguments):
