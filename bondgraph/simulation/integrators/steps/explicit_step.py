@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from .. import dop853
 from ..workspace import IntegratorWorkspace
 from .dop853_dense import first_bend_of_pair
-from .radau_step import ERROR, ROUND_OFF, first_size, is_stubborn, put_end, rates, renew
+from .radau_step import ERROR, GROWN, ROUND_OFF, first_size, is_rounding, is_stubborn, put_end, rates, renew
 
 if TYPE_CHECKING:
     from compiler.api import Floats
@@ -54,6 +54,9 @@ def explicit_step(s: IntegratorWorkspace) -> int:
                 bent += 1
                 size *= share
                 continue
+        if norm > 0.1 and is_rounding(s, norm, CAREFUL, size):
+            norm = 1.0
+            combine(s, STAGES - 1, size, s.rest)  # that search has used its room
         if norm <= 1.0:
             if has_rates_at(s, end):
                 break
@@ -64,7 +67,9 @@ def explicit_step(s: IntegratorWorkspace) -> int:
         if is_stubborn(s, rejected, size, norm):
             return ROUND_OFF
         size *= max(SHORTEST, SAFETY * pow(norm, -0.125)) if isfinite(norm) else 0.1
-    grown = LONGEST if norm == 0.0 else max(SHORTEST, min(LONGEST, SAFETY * pow(norm, -0.125)))
+    grown = (
+        LONGEST if norm == 0.0 else GROWN if norm == 1.0 else max(SHORTEST, min(LONGEST, SAFETY * pow(norm, -0.125)))
+    )
     put_explicit_end(s, end, size)
     s.size = size * (min(grown, 1.0) if rejected > 0 else grown)
     if bent > 0:

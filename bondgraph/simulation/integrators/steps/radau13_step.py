@@ -143,7 +143,7 @@ def radau13_step(s: IntegratorWorkspace) -> int:
                 bent += 1
                 size *= cut
                 continue
-        if norm > 1.0 and is_rounding(s, norm):
+        if norm > 1.0 and is_rounding(s, norm, 1.0, 0.0):
             norm = 1.0
         if norm <= 1.0:
             for i in range(n):

@@ -78,7 +78,7 @@ def radau_step(s: IntegratorWorkspace) -> int:
                 bent += 1
                 size *= share
                 continue
-        if norm > 1.0 and is_rounding(s, norm):
+        if norm > 1.0 and is_rounding(s, norm, 1.0, 0.0):
             norm = 1.0
         if norm <= 1.0:
             if not misses(s, end, size):
@@ -107,14 +107,18 @@ def radau_step(s: IntegratorWorkspace) -> int:
     return 0
 
 
-def is_rounding(s: IntegratorWorkspace, norm: float) -> bool:
-    """Return whether an estimate is rounding, which a shorter step has more of: followed, it leads to modes far below the tolerance."""
-    if s.relative >= FINEST or not isfinite(norm):
+def is_rounding(s: IntegratorWorkspace, norm: float, careful: float, size: float) -> bool:
+    """Return whether an estimate is rounding, which a shorter step has more of: followed, it leads to modes far below the tolerance.
+
+    `careful`: the factor of the method on its estimates; `size`: as for `rounding`.
+    """
+    if s.relative >= FINEST or not norm <= careful * s.stagnation_tolerance:
         return False
-    norm *= s.allowed_estimate
-    if norm > s.stagnation_tolerance or norm > RINGING * rounding(s):
+    for i in range(s.n):
+        s.per_tolerance[i] = 1.0 / (s.absolute[i] + abs(s.state[i]) * s.relative)
+    if norm > careful * RINGING * rounding(s, size):
         return False
-    s.rounded = max(s.rounded, norm)
+    s.rounded = max(s.rounded, norm / careful)
     return True
 
 
@@ -381,17 +385,18 @@ def newton(s: IntegratorWorkspace, size: float) -> int:
 
 def stagnant(s: IntegratorWorkspace, iterations: int, norm: float) -> int:
     """Return the number of iterations that no longer improve, if the remainder is rounding; else 0."""
-    if norm > s.stagnation_tolerance or not norm <= STAGNANT * rounding(s):
+    if norm > s.stagnation_tolerance or not norm <= STAGNANT * rounding(s, 0.0):
         return 0
     s.contraction = 0.0
     s.rounded = max(s.rounded, norm)
     return iterations
 
 
-def rounding(s: IntegratorWorkspace) -> float:
+def rounding(s: IntegratorWorkspace, size: float) -> float:
     """Return the norm of the rounding error of a stage, in units of the tolerance, from a second difference of the rates over a very short distance.
 
     Laws with large numbers that nearly cancel, as lengths of a mechanism next to its displacements, have larger rounding errors than the states.
+    `size`: that of an explicit step, or 0: the matrix of the method tells how the rates' rounding reaches the stage.
     """
     n = s.n
     for i in range(n):
@@ -404,7 +409,9 @@ def rounding(s: IntegratorWorkspace) -> float:
         s.error[i] += s.f[i] - 2.0 * s.rate[i]
         if not isfinite(s.error[i]):
             s.error[i] = 0.0
-    solve_real(s, s.error)
+        s.error[i] *= size if size > 0.0 else 1.0
+    if size == 0.0:
+        solve_real(s, s.error)
     total = 0.0
     for i in range(n):
         part = s.error[i] * s.per_tolerance[i]

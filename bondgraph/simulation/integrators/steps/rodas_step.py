@@ -21,6 +21,7 @@ from .radau_step import (
     BEYOND,
     CUBIC,
     ERROR,
+    GROWN,
     LOOKS,
     NEWTON,
     ORDER,
@@ -28,6 +29,7 @@ from .radau_step import (
     SEEN,
     UNSEEN,
     first_size,
+    is_rounding,
     is_stubborn,
     look_at_side,
     put_end,
@@ -73,6 +75,8 @@ def rodas_step(s: IntegratorWorkspace) -> int:
                 bent += 1
                 size *= share if norm <= BENT else 0.5 * share
                 continue
+        if norm > 0.1 and is_rounding(s, norm, CAREFUL, 0.0):
+            norm = 1.0
         if norm <= 1.0:
             break
         reason = ERROR
@@ -80,7 +84,7 @@ def rodas_step(s: IntegratorWorkspace) -> int:
         if is_stubborn(s, rejected, size, norm):
             return ROUND_OFF
         size *= max(SHORTEST, SAFETY * factor(s, size, norm, POWER)) if isfinite(norm) else 0.1
-    grown = max(SHORTEST, min(LONGEST, SAFETY * factor(s, size, norm, POWER)))
+    grown = GROWN if norm == 1.0 else max(SHORTEST, min(LONGEST, SAFETY * factor(s, size, norm, POWER)))
     s.size = size * (min(grown, 1.0) if rejected > 0 else grown)
     rates(s, end, s.new, s.rate)
     put_end(s, end, s.rate)
