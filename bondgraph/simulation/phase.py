@@ -390,7 +390,7 @@ class Phase:
             cause = cause_ahead(self.program, space, here, ahead, self.parameters, self._modes(failed.mode))
             if cause is not None:
                 return RunFailed("BR746", f"no step leads on from t = {failed.time:.9g} s: just ahead {cause}")
-        return RunFailed(*failed.args)
+        return failed
 
     def cut(self) -> None:
         """Keep the part that is certain: up to the last accepted step, or up to the last finite output."""
