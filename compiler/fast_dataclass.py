@@ -98,7 +98,7 @@ def _init(cls: type, frozen: bool) -> Any:
 
 
 def _tuple(cls: type, owner: str) -> str:
-    """Source of the tuple of compared fields."""
+    """Return the source code of a tuple of the fields that are compared."""
     return "(" + "".join(f"{owner}.{f.name}, " for f in dataclasses.fields(cls) if f.compare) + ")"
 
 

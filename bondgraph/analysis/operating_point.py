@@ -82,7 +82,7 @@ class OperatingPoint:
 
     @property
     def lowered(self) -> Lowered:
-        """Expressions behind the program."""
+        """Expressions from which the program was made."""
         return self.compilation.lowered
 
     # ------------------------------------------------------------ the same elsewhere

@@ -83,7 +83,7 @@ def run_sensitivity(
     model: CompiledModel, parameters: tuple[str, ...] | None, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None,
     instants: Array | None, to: str | float | None, points: int, rtol: float = RTOL, moved: Mapping[str, float] | None = None,
 ) -> RunSensitivity:  # fmt: skip
-    """Return the sensitivity of a run to `to` at `points` instants, or at given `instants`.
+    """Return the sensitivity of a run that ends at time `to`, at `points` instants or at the given `instants`.
 
     `moved`: values of the parameters, as for `operating_point`. Raises `CompilationFailed`, `UsageError` for models that jump with states, `RunFailed`.
     """

@@ -183,7 +183,7 @@ def two_sided(A: Array) -> bool:
 
 
 def _of_pencil(A: Array, terms: Array, scale: float, count: int) -> tuple[Any, Any]:
-    """Return the smallest eigenvalues and their bounds from the pencil in which no state is faster than a scale (1/s)."""
+    """Return the smallest eigenvalues and their bounds from the matrix pencil in which every state is at most as fast as `scale` (1/s)."""
     from scipy.linalg import eig
 
     rows, columns = equilibrated(A, scale)

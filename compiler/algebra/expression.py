@@ -370,7 +370,7 @@ def substitute(x: Expression, replacement: Callable[[Symbol], Expression]) -> Ex
 
 
 def rebuild(operator: str, operands: Sequence[Expression]) -> Expression:
-    """Apply the operator through its own constructor."""
+    """Return the operator applied to new operands, simplified as its own constructor does."""
     if operator == "multiply":
         return multiply(*operands)
     if operator == "add":

@@ -61,7 +61,7 @@ class Tree:
     closing: tuple[Joint, ...]
 
     def path(self, body: str) -> list[str]:
-        """Bodies from one to the ground, for messages."""
+        """Return the chain of bodies from a given body to the ground, for messages."""
         names = [] if body == GROUND else [body]
         link = None if body == GROUND else self.place[body]
         while link is not None:

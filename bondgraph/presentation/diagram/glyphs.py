@@ -50,7 +50,7 @@ def beside(node: DiagramNode, along: Vector) -> tuple[str, float, float, str]:
 
 
 def above(node: DiagramNode) -> tuple[str, float, float, str]:
-    """Return the label of a node with several bonds: left above, where there are neither strokes nor half arrows."""
+    """Return the label of a node with several bonds, at its upper left, away from strokes and half arrows."""
     return node.label, -9.5, -12.5, "end"
 
 

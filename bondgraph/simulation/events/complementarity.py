@@ -329,7 +329,7 @@ class Companion:
         return self.networks[off]
 
     def _impedance(self, network: CompanionNetwork, at: Instant) -> float:
-        """Return the impedance of the waves: geometric mean of the network's impedances at the valves over a long step."""
+        """Return the reference impedance of the waves: the geometric mean, over all valves, of the network's impedance for a long time step."""
         z, count = 1.0, len(self.gaps)
         step = 1e-3 * self.horizon
         where = self._state(network, at, step)

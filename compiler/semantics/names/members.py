@@ -124,7 +124,7 @@ def group_member(group: GroupEntry, name: str, path: tree.PathSyntax) -> Scalar:
 
 
 def group_members(group: GroupEntry) -> tuple[Scalar, ...]:
-    """All components of a group: efforts of a reaction, four bare numbers of an attitude."""
+    """All components of a group: the efforts of a reaction, or the quaternion of an attitude."""
     variable = "e" if group.name == "reaction" else "q"
     found = []
     for component in group.part.groups[group.name]:
