@@ -12,7 +12,8 @@ from bondgraph.errors import RunFailed
 from tests.compiling import MODELS
 from tests.simulation.linkages import FOUR_BAR, LINKAGES
 
-CASES = {"slider-crank": 30, "four-bar": 8, "five-bar": 6, "Stephenson": 5, "RSSR": 6, "Bricard": 2}
+# `python tests/stress assemblies` tries hundreds.
+CASES = {"slider-crank": 15, "four-bar": 4, "five-bar": 3, "Stephenson": 3, "RSSR": 3, "Bricard": 1}
 EXACT = 1e-9
 
 

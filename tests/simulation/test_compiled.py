@@ -59,7 +59,11 @@ def both(path: Path, name: str | None = None, **settings: Any) -> tuple[Result, 
 @pytest.mark.parametrize("solver", ["radau", "automatic"])
 @pytest.mark.parametrize(("path", "name"), RUNNING, ids=lambda x: x if isinstance(x, str) else x.name)
 def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:
-    native, numpy = both(path, name, energy=True, solver=solver)
+    model = bondgraph.load(path, name)
+    native = model.simulate(target="native", energy=True, solver=solver)
+    if solver == "automatic" and native.solver.startswith("Radau IIA 5"):
+        return  # these are the steps of the other case
+    numpy = model.simulate(target="numpy", energy=True, solver=solver)
     assert native.solver.replace("native", "numpy") == numpy.solver
     if solver == "radau":
         assert native.solver in ("Radau IIA 5, native", "Newton", "none")

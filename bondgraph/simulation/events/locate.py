@@ -84,10 +84,12 @@ def first_flip(
         if bounded is not None and halved <= MOST_HIDDEN:
             hidden |= moves & dips.any(axis=0) & ~_wrong(events, on_grid, said).any(axis=0)
         unsure = near & (~seen.converged | (dips.any(axis=0) & (seen.error > EXACT * seen.variation)))
-        if unsure.any() and high - low > smallest:
+        if (unsure.any() and high - low > smallest) or hidden.any():
             if rounding is None:
                 rounding = events.noise(Moment(high, state_at(times[-1:], False)[0], mode), seen.values[-1])
             unsure &= seen.variation > rounding
+            if bounded is not None:
+                hidden &= bounded.reach > rounding
         if (unsure.any() and high - low > smallest) or (hidden.any() and high - low > least):
             halved += not (unsure.any() and high - low > smallest)
             middle = 0.5 * (low + high)
