@@ -96,6 +96,11 @@ def code_version() -> str:
     return f"{digest.hexdigest()} {sys.version} {sys.platform}"
 
 
+def has_changed() -> bool:
+    """Return True if a file of ours has changed since this process first computed that version."""
+    return code_version.__wrapped__() != code_version()
+
+
 class _CacheUnpickler(pickle.Unpickler):
     """Unpickler of our own data classes and paths only, so that a pickle cannot run code."""
 

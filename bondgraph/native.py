@@ -59,7 +59,15 @@ def kernel(name: str, text: Callable[[], str], level: int) -> bytes:
         return kept
     if announce is not None:
         announce(f"making the machine code of the {name} for this machine, once (some seconds)")
-    code = in_child(text(), level)
+    try:
+        source = text()
+    finally:
+        if cache.has_changed():  # a mixture of two versions
+            raise CannotCompile(
+                "BR601",
+                "machine code could not be made: this package has changed since the process started; start it again",
+            )
+    code = in_child(source, level)
     cache.keep(key, code)
     return code
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from .kinds import BOOL, FLOAT, FLOATS, INT, INTS, ITEMS, NOTHING, Fields, Handed, TranslationError, signature
+from .source import tree_of
 
 _WORDS = {FLOAT: "double", INT: "int64_t", BOOL: "int", FLOATS: "double *", INTS: "int64_t *", NOTHING: "void"}
 _SIGNS = {
@@ -93,8 +94,7 @@ class _CFunction:
     """Writer of one function."""
 
     def __init__(self, writer: _CModule, function: Callable[..., Any]) -> None:
-        tree = ast.parse(inspect.getsource(function)).body[0]
-        assert isinstance(tree, ast.FunctionDef)
+        tree = tree_of(function)
         self.writer, self.tree, self.home = writer, tree, function.__globals__
         kinds, self.result = signature(function)
         self.arguments = dict(zip((a.arg for a in tree.args.args), kinds, strict=True))

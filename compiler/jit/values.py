@@ -25,6 +25,7 @@ from .kinds import (
     signature,
     text_of,
 )
+from .source import tree_of
 
 _INTRINSICS = {
     "sqrt": "llvm.sqrt.f64",
@@ -101,8 +102,7 @@ class ValueWriter:
     def __init__(self, module: SubsetModule, function: Callable[..., Any], exported: set[str]) -> None:
         self.module, self.function = module, function
         self.home: dict[str, Any] = function.__globals__
-        tree = ast.parse(inspect.getsource(function)).body[0]
-        assert isinstance(tree, ast.FunctionDef)
+        tree = tree_of(function)
         self.tree, self.exported = tree, tree.name in exported
         self.first = function.__code__.co_firstlineno
         self.variables: dict[str, Any] = {}  # name -> type

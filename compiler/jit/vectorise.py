@@ -8,7 +8,6 @@ a condition; other loops stay as they are. Rows of one array, at offsets that ar
 from __future__ import annotations
 
 import ast
-import inspect
 import sys
 from collections.abc import Callable, Mapping
 from copy import deepcopy
@@ -16,6 +15,8 @@ from types import FunctionType
 from typing import Any
 
 import numpy as np
+
+from .source import tree_of
 
 _CALLS = {
     "abs": "np.abs", "sqrt": "np.sqrt", "isfinite": "np.isfinite", "pow": "np.power", "float": "", "max": "np.fmax", "min": "np.fmin",
@@ -46,8 +47,8 @@ class Vectorised:
         """Add all functions of a module."""
         known = vars(sys.modules[module])
         home = self._homes[module] = dict(known) | {"np": np}
-        tree = ast.parse(inspect.getsource(sys.modules[module]))
-        functions = [_Vectoriser(known).visit(node) for node in tree.body if isinstance(node, ast.FunctionDef)]
+        written = [tree_of(f) for f in known.values() if isinstance(f, FunctionType) and f.__module__ == module]
+        functions = [_Vectoriser(known).visit(tree) for tree in written]
         future = ast.parse("from __future__ import annotations").body
         exec(compile(ast.fix_missing_locations(ast.Module([*future, *functions], [])), module, "exec"), home)
         for node in functions:

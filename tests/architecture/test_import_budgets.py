@@ -51,6 +51,19 @@ def test_a_model_seen_before_is_not_parsed() -> None:
     assert not loaded(running) & {"lark", "sympy"}
 
 
+@pytest.mark.skipif("BONDGRAPH_WITHOUT_LLVM" in os.environ, reason="only native code is kept")
+@pytest.mark.parametrize("model", ["oscillator", "rlc"])
+def test_a_second_run_needs_no_source_of_the_steps(model: str) -> None:
+    """It has their machine code."""
+    pytest.importorskip("llvmlite")
+    code = f"import sys, bondgraph\nbondgraph.load('models/{model}.bg').simulate()\nprint(*sys.modules)"
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    modules = [m.removeprefix("bondgraph.simulation.integrators.") for m in done.stdout.split()]
+    rooms = ("steps", "acceptance", "dense_output", "compiled.advance", "compiled.sources")
+    assert "outcomes" in modules and not [m for m in modules if m.startswith(rooms)]
+
+
 def test_a_program_needs_no_scipy() -> None:
     found = loaded(
         "import bondgraph\nassert 'def derivative' in bondgraph.load('models/manipulator.bg').compilation().program.source"

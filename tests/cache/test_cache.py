@@ -135,6 +135,14 @@ class TestChildren:
             native.in_child("this is no module", 1)
         assert issubclass(native.CannotCompile, RunFailed)
 
+    def test_files_that_have_changed_are_not_compiled(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Else this process would run a mixture of two versions, and others would find it under the name of the first."""
+        cache.code_version()
+        monkeypatch.setattr(cache, "PACKAGES", ("bondgraph",))
+        with pytest.raises(native.CannotCompile, match="start it again"):
+            native.kernel("squares", lambda: "", 0)
+        assert not list(folder.iterdir())
+
     def test_the_first_code_and_long_code_are_made_in_a_child(
         self, folder: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

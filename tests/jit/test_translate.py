@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import importlib
 import math
 from collections.abc import Callable
 from math import copysign, floor, isfinite, isnan, pow, sqrt, ulp
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -155,3 +157,17 @@ def no_value(x: float) -> float:  # type: ignore[return]  # noqa: RET503
 def test_what_is_outside_of_the_subset_is_told(function: Callable[..., Any]) -> None:
     with pytest.raises(TranslationError, match=function.__name__):
         translate([function])
+
+
+def test_a_file_that_has_changed_since_it_was_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its lines would be those of another function."""
+    file = tmp_path / "scaled_by_two.py"
+    file.write_text(
+        "def first(x: float) -> float:\n    return x\n\n\ndef scaled(x: float, y: float) -> float:\n    return 2.0 * x * y\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    scaled = importlib.import_module("scaled_by_two").scaled
+    assert "fmul" in translate([scaled])
+    file.write_text("\n\n\n\n" + file.read_text())
+    with pytest.raises(TranslationError, match="has changed since"):
+        translate([scaled])

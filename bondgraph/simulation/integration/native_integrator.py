@@ -9,9 +9,9 @@ import numpy as np
 from compiler.api import AUTOMATIC, Array
 
 from ...errors import StepsCollapsed
-from ..integrators.compiled.advance import FINISHED, FLIP, HANDOVER, MORE, STIFF
 from ..integrators.compiled.run import CompiledRadau, obstacle, steps
 from ..integrators.methods import EXPLICIT, METHODS, PARTS, RADAU
+from ..integrators.outcomes import FINISHED, FLIP, HANDOVER, MORE, STIFF
 from ..integrators.projection.limits import NEAR
 from ..integrators.radau import StepFailed
 from ..monitors.step_failure import MOST_COMPILED, MOST_STEPS

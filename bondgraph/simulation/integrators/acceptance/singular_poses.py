@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from math import pow
 
+from ..outcomes import CROSS, REDUNDANT
 from ..projection.limits import APART, FINE, LOOK, MISSES, NEAR, NEVER
 from ..projection.projection import least
 from ..workspace import IntegratorWorkspace
 
-GOES_ON, CROSS, REDUNDANT = 0, 8, 9
+GOES_ON = 0
 
 
 def begin_watch(s: IntegratorWorkspace) -> None:

@@ -14,17 +14,15 @@ from ..acceptance.zero_crossings import may_flip
 from ..dense_output.dense_output import sample
 from ..dop853 import OFTEN
 from ..methods import CONSERVING, ESTIMATES, METHODS
+from ..outcomes import FINISHED, FLIP, HANDOVER, LOOK, MORE, STIFF
 from ..radau import FIRST_ULPS
 from ..steps.energy_step import take_energy
 from ..steps.radau_step import rates
 from ..tolerances import first_length
 from ..workspace import IntegratorWorkspace
 
-FINISHED, MORE, LOOK, HANDOVER = 0, 1, 2, 3  # results of `advance`, besides the reasons why there is no step
-FLIP = 11  # a condition may cross zero in the last step: the caller sets its end (`until`), or another mode
 # The step of each method, by its number: a new one is a row of the table of solvers and a module of `steps/`.
 STEPS = tuple(getattr(import_module(f"..steps.{row.word}_step", __package__), f"{row.word}_step") for row in METHODS)
-STIFF = 10  # stability limits the steps of an explicit method
 
 
 def advance(s: IntegratorWorkspace, most: int) -> int:

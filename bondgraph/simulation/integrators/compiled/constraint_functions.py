@@ -10,7 +10,7 @@ from compiler.api import Array, BoolArray, Program
 
 from ...segments.timeline import mode_size
 from ..projection.normal_equations import square
-from ..projection.projection import ProjectionWorkspace, hold_all, least_all, rates_all
+from ..projection.projection import ProjectionWorkspace
 from .plain import record_for
 
 
@@ -68,7 +68,7 @@ class CompiledConstraints:
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.array(states, dtype=float)
         weak = np.zeros(len(times), dtype=np.int64)
-        self.values.call(hold_all, len(times), times, states, weak)
+        self.values.call("hold_all", len(times), times, states, weak)
         return states, weak
 
     def least(self, times: Array, states: Array, mode: Array) -> Any:
@@ -76,7 +76,7 @@ class CompiledConstraints:
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(states, dtype=float)
         out = np.empty(len(times))
-        self.values.call(least_all, len(times), times, states, out)
+        self.values.call("least_all", len(times), times, states, out)
         return out
 
     def rates(self, times: Array, scaled: Array, unknowns: Array, mode: Array) -> tuple[Any, Any]:
@@ -85,5 +85,5 @@ class CompiledConstraints:
         self.values["full"][self.values["count"] :] = unknowns
         times, scaled = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(scaled, dtype=float)
         out, weak = np.empty_like(scaled), np.zeros(len(times), dtype=np.int64)
-        self.values.call(rates_all, len(times), times, scaled, out, weak)
+        self.values.call("rates_all", len(times), times, scaled, out, weak)
         return out, weak

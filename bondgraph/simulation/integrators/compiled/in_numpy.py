@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, TypeVar, cast
+from typing import Any
 
 from compiler.api import Array, Vectorised
 
@@ -13,12 +13,13 @@ from ..linear_algebra.factorise import dense
 from ..linear_algebra.sparse import FINE, SINGULAR
 
 FEW = 6  # unknowns of a system up to which the loops of the source itself are faster
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def interpreted(function: Function, unknowns: int, sparse: int) -> Function:
+def interpreted(name: str, unknowns: int, sparse: int) -> Callable[..., Any]:
     """Return a function of the source as it is, or with array operations, which is faster for more unknowns, and has sparse factors without a pattern."""
-    return function if unknowns <= FEW and not sparse else cast(Function, _vectorised()[function])
+    from .sources import SOURCES
+
+    return SOURCES[name] if unknowns <= FEW and not sparse else _vectorised()[SOURCES[name]]
 
 
 @lru_cache

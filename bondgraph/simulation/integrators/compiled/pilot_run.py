@@ -12,9 +12,10 @@ from ...segments.timeline import mode_size
 from ..linear_algebra.factorise import is_large
 from ..linear_algebra.factors import Factors, room_for
 from ..linear_algebra.sparse import ANEW, FINE
-from ..pilot.loop import CROSSED, PilotWorkspace, coarse
+from ..outcomes import CROSSED
+from ..pilot.loop import PilotWorkspace
 from ..pilot.schedule import Conditions, Progress, StepSchedule, unit_numbers
-from ..pilot.step import Euler, euler
+from ..pilot.step import Euler
 from .code import called
 from .fields import is_sparse
 from .in_numpy import interpreted
@@ -61,13 +62,13 @@ class CompiledPilotStep:
         native = program.native is not None
         self.values = record_for(Euler, program, "", lambda: _room(program, constants), given, native)
         self.record = self.values.record
-        self._step = self.function(euler)
+        self._step = self.function("euler")
 
-    def function(self, source: Callable[..., int]) -> Callable[..., int]:
+    def function(self, source: str) -> Callable[..., int]:
         """Return a function of the source, as machine code if there is any."""
         if self.program.native is None:
             return interpreted(source, self.record.n, self.record.sparse)
-        return called(source.__name__, ctypes.c_int64, ctypes.c_void_p)  # type: ignore[no-any-return]
+        return called(source, ctypes.c_int64, ctypes.c_void_p)  # type: ignore[no-any-return]
 
     def step(self, start: Array, guess: Array, largest: Array, at: tuple[float, float], mode: Array) -> Any:
         """Return the state at the end of a step, or None if it fails; `at`: time of the end, and size of the step."""
@@ -108,7 +109,7 @@ class CompiledPilotRun:
         }  # fmt: skip
         self.values = record_for(PilotWorkspace, steps.program, "", room, given, steps.program.native is not None)
         self._record = self.values.record
-        self._run = steps.function(coarse)
+        self._run = steps.function("coarse")
 
     def observe(self, conditions: Conditions) -> None:
         """Return from `go` where one of these conditions changes."""

@@ -33,7 +33,7 @@ class Plain:
         for name, value in values.items():
             setattr(self.record, name, _plain(value))
 
-    def call(self, source: Callable[..., Any], *arguments: Any) -> Any:
+    def call(self, source: str, *arguments: Any) -> Any:
         """Call a function of the source on this record, with integers and arrays."""
         function = interpreted(source, self.record.n, getattr(self.record, "sparse", 0))
         return function(self.record, *(a.reshape(-1) if isinstance(a, np.ndarray) else a for a in arguments))

@@ -116,11 +116,11 @@ class RecordArray:
                 self._arrays[name] = value
                 words[place] = address_of(value)
 
-    def call(self, source: Callable[..., Any], *arguments: Any) -> int:
+    def call(self, source: str, *arguments: Any) -> int:
         """Call a function of the source on this record, with integers and arrays."""
         kinds = (WHOLE if isinstance(a, int) else POINTER for a in arguments)
         values = (a if isinstance(a, int) else address_of(a) for a in arguments)
-        return called(source.__name__, WHOLE, POINTER, *kinds)(self.address, *values)  # type: ignore[no-any-return]
+        return called(source, WHOLE, POINTER, *kinds)(self.address, *values)  # type: ignore[no-any-return]
 
     def __getitem__(self, name: str) -> Any:
         found = self._arrays.get(name)

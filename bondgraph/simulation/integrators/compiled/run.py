@@ -18,14 +18,11 @@ from compiler.api import Array, Program, address_of, record_of
 from ...monitors.state_selection import Choice
 from ...segments.timeline import Segment, Signals, inside
 from .. import dop853, radau, rodas
-from ..acceptance.zero_crossings import roots_along, states_along
-from ..dense_output.dense_output import scaled_along
 from ..linear_algebra.sparse import FINE, Pattern
 from ..methods import METHODS, RADAU, THROUGH_ENDS
+from ..outcomes import FAILURES, LOOK, MORE, NEWTON, ORDER
 from ..radau import StepFailed
-from ..steps.radau_step import FAILURES, NEWTON, ORDER
 from ..workspace import IntegratorWorkspace
-from .advance import LOOK, MORE, advance, begin
 from .code import POINTER, WHOLE, called
 from .fields import given_at, room_of, signal_fields
 from .ordering import DIAGONAL, on_diagonal, ordered, room_in
@@ -151,7 +148,7 @@ class CompiledRadau:
         self.put_mode(self.values["mode"])
         self._begun = True
         self.__dict__ |= {name: self.values[name] for name in OFTEN}
-        self.values.call(begin)
+        self.values.call("begin")
         if self.fixed_size is not None:
             self._record.size = self.fixed_size
 
@@ -219,7 +216,7 @@ class CompiledRadau:
         for name in ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending"):
             setattr(record, name, 0)
         record.last_size = record.last_error = record.contraction = 0.0
-        self.values.call(begin)
+        self.values.call("begin")
 
     def went_on(self, position: int, work: Array | None, traffic: float) -> Any:
         """Return the array of accumulated work, after setting position, work and energy turnover reached by other means."""
@@ -229,14 +226,14 @@ class CompiledRadau:
         return None if work is None else self.values["work"]
 
     def advance(self, most: int) -> int:
-        """Make up to `most` steps; return the reason for the stop, one of the numbers of `advance.py`. Raises `StepFailed`."""
-        answer: int = self.values.call(advance, most)
+        """Make up to `most` steps; return the reason for the stop, one of the numbers of `outcomes.py`. Raises `StepFailed`."""
+        answer: int = self.values.call("advance", most)
         self.order.record.tolerant = 0
         while answer == ORDER:
             # With an order computed for just these numbers, small pivots are accepted.
             if self.order.choose(self._shift / self.factorised_size, self.jacobian):
                 self.order.record.tolerant = 1
-                answer = self.values.call(advance, 1)
+                answer = self.values.call("advance", 1)
             else:
                 answer = NEWTON
             self.order.record.tolerant = 0
@@ -287,22 +284,22 @@ class CompiledRadau:
 
     def sample(self, times: Array) -> Any:
         """Return states at instants within the last step; shape (times, n)."""
-        return self._along(scaled_along, times, self._record.n)
+        return self._along("scaled_along", times, self._record.n)
 
     def roots(self, times: Array, mode: Array) -> Any:
         """Return the roots of the conditions at instants within the last step, under a mode; shape (times, conditions)."""
-        return self._all(roots_along, times, mode, self._record.root_count)
+        return self._all("roots_along", times, mode, self._record.root_count)
 
     def states(self, times: Array, mode: Array) -> Any:
         """Return the states in SI there, with the multipliers that belong to them; shape (times, n)."""
-        return self._all(states_along, times, mode, self._record.n)
+        return self._all("states_along", times, mode, self._record.n)
 
-    def _all(self, source: Callable[..., None], times: Array, mode: Array, width: int) -> Any:
+    def _all(self, source: str, times: Array, mode: Array, width: int) -> Any:
         if mode is not self._mode:
             self.put_mode(mode)
         return self._along(source, times, width)
 
-    def _along(self, source: Callable[..., None], times: Array, width: int) -> Any:
+    def _along(self, source: str, times: Array, width: int) -> Any:
         times = np.ascontiguousarray(times, dtype=float)
         out = np.empty((len(times), width))
         self.values.call(source, len(times), times, out)
@@ -310,7 +307,7 @@ class CompiledRadau:
 
 
 def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause: float = np.inf) -> int:
-    """Step to the end of the segment, or to a change of states or a singular pose; return the reason, as in `advance.py`.
+    """Step to the end of the segment, or to a change of states or a singular pose; return the reason, a number of `outcomes.py`.
 
     `MORE` after `pause` steps of the segment, in Python after each step. `look` checks the limits of the model in the last step, and returns the
     violated ones. Raises `StepFailed`.

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING
 from compiler.api import Record
 
 from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
+from ..outcomes import CROSSED
 from ..workspace import Function
 from .schedule import AGAIN, CAREFUL, GROWN, MOST_STEPS, NOTES, SAME, SLIGHT
 from .step import Euler, euler
 
 if TYPE_CHECKING:
     from compiler.api import Floats, Ints
-
-CROSSED = 12  # a condition has changed
 
 
 class PilotWorkspace(Record):

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from ..gauss import CLOSE, ITERATIONS, PROJECTIONS, SLOW, WITHIN, A, B, C
 from ..linear_algebra.factors import back, eliminate
+from ..outcomes import NEWTON
 from ..workspace import IntegratorWorkspace
-from .radau_step import NEWTON, put_end, rates, renew
+from .radau_step import put_end, rates, renew
 
 if TYPE_CHECKING:
     from compiler.api import Floats

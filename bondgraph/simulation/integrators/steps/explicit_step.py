@@ -12,9 +12,10 @@ from math import isfinite, pow, sqrt, ulp
 from typing import TYPE_CHECKING
 
 from .. import dop853
+from ..outcomes import ERROR, ROUND_OFF
 from ..workspace import IntegratorWorkspace
 from .dop853_dense import first_bend_of_pair
-from .radau_step import ERROR, GROWN, ROUND_OFF, first_size, is_rounding, is_stubborn, put_end, rates, renew
+from .radau_step import GROWN, first_size, is_rounding, is_stubborn, put_end, rates, renew
 
 if TYPE_CHECKING:
     from compiler.api import Floats

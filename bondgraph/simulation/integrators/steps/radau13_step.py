@@ -15,6 +15,7 @@ import numpy as np
 
 from ..linear_algebra.factors import ComplexFactors, back_complex, eliminate_complex
 from ..linear_algebra.sparse import FINE, SINGULAR
+from ..outcomes import ERROR, NEWTON, ROUND_OFF
 from ..workspace import IntegratorWorkspace
 from .dop853_dense import first_bend_along
 from .kinks import after_bend
@@ -25,15 +26,12 @@ from .radau_step import (
     BETWEEN,
     BEYOND,
     CUBIC,
-    ERROR,
     GROWN,
     LARGEST,
     LOOKS,
     MOST_BENDS,
     NEAREST,
-    NEWTON,
     PATIENT,
-    ROUND_OFF,
     SEEN,
     SMALLEST,
     UNSEEN,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ...segments import timeline
 from .. import radau, tolerances
 from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
+from ..outcomes import ERROR, NEWTON, ORDER, ROUND_OFF
 from ..projection.projection import hold, put_multipliers
 from ..workspace import IntegratorWorkspace
 from .kinks import after_bend, bends_of, first_bend
@@ -31,8 +32,6 @@ SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
 LOOKS, BETWEEN = tuple(timeline.LOOKS.tolist()), tuple(timeline.BETWEEN.ravel().tolist())
 CUBIC = tuple(timeline.CUBIC.ravel().tolist())
 SEEN, UNSEEN = len(timeline.SEEN), len(timeline.LOOKS) - len(timeline.SEEN)
-NEWTON, ERROR, ROUND_OFF, ORDER = 4, 5, 6, 7  # reasons for no step; the last: the matrix needs another order
-FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}
 
 
 def radau_step(s: IntegratorWorkspace) -> int:

@@ -10,6 +10,7 @@ from math import isfinite, sqrt, ulp
 
 from .. import rodas
 from ..linear_algebra.sparse import ANEW, SINGULAR
+from ..outcomes import ERROR, NEWTON, ORDER, ROUND_OFF
 from ..workspace import IntegratorWorkspace
 from .dop853_dense import first_bend_along
 from .kinks import after_bend
@@ -20,12 +21,8 @@ from .radau_step import (
     BETWEEN,
     BEYOND,
     CUBIC,
-    ERROR,
     GROWN,
     LOOKS,
-    NEWTON,
-    ORDER,
-    ROUND_OFF,
     SEEN,
     UNSEEN,
     first_size,
