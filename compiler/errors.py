@@ -46,6 +46,20 @@ class Diagnostic:
         return ()
 
 
+@dataclass(frozen=True, slots=True)
+class WordedDiagnostic(Diagnostic):
+    """An error whose sentence and advice are written where it is found; `others` are related places."""
+
+    title = "{what}"
+    advice = "{hint}"
+    what: str
+    hint: str
+    others: tuple[tuple[Span, str], ...] = ()
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return self.others
+
+
 class CompilationFailed(Exception):
     """The text has errors; `diagnostics` lists all of them, with places and causes."""
 

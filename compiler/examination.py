@@ -5,22 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from .compilation import Compilation, too_long
 from .errors import CompilationFailed, Diagnostic
 from .garbage_collection import uncollected
-from .reduction import (
-    Certificate,
-)
+from .reduction import Certificate
 from .scene import Scene
 from .semantics import check_parts
 from .source import Source
 from .syntax import SyntaxTree, parse_what_can_be_read
-
-if TYPE_CHECKING:
-    pass
-
-from .compilation import Compilation, too_long
 
 # Several models to choose from are no mistake of a file of parts.
 PART_ONLY = frozenset({"BG132"})

@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-from ..errors import Diagnostic
+from ..errors import WordedDiagnostic
 from ..fast_dataclass import dataclass
-from ..source import Span
 
 
 @dataclass(frozen=True, slots=True)
-class StrokeConflict(Diagnostic):
+class StrokeConflict(WordedDiagnostic):
     """BG301: two demands contradict each other."""
 
     code = "BG301"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
-    chain: tuple[tuple[Span, str], ...]
-
-    def related(self) -> tuple[tuple[Span, str], ...]:
-        return self.chain

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, partialmethod
 from typing import Any
 
 from lark import Token
@@ -66,10 +66,12 @@ class Builder:
             raise Refused.at(NumberTooLarge, token, number=token.value[:40])
         return number
 
-    # ------------------------------------------------------------ files and models
-    def start(self, parts: list[Any]) -> tuple[tree.SyntaxNode, ...]:
+    def _all(self, parts: list[Any]) -> tuple[Any, ...]:
         return tuple(parts)
 
+    start = block = ports = attributes = places = mechanism_block = resets = _all
+
+    # ------------------------------------------------------------ files and models
     def alone(self, parts: list[Any]) -> tree.ExpressionSyntax:
         return _done(parts[0])  # type: ignore[no-any-return]
 
@@ -90,30 +92,16 @@ class Builder:
         name = parts[-2]
         return tree.ModelSyntax(self._span(parts[:-1]), str(name), self._span([name]), plain, parts[-1])
 
-    def block(self, parts: list[Any]) -> tuple[tree.SyntaxNode, ...]:
-        return tuple(parts)
-
     # ------------------------------------------------------------ statements
     def _quantities(self, role: str, parts: list[Any]) -> tree.Quantities:
         return tree.Quantities(self._span(parts), role, tuple(parts))
 
-    def parameters(self, parts: list[Any]) -> tree.Quantities:
-        return self._quantities("parameter", parts)
-
-    def constants(self, parts: list[Any]) -> tree.Quantities:
-        return self._quantities("constant", parts)
-
-    def inputs(self, parts: list[Any]) -> tree.Quantities:
-        return self._quantities("input", parts)
-
-    def outputs(self, parts: list[Any]) -> tree.Quantities:
-        return self._quantities("output", parts)
-
-    def signals(self, parts: list[Any]) -> tree.Quantities:
-        return self._quantities("signal", parts)
-
-    def modes_(self, parts: list[Any]) -> tree.Quantities:
-        return self._quantities("mode", parts)
+    parameters = partialmethod(_quantities, "parameter")
+    constants = partialmethod(_quantities, "constant")
+    inputs = partialmethod(_quantities, "input")
+    outputs = partialmethod(_quantities, "output")
+    signals = partialmethod(_quantities, "signal")
+    modes_ = partialmethod(_quantities, "mode")
 
     def item(self, parts: list[Any]) -> tree.Item:
         name, index, unit, value, description = parts
@@ -149,9 +137,6 @@ class Builder:
         items = tuple(_done(p) for p in parts if not isinstance(p, Token))
         return ("index", tree.Index(items), parts[-1].end_pos)
 
-    def ports(self, parts: list[Any]) -> tuple[tree.Component, ...]:
-        return tuple(parts)
-
     def component(self, parts: list[Any]) -> tree.Component:
         return tree.Component(self._span(parts), str(parts[0]), None if parts[1] is None else str(parts[1]))
 
@@ -166,9 +151,6 @@ class Builder:
         first, second = map(_done, parts)
         return tree.LinkSyntax(self._span([first, second]), first, second)
 
-    def attributes(self, parts: list[Any]) -> tuple[tree.Attribute, ...]:
-        return tuple(parts)
-
     def attribute(self, parts: list[Any]) -> tree.Attribute:
         value = _done(parts[-1])
         target = parts[1] if len(parts) == 3 else None
@@ -177,9 +159,6 @@ class Builder:
     def bonds(self, parts: list[Any]) -> tree.Bonds:
         places, arrows = tuple(parts[0::2]), tuple(parts[1::2])
         return tree.Bonds(self._span([places[0][0], places[-1][-1]]), places, arrows)
-
-    def places(self, parts: list[Any]) -> tuple[Any, ...]:
-        return tuple(parts)
 
     def nest(self, parts: list[Any]) -> tree.Nest:
         return tree.Nest(self._span(parts), str(parts[0])[0], tuple(parts[1:]))
@@ -205,9 +184,6 @@ class Builder:
         name, space, statements = parts
         return tree.MechanismSyntax(self._span([name]), str(name), None if space is None else str(space), statements)
 
-    def mechanism_block(self, parts: list[Any]) -> tuple[tree.SyntaxNode, ...]:
-        return tuple(parts)
-
     def setting(self, parts: list[Any]) -> tree.SettingSyntax:
         value = _done(parts[1])
         return tree.SettingSyntax(self._span([parts[0], value]), str(parts[0]), value)
@@ -229,9 +205,6 @@ class Builder:
         condition = _done(parts[0])
         return tree.RequirementSyntax(condition.span, condition, _text(parts[1]) or "")
 
-    def resets(self, parts: list[Any]) -> tuple[tree.Reset, ...]:
-        return tuple(parts)
-
     def reset(self, parts: list[Any]) -> tree.Reset:
         value = _done(parts[1])
         return tree.Reset(self._span([parts[0], value]), parts[0], value)
@@ -244,11 +217,8 @@ class Builder:
         value = _done(parts[1])
         return tree.Set(self._span([parts[0], value]), role, parts[0], value)
 
-    def set(self, parts: list[Any]) -> tree.Set:
-        return self._set("set", parts)
-
-    def start_value(self, parts: list[Any]) -> tree.Set:
-        return self._set("start", parts)
+    set = partialmethod(_set, "set")
+    start_value = partialmethod(_set, "start")
 
     def sweep(self, parts: list[Any]) -> tree.SweepSyntax:
         path, unit, *values = (

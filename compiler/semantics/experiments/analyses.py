@@ -86,9 +86,8 @@ def _following(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> Cont
     ends = (step.range.first, step.range.last)
     low, high = together(elaborator, *(partial(elaborator.static, e, root, f"`{name}`", dimension) for e in ends))
     if low == high:
-        raise Wrong(
-            WrongExperiment(step.range.span, "The range has no length", "Write where it begins and where it ends.")
-        )
+        hint = "Write where it begins and where it ends."
+        raise Wrong(WrongExperiment(step.range.span, "The range has no length", hint))
     return ContinuationRequest(name, low, high, **found.values)
 
 
@@ -162,9 +161,8 @@ def _limits(elaborator: Elaborator, names: set[str]) -> Callable[[tree.Attribute
             attribute.value, root, f"The limit of `{name}`", _dimension(elaborator, attribute.target, root)
         )
         if value <= 0:
-            raise Wrong(
-                WrongExperiment(attribute.span, "A limit is larger than zero", "Write how large the input may be.")
-            )
+            hint = "Write how large the input may be."
+            raise Wrong(WrongExperiment(attribute.span, "A limit is larger than zero", hint))
         return name, value
 
     return read
@@ -220,17 +218,7 @@ def _over_time(elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope
 def _own_functions(value: tree.ExpressionSyntax, root: Scope) -> list[tree.Call]:
     """Calls in an expression that are the author's own functions."""
     own = {*root.definition.functions, *root.definition.file.functions}
-    found: list[tree.Call] = []
-    stack: list[Any] = [value]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, tree.Call) and node.function in own:
-            found.append(node)
-        if isinstance(node, tree.SyntaxNode):
-            stack += [getattr(node, f) for f in node.__dataclass_fields__ if f != "span"]
-        elif isinstance(node, tuple):
-            stack += node
-    return found
+    return [node for node in tree.nodes_in(value) if isinstance(node, tree.Call) and node.function in own]
 
 
 # ---------------------------------------------------------------- parameters from measurements

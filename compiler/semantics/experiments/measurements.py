@@ -49,9 +49,8 @@ def _column(
     wanted, is_set = _kind(elaborator, text, root, bare, place)
     if is_set and bare in sought:
         hint = "What is looked for has one value for all lines."
-        raise Wrong(
-            WrongColumn(text.span, f"`{bare}` is looked for, and set line by line", hint, ((place, "this header"),))
-        )
+        what = f"`{bare}` is looked for, and set line by line"
+        raise Wrong(WrongColumn(text.span, what, hint, ((place, "this header"),)))
     found = ONE if scale is None else scale.dimension
     if found != wanted:
         what = f"`{bare}` is {describe(wanted)}, but {text.value} has it {'without a unit' if scale is None else describe(found)}"

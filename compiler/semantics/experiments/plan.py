@@ -39,21 +39,19 @@ def choose_experiment(
     definition: ModelDefinition, wanted: str | None
 ) -> tuple[tree.Experiment | None, list[Diagnostic]]:
     """Return the experiment of that name, and errors. "" chooses the first experiment, None chooses none."""
-    known: dict[str, tree.Experiment] = {}
-    told: list[Diagnostic] = []
-    for statement in definition.model.statements:
-        if isinstance(statement, tree.Experiment):
-            if statement.name in known:
-                told.append(DuplicateName(statement.span, statement.name, known[statement.name].span))
-            known.setdefault(statement.name, statement)
-    if wanted is None:
-        return None, told
-    if wanted == "":
-        return next(iter(known.values()), None), told
-    if wanted not in known:
-        hint = suggestion(wanted, list(known), f"It has: {', '.join(known) or 'none'}.")
-        told.append(UnknownName(definition.model.name_span, wanted, f"the experiments of `{definition.name}`", hint))
-    return known.get(wanted), told
+    experiments = experiments_of(definition)
+    mistakes: list[Diagnostic] = [
+        DuplicateName(s.span, s.name, experiments[s.name].span)
+        for s in definition.model.statements
+        if isinstance(s, tree.Experiment) and s is not experiments[s.name]
+    ]
+    if not wanted:
+        return None if wanted is None else next(iter(experiments.values()), None), mistakes
+    if wanted not in experiments:
+        hint = suggestion(wanted, list(experiments), f"It has: {', '.join(experiments) or 'none'}.")
+        where = f"the experiments of `{definition.name}`"
+        mistakes.append(UnknownName(definition.model.name_span, wanted, where, hint))
+    return experiments.get(wanted), mistakes
 
 
 def experiment_overrides(experiment: tree.Experiment | None) -> list[Override]:
@@ -181,9 +179,8 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
     start = elaborator.static(step.range.first, root, "The start of a simulation", dimension)
     stop = elaborator.static(step.range.last, root, "The end of a simulation", dimension)
     if stop <= start:
-        raise Wrong(
-            WrongExperiment(step.range.span, "The simulation ends before it begins", "Write `simulate 0 .. 1 s`.")
-        )
+        hint = "Write `simulate 0 .. 1 s`."
+        raise Wrong(WrongExperiment(step.range.span, "The simulation ends before it begins", hint))
     if plan.stop is not None:
         raise Wrong(WrongExperiment(step.span, "A second `simulate` in one experiment", "Write a second experiment."))
     settings: dict[str, float] = {}
@@ -197,13 +194,8 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
                 attribute.value, root, f"The tolerance of `{attribute.target.words}`", scalar.dimension or ONE
             )
             if value <= 0:
-                raise Wrong(
-                    WrongExperiment(
-                        attribute.span,
-                        "A tolerance is positive",
-                        "Write how large an error is allowed, in the unit of the quantity.",
-                    )
-                )
+                hint = "Write how large an error is allowed, in the unit of the quantity."
+                raise Wrong(WrongExperiment(attribute.span, "A tolerance is positive", hint))
             tolerances[attribute.target.words] = value
         elif attribute.name == "solver" and attribute.target is None:
             plan = replace(plan, solver=_solver(attribute))
@@ -215,13 +207,8 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
                 or (attribute.name == "rtol" and not 1e-13 <= value <= 0.1)
                 or (attribute.name == "points" and (value < 2 or value != round(value)))
             ):
-                raise Wrong(
-                    WrongExperiment(
-                        attribute.span,
-                        f"`{attribute.name} = {value:g}` makes no sense",
-                        "`rtol` lies between 1e-13 and 0.1, `points` is a whole number from 2.",
-                    )
-                )
+                hint = "`rtol` lies between 1e-13 and 0.1, `points` is a whole number from 2."
+                raise Wrong(WrongExperiment(attribute.span, f"`{attribute.name} = {value:g}` makes no sense", hint))
         else:
             hint = suggestion(
                 attribute.name,
@@ -234,18 +221,12 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
 
 def _bandwidth(elaborator: Elaborator, step: tree.Bandwidth, root: Scope, plan: Plan) -> Plan:
     if plan.bandwidth is not None:
-        raise Wrong(
-            WrongExperiment(step.span, "A second `bandwidth` in one experiment", "Write one, or a second experiment.")
-        )
+        hint = "Write one, or a second experiment."
+        raise Wrong(WrongExperiment(step.span, "A second `bandwidth` in one experiment", hint))
     value = elaborator.static(step.value, root, "A bandwidth", ONE if root.plain else ONE / SECOND)
     if value <= 0:
-        raise Wrong(
-            WrongExperiment(
-                step.span,
-                f"A bandwidth of {value:g} Hz makes no sense",
-                "Write `bandwidth 50 kHz`: what is faster need not be followed.",
-            )
-        )
+        hint = "Write `bandwidth 50 kHz`: what is faster need not be followed."
+        raise Wrong(WrongExperiment(step.span, f"A bandwidth of {value:g} Hz makes no sense", hint))
     return replace(plan, bandwidth=value)
 
 
@@ -268,13 +249,9 @@ def _reading(elaborator: Elaborator, reading: tree.ReadingSyntax, root: Scope, o
     if reading.unit is not None:
         wanted = scale_of(reading.unit)
         if dimension is not None and wanted.dimension != dimension:
-            raise Wrong(
-                DimensionMismatch(
-                    reading.unit.span,
-                    f"`{name}` is {describe(dimension)}, so it cannot be reported in {reading.unit.span.words}",
-                    "Name a unit of the same kind.",
-                )
-            )
+            what = f"`{name}` is {describe(dimension)}, so it cannot be reported in {reading.unit.span.words}"
+            hint = "Name a unit of the same kind."
+            raise Wrong(DimensionMismatch(reading.unit.span, what, hint))
         unit = reading.unit.span.words.replace(" ", "")
         offset = wanted.from_si(0.0)
         scale = wanted.from_si(1.0) - offset

@@ -59,9 +59,8 @@ def settable(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope, what:
     scalar = elaborator.lookup(given.path, root)
     name = word(given.path)
     if not isinstance(scalar, Scalar) or scalar.role not in ("parameter", "input"):
-        raise Wrong(
-            WrongExperiment(given.path.span, f"{what}, which `{name}` cannot be", "Name a single parameter or input.")
-        )
+        hint = "Name a single parameter or input."
+        raise Wrong(WrongExperiment(given.path.span, f"{what}, which `{name}` cannot be", hint))
     return name
 
 

@@ -148,9 +148,8 @@ class ExpressionCompiler:
         value = self.value(node)
         if isinstance(value, tuple):
             text = node.span.text if isinstance(node, tree.PathSyntax) else "name"
-            raise Wrong(
-                WrongType(node.span, "A single number", f"a list of {len(value)}", f"Take one item: `{text}[1]`.")
-            )
+            hint = f"Take one item: `{text}[1]`."
+            raise Wrong(WrongType(node.span, "A single number", f"a list of {len(value)}", hint))
         return self._number(value, node.span)
 
     def condition(self, node: tree.ExpressionSyntax) -> Expression:
@@ -247,9 +246,8 @@ class ExpressionCompiler:
         found = self.resolve(node, outside)
         values = [v for v in found.values if v is not None]
         if len(values) < len(found.dimensions):
-            raise Wrong(
-                WrongType(node.span, "A parameter of the function or a constant of the file", f"`{node.words}`")
-            )
+            what = "A parameter of the function or a constant of the file"
+            raise Wrong(WrongType(node.span, what, f"`{node.words}`"))
         parts = tuple(Typed(Number(v), d) for v, d in zip(values, found.dimensions, strict=True))
         return parts if found.is_list else parts[0]
 
@@ -270,30 +268,18 @@ class ExpressionCompiler:
         values = [(sign, term, self.value(term)) for sign, term in node.terms]
         length = next((len(v) for _, _, v in values if isinstance(v, tuple)), None)
         if length is None:
-            scalars = [(sign, term, self._number(v, term.span)) for sign, term, v in values if isinstance(v, Typed)]
-            dimension = common_dimension([(t, term.span) for _, term, t in scalars], "These cannot be added")
-            return Typed(
-                add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in scalars)), dimension
+            return _total(
+                [(sign, term.span, self._number(v, term.span)) for sign, term, v in values if isinstance(v, Typed)]
             )
-        result = []
-        for i in range(length):
-            terms = []
-            for sign, term, v in values:
-                if not isinstance(v, tuple) or len(v) != length:
-                    raise Wrong(
-                        WrongType(
-                            term.span,
-                            f"A list of {length}",
-                            f"a list of {len(v)}" if isinstance(v, tuple) else f"the single number `{term.span.text}`",
-                            "Only lists of one length can be added; one item of a list is `name[1]`.",
-                        )
-                    )
-                terms.append((sign, term, v[i]))
-            dimension = common_dimension([(t, term.span) for _, term, t in terms], "These cannot be added")
-            result.append(
-                Typed(add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in terms)), dimension)
-            )
-        return tuple(result)
+        columns: list[list[tuple[int, Span, Typed]]] = [[] for _ in range(length)]
+        for sign, term, v in values:
+            if not isinstance(v, tuple) or len(v) != length:
+                other = f"a list of {len(v)}" if isinstance(v, tuple) else f"the single number `{term.span.text}`"
+                hint = "Only lists of one length can be added; one item of a list is `name[1]`."
+                raise Wrong(WrongType(term.span, f"A list of {length}", other, hint))
+            for column, item in zip(columns, v, strict=True):
+                column.append((sign, term.span, item))
+        return tuple(map(_total, columns))
 
     def _product(self, node: tree.Product) -> Value:
         result: Value = Typed(NUMBER_ONE, ONE)
@@ -301,11 +287,8 @@ class ExpressionCompiler:
             value = self.value(factor)
             if isinstance(value, tuple):
                 if isinstance(result, tuple) or direction < 0:
-                    raise Wrong(
-                        WrongType(
-                            factor.span, "A single number", "a list", "Lists can be added, and multiplied by numbers."
-                        )
-                    )
+                    hint = "Lists can be added, and multiplied by numbers."
+                    raise Wrong(WrongType(factor.span, "A single number", "a list", hint))
                 scalar = result
                 result = tuple(times(scalar, self._number(v, factor.span), 1) for v in value)
             else:
@@ -319,14 +302,8 @@ class ExpressionCompiler:
         dimension: Dimension | None = ONE
         if base.dimension not in (None, ONE):
             if not isinstance(exponent.expression, Number):
-                raise Wrong(
-                    WrongType(
-                        node.exponent.span,
-                        "A number as exponent",
-                        "an expression",
-                        f"The base is {describe(base.dimension)}, so the exponent decides the unit of the result: only a number can stand here.",
-                    )
-                )
+                hint = f"The base is {describe(base.dimension)}, so the exponent decides the unit of the result: only a number can stand here."
+                raise Wrong(WrongType(node.exponent.span, "A number as exponent", "an expression", hint))
             dimension = base.dimension ** Fraction(exponent.expression.value).limit_denominator(60)
         if isinstance(exponent.expression, Number) and abs(exponent.expression.value) > 1000:
             raise Wrong(WrongType(node.exponent.span, "An exponent up to 1000", "a larger one", "Use exp() and log()."))
@@ -437,6 +414,12 @@ class ExpressionCompiler:
         finally:
             self.local, self.in_model = saved, seen
             self.opening.pop()
+
+
+def _total(terms: list[tuple[int, Span, Typed]]) -> Typed:
+    """Sum of terms with their signs and places, which have one dimension."""
+    dimension = common_dimension([(t, span) for _, span, t in terms], "These cannot be added")
+    return Typed(add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in terms)), dimension)
 
 
 def _arguments(count: int) -> str:

@@ -26,13 +26,10 @@ def _pure(operator: str) -> Builder:
         for argument, place in zip(arguments, node.arguments, strict=True):
             if argument.dimension not in (None, ONE):
                 hint = "Divide by a reference of the same unit first."
-                raise Wrong(
-                    DimensionMismatch(
-                        place.span,
-                        f"`{node.function}` takes a bare number, but `{place.span.text}` is {describe(argument.dimension)}",
-                        hint,
-                    )
+                what = (
+                    f"`{node.function}` takes a bare number, but `{place.span.text}` is {describe(argument.dimension)}"
                 )
+                raise Wrong(DimensionMismatch(place.span, what, hint))
         return Typed(call(operator, *(a.expression for a in arguments)), ONE)
 
     return build
@@ -120,13 +117,9 @@ def _chirp(node: tree.Call, arguments: list[Typed]) -> Typed:
 def _polar(node: tree.Call, arguments: list[Typed]) -> Value:
     r, angle = arguments
     if angle.dimension not in (None, ONE):
-        raise Wrong(
-            DimensionMismatch(
-                node.arguments[1].span,
-                f"An angle is a bare number, but `{node.arguments[1].span.text}` is {describe(angle.dimension)}",
-                "Write it in deg or rad.",
-            )
-        )
+        what = f"An angle is a bare number, but `{node.arguments[1].span.text}` is {describe(angle.dimension)}"
+        hint = "Write it in deg or rad."
+        raise Wrong(DimensionMismatch(node.arguments[1].span, what, hint))
     return tuple(Typed(multiply(r.expression, call(f, angle.expression)), r.dimension) for f in ("cos", "sin"))
 
 

@@ -33,9 +33,8 @@ def _scale_of(unit: tree.Unit) -> Scale:
             raise Wrong(UnknownUnit(span, what, "Use K."))
         raised = scale if exponent == 1 else scale**exponent
         if raised is None:
-            raise Wrong(
-                UnknownUnit(span, f"`{symbol}^({exponent})` is no rational number of SI units", "Convert it first.")
-            )
+            hint = "Convert it first."
+            raise Wrong(UnknownUnit(span, f"`{symbol}^({exponent})` is no rational number of SI units", hint))
         result = raised if len(unit.factors) == 1 and unit.number == 1 else result * raised
     return result
 

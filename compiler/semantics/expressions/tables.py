@@ -73,9 +73,8 @@ def _curve(arguments: Arguments, node: tree.Call) -> Typed:
         what = f"`{node.function}` has {len(places)} places but {len(values)} values"
         raise Wrong(WrongTable(node.span, what, "Every place has one value: the two lists are of one length."))
     if len(places) < 2:
-        raise Wrong(
-            WrongTable(node.span, f"`{node.function}` has {len(places)} point", "A curve needs two points or more.")
-        )
+        hint = "A curve needs two points or more."
+        raise Wrong(WrongTable(node.span, f"`{node.function}` has {len(places)} point", hint))
     xs, ys = tuple(t.expression for t in places), tuple(t.expression for t in values)
     check = Check(node.function, node.arguments[1].span, xs, ys, _cells(arguments, node.arguments[1]))
     if not _settle(arguments, check) and len(xs) > MAXIMUM_POINTS:
@@ -92,9 +91,8 @@ def _ask(result: Apply, node: tree.Call) -> None:
     try:
         evaluate(result, _unknown)
     except OutsideTable as outside:
-        raise Wrong(
-            WrongTable(node.arguments[0].span, str(outside), "Give it more points, or ask it elsewhere.")
-        ) from None
+        hint = "Give it more points, or ask it elsewhere."
+        raise Wrong(WrongTable(node.arguments[0].span, str(outside), hint)) from None
     except LookupError:
         pass  # its points are parameters
 

@@ -29,45 +29,29 @@ def declare_mechanism(elaborator: Declarations, scope: Scope, statement: tree.Me
         raise Wrong(UnknownName(statement.span, space, "the kinds of mechanism", hint))
     parts = Scope(scope.definition, scope.path, scope.suffix, scope)
     entry = MechanismEntry(scope.full(statement.name), parts, statement.span, SPACES[statement.space])
-    declared: list[DeclaredPart] = []
-    _declare(elaborator, parts, statement.statements, entry, declared)
-    elaborator.mechanism_parts[entry.name] = declared
+    elaborator.mechanism_parts[entry.name] = []
+    _declare(elaborator, parts, statement.statements, entry)
     return entry
 
 
 def _declare(
-    elaborator: Declarations,
-    scope: Scope,
-    statements: tuple[tree.SyntaxNode, ...],
-    entry: MechanismEntry,
-    declared: list[DeclaredPart],
+    elaborator: Declarations, scope: Scope, statements: tuple[tree.SyntaxNode, ...], entry: MechanismEntry
 ) -> None:
     for statement in statements:
         if isinstance(statement, tree.Quantities):
             elaborator.declare_quantities(scope, statement, {})
     for statement in statements:
         if isinstance(statement, tree.Declaration):
-            elaborator.guard(_declare_part, elaborator, scope, statement, entry, declared)
+            elaborator.guard(_declare_part, elaborator, scope, statement, entry)
             for name in statement.names:
                 entry.parts.entries.setdefault(name.name, Broken(name.span))
         elif isinstance(statement, tree.LoopSyntax):
             for number in elaborator.rounds(statement, scope):
-                _declare(
-                    elaborator,
-                    elaborator.round_scope(scope, statement.name, number),
-                    statement.statements,
-                    entry,
-                    declared,
-                )
+                inner = elaborator.round_scope(scope, statement.name, number)
+                _declare(elaborator, inner, statement.statements, entry)
 
 
-def _declare_part(
-    elaborator: Declarations,
-    scope: Scope,
-    statement: tree.Declaration,
-    entry: MechanismEntry,
-    declared: list[DeclaredPart],
-) -> None:
+def _declare_part(elaborator: Declarations, scope: Scope, statement: tree.Declaration, entry: MechanismEntry) -> None:
     kind, planar = statement.kind, entry.planar
     if planar and kind in SPATIAL_JOINTS:
         what = f"A `{kind}` joint leaves the plane, and `{entry.name}` is planar"
@@ -86,11 +70,8 @@ def _declare_part(
         index = elaborator.index_of(name.index, scope)
         local = name.name if index is None else f"{name.name}[{', '.join(map(str, index))}]"
         if index is None and scope.suffix:
-            raise Wrong(
-                WrongType(
-                    name.span, "An index", "a name alone", f"What stands in a `for` carries an index: `{name.name}[…]`."
-                )
-            )
+            hint = f"What stands in a `for` carries an index: `{name.name}[…]`."
+            raise Wrong(WrongType(name.span, "An index", "a name alone", hint))
         part = PartEntry(entry.name, local, kind, ports, name.span, groups)
         home = entry.parts
         if index is None:
@@ -103,7 +84,7 @@ def _declare_part(
             if not isinstance(array, Array) or index in array.items:
                 raise Wrong(WrongMechanism(name.span, f"`{local}` is declared twice", "Rename one of the two."))
             array.items[index] = part
-        declared.append(DeclaredPart(part, statement, scope, planar))
+        elaborator.mechanism_parts[entry.name].append(DeclaredPart(part, statement, scope, planar))
 
 
 def build_mechanism(

@@ -53,13 +53,9 @@ def of_dimension(
     wrong = next((d for d in known if d not in allowed), None) or (known.pop() if len(known) > 1 else None)
     if wrong is not None:
         wanted = " or ".join(describe(d) for d in allowed)
-        raise Wrong(
-            DimensionMismatch(
-                value.span,
-                f"{what} is {wanted}, but `{value.span.text}` is {describe(wrong)}",
-                unit_hint(wrong, allowed[0], value),
-            )
-        )
+        what = f"{what} is {wanted}, but `{value.span.text}` is {describe(wrong)}"
+        hint = unit_hint(wrong, allowed[0], value)
+        raise Wrong(DimensionMismatch(value.span, what, hint))
 
 
 def static(resolver: Resolver, template: Template, scope: Scope, what: str, span: Span) -> list[Bound]:
@@ -130,13 +126,8 @@ class PartAttributes:
             kind, own = self.part.entry.kind, self.part.entry.name
             what, example = NEEDED[name]
             example = "along = 90 deg" if self.planar and name == "along" else example
-            raise Wrong(
-                WrongMechanism(
-                    self.part.declaration.span,
-                    f"The {noun_of(kind)} `{own}` has no {what}",
-                    f"Give it: `{{ {example} }}`.",
-                )
-            )
+            hint = f"Give it: `{{ {example} }}`."
+            raise Wrong(WrongMechanism(self.part.declaration.span, f"The {noun_of(kind)} `{own}` has no {what}", hint))
         return attribute
 
     def scalar(self, name: str, dimension: Dimension, hint: str = "") -> Bound:

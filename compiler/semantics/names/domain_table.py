@@ -52,12 +52,8 @@ class _Spreading:
         """A port of the model itself."""
         self.walls[item.name] = item
         for component, domain in wall_components(item).items():
-            if domain is not None and domain in DOMAINS:
-                self.table.learn((item.name, component), domain, item.span)
-            elif domain is not None:
-                every = "Domains: " + ", ".join(DOMAINS) + ", planar, spatial."
-                hint = suggestion(domain, [*DOMAINS, *BUNDLES], every)
-                self.table.diagnostics.append(UnknownName(item.span, domain, "the list of domains", hint))
+            if domain is not None:
+                _learn(self.table, (item.name, component), domain, item.span, tuple(BUNDLES))
 
     def _bonds(self, statement: tree.Bonds) -> None:
         for group in statement.places:
@@ -205,6 +201,16 @@ def _mechanism_ends(
 Told = dict[tuple[str, bool, str], tuple[set[str], str | None]]
 
 
+def _learn(table: DomainTable, key: Key, domain: str, span: Span, bundles: tuple[str, ...] = ()) -> None:
+    """Record the declared domain of a port; one that does not exist is an error."""
+    if domain in DOMAINS:
+        table.learn(key, domain, span)
+        return
+    known = [*DOMAINS, *bundles]
+    hint = suggestion(domain, known, f"Domains: {', '.join(known)}.")
+    table.diagnostics.append(UnknownName(span, domain, "the list of domains", hint))
+
+
 def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, names: set[str], told: Told) -> None:
     definition = declaration.definition
     for declared in declaration.names:
@@ -213,18 +219,10 @@ def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, n
                 COMPONENT_DOMAINS.get(component.name) if declaration.kind == "splitter" else None
             )
             if domain is not None:
-                if domain in DOMAINS:
-                    table.learn((declared.name, component.name), domain, component.span)
-                else:
-                    hint = suggestion(domain, list(DOMAINS), "Domains: " + ", ".join(DOMAINS) + ".")
-                    table.diagnostics.append(UnknownName(component.span, domain, "the list of domains", hint))
+                _learn(table, (declared.name, component.name), domain, component.span)
         if isinstance(definition, tree.PathSyntax) and not definition.steps:
-            if definition.head not in DOMAINS:
-                hint = suggestion(definition.head, list(DOMAINS), "Domains: " + ", ".join(DOMAINS) + ".")
-                table.diagnostics.append(UnknownName(definition.span, definition.head, "the list of domains", hint))
-            else:
-                for port in element_ports(declaration, declared.name):
-                    table.learn((declared.name, port), definition.head, definition.span)
+            for port in element_ports(declaration, declared.name):
+                _learn(table, (declared.name, port), definition.head, definition.span)
         elif isinstance(definition, tree.LawSyntax):
             for port in element_ports(declaration, declared.name):
                 words = definition.span.text, is_two_sided(declaration), port
@@ -264,30 +262,4 @@ def _letters(law: tree.LawSyntax, declaration: tree.Declaration, port: str, name
 
 def paths_of(node: tree.SyntaxNode) -> Iterator[tree.PathSyntax]:
     """All paths that are read in an expression or law."""
-    stack: list[tree.SyntaxNode] = [node]
-    while stack:
-        item = stack.pop()
-        match item:
-            case tree.LawSyntax():
-                for equation in item.equations:
-                    stack += [equation.left, equation.right]
-            case tree.PathSyntax():
-                yield item
-            case tree.Sum():
-                stack += [t for _, t in item.terms]
-            case tree.Product():
-                stack += [f for _, f in item.factors]
-            case tree.Negative():
-                stack.append(item.operand)
-            case tree.Power():
-                stack += [item.base, item.exponent]
-            case tree.VectorSyntax():
-                stack += item.items
-            case tree.Call():
-                stack += item.arguments
-            case tree.Comparison():
-                stack += [item.left, item.right]
-            case tree.Logical():
-                stack += item.operands
-            case tree.ChoiceSyntax():
-                stack += [item.value, item.condition, item.otherwise]
+    return (item for item in tree.nodes_in(node) if isinstance(item, tree.PathSyntax))

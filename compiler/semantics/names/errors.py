@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...errors import Diagnostic
+from ...errors import Diagnostic, WordedDiagnostic
 from ...fast_dataclass import dataclass
 from ...source import Span
 
@@ -31,25 +31,17 @@ class UnknownFunction(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
-class UnknownUnit(Diagnostic):
+class UnknownUnit(WordedDiagnostic):
     """BG102."""
 
     code = "BG102"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
 
 
 @dataclass(frozen=True, slots=True)
-class DimensionMismatch(Diagnostic):
+class DimensionMismatch(WordedDiagnostic):
     """BG103."""
 
     code = "BG103"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,14 +209,10 @@ class NeedlessM(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
-class WrongLaw(Diagnostic):
+class WrongLaw(WordedDiagnostic):
     """BG119."""
 
     code = "BG119"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,51 +241,32 @@ class WrongValue(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
-class WrongConnection(Diagnostic):
+class WrongConnection(WordedDiagnostic):
     """BG121."""
 
     code = "BG121"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
-    others: tuple[tuple[Span, str], ...] = ()
-
-    def related(self) -> tuple[tuple[Span, str], ...]:
-        return self.others
 
 
 @dataclass(frozen=True, slots=True)
-class Unsupported(Diagnostic):
+class Unsupported(WordedDiagnostic):
     """BG130."""
 
     code = "BG130"
     title = "{what} is not supported by this version"
-    advice = "{hint}"
-    what: str
-    hint: str
 
 
 @dataclass(frozen=True, slots=True)
-class WrongImport(Diagnostic):
+class WrongImport(WordedDiagnostic):
     """BG131."""
 
     code = "BG131"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
 
 
 @dataclass(frozen=True, slots=True)
-class NoSingleModel(Diagnostic):
+class NoSingleModel(WordedDiagnostic):
     """BG132."""
 
     code = "BG132"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
 
 
 NO_NAMES = "Write an expression that has a finite value."  # the advice where no name has a value to tell
@@ -328,66 +297,38 @@ class ReservedName(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
-class WrongMechanism(Diagnostic):
+class WrongMechanism(WordedDiagnostic):
     """BG140."""
 
     code = "BG140"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
 
 
 @dataclass(frozen=True, slots=True)
-class WrongExperiment(Diagnostic):
+class WrongExperiment(WordedDiagnostic):
     """BG150."""
 
     code = "BG150"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
 
 
 @dataclass(frozen=True, slots=True)
-class WrongTable(Diagnostic):
+class WrongTable(WordedDiagnostic):
     """BG151."""
 
     code = "BG151"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
-    others: tuple[tuple[Span, str], ...] = ()
-
-    def related(self) -> tuple[tuple[Span, str], ...]:
-        return self.others
 
 
 @dataclass(frozen=True, slots=True)
-class WrongColumn(Diagnostic):
+class WrongColumn(WordedDiagnostic):
     """BG152."""
 
     code = "BG152"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
-    others: tuple[tuple[Span, str], ...] = ()
-
-    def related(self) -> tuple[tuple[Span, str], ...]:
-        return self.others
 
 
 @dataclass(frozen=True, slots=True)
-class WrongEvent(Diagnostic):
+class WrongEvent(WordedDiagnostic):
     """BG153."""
 
     code = "BG153"
-    title = "{what}"
-    advice = "{hint}"
-    what: str
-    hint: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from .domain_table import ELEMENT_KINDS
 from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes, WrongImport
 from .project_folder import is_there, project_folder, within_project
 from .scope import RESERVED, FileScope, ModelDefinition
-from .statement_errors import MAXIMUM_MISTAKES, suggestion
+from .statement_errors import MAXIMUM_MISTAKES, Wrong, suggestion
 
 MAXIMUM_FILES = 500
 
@@ -53,7 +53,10 @@ class Loader:
             if isinstance(statement, tree.Import):
                 if len(self.diagnostics) >= MAXIMUM_MISTAKES:
                     raise CompilationFailed([*self.diagnostics, TooManyMistakes(statement.span, MAXIMUM_MISTAKES)])
-                self._import(statement, scope, root, chain, seen)
+                try:
+                    self._import(statement, scope, root, chain, seen)
+                except Wrong as wrong:
+                    self.diagnostics.append(wrong.diagnostic)
         return scope
 
     def _new(self, seen: dict[str, Span], name: str, span: Span) -> bool:
@@ -76,32 +79,22 @@ class Loader:
     ) -> None:
         scope.missing |= {name for name, _ in statement.names}
         target = self._locate(statement, scope, root)
-        if target is None:
-            return
         if target in chain:
             names = " -> ".join(p.name for p in (*chain[chain.index(target) :], target))
-            self.diagnostics.append(Cycle(statement.span, "These files import each other", names))
-            return
+            raise Wrong(Cycle(statement.span, "These files import each other", names))
         loaded = self.files.get(target)
         if loaded is None:
             if len(self.files) >= MAXIMUM_FILES:
-                self.diagnostics.append(TooMany(statement.span, "Imported files", MAXIMUM_FILES))
-                return
+                raise Wrong(TooMany(statement.span, "Imported files", MAXIMUM_FILES))
             try:
                 source = Source(_shown(target, scope.source), read_text(target), target)
                 loaded = self._file(parse(source), root, chain)
             except OSError as error:
-                self.diagnostics.append(
-                    WrongImport(statement.span, f"`{statement.place}` cannot be read", str(error.strerror or error))
-                )
-                return
+                what = f"`{statement.place}` cannot be read"
+                raise Wrong(WrongImport(statement.span, what, str(error.strerror or error))) from None
             except UnicodeDecodeError:
-                self.diagnostics.append(
-                    WrongImport(
-                        statement.span, f"`{statement.place}` is not a text in UTF-8", "Only .bg files can be imported."
-                    )
-                )
-                return
+                what = f"`{statement.place}` is not a text in UTF-8"
+                raise Wrong(WrongImport(statement.span, what, "Only .bg files can be imported.")) from None
             except CompilationFailed as failed:
                 self.diagnostics += failed.diagnostics
                 return
@@ -114,38 +107,28 @@ class Loader:
                 hint = suggestion(name, list(loaded.models), f"It defines: {', '.join(loaded.models) or 'no model'}.")
                 self.diagnostics.append(WrongImport(span, f"There is no model `{name}` in {statement.place}", hint))
 
-    def _locate(self, statement: tree.Import, scope: FileScope, root: Path | None) -> Path | None:
+    def _locate(self, statement: tree.Import, scope: FileScope, root: Path | None) -> Path:
         if not statement.is_file:
             target = (self.library / f"{statement.place}.bg").resolve() if self.library is not None else None
             if target is None or not is_there(target):
                 known = sorted(p.stem for p in self.library.glob("*.bg")) if self.library is not None else []
-                hint = suggestion(
-                    statement.place, known, 'A file beside this one stands in quotation marks: `from "parts.bg"`.'
-                )
-                self.diagnostics.append(WrongImport(statement.span, f"There is no library `{statement.place}`", hint))
-                return None
+                otherwise = 'A file beside this one stands in quotation marks: `from "parts.bg"`.'
+                hint = suggestion(statement.place, known, otherwise)
+                raise Wrong(WrongImport(statement.span, f"There is no library `{statement.place}`", hint))
             return target
         if scope.source.path is None or root is None:
-            self.diagnostics.append(
-                WrongImport(
-                    statement.span,
-                    f"`{statement.place}` cannot be found: this text is no file",
-                    "Save the model as a file to import from files beside it.",
-                )
-            )
-            return None
+            what = f"`{statement.place}` cannot be found: this text is no file"
+            hint = "Save the model as a file to import from files beside it."
+            raise Wrong(WrongImport(statement.span, what, hint))
         target = (scope.source.path.parent / statement.place).resolve()  # links are resolved before the check
         if not within_project(target, root, self.library):
             hint = "Only files below the project folder are read: that of the nearest `bondgraph.toml` or `pyproject.toml` above the file, else its own."
-            self.diagnostics.append(
-                WrongImport(statement.span, f"`{statement.place}` lies outside the project folder", hint)
-            )
-            return None
+            what = f"`{statement.place}` lies outside the project folder"
+            raise Wrong(WrongImport(statement.span, what, hint))
         if target.suffix != ".bg" or not is_there(target):
             near = [p.name for p in scope.source.path.parent.glob("*.bg")]
             hint = suggestion(statement.place, near, "The path is relative to the file with the import.")
-            self.diagnostics.append(WrongImport(statement.span, f"There is no file `{statement.place}`", hint))
-            return None
+            raise Wrong(WrongImport(statement.span, f"There is no file `{statement.place}`", hint))
         return target
 
 

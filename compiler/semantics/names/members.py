@@ -23,28 +23,16 @@ def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Sca
         domain = entry.ports.get(side)
         variable = domain.variable(letter) if domain else None
         if domain is None or variable not in ("e", "f"):
-            raise Wrong(
-                UnknownName(
-                    path.span,
-                    name,
-                    f"`{entry.name}`",
-                    "A transducer has efforts and flows with the number of the side: `e1`, `f2`.",
-                )
-            )
-        return Scalar(
-            Reading(entry.name, side, variable), domain.dimension(variable), "reading", f"{entry.name}.{name}"
-        )
+            hint = "A transducer has efforts and flows with the number of the side: `e1`, `f2`."
+            raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))
+        return _read(entry.name, side, domain, variable, f"{entry.name}.{name}")
     if "" not in entry.ports:
         if name not in entry.ports:
             hint = suggestion(name, list(entry.ports), f"Its ports: {', '.join(entry.ports)}.")
             raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))
         variable = stored or "e"
-        return Scalar(
-            Reading(entry.name, name, variable),
-            entry.ports[name].dimension(variable),
-            "reading" if stored else "port",
-            f"{entry.name}.{name}",
-        )
+        role = "reading" if stored else "port"
+        return _read(entry.name, name, entry.ports[name], variable, f"{entry.name}.{name}", role)
     domain = entry.ports[""]
     variable = domain.variable(name)
     if row is not None and variable is not None and variable in row.remembered and _in_law(entry, variable):
@@ -56,7 +44,12 @@ def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Sca
         if entry.kind in "01" and variable is not None:
             hint += " The bonds of a junction share only that; integrate with a C, or read an element on it."
         raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))
-    return Scalar(Reading(entry.name, "", variable), domain.dimension(variable), "reading", f"{entry.name}.{name}")
+    return _read(entry.name, "", domain, variable, f"{entry.name}.{name}")
+
+
+def _read(node: str, port: str, domain: Domain, variable: str, name: str, role: str = "reading") -> Scalar:
+    """A variable of a port of a node, under the name by which the author reads it."""
+    return Scalar(Reading(node, port, variable), domain.dimension(variable), role, name)
 
 
 def _in_law(entry: ElementEntry, variable: str) -> bool:
@@ -72,23 +65,14 @@ def part_member(part: PartEntry, name: str, path: tree.PathSyntax) -> Scalar | G
     """
     if name in part.groups:
         return GroupEntry(part, name)
+    full = f"{part.mechanism}.{part.name}.{name}"
     if name in part.ports:
-        return Scalar(
-            Reading(part.mechanism, f"{part.name}.{name}", "q"),
-            part.ports[name].dimension("q"),
-            "reading",
-            f"{part.mechanism}.{part.name}.{name}",
-        )
+        return _read(part.mechanism, f"{part.name}.{name}", part.ports[name], "q", full)
     if len(part.ports) == 1:
         ((port, domain),) = part.ports.items()
         variable = domain.variable(name)
         if variable in ("e", "f", "q"):
-            return Scalar(
-                Reading(part.mechanism, f"{part.name}.{port}", variable),
-                domain.dimension(variable),
-                "reading",
-                f"{part.mechanism}.{part.name}.{name}",
-            )
+            return _read(part.mechanism, f"{part.name}.{port}", domain, variable, full)
     known = [*part.ports, *part.groups]
     if name == "reaction":
         hint = (
@@ -129,9 +113,8 @@ def group_members(group: GroupEntry) -> tuple[Scalar, ...]:
     found = []
     for component in group.part.groups[group.name]:
         port = f"{group.part.name}.{group.name}.{component}"
-        dimension = DOMAINS[domain_of(port)].dimension(variable)
-        name = f"{group.part.mechanism}.{port}"
-        found.append(Scalar(Reading(group.part.mechanism, port, variable), dimension, "reading", name))
+        mechanism = group.part.mechanism
+        found.append(_read(mechanism, port, DOMAINS[domain_of(port)], variable, f"{mechanism}.{port}"))
     return tuple(found)
 
 
@@ -143,7 +126,7 @@ def wall_member(entry: WallEntry, name: str, path: tree.PathSyntax) -> Scalar:
     if domain is None:
         hint = suggestion(name, list(entry.ports), f"Its components: {', '.join(entry.ports)}.")
         raise Wrong(UnknownName(path.span, name, f"the port `{entry.name}`", hint))
-    return Scalar(Reading(entry.name, name, "e"), domain.dimension("e"), "port", f"{entry.name}.{name}")
+    return _read(entry.name, name, domain, "e", f"{entry.name}.{name}", "port")
 
 
 def wall_variable(entry: WallEntry, component: str, letter: str, path: tree.PathSyntax) -> Scalar:
@@ -153,55 +136,35 @@ def wall_variable(entry: WallEntry, component: str, letter: str, path: tree.Path
     if variable not in ("e", "f"):
         hint = f"It has {domain.letter('e')}, {domain.letter('f')}: a port stores nothing."
         raise Wrong(UnknownName(path.span, letter, f"the port `{name}`", hint))
-    return Scalar(Reading(entry.name, component, variable), domain.dimension(variable), "reading", f"{name}.{letter}")
+    return _read(entry.name, component, domain, variable, f"{name}.{letter}")
 
 
 def port_variable(node: str, port: str, domain: Domain, letter: str, path: tree.PathSyntax) -> Scalar:
     """`plates.q.u`: a variable of one port of a node."""
     variable = domain.variable(letter)
     if variable is None:
-        raise Wrong(
-            UnknownName(
-                path.span,
-                letter,
-                f"`{node}.{port}`",
-                "It has " + ", ".join(domain.letter(v) for v in GENERIC[:3]) + ".",
-            )
-        )
-    return Scalar(Reading(node, port, variable), domain.dimension(variable), "reading", f"{node}.{port}.{letter}")
+        hint = "It has " + ", ".join(domain.letter(v) for v in GENERIC[:3]) + "."
+        raise Wrong(UnknownName(path.span, letter, f"`{node}.{port}`", hint))
+    return _read(node, port, domain, variable, f"{node}.{port}.{letter}")
 
 
 def not_a_number(entry: Entry, path: tree.PathSyntax) -> Wrong:
     """Error for a name that denotes no number; its advice lists the names that could be read instead."""
     name = path.words
+    what, hint = f"`{name}`, which is none", "Read one of its variables: `.x`, `.phi`, `.x.v`."
     match entry:
-        case ElementEntry():
-            domain = next(iter(entry.ports.values()))
-            letters = ", ".join(
-                f"`{name}.{domain.letter(v)}`"
-                for v in ("ef" if entry.kind not in "01" else ("e" if entry.kind == "0" else "f"))
-            )
-            return Wrong(
-                WrongType(path.span, "A number", f"the element `{name}`", f"Read one of its variables: {letters}.")
-            )
+        case ElementEntry(kind=kind, ports=ports):
+            domain = next(iter(ports.values()))
+            letters = ", ".join(f"`{name}.{domain.letter(v)}`" for v in {"0": "e", "1": "f"}.get(kind, "ef"))
+            what, hint = f"the element `{name}`", f"Read one of its variables: {letters}."
         case WallEntry(ports=ports):
             component, domain = next(iter(ports.items()))
             full = f"{name}.{component}".rstrip(".")
-            hint = f"Read its effort or flow: `{full}.{domain.letter('e')}`, `{full}.{domain.letter('f')}`."
-            return Wrong(WrongType(path.span, "A number", f"the port `{name}`", hint))
+            letters = f"`{full}.{domain.letter('e')}`, `{full}.{domain.letter('f')}`"
+            what, hint = f"the port `{name}`", f"Read its effort or flow: {letters}."
         case InstanceEntry():
-            return Wrong(
-                WrongType(
-                    path.span,
-                    "A number",
-                    f"the instance `{name}`",
-                    "Read something in it: an output, or the variable of an element.",
-                )
-            )
+            what, hint = f"the instance `{name}`", "Read something in it: an output, or the variable of an element."
         case GroupEntry(part=part, name=group):
             first, last = part.groups[group][0], part.groups[group][-1]
-            hint = f"Read one of its components: `{name}.{first}` to `.{last}`."
-            return Wrong(WrongType(path.span, "A number", f"the {group} of `{part.name}`", hint))
-    return Wrong(
-        WrongType(path.span, "A number", f"`{name}`, which is none", "Read one of its variables: `.x`, `.phi`, `.x.v`.")
-    )
+            what, hint = f"the {group} of `{part.name}`", f"Read one of its components: `{name}.{first}` to `.{last}`."
+    return Wrong(WrongType(path.span, "A number", what, hint))

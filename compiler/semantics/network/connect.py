@@ -91,40 +91,23 @@ class Connector:
         self._check_heat(source, target, tail.span, head.span)
         if source.kind in ELEMENTS and ELEMENTS[source.kind].receives:
             word = source.words
-            raise Wrong(
-                WrongConnection(
-                    tail.span,
-                    f"An arrow out of `{word}`",
-                    f"Power counts as positive into C, I and R: turn the arrow, `{target.words} {arrow} {word}`.",
-                )
-            )
+            hint = f"Power counts as positive into C, I and R: turn the arrow, `{target.words} {arrow} {word}`."
+            raise Wrong(WrongConnection(tail.span, f"An arrow out of `{word}`", hint))
         multi = source.multi or target.multi
         if arrow == "->" and multi:
             word = source.words if source.multi else target.words
-            raise Wrong(
-                WrongConnection(
-                    span,
-                    f"`{word}` is a multibond",
-                    f"Use `=>` for all its ports, or name one: `{word}.{next(iter((source if source.multi else target).terminals))}`.",
-                )
-            )
+            hint = f"Use `=>` for all its ports, or name one: `{word}.{next(iter((source if source.multi else target).terminals))}`."
+            raise Wrong(WrongConnection(span, f"`{word}` is a multibond", hint))
         if arrow == "=>" and not (source.multi and target.multi):
             word = target.words if source.multi else source.words
-            raise Wrong(
-                WrongConnection(
-                    span, f"`{word}` is not a multibond", "`=>` joins multibonds port by port; a single bond is `->`."
-                )
-            )
+            hint = "`=>` joins multibonds port by port; a single bond is `->`."
+            raise Wrong(WrongConnection(span, f"`{word}` is not a multibond", hint))
         missing = source.terminals.keys() ^ target.terminals.keys()
         if missing:
             first, second = ", ".join(source.terminals), ", ".join(target.terminals)
-            raise Wrong(
-                WrongConnection(
-                    span,
-                    f"The multibonds `{source.words}` ({first}) and `{target.words}` ({second}) have different ports",
-                    "`=>` joins ports of equal names.",
-                )
-            )
+            what = f"The multibonds `{source.words}` ({first}) and `{target.words}` ({second}) have different ports"
+            hint = "`=>` joins ports of equal names."
+            raise Wrong(WrongConnection(span, what, hint))
         for component, terminal in source.terminals.items():
             self.segments.append(DrawnBond(terminal, target.terminals[component], span))
 
@@ -154,13 +137,8 @@ class Connector:
             )
             other = self._place(scope, member, is_head=not from_source)
             if other.multi:
-                raise Wrong(
-                    WrongConnection(
-                        member.span,
-                        f"`{other.words}` is a multibond",
-                        f"Name one of its ports: `{other.words}.{next(iter(other.terminals))}`.",
-                    )
-                )
+                hint = f"Name one of its ports: `{other.words}.{next(iter(other.terminals))}`."
+                raise Wrong(WrongConnection(member.span, f"`{other.words}` is a multibond", hint))
             (terminal,) = other.terminals.values()
             tail, head = (terminal, junction) if from_source else (junction, terminal)
             self.segments.append(DrawnBond(tail, head, member.span))
@@ -193,14 +171,8 @@ class Connector:
                 index = self.elaborator.index_of(step, scope)
                 assert index is not None
                 if index not in entry.items:
-                    raise Wrong(
-                        UnknownName(
-                            place.span,
-                            place.words,
-                            f"`{scope.definition.name}`",
-                            f"`{entry.name}` has the items {_some(entry)}.",
-                        )
-                    )
+                    hint = f"`{entry.name}` has the items {_some(entry)}."
+                    raise Wrong(UnknownName(place.span, place.words, f"`{scope.definition.name}`", hint))
                 entry = entry.items[index]
             elif isinstance(entry, InstanceEntry):
                 inner = entry.scope.entries.get(step.name)
@@ -233,14 +205,8 @@ class Connector:
         if steps:
             step = steps[0]
             if len(steps) > 1 or isinstance(step, tree.Index):
-                raise Wrong(
-                    UnknownName(
-                        place.span,
-                        place.words,
-                        f"`{scope.definition.name}`",
-                        "A bond reaches an element, a junction, or a port of one.",
-                    )
-                )
+                hint = "A bond reaches an element, a junction, or a port of one."
+                raise Wrong(UnknownName(place.span, place.words, f"`{scope.definition.name}`", hint))
             component = step.name
         return self._finish(entry, component, place, is_head, own_wall, scope)
 
@@ -251,14 +217,8 @@ class Connector:
             case ElementEntry() if "1" in entry.ports and entry.kind in ELEMENTS and ELEMENTS[entry.kind].sides:
                 side = "1" if is_head else "2"
                 if component is not None:
-                    raise Wrong(
-                        UnknownName(
-                            place.span,
-                            component,
-                            f"`{entry.name}`",
-                            "An arrow into a transducer reaches side 1, an arrow out of it leaves side 2.",
-                        )
-                    )
+                    hint = "An arrow into a transducer reaches side 1, an arrow out of it leaves side 2."
+                    raise Wrong(UnknownName(place.span, component, f"`{entry.name}`", hint))
                 return Place({"": Terminal(entry.name, side, "", entry.ports[side])}, False, entry.kind, place)
             case ElementEntry():
                 side = "" if entry.kind != "splitter" else ("single" if component is not None else "many")
@@ -268,13 +228,9 @@ class Connector:
                 return self._ports(entry.name, entry.ports, component, side, "wall", place)
             case PartEntry():
                 if entry.kind == "weld" or not entry.ports:
-                    raise Wrong(
-                        WrongConnection(
-                            place.span,
-                            f"`{place.words}` has no freedom, so no bond can reach it",
-                            "A bond moves a joint with a freedom, or a body.",
-                        )
-                    )
+                    what = f"`{place.words}` has no freedom, so no bond can reach it"
+                    hint = "A bond moves a joint with a freedom, or a body."
+                    raise Wrong(WrongConnection(place.span, what, hint))
                 prefixed = self._ports(entry.mechanism, entry.ports, component, "", "part", place)
                 terminals = {c: t._replace(port=f"{entry.name}.{t.port}") for c, t in prefixed.terminals.items()}
                 if len(entry.ports) == 1:
@@ -283,30 +239,16 @@ class Connector:
                 return prefixed._replace(terminals=terminals)
             case InstanceEntry():
                 walls = _walls(entry)
-                raise Wrong(
-                    WrongConnection(
-                        place.span,
-                        f"`{place.words}` is an instance of `{entry.scope.definition.name}`",
-                        f"Name its port: {', '.join(f'`{place.words}.{w}`' for w in walls) or 'it has none'}.",
-                    )
-                )
+                what = f"`{place.words}` is an instance of `{entry.scope.definition.name}`"
+                hint = f"Name its port: {', '.join(f'`{place.words}.{w}`' for w in walls) or 'it has none'}."
+                raise Wrong(WrongConnection(place.span, what, hint))
             case Array():
-                raise Wrong(
-                    WrongConnection(
-                        place.span,
-                        f"`{place.words}` is an array",
-                        f"Say which: `{place.words}[…]` with {_some(entry)}.",
-                    )
-                )
+                hint = f"Say which: `{place.words}[…]` with {_some(entry)}."
+                raise Wrong(WrongConnection(place.span, f"`{place.words}` is an array", hint))
         if getattr(entry, "state", "") == "broken":
             raise AlreadyTold
-        raise Wrong(
-            WrongConnection(
-                place.span,
-                f"`{place.words}` is no place for a bond",
-                "Bonds join elements, junctions, ports and the parts of mechanisms.",
-            )
-        )
+        hint = "Bonds join elements, junctions, ports and the parts of mechanisms."
+        raise Wrong(WrongConnection(place.span, f"`{place.words}` is no place for a bond", hint))
 
     def _ports(
         self,
@@ -321,14 +263,8 @@ class Connector:
         if component is not None:
             if component not in ports or component == "":
                 names = [n for n in every if n]
-                raise Wrong(
-                    UnknownName(
-                        place.span,
-                        component,
-                        f"the ports of `{node}`",
-                        suggestion(component, names, f"Its ports: {', '.join(names) or 'it has one, without a name'}."),
-                    )
-                )
+                hint = suggestion(component, names, f"Its ports: {', '.join(names) or 'it has one, without a name'}.")
+                raise Wrong(UnknownName(place.span, component, f"the ports of `{node}`", hint))
             return Place({"": Terminal(node, component, side, ports[component])}, False, kind, place, every)
         terminals = {name: Terminal(node, name, side, domain) for name, domain in ports.items()}
         return Place(terminals, every != ("",), kind, place, every)

@@ -142,17 +142,13 @@ class Elaborator(Declarations):
 
     def _declare_ports(self, scope: Scope, statement: tree.PortsSyntax) -> None:
         for item in statement.items:
-            index = self.index_of(item.index, scope)
-            if index is None and scope.outer is not None:
-                hint = f"What stands in a `for` carries an index: `{item.name}[{_loop_names(scope)}]`."
-                raise Wrong(WrongType(item.span, "An index", "a name alone", hint))
+            index, local = self._indexed_name(item, scope)
             ports = {}
             for component in wall_components(item):
                 domain = self.domain_of(scope, (item.name, component))
                 if domain is None:
                     raise self.unknown_domain(scope, item.span, item.name)
                 ports[component] = domain
-            local = item.name if index is None else indexed(item.name, index)
             wall = WallEntry(scope.full(local), ports, item.span)
             self.enter_indexed(scope, item.name, index, wall, item.span)
             self.walls[wall.name] = wall
@@ -186,27 +182,11 @@ class Elaborator(Declarations):
         if len(chain) >= MAXIMUM_HIERARCHY:
             raise Wrong(TooMany(statement.span, "Models within models", MAXIMUM_HIERARCHY))
         if statement.definition is not None:
-            raise Wrong(
-                WrongType(
-                    statement.definition.span,
-                    "The end of the line or `{`",
-                    "a law",
-                    f"`{statement.kind}` is a model: its parameters are set in braces.",
-                )
-            )
+            hint = f"`{statement.kind}` is a model: its parameters are set in braces."
+            raise Wrong(WrongType(statement.definition.span, "The end of the line or `{`", "a law", hint))
         for declared in statement.names:
             self.counted(declared.span)
-            index = self.index_of(declared.index, scope)
-            local = indexed(declared.name, index) if index is not None else declared.name
-            if index is None and scope.outer is not None:
-                raise Wrong(
-                    WrongType(
-                        declared.span,
-                        "An index",
-                        "a name alone",
-                        f"What stands in a `for` carries an index: `{declared.name}[{_loop_names(scope)}]`.",
-                    )
-                )
+            index, local = self._indexed_name(declared, scope)
             bindings: dict[str, tuple[tree.Attribute, Scope]] = {}
             for attribute in statement.attributes:
                 if attribute.target is not None or attribute.name in bindings:
@@ -230,17 +210,7 @@ class Elaborator(Declarations):
         row = ELEMENTS.get(statement.kind)
         if row is not None and len(declared.components) < row.least_ports > 1:
             raise Wrong(WrongType(declared.span, "Two or more ports in parentheses", "a name alone", row.ports_advice))
-        index = self.index_of(declared.index, scope)
-        if index is None and scope.outer is not None:
-            raise Wrong(
-                WrongType(
-                    declared.span,
-                    "An index",
-                    "a name alone",
-                    f"What stands in a `for` carries an index: `{declared.name}[{_loop_names(scope)}]`.",
-                )
-            )
-        local = indexed(declared.name, index) if index is not None else declared.name
+        index, local = self._indexed_name(declared, scope)
         ports: dict[str, Domain] = {}
         for port in element_ports(statement, declared.name):
             domain = self.domain_of(scope, (declared.name, port))
@@ -255,6 +225,16 @@ class Elaborator(Declarations):
         self.elements.append((scope, statement, entry))
         self.element_names[entry.name] = entry
 
+    def _indexed_name(self, named: tree.Declared | tree.PortItem, scope: Scope) -> tuple[tuple[int, ...] | None, str]:
+        """Index of a declared name, if it has one, and the name with it. In a loop it must have one."""
+        index = self.index_of(named.index, scope)
+        if index is not None:
+            return index, indexed(named.name, index)
+        if scope.outer is not None:
+            hint = f"What stands in a `for` carries an index: `{named.name}[{_loop_names(scope)}]`."
+            raise Wrong(WrongType(named.span, "An index", "a name alone", hint))
+        return None, named.name
+
     def _unroll(self, scope: Scope, loop: tree.LoopSyntax, chain: tuple[ModelDefinition, ...]) -> None:
         for number in self.rounds(loop, scope):
             inner = self.round_scope(scope, loop.name, number)
@@ -262,13 +242,8 @@ class Elaborator(Declarations):
 
     def _declare_mechanism(self, scope: Scope, statement: tree.MechanismSyntax) -> None:
         if scope.outer is not None:
-            raise Wrong(
-                Unsupported(
-                    statement.span,
-                    "A `multibody` block in a `for`",
-                    "Put the `for` inside the block, or the block into a model of its own.",
-                )
-            )
+            hint = "Put the `for` inside the block, or the block into a model of its own."
+            raise Wrong(Unsupported(statement.span, "A `multibody` block in a `for`", hint))
         entry = declare_mechanism(self, scope, statement)
         self.enter(scope, statement.name, entry, statement.span)
         self.mechanisms.append((scope, statement, entry))

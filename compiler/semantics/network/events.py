@@ -56,9 +56,8 @@ def _period(elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope) 
     bound = read_value(elaborator, value, scope, target, "What stands after `every`", static=True)
     number = elaborator.value_of(bound, value.span)
     if number is not None and not number > 0:
-        raise Wrong(
-            WrongType(value.span, "A time", f"{number:g} s", "A period is longer than nothing: `every 1 ms { … }`.")
-        )
+        hint = "A period is longer than nothing: `every 1 ms { … }`."
+        raise Wrong(WrongType(value.span, "A time", f"{number:g} s", hint))
     return bound
 
 

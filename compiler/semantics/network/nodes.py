@@ -6,8 +6,6 @@ from dataclasses import replace
 
 from ...algebra.expression import ZERO, Symbol
 from ...algebra.formula import Bound, bind
-from ...fast_dataclass import dataclass
-from ...graph.domains import Domain
 from ...graph.elements import ELEMENTS, Kind
 from ...graph.network import (
     Bond,
@@ -84,13 +82,8 @@ class Nodes:
         definition = f"{scope.definition.name}.{entry.name.removeprefix(scope.path).split('[')[0]}"
         if declaration.kind in ("0", "1"):
             if isinstance(declaration.definition, tree.LawSyntax):
-                raise Wrong(
-                    WrongLaw(
-                        declaration.definition.span,
-                        f"The junction `{entry.name}` has a law",
-                        "A junction has none: a 0-junction shares its effort, a 1-junction its flow.",
-                    )
-                )
+                hint = "A junction has none: a 0-junction shares its effort, a 1-junction its flow."
+                raise Wrong(WrongLaw(declaration.definition.span, f"The junction `{entry.name}` has a law", hint))
             domain = next(iter(entry.ports.values()))
             self.ends[entry.name, ""] = BondEnd(index, 0)
             self.nodes.append(Junction(entry.name, Kind(declaration.kind), domain.name, definition, entry.span))
@@ -104,14 +97,16 @@ class Nodes:
         ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
         for number, port in enumerate(ports):
             self.ends[entry.name, port.name] = BondEnd(index, number)
-        attributes = self._attributes(scope, declaration, entry, compiled.stored or compiled.remembered)
+        attributes = _Attributes(self.elaborator, scope, entry, compiled.stored or compiled.remembered)
+        for attribute in declaration.attributes:
+            self.elaborator.guard(attributes.read, attribute)
         row = ELEMENTS[declaration.kind]
         if compiled.remembered:
             arguments += self._remember(entry, compiled.remembered, attributes.starts.pop(0, None))
         self.nodes.append(
             Element(
                 entry.name, row.node, row.letters != declaration.kind or bool(compiled.remembered), ports, compiled.law, arguments, compiled.stored,
-                attributes.starts, attributes.nominals, attributes.prefer, attributes.require, definition, entry.span,
+                attributes.starts, attributes.nominals, attributes.words.get("prefer"), attributes.words.get("require"), definition, entry.span,
             )
         )  # fmt: skip
 
@@ -167,83 +162,6 @@ class Nodes:
         elaborator.check(found.checks, found.slots, scope)
         return found, alike
 
-    def _attributes(
-        self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry, stored: tuple[str, ...]
-    ) -> _Attributes:
-        result = _Attributes({}, {}, None, None)
-        ports = list(entry.ports)
-        for attribute in declaration.attributes:
-            self.elaborator.guard(self._attribute, scope, attribute, entry, ports, stored, result)
-        return result
-
-    def _attribute(
-        self,
-        scope: Scope,
-        attribute: tree.Attribute,
-        entry: ElementEntry,
-        ports: list[str],
-        stored: tuple[str, ...],
-        result: _Attributes,
-    ) -> None:
-        """One attribute of an element."""
-        row = ELEMENTS[entry.kind]
-        numbers = ["start", "nominal"] if row.stored else ["start"] if row.remembered else []
-        if attribute.name in numbers:
-            self._stored_value(scope, attribute, entry, ports, stored, result)
-            return
-        if attribute.name not in ("prefer", "require"):
-            known = [*numbers, "prefer", "require"]
-            hint = suggestion(attribute.name, known, f"`{entry.kind}` has: {', '.join(known)}.")
-            raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
-        word = attribute.value.words if isinstance(attribute.value, tree.PathSyntax) else attribute.value.span.words
-        allowed = ["integral", "derivative", "effort", "flow"] if row.stored else ["effort", "flow"]
-        if word not in allowed:
-            hint = suggestion(word, allowed, f"It can be: {', '.join(allowed)}.")
-            raise Wrong(WrongValue(attribute.value.span, attribute.name, entry.name, word, hint))
-        if attribute.name == "prefer":
-            result.prefer = word
-        else:
-            result.require = word
-
-    def _stored_value(
-        self,
-        scope: Scope,
-        attribute: tree.Attribute,
-        entry: ElementEntry,
-        ports: list[str],
-        all_stored: tuple[str, ...],
-        result: _Attributes,
-    ) -> None:
-        words = attribute.target.words if attribute.target is not None else ""
-        port, letter = ("", words) if ports == [""] else (words.partition(".")[0], words.partition(".")[2])
-        domain: Domain | None = entry.ports.get(port)
-        stored = all_stored[ports.index(port) if port in ports else 0]
-        variable = None if domain is None else (domain.variable(letter) if letter else stored)
-        allowed = stored + {"q": "e", "p": "f"}[stored] if ELEMENTS[entry.kind].stored else "".join(all_stored)
-        if (
-            domain is None
-            or variable is None
-            or variable not in allowed
-            or (attribute.name == "nominal" and variable != stored)
-        ):
-            names = [f"{p}.{d.letter(v)}" if p else d.letter(v) for p, d in entry.ports.items() for v in allowed]
-            raise Wrong(
-                UnknownAttribute(
-                    attribute.span,
-                    entry.name,
-                    f"{attribute.name} {words}".strip(),
-                    f"Write `{attribute.name} {names[0]} = …`; it can name: {', '.join(names)}.",
-                )
-            )
-        (bound,) = static_bounds(
-            self.elaborator, attribute.value, scope, domain.dimension(variable), f"`{attribute.name} {words}`", 1
-        )
-        target = result.starts if attribute.name == "start" else result.nominals
-        number = ports.index(port)
-        if number in target:
-            raise Wrong(UnknownAttribute(attribute.span, entry.name, f"{attribute.name} {words}", "It is given twice."))
-        target[number] = (variable, bound)
-
     def _mechanisms(self, connector: Connector) -> None:
         elaborator = self.elaborator
         for scope, statement, entry in elaborator.mechanisms:
@@ -255,23 +173,10 @@ class Nodes:
             for number, port in enumerate(ports):
                 self.ends[entry.name, port.name] = BondEnd(len(self.nodes), number)
             if not mechanism.bodies and not elaborator.diagnostics:
-                elaborator.tell(
-                    WrongMechanism(
-                        statement.span,
-                        f"The mechanism `{entry.name}` has no body",
-                        "Declare what moves: `body name { mass = … }`.",
-                    )
-                )
-            self.nodes.append(
-                MechanismNode(
-                    entry.name,
-                    Kind.MECHANISM,
-                    ports,
-                    mechanism,
-                    f"{scope.definition.name}.{statement.name}",
-                    entry.span,
-                )
-            )
+                hint = "Declare what moves: `body name { mass = … }`."
+                elaborator.tell(WrongMechanism(statement.span, f"The mechanism `{entry.name}` has no body", hint))
+            definition = f"{scope.definition.name}.{statement.name}"
+            self.nodes.append(MechanismNode(entry.name, Kind.MECHANISM, ports, mechanism, definition, entry.span))
 
     def _share_ports(self) -> None:
         """Insert a 1-junction at each port of a mechanism with several bonds, which share its flow."""
@@ -290,22 +195,58 @@ class Nodes:
             self.nodes.append(Junction(f"{node.name}.{port.name}", Kind.ONE, port.domain, node.definition, node.span))
             for number in numbers:
                 bond = self.bonds[number]
-                moved = (
-                    Bond(junction, bond.head, bond.domain, bond.span)
-                    if bond.tail == end
-                    else Bond(bond.tail, junction, bond.domain, bond.span)
-                )
-                self.bonds[number] = moved
+                self.bonds[number] = replace(bond, tail=junction) if bond.tail == end else replace(bond, head=junction)
             first = self.bonds[numbers[0]]
             self.bonds.append(Bond(junction, end, port.domain, first.span))
 
 
-@dataclass(slots=True)
 class _Attributes:
-    starts: dict[int, tuple[str, Bound]]
-    nominals: dict[int, tuple[str, Bound]]
-    prefer: str | None
-    require: str | None
+    """Attributes of an element. `stored`: what its ports store, or the integrals that its law reads."""
+
+    def __init__(self, elaborator: Elaborator, scope: Scope, entry: ElementEntry, stored: tuple[str, ...]) -> None:
+        self.elaborator, self.scope, self.entry, self.stored = elaborator, scope, entry, stored
+        self.starts: dict[int, tuple[str, Bound]] = {}
+        self.nominals: dict[int, tuple[str, Bound]] = {}
+        self.words: dict[str, str] = {}  # of `prefer` and `require`
+
+    def read(self, attribute: tree.Attribute) -> None:
+        """Read one attribute. Raises `Wrong`."""
+        entry, row = self.entry, ELEMENTS[self.entry.kind]
+        numbers = ["start", "nominal"] if row.stored else ["start"] if row.remembered else []
+        if attribute.name in numbers:
+            self._stored_value(attribute)
+            return
+        if attribute.name not in ("prefer", "require"):
+            known = [*numbers, "prefer", "require"]
+            hint = suggestion(attribute.name, known, f"`{entry.kind}` has: {', '.join(known)}.")
+            raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, hint))
+        word = attribute.value.words if isinstance(attribute.value, tree.PathSyntax) else attribute.value.span.words
+        allowed = ["integral", "derivative", "effort", "flow"] if row.stored else ["effort", "flow"]
+        if word not in allowed:
+            hint = suggestion(word, allowed, f"It can be: {', '.join(allowed)}.")
+            raise Wrong(WrongValue(attribute.value.span, attribute.name, entry.name, word, hint))
+        self.words[attribute.name] = word
+
+    def _stored_value(self, attribute: tree.Attribute) -> None:
+        entry, ports = self.entry, list(self.entry.ports)
+        words = attribute.target.words if attribute.target is not None else ""
+        port, letter = ("", words) if ports == [""] else (words.partition(".")[0], words.partition(".")[2])
+        domain = entry.ports.get(port)
+        stored = self.stored[ports.index(port) if port in ports else 0]
+        variable = None if domain is None else (domain.variable(letter) if letter else stored)
+        allowed = stored + {"q": "e", "p": "f"}[stored] if ELEMENTS[entry.kind].stored else "".join(self.stored)
+        misplaced = attribute.name == "nominal" and variable != stored
+        if domain is None or variable is None or variable not in allowed or misplaced:
+            names = [f"{p}.{d.letter(v)}" if p else d.letter(v) for p, d in entry.ports.items() for v in allowed]
+            hint = f"Write `{attribute.name} {names[0]} = …`; it can name: {', '.join(names)}."
+            raise Wrong(UnknownAttribute(attribute.span, entry.name, f"{attribute.name} {words}".strip(), hint))
+        dimension, what = domain.dimension(variable), f"{attribute.name} {words}"
+        (bound,) = static_bounds(self.elaborator, attribute.value, self.scope, dimension, f"`{what}`", 1)
+        target = self.starts if attribute.name == "start" else self.nominals
+        number = ports.index(port)
+        if number in target:
+            raise Wrong(UnknownAttribute(attribute.span, entry.name, what, "It is given twice."))
+        target[number] = (variable, bound)
 
 
 def _placeholder(entry: ElementEntry) -> Node:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from typing import TypeVar
 
 from ...algebra.expression import ZERO, Number, select, substitute, symbols
 from ...algebra.formula import Bound, Formula
@@ -24,6 +25,8 @@ from .resolver import Resolver
 
 UNCHANGING_ROLES = ("parameter", "constant", "mode")  # their values are known before the run; of a mode the first one
 MAXIMUM_ROW = 40  # quantities that wait for one another at once
+_Memory = tuple[str, tree.Call, Scope, Dimension | None]  # name, call, the scope in which it is read, dimension
+Signal = TypeVar("Signal", Integral, Delay)
 
 
 class QuantityResolver(Resolver):
@@ -31,9 +34,9 @@ class QuantityResolver(Resolver):
 
     def __init__(self, overrides: Iterable[Override], part: bool, known: ElaborationCache) -> None:
         super().__init__(overrides, part, known)
-        self._memories: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
+        self._memories: list[_Memory] = []
         self._remembered: dict[str, Integral] = {}
-        self._delays: list[tuple[str, tree.Call, Scope, Dimension | None]] = []
+        self._delays: list[_Memory] = []
         self._nested: dict[tuple[int, int], Scalar] = {}
         self._keep_scopes: list[Scope] = []  # their identity is a key above
         self._inferring = False
@@ -287,27 +290,16 @@ class QuantityResolver(Resolver):
 
     def integrals(self) -> dict[str, Integral]:
         """Signals with memory, with their rates read now."""
-        result = dict(self._remembered)
-        position = 0
-        while position < len(self._memories):  # a rate may contain another integral
-            name, call, scope, dimension = self._memories[position]
-            position += 1
-            found = self.guard(self._read_integral, name, call, scope, dimension)
-            if found is not None:
-                result[name] = found
-        return result
+        return self._remembered | self._read_all(self._memories, self._read_integral)
 
     def delays(self) -> dict[str, Delay]:
         """Delayed signals, with their arguments and delay times."""
-        result: dict[str, Delay] = {}
-        position = 0
-        while position < len(self._delays):  # an argument of a delay may contain another delay
-            name, call, scope, dimension = self._delays[position]
-            position += 1
-            found = self.guard(self._read_delay, name, call, scope, dimension)
-            if found is not None:
-                result[name] = found
-        return result
+        return self._read_all(self._delays, self._read_delay)
+
+    def _read_all(self, signals: list[_Memory], read: Callable[..., Signal]) -> dict[str, Signal]:
+        """Read signals with memory by their names. The list may grow: a rate or an argument may contain another one."""
+        results = ((signal[0], self.guard(read, *signal)) for signal in signals)
+        return {name: result for name, result in results if result is not None}
 
     def _read_delay(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Delay:
         value, lag = (self.template(part, scope) for part in call.arguments)
@@ -372,13 +364,9 @@ class QuantityResolver(Resolver):
                 if isinstance(template.value, tuple):
                     raise Wrong(WrongType(override.span, f"A single number for `{name}`", "a list"))
                 if found is not None and found != dimension:
-                    raise Wrong(
-                        DimensionMismatch(
-                            override.span,
-                            f"`{name}` is {describe(dimension)}, but `{override.span.text}` is {describe(found)}",
-                            unit_hint(found, dimension, override),
-                        )
-                    )
+                    what = f"`{name}` is {describe(dimension)}, but `{override.span.text}` is {describe(found)}"
+                    hint = unit_hint(found, dimension, override)
+                    raise Wrong(DimensionMismatch(override.span, what, hint))
                 bound = self.bind(template, template.formulas[0], self.root)
         value = self.value_of(bound, span, decides=False) if role in ("parameter", "constant") else None
         if role == "constant" and value is not None and _reads_nothing(bound):

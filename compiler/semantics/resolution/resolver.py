@@ -114,9 +114,8 @@ class Resolver(ABC):
         """A whole number with a value known before the run."""
         value = self.static(expression, scope, "A range or index")
         if value != round(value) or abs(value) > 1e9:
-            raise Wrong(
-                WrongType(expression.span, "A whole number", f"{value:g}", "Ranges and indices count: 1, 2, 3.")
-            )
+            hint = "Ranges and indices count: 1, 2, 3."
+            raise Wrong(WrongType(expression.span, "A whole number", f"{value:g}", hint))
         return round(value)
 
     def static(self, expression: tree.ExpressionSyntax, scope: Scope, what: str, dimension: Dimension = ONE) -> float:
@@ -133,13 +132,9 @@ class Resolver(ABC):
         if not isinstance(typed, Typed):
             raise Wrong(WrongType(expression.span, "A single number", "a list"))
         if typed.dimension is not None and typed.dimension != dimension:
-            raise Wrong(
-                DimensionMismatch(
-                    expression.span,
-                    f"{what} is {describe(dimension)}, but `{expression.span.text}` is {describe(typed.dimension)}",
-                    unit_hint(typed.dimension, dimension, expression),
-                )
-            )
+            what = f"{what} is {describe(dimension)}, but `{expression.span.text}` is {describe(typed.dimension)}"
+            hint = unit_hint(typed.dimension, dimension, expression)
+            raise Wrong(DimensionMismatch(expression.span, what, hint))
         for slot in template.slots:
             scalar = self.scalar_at(slot, scope)
             if scalar.role not in STATIC_ROLES:
@@ -258,11 +253,8 @@ class Resolver(ABC):
         found = self.lookup(slot.path, scope)
         if isinstance(found, Items):
             if slot.item is None or slot.item >= len(found.items):
-                raise Wrong(
-                    WrongIndex(
-                        slot.path.span, found.name, str((slot.item or 0) + 1), f"It has {len(found.items)} items here."
-                    )
-                )
+                hint = f"It has {len(found.items)} items here."
+                raise Wrong(WrongIndex(slot.path.span, found.name, str((slot.item or 0) + 1), hint))
             return found.items[slot.item]
         return found
 
@@ -306,11 +298,8 @@ class Resolver(ABC):
         if isinstance(entry, Pending):
             return self.quantity(entry)
         if isinstance(entry, Scalar) and entry.role == "port":
-            raise Wrong(
-                WrongType(
-                    path.span, "A number", f"the port `{name}`", f"Read its effort or flow, as `{path.words}.e`, `.f`."
-                )
-            )
+            hint = f"Read its effort or flow, as `{path.words}.e`, `.f`."
+            raise Wrong(WrongType(path.span, "A number", f"the port `{name}`", hint))
         if isinstance(entry, Scalar | Items):
             return entry
         if isinstance(entry, GroupEntry) and entry.name == "attitude":
@@ -353,30 +342,22 @@ class Resolver(ABC):
             if isinstance(entry, Items):
                 if len(index) == 1 and 1 <= index[0] <= len(entry.items):
                     return entry.items[index[0] - 1]
-                raise Wrong(
-                    WrongIndex(path.span, name, ", ".join(map(str, index)), f"Its items are 1 to {len(entry.items)}.")
-                )
+                hint = f"Its items are 1 to {len(entry.items)}."
+                raise Wrong(WrongIndex(path.span, name, ", ".join(map(str, index)), hint))
             if isinstance(entry, Array):
                 if index in entry.items:
                     return entry.items[index]
                 known = sorted(entry.items)
-                raise Wrong(
-                    WrongIndex(
-                        path.span,
-                        name,
-                        ", ".join(map(str, index)),
-                        f"Known are {indexed(name, known[0])} to {indexed(name, known[-1])}.",
-                    )
-                )
+                hint = f"Known are {indexed(name, known[0])} to {indexed(name, known[-1])}."
+                raise Wrong(WrongIndex(path.span, name, ", ".join(map(str, index)), hint))
             raise Wrong(WrongIndex(path.span, name, ", ".join(map(str, index)), "It is no list and no array."))
         match entry:
             case InstanceEntry():
                 inner = entry.scope.entries.get(step.name)
                 if inner is None:
                     hint = suggestion(step.name, list(entry.scope.entries), f"It has {', '.join(entry.scope.entries)}.")
-                    raise Wrong(
-                        UnknownName(path.span, step.name, f"`{name}`, which is a `{entry.scope.definition.name}`", hint)
-                    )
+                    where = f"`{name}`, which is a `{entry.scope.definition.name}`"
+                    raise Wrong(UnknownName(path.span, step.name, where, hint))
                 return inner
             case ElementEntry():
                 return element_member(entry, step.name, path)
@@ -401,12 +382,10 @@ class Resolver(ABC):
                 return port_variable(node, port, self.port_domain(node, port), step.name, path)
             case Array():
                 first = indexed(name, next(iter(entry.items)))
-                raise Wrong(
-                    WrongType(path.span, "One item", f"the array `{name}`", f"Say which: `{first}.{step.name}`.")
-                )
-        raise Wrong(
-            UnknownName(path.span, step.name, f"`{name}`", "Only instances, elements and mechanisms have inner names.")
-        )
+                hint = f"Say which: `{first}.{step.name}`."
+                raise Wrong(WrongType(path.span, "One item", f"the array `{name}`", hint))
+        hint = "Only instances, elements and mechanisms have inner names."
+        raise Wrong(UnknownName(path.span, step.name, f"`{name}`", hint))
 
     def port_domain(self, node: str, port: str) -> Domain:
         """Domain of a port of a node that is already declared."""
