@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..fast_dataclass import dataclass
-from .expression import Expression, Symbol, substitute, symbols
+from .expression import Expression, Number, Symbol, substitute, symbols
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +27,17 @@ class Bound:
     @property
     def expression(self) -> Expression:
         """The expression with the arguments in place of the slots."""
-        return substitute(self.formula.expression, lambda s: Symbol(self.arguments[s.key]))
+        return over(self.formula.expression, self.arguments, Symbol)
+
+
+def leaf(argument: Any) -> Expression:
+    """An argument as an expression: a number, or the symbol of a variable."""
+    return Number(argument) if isinstance(argument, float) else Symbol(argument)
+
+
+def over(x: Expression, arguments: Sequence[Any], read: Callable[[Any], Expression] = leaf) -> Expression:
+    """An expression over slots with what `read` gives for their arguments in place of the slots."""
+    return substitute(x, lambda slot: read(arguments[slot.key]))
 
 
 def bind(x: Expression) -> Bound:

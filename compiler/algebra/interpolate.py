@@ -1,16 +1,18 @@
 """Curves through points, and reproducible random numbers: values of the operators `linear`, `cubic`, `monotone`, `noise`.
 
-A cubic curve is stored as points with slopes (cubic Hermite). Generated code computes the same with arrays.
+A cubic curve is stored as points with slopes (cubic Hermite). The functions of arrays are in the subset of Python that `jit` compiles: they
+give the values of the operators here, and are called by machine code and C. A numpy module computes the same with batches.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Callable, Sequence
-from functools import lru_cache
+from collections.abc import Callable, MutableSequence, Sequence
+from functools import lru_cache, partial
 from itertools import pairwise
+from math import floor, nan
 
 Points = Sequence[float]
+Floats = MutableSequence[float]
 
 MARGIN = 1e-6  # of the range: how far beyond a table's ends rounding and a solver's tolerance may lead
 
@@ -19,136 +21,178 @@ class OutsideTable(ValueError):
     """The argument of a table is outside of its range."""
 
 
-# ---------------------------------------------------------------- slopes
+# ---------------------------------------------------------------- curves, compiled by `jit`
 
 
-@lru_cache(maxsize=64)
-def natural_slopes(xs: tuple[float, ...], ys: tuple[float, ...]) -> tuple[float, ...]:
-    """Slopes of the natural cubic spline: two continuous derivatives, no curvature at the ends.
+def segment(x: float, knots: Floats, count: int) -> int:
+    """Number of the interval that contains x; the first or last one if x is outside."""
+    sign = -1.0 if knots[count - 1] < knots[0] else 1.0
+    low = 0
+    high = count - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if sign * x >= sign * knots[middle]:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def linear(order: int, x: float, knots: Floats, values: Floats, count: int) -> float:
+    """Straight lines between points, continued beyond the ends. `order` is the order of the derivative."""
+    i = segment(x, knots, count)
+    slope = (values[i + 1] - values[i]) / (knots[i + 1] - knots[i])
+    return slope if order > 0 else values[i] + slope * (x - knots[i])
+
+
+def hermite(order: int, x: float, knots: Floats, values: Floats, slopes: Floats, count: int) -> float:
+    """Cubic Hermite curve through points with slopes, straight beyond the ends. `order` is the order of the derivative."""
+    i = segment(x, knots, count)
+    a = knots[i]
+    m = slopes[i]
+    n = slopes[i + 1]
+    h = knots[i + 1] - a
+    at = x
+    if at < knots[0]:
+        at = knots[0]
+    if at > knots[count - 1]:
+        at = knots[count - 1]
+    d = at - a
+    secant = (values[i + 1] - values[i]) / h
+    c2 = (3.0 * secant - 2.0 * m - n) / h
+    c3 = (m + n - 2.0 * secant) / (h * h)
+    slope = m + d * (2.0 * c2 + 3.0 * d * c3)
+    if order == 0:
+        return values[i] + d * (m + d * (c2 + d * c3)) + (x - at) * slope
+    if order == 1:
+        return slope
+    if x != at:
+        return 0.0
+    return 2.0 * c2 + 6.0 * d * c3 if order == 2 else 6.0 * c3
+
+
+def inverse(order: int, y: float, knots: Floats, values: Floats, slopes: Floats, count: int) -> float:
+    """Argument at which a monotone curve has the value y, by Newton's method with bisection as safeguard. `order` is zero."""
+    sign = 1.0 if values[count - 1] > values[0] else -1.0
+    i = segment(y, values, count)
+    low = knots[i]
+    high = knots[i + 1]
+    width = high - low
+    x = low + (y - values[i]) / (values[i + 1] - values[i]) * width
+    if not (low < x and x < high):
+        return x
+    for _ in range(100):
+        error = sign * (hermite(0, x, knots, values, slopes, count) - y)
+        if error < 0.0:
+            low = x
+        else:
+            high = x
+        slope = sign * hermite(1, x, knots, values, slopes, count)
+        new = x - error / slope if slope > 0.0 else low
+        if not (low < new and new < high):
+            new = 0.5 * (low + high)
+        moved = abs(new - x)
+        x = new
+        if moved <= 1e-14 * (abs(x) + width):
+            break
+    return x
+
+
+def natural_slope(count: int, knots: Floats, values: Floats, work: Floats, out: Floats) -> None:
+    """Slopes of the natural cubic spline: two continuous derivatives, no curvature at the ends. `work` has room for `count` numbers.
 
     The tridiagonal system for slopes (de Boor, A Practical Guide to Splines, chapter IV, eq. 4), by elimination.
     """
-    steps, secants = _secants(xs, ys)
-    if len(xs) == 2:
-        return secants[0], secants[0]
-    inner = list(zip(pairwise(steps), pairwise(secants), strict=True))
-    rows = [(0.0, 2.0, 1.0, 3 * secants[0])]
-    rows += [(1 / a, 2 / a + 2 / b, 1 / b, 3 * (p / a + q / b)) for (a, b), (p, q) in inner]
-    rows.append((1.0, 2.0, 0.0, 3 * secants[-1]))
-    above, right = 0.0, 0.0
-    passed: list[tuple[float, float]] = []
-    for before, here, after, given in rows:
+    if count == 2:
+        out[0] = (values[1] - values[0]) / (knots[1] - knots[0])
+        out[1] = out[0]
+        return
+    above = 0.0
+    right = 0.0
+    for i in range(count):
+        before = 1.0 if i > 0 else 0.0
+        after = 1.0 if i < count - 1 else 0.0
+        here = 2.0
+        given = 0.0
+        if i == 0:
+            given = 3.0 * ((values[1] - values[0]) / (knots[1] - knots[0]))
+        elif i == count - 1:
+            given = 3.0 * ((values[i] - values[i - 1]) / (knots[i] - knots[i - 1]))
+        else:
+            a = knots[i] - knots[i - 1]
+            b = knots[i + 1] - knots[i]
+            before = 1.0 / a
+            after = 1.0 / b
+            here = 2.0 / a + 2.0 / b
+            given = 3.0 * ((values[i] - values[i - 1]) / a / a + (values[i + 1] - values[i]) / b / b)
         pivot = here - before * above
-        above, right = after / pivot, (given - before * right) / pivot
-        passed.append((above, right))
-    slopes = [passed[-1][1]]
-    for after, given in reversed(passed[:-1]):
-        slopes.append(given - after * slopes[-1])
-    return tuple(reversed(slopes))
+        right = (given - before * right) / pivot
+        above = after / pivot
+        work[i] = above
+        out[i] = right
+    for i in range(count - 2, -1, -1):
+        out[i] -= work[i] * out[i + 1]
 
 
-@lru_cache(maxsize=64)
-def monotone_slopes(xs: tuple[float, ...], ys: tuple[float, ...]) -> tuple[float, ...]:
+def end_slope(near: float, far: float, first: float, second: float) -> float:
+    """Slope at an end from its two intervals, limited so that the curve stays monotone."""
+    slope = ((2.0 * near + far) * first - near * second) / (near + far)
+    if slope * first <= 0.0:
+        return 0.0
+    return 3.0 * first if first * second < 0.0 and abs(slope) > 3.0 * abs(first) else slope
+
+
+def monotone_slope(count: int, knots: Floats, values: Floats, work: Floats, out: Floats) -> None:
     """Slopes that keep the curve monotone where the points are.
 
     Inside the weighted harmonic mean of Fritsch and Butland (1984), which is within the bounds of Fritsch and Carlson
     (1980); at the ends a three-point formula, limited to those bounds.
     """
-    steps, secants = _secants(xs, ys)
-    if len(xs) == 2:
-        return secants[0], secants[0]
-    slopes = [_end_slope(steps[0], steps[1], secants[0], secants[1])]
-    for (a, b), (p, q) in zip(pairwise(steps), pairwise(secants), strict=True):
-        if p * q <= 0:
-            slopes.append(0.0)
-        else:
-            slopes.append(3 * (a + b) / ((2 * b + a) / p + (b + 2 * a) / q))
-    slopes.append(_end_slope(steps[-1], steps[-2], secants[-1], secants[-2]))
+    for i in range(count - 1):
+        work[i] = (values[i + 1] - values[i]) / (knots[i + 1] - knots[i])
+    last = count - 1
+    if count == 2:
+        out[0] = work[0]
+        out[1] = work[0]
+        return
+    out[0] = end_slope(knots[1] - knots[0], knots[2] - knots[1], work[0], work[1])
+    for i in range(1, last):
+        a = knots[i] - knots[i - 1]
+        b = knots[i + 1] - knots[i]
+        p = work[i - 1]
+        q = work[i]
+        out[i] = 3.0 * (a + b) / ((2.0 * b + a) / p + (b + 2.0 * a) / q) if p * q > 0.0 else 0.0
+    out[last] = end_slope(
+        knots[last] - knots[last - 1], knots[last - 1] - knots[last - 2], work[last - 1], work[last - 2]
+    )
+
+
+# ---------------------------------------------------------------- values of operators
+
+
+def value_on(curve: Callable[..., float], lists: int, order: float, x: float, *points: float) -> float:
+    """Value of a curve from its lists: places, values and, except for straight lines, slopes. Raises `OutsideTable`."""
+    n = len(points) // lists
+    parts = [points[i * n : (i + 1) * n] for i in range(lists)]
+    _check_range(order, x, parts[1 if curve is inverse else 0])
+    return curve(int(order), x, *parts, n)
+
+
+@lru_cache(maxsize=64)
+def _slopes(write: Callable[..., None], xs: tuple[float, ...], ys: tuple[float, ...]) -> tuple[float, ...]:
+    slopes = [0.0] * len(xs)
+    write(len(xs), xs, ys, [0.0] * len(xs), slopes)
     return tuple(slopes)
 
 
-def _secants(xs: Points, ys: Points) -> tuple[list[float], list[float]]:
-    steps = [b - a for a, b in pairwise(xs)]
-    return steps, [(b - a) / h for (a, b), h in zip(pairwise(ys), steps, strict=True)]
-
-
-def _end_slope(near: float, far: float, first: float, second: float) -> float:
-    """Slope at an end from its two intervals, limited so that the curve stays monotone."""
-    slope = ((2 * near + far) * first - near * second) / (near + far)
-    if slope * first <= 0:
-        return 0.0
-    if first * second < 0 and abs(slope) > 3 * abs(first):
-        return 3 * first
-    return slope
-
-
-# ---------------------------------------------------------------- values
-
-
-def linear(order: float, x: float, *points: float) -> float:
-    """Straight lines between points with monotone places; `order` is the order of the derivative. Raises `OutsideTable`."""
-    n = len(points) // 2
-    xs, ys = points[:n], points[n:]
-    if xs[0] > xs[-1]:
-        xs, ys = xs[::-1], ys[::-1]
-    _check_range(order, x, xs)
-    i = _segment(x, xs)
-    slope = (ys[i + 1] - ys[i]) / (xs[i + 1] - xs[i])
-    return ys[i] + slope * (x - xs[i]) if order == 0 else slope
-
-
-def hermite(order: float, x: float, *points: float) -> float:
-    """Cubic curve through points with slopes, or a derivative of it. Raises `OutsideTable`."""
-    n = len(points) // 3
-    xs, ys, slopes = points[:n], points[n : 2 * n], points[2 * n :]
-    _check_range(order, x, xs)
-    i = _segment(x, xs)
-    h = xs[i + 1] - xs[i]
-    at = min(max(x, xs[0]), xs[-1])
-    d, beyond = at - xs[i], x - at
-    secant = (ys[i + 1] - ys[i]) / h
-    c2, c3 = (3 * secant - 2 * slopes[i] - slopes[i + 1]) / h, (slopes[i] + slopes[i + 1] - 2 * secant) / h**2
-    slope = slopes[i] + d * (2 * c2 + 3 * d * c3)
-    if order == 0:
-        return ys[i] + d * (slopes[i] + d * (c2 + d * c3)) + beyond * slope
-    if order == 1:
-        return slope
-    if beyond:
-        return 0.0
-    return 2 * c2 + 6 * d * c3 if order == 2 else 6 * c3
-
-
-def inverse(order: float, y: float, *points: float) -> float:
-    """Argument at which a monotone cubic curve has the value y. Raises `OutsideTable`."""
-    n = len(points) // 3
-    xs, ys = points[:n], points[n : 2 * n]
-    _check_range(order, y, ys)
-    sign = 1.0 if ys[-1] > ys[0] else -1.0
-    i = _segment(sign * y, [sign * v for v in ys])
-    low, high = xs[i], xs[i + 1]
-    x = low + (y - ys[i]) / (ys[i + 1] - ys[i]) * (high - low)
-    if not low < x < high:  # an end, or the straight continuation
-        return x
-    for _ in range(100):
-        error = sign * (hermite(0, x, *points) - y)
-        low, high = (x, high) if error < 0 else (low, x)
-        slope = sign * hermite(1, x, *points)
-        new = x - error / slope if slope > 0 else low
-        new = new if low < new < high else 0.5 * (low + high)
-        if abs(new - x) <= 1e-16 * (abs(x) + high - low) or new in (low, high):
-            return new
-        x = new
-    return x
+natural_slopes = partial(_slopes, natural_slope)
+monotone_slopes = partial(_slopes, monotone_slope)
 
 
 def slope_at(slopes: Callable[..., tuple[float, ...]], number: float, *points: float) -> float:
     """One of the slopes of a curve through points."""
     n = len(points) // 2
     return slopes(points[:n], points[n:])[int(number)]
-
-
-def _segment(x: float, xs: Points) -> int:
-    return min(max(bisect_right(xs, x) - 1, 0), len(xs) - 2)
 
 
 def _check_range(order: float, x: float, xs: Points) -> None:
@@ -170,9 +214,9 @@ def one_way(values: Points) -> bool:
 
 def turns(xs: Points, ys: Points, slopes: Points) -> bool:
     """Return True if a cubic curve is not monotone, or constant between two points."""
-    _, secants = _secants(xs, ys)
     if not one_way(ys):
         return True
+    secants = [(d - c) / (b - a) for (a, b), (c, d) in zip(pairwise(xs), pairwise(ys), strict=True)]
     for secant, a, b in zip(secants, slopes, slopes[1:], strict=False):
         p, q = a / secant, b / secant
         # The parabola of the slope over 0..1, and its least value inside (Fritsch and Carlson 1980, section 3).
@@ -192,7 +236,21 @@ _GOLDEN = 0x9E3779B97F4A7C15
 SMOOTH_STEP = ((0, 0, 0, 10, -15, 6), (0, 0, 30, -60, 30), (0, 60, -180, 120), (60, -360, 360), (-360, 720), (720,))
 
 
-def noise(order: float, place: float, seed: float) -> float:
+def noise(order: int, place: float, seed: float, steps: Floats, count: int) -> float:
+    """A random number at each integer, joined by smooth steps. `steps` are the coefficients of the step by rising powers."""
+    if not abs(place) < 4611686018427387904.0:  # 2^62
+        return nan
+    whole = int(floor(place))  # noqa: RUF046 - a float in machine code
+    part = place - floor(place)
+    first = random_number(whole, int(seed))
+    second = random_number(whole + 1, int(seed))
+    step = 0.0
+    for i in range(count - 1, -1, -1):
+        step = step * part + steps[i]
+    return (second - first) * step + (first if order == 0 else 0.0)
+
+
+def noise_at(order: float, place: float, seed: float) -> float:
     """A random number between -1 and 1 at each integer, joined by smooth steps; or a derivative of that."""
     whole = int(place // 1)
     part = place - whole

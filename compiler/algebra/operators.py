@@ -195,11 +195,11 @@ _ROWS = (
     ),
     # Curves through points, any number of them, and random numbers. The first operand is the order of the derivative, the second is the
     # argument; the other operands are constant during a run (see `table.py`).
-    _curve("linear", interpolate.linear, numpy="_linear"),
-    _curve("cubic", interpolate.hermite, numpy="_hermite"),
-    _curve("monotone", interpolate.hermite, numpy="_hermite"),
-    _curve("inverse", interpolate.inverse, numpy="_inverse"),
-    _curve("noise", interpolate.noise, numpy="_noise"),
+    _curve("linear", partial(interpolate.value_on, interpolate.linear, 2), numpy="_linear"),
+    _curve("cubic", partial(interpolate.value_on, interpolate.hermite, 3), numpy="_hermite"),
+    _curve("monotone", partial(interpolate.value_on, interpolate.hermite, 3), numpy="_hermite"),
+    _curve("inverse", partial(interpolate.value_on, interpolate.inverse, 3), numpy="_inverse"),
+    _curve("noise", interpolate.noise_at, numpy="_noise"),
     # Number, places, values -> the slope of a curve in one of its points.
     _slope("natural_slope", partial(interpolate.slope_at, interpolate.natural_slopes), numpy="_natural_slope"),
     _slope("monotone_slope", partial(interpolate.slope_at, interpolate.monotone_slopes), numpy="_monotone_slope"),

@@ -45,6 +45,13 @@ def lists(node: Apply) -> tuple[tuple[Expression, ...], ...]:
     return tuple(points[i * n : (i + 1) * n] for i in range(count))
 
 
+def order_of(node: Apply) -> int:
+    """Order of the derivative of a curve or noise."""
+    order = node.operands[0]
+    assert isinstance(order, Number)
+    return int(order.value)
+
+
 def domain(node: Apply) -> tuple[Expression, ...]:
     """List in which the argument of a table is looked up."""
     return lists(node)[1 if node.operator == "inverse" else 0]

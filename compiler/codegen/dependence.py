@@ -2,45 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from ..algebra.expression import Apply, Expression, Symbol
 from .limits import Leaf
 
-PARAMETER, TIME, INPUT, STATE, MODE, EVENT = (
-    1,
-    2,
-    4,
-    8,
-    16,
-    32,
-)  # bits of a dependence; EVENT: on states at an event
-
-
+# Bits of a dependence. EVENT: on states at an event.
+PARAMETER, TIME, INPUT, STATE, MODE, EVENT = (2**i for i in range(6))
 BITS = {"parameter": PARAMETER, "time": TIME, "input": INPUT, "state": STATE, "mode": MODE}
-
-
-def dependences_of(roots: Iterable[Expression], symbols: dict[Expression, int]) -> dict[int, int]:
-    """Dependences of all nodes behind the roots, by identity. `symbols` gives those of the symbols."""
-    found: dict[int, int] = {}
-    for root in roots:
-        stack: list[Expression | None] = [root]
-        while stack:
-            node = stack.pop()
-            if node is None:  # the node below it follows its operands
-                node = stack.pop()
-                assert type(node) is Apply
-                bits = 0
-                for operand in node.operands:
-                    bits |= found[id(operand)]
-                found[id(node)] = bits
-            elif id(node) not in found:
-                if type(node) is Apply:
-                    stack += (node, None)
-                    stack += node.operands
-                else:
-                    found[id(node)] = dependence_of(node, symbols)
-    return found
 
 
 def dependence_of(x: Expression, known: dict[Expression, int]) -> int:

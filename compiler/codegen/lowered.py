@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import field
 
 from ..algebra.expression import (
@@ -16,7 +15,7 @@ from ..errors import ValuesNeeded
 from ..fast_dataclass import dataclass
 from ..reduction import StateSpace
 from ..source import Span
-from .dependence import EVENT, INPUT, MODE, STATE, dependence_of, dependences_of
+from .dependence import EVENT, INPUT, MODE, STATE, dependence_of
 from .events import LoweredEvents
 from .limits import Leaf, Limit
 
@@ -99,10 +98,6 @@ class Lowered:
     def dependence(self, x: Expression) -> int:
         """Dependence of an expression, as bits."""
         return dependence_of(x, self._bits)
-
-    def dependences(self, roots: Iterable[Expression]) -> dict[int, int]:
-        """Dependences of all nodes behind some roots, by identity, which is faster. Valid while the roots are kept alive."""
-        return dependences_of(roots, self._bits)
 
     def parameter_values(self, leaf: Leaf) -> float:
         """Default value of a parameter. Raises `ValueError` for a leaf that is no parameter, `ValuesNeeded` if it has no value."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from ..algebra.expression import Apply, Expression
@@ -39,25 +40,9 @@ def operations_in_order(roots: Sequence[Expression], known: Mapping[Expression, 
 
 def in_order(
     roots: Sequence[Expression], known: Mapping[Expression, object]
-) -> tuple[list[Apply], dict[Expression, int]]:
+) -> tuple[list[Apply], Counter[Expression]]:
     """Operations behind the roots, operands first, and the number of uses of each."""
-    uses: dict[Expression, int] = {}
-    order: list[Apply] = []
-    done: set[Expression] = set()
-    for root in roots:
-        uses[root] = uses.get(root, 0) + 1
-        stack = [(root, False)]
-        while stack:
-            node, ready = stack.pop()
-            if ready:
-                assert isinstance(node, Apply)
-                order.append(node)
-                continue
-            if node in done or not isinstance(node, Apply) or node in known:
-                continue
-            done.add(node)
-            stack.append((node, True))
-            for operand in node.operands:
-                uses[operand] = uses.get(operand, 0) + 1
-            stack += [(o, False) for o in reversed(node.operands)]
+    order, uses = operations_in_order(roots, known), Counter(roots)
+    for node in order:
+        uses.update(node.operands)
     return order, uses

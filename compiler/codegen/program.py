@@ -137,7 +137,7 @@ class Delays:
     values: StateFunction  # as Program.output -> what they will be
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class HybridNote:
     """All of a `Hybrid` except its functions: plain data."""
 
@@ -147,48 +147,31 @@ class HybridNote:
     conditions: tuple[ConditionNote, ...]
     events: tuple[EventNote, ...]
     junctions: tuple[tuple[str, Span], ...]
-    switches_signals: bool
+    switches_signals: bool  # True if `Program.signals` change at events that depend on states
 
 
 @dataclass(frozen=True, eq=False)
-class Hybrid:
+class Hybrid(HybridNote):
     """Events of a program that depend on its states.
 
     The mode (…, size) holds the discrete variables first, then the truth values of conditions. Those on time alone are at the places
     `timed`, in the order of `Program.switches`. The others are located, each at the zero crossings of its root.
     """
 
-    size: int
-    modes: NameTable  # of discrete variables
-    start: Callable[[Array], Array]  # constants -> those, at the start
-    timed: tuple[int, ...]
-    conditions: tuple[ConditionNote, ...]
-    # as Program.output -> left less right of each condition
-    roots: StateFunction
-    events: tuple[EventNote, ...]
+    start: Callable[[Array], Array]  # constants -> discrete variables at the start
+    roots: StateFunction  # as Program.output -> left less right of each condition
     triggers: StateFunction  # the same -> 1 or 0 for each event
     values: StateFunction  # the same -> what the settings of all events set
     targets: StateFunction  # the same -> what is computed and set, as it is
     sampling: Callable[[Array], Array]  # constants -> periods of the sampled events, in their order
-    # time, state, inputs, constants -> mode with modes as they start
-    mode_at: Callable[[Array | float, Array, Array, Array], Array]
-    junctions: tuple[tuple[str, Span], ...]
     actives: StateFunction  # the same -> 1 or 0 for each switched junction
     # the same, where junctions switch -> of states and dependents, efforts for displacements and flows for momenta
     conjugates: StateFunction
-    switches_signals: bool  # True if `Program.signals` change at events that depend on states
+    # time, state, inputs, constants -> mode with modes as they start
+    mode_at: Callable[[Array | float, Array, Array, Array], Array]
 
 
-HYBRID = ("mode_start", "roots", "triggers", "values", "targets", "sampling", "actives", "conjugates")  # its functions
-
-
-def hybrid_of(note: HybridNote, functions: Mapping[str, Callable[..., Any]]) -> Hybrid:
-    """Events of a program, from the functions of its target, `mode_at` among them."""
-    start, roots, triggers, values, targets, sampling, actives, conjugates = (functions[name] for name in HYBRID)
-    return Hybrid(
-        note.size, note.modes, start, note.timed, note.conditions, roots, note.events, triggers, values, targets, sampling,
-        functions["mode_at"], note.junctions, actives, conjugates, note.switches_signals,
-    )  # fmt: skip
+HYBRID = ("mode_start", "roots", "triggers", "values", "targets", "sampling", "actives", "conjugates", "mode_at")
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,12 +52,7 @@ def _of_storage(
 
     def at(expression: Expression, places: Sequence[Expression]) -> Expression:
         given = [*places, *arguments]
-
-        def put(symbol: Symbol) -> Expression:
-            slot: int = symbol.key
-            return given[slot]
-
-        return substitute(expression, put)
+        return substitute(expression, lambda slot: given[slot.key])
 
     if storage.energy is not None:
         return at(storage.energy, stored), [at(derivative(storage.energy, Symbol(i)), stored) for i in range(count)]

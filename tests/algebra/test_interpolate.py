@@ -179,7 +179,7 @@ class TestNoise:
     def test_moments_as_the_reference_says(self) -> None:
         """Variance 1/3 at whole periods, 0.2612 on average."""
         u = np.arange(0, 20_000, 0.25)
-        values = np.array([interpolate.noise(0, x, 3) for x in u])
+        values = np.array([interpolate.noise_at(0, x, 3) for x in u])
         assert np.mean(values) == pytest.approx(0, abs=0.02)
         assert np.var(values[::4]) == pytest.approx(1 / 3, rel=0.03)
         step = np.linspace(0, 1, 20001)
@@ -199,7 +199,7 @@ class TestNoise:
 
     def test_two_continuous_derivatives(self) -> None:
         for order in range(3):
-            before, after = (interpolate.noise(order, 7 + h, 1) for h in (-1e-12, 1e-12))
+            before, after = (interpolate.noise_at(order, 7 + h, 1) for h in (-1e-12, 1e-12))
             assert before == pytest.approx(after, abs=1e-8)
 
     def test_the_operators_are_all_tried_here(self) -> None:

@@ -33,7 +33,7 @@ def banded_matrix(count: int, lower: int, upper: int, seed: int = 1) -> np.ndarr
 
 
 def banded(full: np.ndarray, right: np.ndarray, lower: int, upper: int) -> np.ndarray:
-    """`runtime.banded`, as plain Python."""
+    """`runtime.solve` of the band, as plain Python."""
     count, width = len(full), lower + upper + 1
     entries = np.zeros(count * width + count)
     for i in range(count):
@@ -42,14 +42,15 @@ def banded(full: np.ndarray, right: np.ndarray, lower: int, upper: int) -> np.nd
     entries[count * width :] = right
     out = np.zeros(count)
     with np.errstate(all="ignore"):
-        runtime.banded(count, lower, upper, entries, np.zeros(runtime.room(count, lower, upper)), out)
+        runtime.solve(count, lower, upper, 1, entries, np.zeros(runtime.room(count, lower, upper, 1)), out)
     return out
 
 
 def dense(full: np.ndarray, right: np.ndarray) -> np.ndarray:
     count, out = len(full), np.zeros(len(full))
     with np.errstate(all="ignore"):
-        runtime.solve(count, np.concatenate([full.ravel(), right]), np.zeros(2 * count**2 + 6 * count), out)
+        room, entries = runtime.room(count, count - 1, count - 1, 0), np.concatenate([full.ravel(), right])
+        runtime.solve(count, count - 1, count - 1, 0, entries, np.zeros(room), out)
     return out
 
 
@@ -195,4 +196,4 @@ def test_machine_code_and_c_solve_it_too() -> None:
     program = bondgraph.Model(Source("row.bg", row_of_resistors(30)))
     found = [program.simulate(target=t, rtol=1e-8).final("last") for t in ("native", "numpy")]
     assert found[0] == pytest.approx(found[1], rel=1e-9)
-    assert "banded(29, 2, 2, " in program.compile(target="c")
+    assert "solve(29, 2, 2, 1, " in program.compile(target="c")

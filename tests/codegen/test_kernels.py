@@ -8,8 +8,8 @@ import pytest
 from compiler.codegen.llvm import module
 from compiler.codegen.llvm.bind import bind
 from compiler.codegen.llvm.generate import generate_code
-from compiler.codegen.llvm.program_image import ProgramImage
 from compiler.codegen.program import Program
+from compiler.codegen.program_image import ProgramImage
 from compiler.compilation import Compilation
 from compiler.jit.machine import object_code
 from tests.benchmarks import large_models

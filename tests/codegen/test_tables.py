@@ -9,7 +9,7 @@ import pytest
 
 import bondgraph
 from compiler.algebra import interpolate
-from compiler.algebra.operators import SLOPES
+from compiler.algebra.operators import SLOPES, value_of
 from compiler.codegen.numpy.generate import load_module
 from compiler.codegen.numpy.runtime import beginning
 from tests.codegen.test_jacobian import differences
@@ -34,7 +34,7 @@ class TestWords:
     @pytest.mark.parametrize("kind", ["cubic", "monotone"])
     def test_hermite(self, kind: str, order: int) -> None:
         inside = self.AT[(self.AT >= 0) & (self.AT <= 4)]
-        expected = [interpolate.hermite(order, x, *XS, *YS, *SLOPE[kind]) for x in inside]
+        expected = [value_of("cubic", (order, x, *XS, *YS, *SLOPE[kind])) for x in inside]
         points = arrays(XS, YS, SLOPE[kind])
         np.testing.assert_allclose(WORDS._hermite(order, inside, *points), expected, rtol=1e-14, atol=1e-14)
         assert [WORDS._hermite(order, float(x), *points) for x in inside] == pytest.approx(
@@ -61,7 +61,7 @@ class TestWords:
         found = WORDS._inverse(0, at, *arrays(XS, values, slopes))
         np.testing.assert_allclose(WORDS._hermite(0, found, *arrays(XS, values, slopes)), at, rtol=1e-12)
         for y, x in zip(at.tolist(), found.tolist(), strict=True):
-            assert interpolate.inverse(0, y, *XS, *values, *slopes) == pytest.approx(x, rel=1e-12, abs=1e-12)
+            assert value_of("inverse", (0, y, *XS, *values, *slopes)) == pytest.approx(x, rel=1e-12, abs=1e-12)
             assert float(WORDS._inverse(0, y, *arrays(XS, values, slopes))) == pytest.approx(x, rel=1e-12, abs=1e-12)
 
     def test_slopes(self) -> None:
@@ -77,7 +77,7 @@ class TestWords:
     @pytest.mark.parametrize("seed", [0, 7, -3, 2**53])
     def test_noise_bit_by_bit(self, order: int, seed: int) -> None:
         at = np.linspace(-3.3, 1e6, 57)
-        expected = [interpolate.noise(order, x, seed) for x in at.tolist()]
+        expected = [interpolate.noise_at(order, x, seed) for x in at.tolist()]
         found = WORDS._noise(order, at, float(seed))
         np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-10)
         assert [WORDS._noise(order, x, float(seed)) for x in at.tolist()] == expected
@@ -136,7 +136,7 @@ def test_an_energy_that_is_a_table_gives_its_slope() -> None:
     running = Running(compiled(text))
     found = running.outputs({"field.x": 1.4})
     spline = interpolate.natural_slopes((0, 1, 2, 3), (0, 1, 4, 9))
-    assert found["F"] == pytest.approx(interpolate.hermite(1, 1.4, 0, 1, 2, 3, 0, 1, 4, 9, *spline), rel=1e-14)
+    assert found["F"] == pytest.approx(value_of("cubic", (1, 1.4, 0, 1, 2, 3, 0, 1, 4, 9, *spline)), rel=1e-14)
 
 
 @pytest.mark.parametrize("law", ["linear", "cubic", "monotone"])
@@ -247,8 +247,8 @@ class TestForPeople:
         p, state = module.Parameters(), np.array([5e-4])
         assert p.xs_3 == 2e-3
         spline = interpolate.natural_slopes((0, 1e-3, 2e-3), (0, 1, 4))
-        expected = 1e-3 * interpolate.noise(0, 1.25, 3)
+        expected = 1e-3 * interpolate.noise_at(0, 1.25, 3)
         assert module.derivative(0.0125, state, p) == pytest.approx([expected], rel=1e-12)
         assert module.holds(0.0, state, p).all()
-        slope = interpolate.hermite(1, 5e-4, 0, 1e-3, 2e-3, 0, 1, 4, *spline)
+        slope = value_of("cubic", (1, 5e-4, 0, 1e-3, 2e-3, 0, 1, 4, *spline))
         assert module.outputs(0.0, state, p)[1] == pytest.approx(slope, rel=1e-12)

@@ -13,13 +13,13 @@ from ...algebra.expression import Apply, Expression, Number, Symbol
 from ...algebra.interpolate import SMOOTH_STEP
 from ...algebra.operators import CONDITIONS, OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of
-from ...algebra.table import lists
+from ...algebra.table import lists, order_of
 from ...errors import printable
 from ...jit.c_source import BEGINNING, c_number, c_source
+from ..description import name_tables
 from ..limits import Leaf
 from ..llvm import runtime
 from ..lowered import Lowered
-from ..numpy.generate import name_tables
 from ..numpy.write import Writer
 from ..order import operations_in_order
 
@@ -200,35 +200,23 @@ class _Body:
     def _supported(self, node: Apply) -> str:
         operands = node.operands
         match node.operator:
-            case "solve":
-                count = round(((1 + 4 * len(operands)) ** 0.5 - 1) / 2)
-                entries, out, work = (
-                    self._points(operands),
-                    self._room(count),
-                    self._room(2 * count * count + 6 * count),
-                )
-                self.lines.append(f"solve({count}, {entries}, {work}, {out});")
-                return out
-            case "banded":
-                shape = shape_of(node)
-                entries, out, work = (
-                    self._points(operands[LEADING:]),
-                    self._room(shape.unknowns),
-                    self._room(runtime.room(*shape)),
-                )
-                self.lines.append(f"banded({', '.join(map(str, shape))}, {entries}, {work}, {out});")
+            case "solve" | "banded":
+                shape = (*shape_of(node), int(node.operator == "banded"))
+                entries = self._points(operands[LEADING:] if node.operator == "banded" else operands)
+                out, work = self._room(shape[0]), self._room(runtime.room(*shape))
+                self.lines.append(f"solve({', '.join(map(str, shape))}, {entries}, {work}, {out});")
                 return out
             case "natural_slope" | "monotone_slope":
                 return self._slope(node)
             case "noise":
-                steps = tuple(map(float, SMOOTH_STEP[_order(node)]))
-                return f"noise({_order(node)}, {', '.join(self._all(operands[1:]))}, (double *){self.file.array(steps)}, {len(steps)})"
+                steps = tuple(map(float, SMOOTH_STEP[order_of(node)]))
+                return f"noise({order_of(node)}, {', '.join(self._all(operands[1:]))}, (double *){self.file.array(steps)}, {len(steps)})"
             case "root":
                 return f"root({', '.join(self._all(operands))})"
         points = lists(node)
-        order = "" if node.operator == "inverse" else f"{_order(node)}, "
         arrays = ", ".join(map(self._points, points))
-        return f"{runtime.BY_OPERATOR[node.operator].__name__}({order}{self._name(operands[1])}, {arrays}, {len(points[0])})"
+        name = runtime.BY_OPERATOR[node.operator].__name__
+        return f"{name}({order_of(node)}, {self._name(operands[1])}, {arrays}, {len(points[0])})"
 
     def _slope(self, node: Apply) -> str:
         number, points = node.operands[0], node.operands[1:]
@@ -240,12 +228,6 @@ class _Body:
             self.slopes[key], work = self._room(n), self._room(n)
             self.lines.append(f"{node.operator}({n}, {places}, {values}, {work}, {self.slopes[key]});")
         return f"{self.slopes[key]}[{int(number.value)}]"
-
-
-def _order(node: Apply) -> int:
-    order = node.operands[0]
-    assert isinstance(order, Number)
-    return int(order.value)
 
 
 def _string(text: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...jit.machine import MachineCode, address_of
 from ..program import HybridNote
-from .program_image import KernelRows
+from ..program_image import KernelRows
 
 ROLES = ("time", "state", "inputs", "constants", "mode")
 _POINTER = ctypes.c_void_p

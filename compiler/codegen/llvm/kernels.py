@@ -14,7 +14,7 @@ from ...jit.values import float_text
 from ..limits import Leaf
 from ..loop_rolling import ARRAYS, Kernel, KernelCollection, KernelSchedule, Place, read
 from ..lowered import Lowered
-from .program_image import KernelRows
+from ..program_image import KernelRows
 from .write import HEAD, LlvmLines, LlvmNeeds
 
 ON_THE_STACK = 4096  # numbers in between that a function keeps on the stack; more come from the heap
@@ -22,6 +22,17 @@ _GIVEN = ("state", "inputs", "constants", "mode", "out")
 _HANDED = ", ".join(f"ptr %{a}" for a in (*_GIVEN, "work", "numbers"))
 _READ_ONLY = ", ".join(
     f"ptr {'' if a in ('out', 'work') else 'noalias readonly '}nocapture %{a}" for a in (*_GIVEN, "work", "numbers")
+)
+
+# Place of a value: in `out`, or for ~place in `work`.
+_TARGET = (
+    "  %target.n = load i32, ptr %row",
+    "  %target.w = sext i32 %target.n to i64",
+    "  %target.o = icmp sge i64 %target.w, 0",
+    "  %target.c = xor i64 %target.w, -1",
+    "  %target.i = select i1 %target.o, i64 %target.w, i64 %target.c",
+    "  %target.a = select i1 %target.o, ptr %out, ptr %work",
+    "  %target = getelementptr inbounds double, ptr %target.a, i64 %target.i",
 )
 
 
@@ -109,13 +120,7 @@ class Kernels:
                 "  %number = phi i64 [ 0, %entry ], [ %more, %again ]",
                 "  %row = phi ptr [ %rows, %entry ], [ %next, %again ]",
                 *loads,
-                "  %target.n = load i32, ptr %row",
-                "  %target.w = sext i32 %target.n to i64",
-                "  %target.o = icmp sge i64 %target.w, 0",
-                "  %target.c = xor i64 %target.w, -1",
-                "  %target.i = select i1 %target.o, i64 %target.w, i64 %target.c",
-                "  %target.a = select i1 %target.o, ptr %out, ptr %work",
-                "  %target = getelementptr inbounds double, ptr %target.a, i64 %target.i",
+                *_TARGET,
                 *lines,
                 f"  %next = getelementptr inbounds i32, ptr %row, i64 {width}",
                 "  %more = add nuw nsw i64 %number, 1",
@@ -198,13 +203,7 @@ def _sum_kernel(number: int) -> str:
             "again:",
             "  %number = phi i64 [ 0, %entry ], [ %more, %end ]",
             "  %row = phi ptr [ %rows, %entry ], [ %on, %end ]",
-            "  %target.n = load i32, ptr %row",
-            "  %target.w = sext i32 %target.n to i64",
-            "  %target.o = icmp sge i64 %target.w, 0",
-            "  %target.c = xor i64 %target.w, -1",
-            "  %target.i = select i1 %target.o, i64 %target.w, i64 %target.c",
-            "  %target.a = select i1 %target.o, ptr %out, ptr %work",
-            "  %target = getelementptr inbounds double, ptr %target.a, i64 %target.i",
+            *_TARGET,
             "  %terms.p = getelementptr inbounds i32, ptr %row, i64 1",
             "  %terms = load i32, ptr %terms.p",
             "  %start = getelementptr inbounds i32, ptr %row, i64 2",

@@ -11,9 +11,9 @@ from ..limits import Leaf
 from ..lowered import Lowered
 from ..numpy.write import Writer
 from ..order import operations_in_order
+from ..program_image import KernelRows
 from . import runtime
 from .kernels import Kernels, OrderedFunction
-from .program_image import KernelRows
 from .write import HEAD, LlvmLines, LlvmNeeds
 
 SAVING = 2  # by how much shorter the kernels must be

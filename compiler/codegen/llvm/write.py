@@ -12,8 +12,8 @@ from dataclasses import field
 from ...algebra.expression import Apply, Expression, Number, Symbol
 from ...algebra.interpolate import SMOOTH_STEP
 from ...algebra.operators import CONDITIONS, OPERATORS
-from ...algebra.systems import LEADING, SYSTEMS, shape_of, size_of
-from ...algebra.table import lists
+from ...algebra.systems import LEADING, SYSTEMS, shape_of
+from ...algebra.table import lists, order_of
 from ...fast_dataclass import dataclass
 from ...jit.values import float_text
 from ..limits import Leaf
@@ -217,34 +217,27 @@ class LlvmLines:
     def _supported(self, node: Apply) -> str:
         operands = node.operands
         match node.operator:
-            case "solve":
-                count = size_of(node)
-                entries, out = self._points(operands), self._room(count)
-                work = self._room(2 * count * count + 6 * count)
-                self.lines.append(f"  call void @solve(i64 {count}, ptr {entries}, ptr {work}, ptr {out})")
-                return out
-            case "banded":
-                shape = shape_of(node)
-                entries, out = self._points(operands[LEADING:]), self._room(shape.unknowns)
-                work = self._room(runtime.room(*shape))
-                given = ", ".join(f"i64 {x}" for x in shape)
-                self.lines.append(f"  call void @banded({given}, ptr {entries}, ptr {work}, ptr {out})")
+            case "solve" | "banded":
+                shape = (*shape_of(node), int(node.operator == "banded"))
+                entries = self._points(operands[LEADING:] if node.operator == "banded" else operands)
+                out, work = self._room(shape[0]), self._room(runtime.room(*shape))
+                sizes = ", ".join(f"i64 {x}" for x in shape)
+                self.lines.append(f"  call void @solve({sizes}, ptr {entries}, ptr {work}, ptr {out})")
                 return out
             case "natural_slope" | "monotone_slope":
                 return self._slope(node)
             case "noise":
                 place, seed = self._doubles(operands[1:])
-                steps = tuple(map(float, SMOOTH_STEP[_order(node)]))
+                steps = tuple(map(float, SMOOTH_STEP[order_of(node)]))
                 rest = f"double {place}, double {seed}, ptr {self.needs.array(steps)}, i64 {len(steps)}"
-                return self._emit(f"call double @noise(i64 {_order(node)}, {rest})")
+                return self._emit(f"call double @noise(i64 {order_of(node)}, {rest})")
             case "root":
                 return self._emit("call double @root(double {}, double {})".format(*self._doubles(operands)))
         points = lists(node)
         arrays = ", ".join(f"ptr {self._points(p)}" for p in points)
-        order = "" if node.operator == "inverse" else f"i64 {_order(node)}, "
         name = runtime.BY_OPERATOR[node.operator].__name__
         return self._emit(
-            f"call double @{name}({order}double {self._double(operands[1])}, {arrays}, i64 {len(points[0])})"
+            f"call double @{name}(i64 {order_of(node)}, double {self._double(operands[1])}, {arrays}, i64 {len(points[0])})"
         )
 
     def _slope(self, node: Apply) -> str:
@@ -261,9 +254,3 @@ class LlvmLines:
             )
         place = f"getelementptr inbounds double, ptr {self.slopes[key]}, i64 {int(number.value)}"
         return self._emit(f"load double, ptr {self._emit(place)}")
-
-
-def _order(node: Apply) -> int:
-    order = node.operands[0]
-    assert isinstance(order, Number)
-    return int(order.value)

@@ -10,7 +10,7 @@ from pathlib import PurePath
 from ...algebra.expression import Apply, Expression, Number
 from ...algebra.operators import OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of, size_of
-from ...algebra.table import lists
+from ...algebra.table import lists, order_of
 from ...errors import printable
 from ...fast_dataclass import dataclass
 from ..lowered import Label
@@ -79,10 +79,10 @@ class NumpyLines:
         match node.operator:
             case "linear" | "cubic" | "monotone" | "inverse":
                 points = ", ".join(map(self._list, lists(node)))
-                return f"{OPERATORS[node.operator].in_numpy}({self._order_of(node)}, {self._text(operands[1], 0)}, {points})"
+                return f"{OPERATORS[node.operator].in_numpy}({order_of(node)}, {self._text(operands[1], 0)}, {points})"
             case "noise":
                 place, seed = (self._text(o, 0) for o in operands[1:])
-                return f"_noise({self._order_of(node)}, {place}, {seed})"
+                return f"_noise({order_of(node)}, {place}, {seed})"
             case "natural_slope" | "monotone_slope":
                 return self._slope(node)
             case "add":
@@ -112,12 +112,6 @@ class NumpyLines:
                 assert isinstance(index, Number)
                 return f"{self._text(operands[0], 4)}[{int(index.value)}]"
         return f"{OPERATORS[node.operator].in_numpy}({', '.join(self._text(o, 0) for o in operands)})"
-
-    @staticmethod
-    def _order_of(node: Apply) -> int:
-        order = node.operands[0]
-        assert isinstance(order, Number)
-        return int(order.value)
 
     def _list(self, items: Sequence[Expression]) -> str:
         """A list of a table: an array of the module if it is of numbers alone."""

@@ -4,78 +4,28 @@ from __future__ import annotations
 
 import importlib.machinery
 import importlib.util
+from dataclasses import replace
 from importlib.abc import InspectLoader
 from types import ModuleType
 
-from ..dependence import EVENT
-from ..lower import count_operations
+from ..description import image_of, name_tables
 from ..lowered import Lowered
-from ..multipliers import solved_for
-from ..program import Delays, HybridNote, NameTable, Program, hybrid_of
+from ..program import Program
+from ..program_image import program_of
 from ..time_functions import time_functions_of
 from .write import Writer
 
 
 def generate_program(lowered: Lowered) -> Program:
     """A program of the numpy target."""
-    space = lowered.space
     writer = Writer(lowered)
     source = _text(writer)
-    module = load_module(space.name, source)
-    note = hybrid_note(lowered)
-    tables = dict(name_tables(lowered))
-
-    def names(heading: str) -> NameTable:
-        rows = tables[heading]
-        return NameTable(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
-
-    return Program(
-        space.name, source, names("STATES"), names("UNKNOWNS"), names("OUTPUTS"), names("INPUTS"), names("PARAMETERS"), module.DEFAULTS, module.INPUT_DEFAULTS,
-        module.constants, module.start, module.nominal, module.derivative,
-        module.PATTERN,
-        module.jacobian_entries, module.jacobian, module.output, module.claims,
-        names("DEPENDENTS"), module.dependent, module.SENSITIVITY_PATTERN, module.sensitivities, module.forced, module.signals, module.powers, module.instants,
-        module.crossings, module.switches, module.periods, tuple(limit.note for limit in lowered.limits), module.holds, module.limit_values,
-        names("INVARIANTS"), module.invariant, module.INVARIANT_PATTERN, module.invariant_slopes, *of_invariants(lowered),
-        module.solved if lowered.solved is not None else None,
-        count_operations(lowered.rates), lowered.differentiated, None, None if note is None else hybrid_of(note, vars(module)),
-        module.bends if lowered.bends else None,
-        Delays(len(lowered.lags), module.lags, module.delayed) if lowered.lags else None,
-        module.stored_energy if lowered.energy else None, time_functions_of(lowered, writer.constants),
-        {row.name: getattr(module, row.name) for row, _ in writer.functions},
-    )  # fmt: skip
-
-
-def hybrid_note(lowered: Lowered) -> HybridNote | None:
-    """Data of the events that depend on states; None if there are none."""
-    events = lowered.events
-    if not events.present:
-        return None
-    variables = [lowered.space.variables[d.variable] for d in lowered.space.discretes]
-    modes = NameTable(tuple(v.name for v in variables), tuple(v.unit for v in variables))
-    conditions = tuple(item.note for item in events.located)
-    switched = any(lowered.dependence(signal) & EVENT for signal in lowered.signals)
-    return HybridNote(events.size, modes, tuple(events.timed), conditions, events.events, events.junctions, switched)
-
-
-def of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-    """For each constraint: index of its multiplier among the unknowns, of its rate among the invariants, of its part among the parameters.
-
-    The index is -1 if there is none. A fourth tuple holds the unknowns that the program solves for.
-    """
-    invariants = lowered.space.invariants
-    unknowns = {u.variable: i for i, u in enumerate(lowered.space.unknowns)}
-    parameters = {v: i for i, v in enumerate(lowered.parameters)}
-    rates, row = [], len(invariants)
-    for invariant in invariants:
-        rates.append(-1 if invariant.velocity is None else row)
-        row += invariant.velocity is not None
-    return (
-        tuple(-1 if i.multiplier is None else unknowns[i.multiplier] for i in invariants),
-        tuple(rates),
-        tuple(-1 if i.part is None else parameters[i.part] for i in invariants),
-        tuple(unknowns[v] for v in solved_for(lowered.space)),
-    )
+    module = vars(load_module(lowered.space.name, source))
+    rows = tuple((row.name, (row.arguments,), len(results)) for row, results in writer.functions)
+    image = image_of(lowered, source, rows, (), time_functions_of(lowered, writer.constants))
+    image = replace(image, defaults=module["DEFAULTS"], input_defaults=module["INPUT_DEFAULTS"])
+    others = ("constants", "jacobian", *(["mode_at"] if image.hybrid is not None else []))
+    return program_of(image, {name: module[name] for name in (*others, *(name for name, _, _ in rows))})
 
 
 def _text(writer: Writer) -> str:
@@ -88,29 +38,6 @@ def _text(writer: Writer) -> str:
         "a division by zero, `with numpy.errstate(all='ignore')` around the call keeps it quiet.\n"
     )
     return writer.module(name_tables(lowered), note)
-
-
-def name_tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Heading, names and units of each array of a program."""
-    variables = lowered.space.variables
-
-    def rows(numbers: object) -> list[tuple[str, str]]:
-        return [(variables[v].name, variables[v].unit) for v in numbers]  # type: ignore[attr-defined]
-
-    outputs = [(name, variables[v].unit) for name, v in lowered.space.outputs.items()]
-    invariants = [(i.name, variables[i.position].unit) for i in lowered.space.invariants]
-    rates = [
-        (f"rate of {i.name}", variables[i.velocity].unit) for i in lowered.space.invariants if i.velocity is not None
-    ]
-    return [
-        ("STATES", rows([s.variable for s in lowered.space.states])),
-        ("UNKNOWNS", rows([u.variable for u in lowered.space.unknowns])),
-        ("DEPENDENTS", rows([d.quantity for d in lowered.space.dependents])),
-        ("OUTPUTS", outputs),
-        ("INPUTS", rows(lowered.inputs)),
-        ("PARAMETERS", rows(lowered.parameters)),
-        ("INVARIANTS", [*invariants, *rates]),
-    ]
 
 
 class _Generated(InspectLoader):

@@ -55,27 +55,21 @@ class Writer:
         found: dict[Expression, None] = {}
         seen: set[int] = set()  # by identity: to compare equal nodes costs more than to look at some twice
         changing = TIME | INPUT | STATE | MODE
-        roots = self._roots()
-        stack = [*reversed(roots)]
-        bits = self.lowered.dependences(roots)
+        stack = self._roots()[::-1]
         argument_values = [
             self.lowered.values[a] for s in self.lowered.space.storages for a in s.arguments if isinstance(a, int)
         ]
         fixed = [x for row, results in self.functions if row.arguments == FIXED for x in results]
-        starts = [*fixed, *argument_values]
-        for node in starts:
-            if not isinstance(node, Number):
-                found[node] = None
+        found |= dict.fromkeys(node for node in (*fixed, *argument_values) if not isinstance(node, Number))
         while stack:
             node = stack.pop()
             if id(node) in seen or type(node) is Number:
                 continue
             seen.add(id(node))
-            if type(node) is Apply and (
-                bits[id(node)] & changing or node.operator in SYSTEMS
-            ):  # of a system only items are numbers
+            changes = self.lowered.dependence(node) & changing
+            if type(node) is Apply and (changes or node.operator in SYSTEMS):  # of a system only items are numbers
                 stack += node.operands[::-1]
-            elif not bits[id(node)] & changing:
+            elif not changes:
                 found[node] = None
         return list(found)
 
