@@ -48,7 +48,7 @@ from .source import Source, Span
 from .syntax import SyntaxTree, parse
 
 if TYPE_CHECKING:
-    from .codegen.llvm.program_image import ProgramImage
+    from .codegen.program_image import ProgramImage
 
 MOST_TIES = 60  # storages whose derivative form is tried where a loop is singular
 MANY = 1_000_000  # more loops than any model has

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from ..algebra.affine import affine_parts
-from ..algebra.expression import ZERO, Expression, Number, Symbol, add, depends_on, multiply, substitute, symbols
-from ..algebra.formula import Bound, Formula, bind
+from ..algebra.expression import ZERO, Expression, Number, Symbol, add, depends_on, multiply, symbols
+from ..algebra.formula import Bound, Formula, bind, leaf, over
 from ..errors import Diagnostic
 from ..graph.network import (
     TIME,
@@ -203,12 +203,7 @@ class EquationBuilder:
 
     def folded(self, bound: Bound) -> Expression:
         """A bound expression of the text over variable numbers, with known zeros put in."""
-
-        def put(symbol: Symbol) -> Expression:
-            argument = self.reference(bound.arguments[symbol.key])
-            return Number(argument) if isinstance(argument, float) else Symbol(argument)
-
-        return substitute(bound.formula.expression, put)
+        return over(bound.formula.expression, bound.arguments, lambda a: leaf(self.reference(a)))
 
     def root(self, variable: int) -> int:
         """Variable that an alias is equal to."""

@@ -17,7 +17,7 @@ from ..algebra.expression import (
     multiply,
     substitute,
 )
-from ..algebra.formula import Bound, Formula, bind
+from ..algebra.formula import Bound, Formula, bind, leaf, over
 from ..algebra.invert import obstacle
 from ..causality import CausalGraph
 from ..errors import CompilationFailed
@@ -140,14 +140,10 @@ class _Nodes:
     def _instance(self, bound: Bound, node: Element, own: Mapping[Own, Expression]) -> Expression:
         """A law's expression with the variables and arguments of this element."""
 
-        def put(symbol: Symbol) -> Expression:
-            key = bound.arguments[symbol.key]
-            if isinstance(key, Own):
-                return own[key]
-            argument = self.to.reference(node.arguments[key])
-            return Number(argument) if isinstance(argument, float) else Symbol(argument)
+        def read(key: Own | int) -> Expression:
+            return own[key] if isinstance(key, Own) else leaf(self.to.reference(node.arguments[key]))
 
-        return substitute(bound.formula.expression, put)
+        return over(bound.formula.expression, bound.arguments, read)
 
     def _element(self, number: int, node: Element) -> None:
         bonds = [self.bond_of[BondEnd(number, p)] for p in range(len(node.ports))]

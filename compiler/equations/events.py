@@ -6,8 +6,8 @@ and for variables computed from states, the variable is the target, and the stat
 
 from __future__ import annotations
 
-from ..algebra.expression import Expression, Number, Symbol, substitute
-from ..algebra.formula import bind
+from ..algebra.expression import Expression, Symbol, substitute
+from ..algebra.formula import leaf
 from ..graph.network import Action, BondGraph, Element, Event, Own, Quantity
 from .builder import EquationBuilder
 from .laws import solved
@@ -42,7 +42,7 @@ def _setting(action: Action, elements: dict[str, Element], to: EquationBuilder) 
         return EventAssignment(number, value, action.words, action.span)
     element = elements.get(target.node)
     if element is not None and len(element.ports) == 1 and target.variable != element.stored[0]:
-        found = _through_law(element, target.variable, value, to)
+        found = _through_law(element, value, to)
         if found is not None:
             stored = to.reading(target._replace(variable=element.stored[0]))
             number = to.held(found, f"new {element.name}.{element.stored[0]}", "", action.span)
@@ -50,19 +50,13 @@ def _setting(action: Action, elements: dict[str, Element], to: EquationBuilder) 
     return EventAssignment(to.reading(target), value, action.words, action.span)
 
 
-def _through_law(element: Element, given: str, value: int, to: EquationBuilder) -> Expression | None:
+def _through_law(element: Element, value: int, to: EquationBuilder) -> Expression | None:
     """Stored quantity of a one-port storage from the value of its other variable; None if its law cannot be solved for it."""
     found = solved(element.law, (Own(0, element.stored[0]),))
     if found is None:
         return None
-    bound = bind(found[0])
 
     def put(symbol: Symbol) -> Expression:
-        key = bound.arguments[symbol.key]
-        if isinstance(key, Own):
-            assert key.variable == given
-            return Symbol(value)
-        argument = to.reference(element.arguments[key])
-        return Number(argument) if isinstance(argument, float) else Symbol(argument)
+        return Symbol(value) if isinstance(symbol.key, Own) else leaf(to.reference(element.arguments[symbol.key]))
 
-    return substitute(bound.formula.expression, put)
+    return substitute(found[0], put)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..algebra.derivative import NoSlope, derivative
-from ..algebra.expression import Expression, Number, Symbol, substitute, symbols
-from ..algebra.formula import Bound
+from ..algebra.expression import Expression, symbols
+from ..algebra.formula import Bound, leaf, over
 from ..fast_dataclass import dataclass
 from ..graph.elements import OF_NODE, SOURCES
 from ..graph.network import BondGraph, Element, Own, Quantity, Reading
@@ -46,11 +46,9 @@ def _integrand(graph: BondGraph, name: str) -> Integrand:
     nodes = {n.name: n for n in graph.nodes if isinstance(n, Element)}
 
     def opened(bound: Bound) -> Expression:
-        return substitute(bound.formula.expression, lambda slot: leaf(bound.arguments[slot.key]))
+        return over(bound.formula.expression, bound.arguments, read)
 
-    def leaf(argument: object) -> Expression:
-        if isinstance(argument, float):
-            return Number(argument)
+    def read(argument: object) -> Expression:
         if isinstance(argument, Quantity) and argument.name not in graph.integrals:
             named = graph.quantities.get(argument.name)
             if (
@@ -63,8 +61,8 @@ def _integrand(graph: BondGraph, name: str) -> Integrand:
         if isinstance(argument, Reading) and (node := nodes.get(argument.node)) is not None:
             right = node.law.equations[0][1] if GIVEN.get(node.kind) == argument.variable else None
             if right is not None and not any(isinstance(s.key, Own) for s in symbols(right)):
-                return substitute(right, lambda slot: leaf(node.arguments[slot.key]))
-        return Symbol(argument)
+                return over(right, node.arguments, read)
+        return leaf(argument)
 
     rate = opened(graph.integrals[name].rate)
     moving = [s for s in symbols(rate) if isinstance(s.key, Reading) and s.key.variable in "ef"]

@@ -12,7 +12,7 @@ at their start (`conserved`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import cache
 
@@ -31,7 +31,7 @@ from ..algebra.expression import (
     multiply,
     symbols,
 )
-from ..algebra.formula import Formula, bind
+from ..algebra.formula import Formula, bind, leaf
 from .system import Argument, Assignment, EquationSystem, State, StateFollower, Variable
 
 MOST = 32  # terms of a rate: a longer one counts as a flow of its own
@@ -51,7 +51,7 @@ class Rates:
         self.assigned = {a.target: a for a in system.assignments if not a.implicit}
         self.elements = {p.element for p in system.ports}
         self.on_bonds = {v for p in system.ports for v in (p.effort, p.flow)}
-        self._static: dict[int, bool] = {}
+        self._moving = _moving(self.variables, self.assigned, self.on_bonds)
         self._known: dict[int, Row] = {}
         self._rows: dict[int, Row | None] = {}
         self._laws: dict[Expression, tuple[int, Expression]] = {}
@@ -118,25 +118,23 @@ class Rates:
 
     def is_static(self, variable: int) -> bool:
         """Return True if a variable is computed from parameters alone, and is not on a bond."""
-        stack, opened = [variable], set[int]()
-        while stack:
-            here = stack[-1]
-            assignment = self.assigned.get(here)
-            if here in self._static:
-                stack.pop()
-            elif self.variables[here].role == "parameter":
-                self._static[here] = True
-            elif assignment is None or here in self.on_bonds:
-                self._static[here] = False
-            else:
-                inner = [a for a in assignment.arguments if isinstance(a, int)]
-                waiting = [a for a in inner if a not in self._static and a not in opened]
-                if waiting and all(self._static.get(a, True) for a in inner):
-                    opened.add(waiting[0])
-                    stack.append(waiting[0])
-                else:
-                    self._static[here] = all(self._static.get(a, False) for a in inner)
-        return self._static[variable]
+        return variable not in self._moving
+
+
+def _moving(variables: Sequence[Variable], assigned: Mapping[int, Assignment], on_bonds: Set[int]) -> set[int]:
+    """Variables on bonds, those that no assignment computes, except parameters, and all that is computed from them."""
+    users: dict[int, list[int]] = {}
+    for target, assignment in assigned.items():
+        for argument in assignment.arguments:
+            if isinstance(argument, int):
+                users.setdefault(argument, []).append(target)
+    moving = {v for v, x in enumerate(variables) if v in on_bonds or (v not in assigned and x.role != "parameter")}
+    waiting = list(moving)
+    while waiting:
+        further = [user for user in users.get(waiting.pop(), ()) if user not in moving]
+        moving.update(further)
+        waiting += further
+    return moving
 
 
 @cache
@@ -243,7 +241,7 @@ class _StateReplacement:
             elif state is not leader:
                 self._follow(state, leader, ratio)
                 if taken.nominal is None and state.nominal is not None and isinstance(ratio, Number):
-                    size = divide(_expression(state.nominal), Number(abs(ratio.value)))
+                    size = divide(leaf(state.nominal), Number(abs(ratio.value)))
                     taken = replace(taken, nominal=self._static(size, f"nominal of {self._name(leader)}", state))
         self.leaders[leader.variable] = taken
         if len(left) > 1:
@@ -285,8 +283,8 @@ class _StateReplacement:
         name, owner = self._name(state), self.owners.get(state.variable, self._name(state))
         old = self.variables[state.variable]
         self.variables[state.variable] = Variable(old.name, "computed", old.unit)
-        offset = add(_expression(state.start), multiply(Number(-1.0), ratio, _expression(leader.start)))
-        held = _expression(self._static(offset, f"{name} where {self._name(leader)} is zero", state))
+        offset = add(leaf(state.start), multiply(Number(-1.0), ratio, leaf(leader.start)))
+        held = leaf(self._static(offset, f"{name} where {self._name(leader)} is zero", state))
         bound = bind(add(multiply(ratio, Symbol(leader.variable)), held))
         self.assignments.append(Assignment(state.variable, bound.formula, tuple(bound.arguments), state.span, owner))
         factor = ratio.value if isinstance(ratio, Number) else None
@@ -319,7 +317,3 @@ class _StateReplacement:
             self.old, variables=tuple(self.variables), assignments=tuple(self.assignments), states=states,
             following=tuple(self.following),
         )  # fmt: skip
-
-
-def _expression(argument: Argument) -> Expression:
-    return Number(argument) if isinstance(argument, float) else Symbol(argument)

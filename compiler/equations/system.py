@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..algebra.expression import Expression, Number, Symbol, substitute
-from ..algebra.formula import Bound, Formula
+from ..algebra.expression import Expression
+from ..algebra.formula import Bound, Formula, over
 from ..errors import Diagnostic
 from ..fast_dataclass import dataclass
 from ..graph.elements import OF_NODE, Kind
@@ -48,12 +48,7 @@ class Assignment:
     @property
     def expression(self) -> Expression:
         """Right side over variable numbers."""
-
-        def put(symbol: Symbol) -> Expression:
-            argument = self.arguments[symbol.key]
-            return Number(argument) if isinstance(argument, float) else Symbol(argument)
-
-        return substitute(self.formula.expression, put)
+        return over(self.formula.expression, self.arguments)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from ..algebra.expression import ZERO, Expression, Symbol, substitute, symbols
-from ..algebra.formula import Bound
+from ..algebra.formula import Bound, over
 from .elements import STORAGES, Kind
 from .network import (
     Bond,
@@ -61,13 +61,10 @@ def fold(bound: Bound, is_zero: object) -> Expression:
     """Expression of a bound formula with its known zeros put in."""
     assert callable(is_zero)
 
-    def value(symbol: Symbol) -> Expression:
-        reference = bound.arguments[symbol.key]
-        if isinstance(reference, Quantity) and is_zero(reference.name):
-            return ZERO
-        return Symbol(reference)
+    def value(reference: object) -> Expression:
+        return ZERO if isinstance(reference, Quantity) and is_zero(reference.name) else Symbol(reference)
 
-    return substitute(bound.formula.expression, value)
+    return over(bound.formula.expression, bound.arguments, value)
 
 
 def prune(graph: BondGraph, zeros: Zeros) -> BondGraph:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from ..algebra.expression import Expression, Number, Symbol, substitute
-from ..algebra.formula import Bound
+from ..algebra.expression import Expression, Symbol
+from ..algebra.formula import Bound, leaf, over
 from .network import Named, Quantity
 
 
@@ -27,12 +27,8 @@ def over_arguments(bound: Bound, quantities: Mapping[str, Named]) -> Expression:
     """Expression with all definitions put in: its symbols are the names of quantities without definition."""
     known: dict[str, Expression] = {}
 
-    def put(definition: Bound) -> Expression:
-        def value(symbol: Symbol) -> Expression:
-            reference = definition.arguments[symbol.key]
-            return known[reference.name] if isinstance(reference, Quantity) else Number(reference)
-
-        return substitute(definition.formula.expression, value)
+    def value(reference: object) -> Expression:
+        return known[reference.name] if isinstance(reference, Quantity) else leaf(reference)
 
     def read(definition: Bound) -> list[str]:
         return [a.name for a in definition.arguments if isinstance(a, Quantity) and a.name not in known]
@@ -49,5 +45,5 @@ def over_arguments(bound: Bound, quantities: Mapping[str, Named]) -> Expression:
                 rows.append((missing[0], inner))
             continue
         rows.pop()
-        known[name] = put(definition)
+        known[name] = over(definition.formula.expression, definition.arguments, value)
     return known[""]

@@ -15,19 +15,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from math import cos, hypot, sin
 
-from ..algebra.expression import ZERO, Expression, Number, add, multiply
+from ..algebra.expression import ZERO, Number, add, multiply
 from ..fast_dataclass import dataclass
 from ..graph.mechanism import COUPLINGS, GROUND, SPANS, Body
 from .axes import to_own
 from .coordinates import is_turning
 from .fictitious_inertia import measured
+from .inertia import tensor_entries
 from .kinematics import Kinematics
 from .link_state import Moving
 from .recursion import Recursion
 from .rotations import unit
 from .tree import bonded_joints
 from .values import Elsewhere, SampleValues
-from .vectors import UNIT, Matrix, Vector, minus
+from .vectors import UNIT, Matrix, Vector, matrix_of, minus
 
 Numbers = tuple[float, float, float]
 SAME = 1e-11  # of the sizes: places and directions that are one
@@ -69,11 +70,12 @@ def idle_turns(kinematics: Kinematics, recursion: Recursion, driving: Set[str]) 
 def _about(way: Sequence[Vector], size: float, values: SampleValues) -> Matrix:
     """Inertia about directions: a weighted sum of their dyadic squares."""
     shares = [Number(size / sum(values.of(x) ** 2 for x in v)) for v in way]
-    a, b, c = (
-        [add(*(multiply(s, v[row], v[k]) for s, v in zip(shares, way, strict=True))) for k in range(3)]
-        for row in range(3)
+    return matrix_of(
+        [
+            [add(*(multiply(s, v[row], v[k]) for s, v in zip(shares, way, strict=True))) for k in range(3)]
+            for row in range(3)
+        ]
     )
-    return (a[0], a[1], a[2]), (b[0], b[1], b[2]), (c[0], c[1], c[2])
 
 
 # ---------------------------------------------------------------- what holds a link
@@ -167,19 +169,13 @@ def _way(
     return (to_own(moving.basis, ways[0]),)
 
 
-def _inertia(kinematics: Kinematics, body: Body) -> list[Expression]:
-    """Entries xx, yy, zz, xy, xz, yz."""
-    of, letters = body.inertia, ("xx", "yy", "zz", "xy", "xz", "yz")
-    return [kinematics.script.constant(getattr(of, c), f"{body.name} inertia {c}", "kg*m^2") for c in letters]
-
-
 def _is_point(kinematics: Kinematics, body: Body) -> bool:
-    return all(x == ZERO for x in _inertia(kinematics, body))
+    return all(x == ZERO for x in tensor_entries(kinematics.script, body))
 
 
 def _is_singular(kinematics: Kinematics, body: Body, values: SampleValues) -> bool:
     """Return True if a body has no inertia about some direction that it may turn about."""
-    xx, yy, zz, xy, xz, yz = (values.of(x) for x in _inertia(kinematics, body))
+    xx, yy, zz, xy, xz, yz = (values.of(x) for x in tensor_entries(kinematics.script, body))
     if kinematics.mechanism.planar:
         return zz == 0.0
     whole = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
@@ -190,7 +186,7 @@ def _is_thin(kinematics: Kinematics, body: Body, way: Vector, values: Sequence[S
     """Return True if a body has no inertia about a direction through its centre."""
     turn = kinematics.script.place(body.turn, f"{body.name} turn", "1")
     for each in values:
-        xx, yy, zz, xy, xz, yz = (each.of(x) for x in _inertia(kinematics, body))
+        xx, yy, zz, xy, xz, yz = (each.of(x) for x in tensor_entries(kinematics.script, body))
         x, y, z = _turned_back(_of(each, way), _of(each, turn))
         left = (xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z)
         if hypot(*left) > SAME * max(abs(xx), abs(yy), abs(zz)) * hypot(x, y, z):

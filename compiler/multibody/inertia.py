@@ -5,11 +5,12 @@ from __future__ import annotations
 from ..algebra.expression import ZERO, Expression, add, multiply, negate
 from ..fast_dataclass import dataclass
 from ..graph.mechanism import Body
+from .assignment_emitter import Script
 from .axes import to_own
 from .kinematics import Kinematics
 from .link_state import Moving
 from .rotations import AxialTurn, of_rotation_vector
-from .vectors import NO_MATRIX, NULL, Matrix, Vector, dot, is_null, minus, plus, scaled, summed
+from .vectors import NO_MATRIX, NULL, Matrix, Vector, dot, is_null, matrix_of, minus, plus, scaled, summed
 
 Square = list[list[Expression]]  # 6 x 6: torque and force by the rates of spin and velocity; symmetric
 
@@ -55,12 +56,16 @@ def link_inertia(kinematics: Kinematics, moving: Moving) -> LinkInertia:
     return LinkInertia(mass, moment, tensor)
 
 
+def tensor_entries(script: Script, body: Body) -> list[Expression]:
+    """Entries xx, yy, zz, xy, xz, yz about the centre of mass."""
+    letters = ("xx", "yy", "zz", "xy", "xz", "yz")
+    return [script.constant(getattr(body.inertia, c), f"{body.name} inertia {c}", "kg*m^2") for c in letters]
+
+
 def _own_tensor(kinematics: Kinematics, body: Body, moving: Moving) -> Matrix:
     """Inertia tensor about the centre of mass, in the axes of the link, as drawn."""
     script = kinematics.script
-    i = body.inertia
-    parts = (("xx", i.xx), ("yy", i.yy), ("zz", i.zz), ("xy", i.xy), ("xz", i.xz), ("yz", i.yz))
-    xx, yy, zz, xy, xz, yz = (script.constant(b, f"{body.name} inertia {c}", "kg*m^2") for c, b in parts)
+    xx, yy, zz, xy, xz, yz = tensor_entries(script, body)
     tensor: Matrix = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
     if moving.branch.still and moving.branch.active == (2, 3, 4) and xx == yy == xy == xz == yz == ZERO:
         return tensor  # planar: the drawn angle does not change it
@@ -77,4 +82,4 @@ def _steiner(m: Expression, arm: Vector) -> Matrix:
         return NO_MATRIX
     square = dot(arm, arm)
     rows = [[multiply(m, add(square if r == c else ZERO, negate(arm[r] * arm[c]))) for c in range(3)] for r in range(3)]
-    return (rows[0][0], rows[0][1], rows[0][2]), (rows[1][0], rows[1][1], rows[1][2]), (rows[2][0], rows[2][1], rows[2][2])  # fmt: skip
+    return matrix_of(rows)

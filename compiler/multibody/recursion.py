@@ -21,7 +21,7 @@ from .inertia import LinkInertia, Square, link_inertia
 from .kinematics import Kinematics
 from .link_state import Moving
 from .marker import Placed
-from .vectors import NULL, Matrix, Vector, cross, is_null, negated, plus, summed
+from .vectors import NULL, Matrix, Vector, cross, is_null, matrix_of, negated, plus, summed
 
 Row = list[Expression]  # of six
 PLACES = range(6)
@@ -233,7 +233,7 @@ class Recursion:
                     value = add(turn[a][b], first[a][b], second[b][a])
                     turn_new[a][b] = turn_new[b][a] = self._let(f"{name}.j{a}{b}", value)
             torque = plus(torque, cross(r, force))
-            turn, couple = _matrix(turn_new), _matrix(couple_new)
+            turn, couple = matrix_of(turn_new), matrix_of(couple_new)
         added = _square(turn, couple, mass)
         to, active = self.matrices[moving.parent], self.moving[moving.parent].branch.active
         for a in active:
@@ -375,13 +375,8 @@ def _apart(a: Expression, b: Expression) -> Expression:
 
 def _blocks(m: Square) -> tuple[Matrix, Matrix, Matrix]:
     """Blocks J, H and M of the matrix."""
-    j, h, mass = (_matrix([row[c : c + 3] for row in m[r : r + 3]]) for r, c in ((0, 0), (0, 3), (3, 3)))
+    j, h, mass = (matrix_of([row[c : c + 3] for row in m[r : r + 3]]) for r, c in ((0, 0), (0, 3), (3, 3)))
     return j, h, mass
-
-
-def _matrix(rows: list[list[Expression]]) -> Matrix:
-    a, b, c = ((row[0], row[1], row[2]) for row in rows)
-    return a, b, c
 
 
 def _square(turn: Matrix, couple: Matrix, mass: Matrix) -> Square:

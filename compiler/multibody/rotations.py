@@ -13,7 +13,7 @@ from typing import Protocol
 from ..algebra.expression import ONE, ZERO, Expression, Number, add, call, divide, multiply, negate
 from ..fast_dataclass import dataclass
 from .assignment_emitter import Script
-from .vectors import UNIT, Matrix, Vector, applied, product, scaled, summed, transposed
+from .vectors import UNIT, Matrix, Vector, applied, matrix_of, product, scaled, summed, transposed
 
 HALF, TWO = Number(0.5), Number(2.0)
 Quaternion = tuple[Expression, Expression, Expression, Expression]  # w, x, y, z
@@ -115,7 +115,7 @@ class AxialTurn:
             out[i], out[j] = m[k][i], m[k][j]
             turned = self.apply(script, (out[0], out[1], out[2]), f"{name}.l")
             new[k][i], new[k][j] = turned[i], turned[j]
-        return _rows(new)
+        return matrix_of(new)
 
     def deviation(self, script: Script, name: str) -> Matrix:
         """R - 1."""
@@ -124,7 +124,7 @@ class AxialTurn:
         if not self.is_none:
             new[i][i] = new[j][j] = negate(self.versine(script, name))
             new[i][j], new[j][i] = negate(self.sin), self.sin
-        return _rows(new)
+        return matrix_of(new)
 
     def quaternion(self, script: Script, name: str) -> Quaternion:
         """Unit quaternion (w, x, y, z)."""
@@ -170,7 +170,7 @@ class AnyTurn:
             for j in range(i, 3):
                 value = add(*(half[i][k] * r[j][k] for k in range(3)))
                 new[i][j] = new[j][i] = script.let(f"{name}.{'xyz'[i]}{'xyz'[j]}", value)
-        return _rows(new)
+        return matrix_of(new)
 
     def similar(self, script: Script, m: Matrix, name: str) -> Matrix:
         """R m R^T."""
@@ -188,11 +188,6 @@ class AnyTurn:
 
 
 NO_TURN = AxialTurn(2, ZERO)
-
-
-def _rows(m: list[list[Expression]]) -> Matrix:
-    a, b, c = ((row[0], row[1], row[2]) for row in m)
-    return a, b, c
 
 
 def composed(script: Script, first: Turn, second: Turn, name: str) -> Turn:

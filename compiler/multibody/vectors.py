@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ..algebra.expression import ONE, ZERO, Expression, add, multiply, negate
 
 Vector = tuple[Expression, Expression, Expression]
@@ -9,6 +11,12 @@ Matrix = tuple[Vector, Vector, Vector]  # by rows
 NULL: Vector = (ZERO, ZERO, ZERO)
 NO_MATRIX: Matrix = (NULL, NULL, NULL)
 UNIT: Matrix = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), (ZERO, ZERO, ONE))
+
+
+def matrix_of(rows: Sequence[Sequence[Expression]]) -> Matrix:
+    """Matrix from its rows."""
+    a, b, c = ((row[0], row[1], row[2]) for row in rows)
+    return a, b, c
 
 
 def plus(*vectors: Vector) -> Vector:

@@ -13,8 +13,8 @@ from collections import deque
 from dataclasses import replace
 
 from ..algebra.derivative import derivative
-from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, multiply, substitute, symbols
-from ..algebra.formula import bind
+from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, multiply, symbols
+from ..algebra.formula import bind, over
 from ..equations.system import Assignment, Derivative, EquationSystem, Variable
 from ..errors import Diagnostic
 from .errors import DerivativeWithoutEnd, ForcedByInput
@@ -125,14 +125,14 @@ class Differentiator:
             inner = self._derivative(argument, item)  # also if the slope is zero: a jump in time has no derivative
             slope = ZERO if inner == ZERO else derivative(assignment.formula.expression, Symbol(slot))
             if slope != ZERO:
-                terms.append(multiply(_put(slope, assignment), inner))
+                terms.append(multiply(over(slope, assignment.arguments), inner))
         if by_time:
             self.forced.append((variable, item))
         total = add(*terms)
         if not assignment.implicit:
             return total
         own = derivative(assignment.formula.expression, Symbol(assignment.arguments.index(variable)))
-        return multiply(Number(-1.0), total) / _put(own, assignment)
+        return multiply(Number(-1.0), total) / over(own, assignment.arguments)
 
     def _without_end(self) -> Derivative | None:
         """The first storage that depends on derivatives of ever higher order; None if there is none, or if it is unknown.
@@ -177,7 +177,7 @@ class Differentiator:
             if isinstance(argument, float) or (assignment.implicit and argument == variable):
                 continue
             if self._moves(argument):
-                slope = _put(derivative(assignment.formula.expression, Symbol(slot)), assignment)
+                slope = over(derivative(assignment.formula.expression, Symbol(slot)), assignment.arguments)
                 terms.append(multiply(slope, Symbol(("rate", self._rates.get(argument, ~argument)))))
         found = symbols(add(*terms))
         keys = [s.key[1] for s in found if isinstance(s.key, tuple)]
@@ -205,21 +205,5 @@ class Differentiator:
         for target in (*self.order, *(d.target for d in self._system.derivatives)):
             if target in self.assigned and target not in short:
                 old = self.assigned[target]
-                values = [end(a) for a in old.arguments]
-
-                def value(symbol: Symbol, values: list[int | float] = values) -> Expression:
-                    known = values[symbol.key]
-                    return Number(known) if isinstance(known, float) else Symbol(known)
-
-                bound = bind(substitute(old.formula.expression, value))
+                bound = bind(over(old.formula.expression, [end(a) for a in old.arguments]))
                 self.assigned[target] = replace(old, formula=bound.formula, arguments=tuple(bound.arguments))
-
-
-def _put(expression: Expression, assignment: Assignment) -> Expression:
-    """An expression over the slots of an assignment, rewritten over its variables."""
-
-    def value(symbol: Symbol) -> Expression:
-        argument = assignment.arguments[symbol.key]
-        return Number(argument) if isinstance(argument, float) else Symbol(argument)
-
-    return substitute(expression, value)

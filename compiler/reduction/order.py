@@ -81,6 +81,10 @@ def tear(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> tuple[list[in
         left.remove(member)
         for source in reads[member]:
             dependents[source] -= 1
+        for user in users[member]:
+            waiting[user].discard(member)
+            if not waiting[user] and user in left:
+                ready.append(user)
 
     while left:
         while ready:
@@ -89,10 +93,6 @@ def tear(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> tuple[list[in
                 continue
             leave(member)
             order.append(member)
-            for user in users[member]:
-                waiting[user].discard(member)
-                if not waiting[user] and user in left:
-                    ready.append(user)
         if left:
             count, place, member = heappop(most)
             while member not in left or -count != dependents[member]:
@@ -101,8 +101,4 @@ def tear(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> tuple[list[in
                 count, place, member = heappop(most)
             leave(member)
             cut.append(member)
-            for user in users[member]:
-                waiting[user].discard(member)
-                if not waiting[user] and user in left:
-                    ready.append(user)
     return cut, order

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import NamedTuple
 
 from ..algebra.expression import Apply, Expression, Number, Symbol, evaluate
@@ -95,32 +95,31 @@ def _evaluated(steps: Sequence[Assignment], known: Mapping[int, Sized]) -> Mappi
 
 def behind_loops(space: StateSpace) -> frozenset[str]:
     """Parameters that the matrices of linear loops depend on."""
+    read = _sources(space, (e for step in space.steps if isinstance(step, LinearLoop) for e in step.gains))
+    return frozenset(space.variables[v].name for v in read if space.variables[v].role == "parameter")
+
+
+def _sources(space: StateSpace, variables: Iterable[int]) -> list[int]:
+    """Some variables, and those that they are computed from by assignments alone."""
     steps = {s.target: s for s in space.steps if not isinstance(s, LinearLoop)}
-    loops = [s for s in space.steps if isinstance(s, LinearLoop)]
-    work = [e for loop in loops for e in loop.gains]
-    seen = set(work)
-    for number in work:  # grows
+    waiting = list(variables)
+    reached = set(waiting)
+    for number in waiting:  # grows
         for argument in steps[number].arguments if number in steps else ():
-            if not isinstance(argument, float) and argument not in seen:
-                seen.add(argument)
-                work.append(argument)
-    return frozenset(space.variables[v].name for v in seen if space.variables[v].role == "parameter")
+            if not isinstance(argument, float) and argument not in reached:
+                reached.add(argument)
+                waiting.append(argument)
+    return waiting
 
 
 def _members(space: StateSpace, loop: LinearLoop) -> str:
     """Elements of a loop, and the parameters that its matrix depends on."""
-    steps = {s.target: s for s in space.steps if not isinstance(s, LinearLoop)}
-    work = list(loop.gains)
-    seen, values = set(work), []
-    for number in work:  # grows
+    values = []
+    for number in _sources(space, loop.gains):
         variable = space.variables[number]
         if variable.role == "parameter" and variable.value is not None:
             unit = "" if variable.unit in ("", "1") else f" [{variable.unit}]"
             values.append(f"`{variable.name} = {variable.value:g}{unit}`")
-        for argument in steps[number].arguments if number in steps else ():
-            if not isinstance(argument, float) and argument not in seen:
-                seen.add(argument)
-                work.append(argument)
     named = ", ".join(f"`{m}`" for m in loop.members[:8]) + ("…" if len(loop.members) > 8 else "")
     return f"{named} (at {', '.join(values[:4])})" if values else named
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..algebra.expression import Expression, Number, Symbol, substitute
-from ..algebra.formula import Bound
+from ..algebra.expression import Expression
+from ..algebra.formula import Bound, over
 from ..graph.domains import DOMAINS
 from ..graph.elements import OF_NODE, TRANSDUCERS
 from ..graph.mechanism import domain_of
@@ -41,12 +41,8 @@ class Words:
 
     def _named(self, bound: Bound) -> Expression:
         """A bound formula over words."""
-
-        def put(symbol: Symbol) -> Expression:
-            argument = bound.arguments[symbol.key]
-            return Number(argument) if isinstance(argument, float) else Symbol(self.reference(argument))
-
-        return substitute(bound.formula.expression, put)
+        texts = [a if isinstance(a, float) else self.reference(a) for a in bound.arguments]
+        return over(bound.formula.expression, texts)
 
     def dimension(self, named: Named) -> Dimension:
         """Dimension of a quantity."""
