@@ -203,5 +203,5 @@ class TestNoise:
 
     def test_over_a_place(self) -> None:
         result = driven("2 [m/s]", "1 [N/m]*x", "output road = noise(spring.x, 0.1 m, 3)")
-        expected = [interpolate.noise(0, 20 * t, 3) for t in result.time]
+        expected = [interpolate.noise_at(0, 20 * t, 3) for t in result.time]
         assert result["road"] == pytest.approx(expected, abs=1e-5)
