@@ -2,18 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import pytest
 
 import bondgraph
 from bondgraph.errors import UsageError
 from bondgraph.simulation.integrators import radau
+from bondgraph.simulation.integrators.steps import radau13_coefficients
 from bondgraph.simulation.integrators.steps import radau13_step as source
-from bondgraph.simulation.integrators.steps.radau13_step import coefficients
 from tests.compiling import MODELS
 from tests.published.test_stiff_problems import PUBLISHED
 
 NAME = "Radau IIA 5 to 13"
+
+
+def coefficients(stages: int) -> Sequence[Any]:
+    """Return nodes, T, its inverse, eigenvalues (the real one, then pairs), weights of the estimate, and the matrix from stages to dense rows."""
+    legendre = np.polynomial.legendre
+    radau = np.zeros(stages + 1)
+    radau[-2:] = -1.0, 1.0  # P_s - P_(s-1)
+    places = np.sort(legendre.legroots(radau))
+    for _ in range(3):
+        places -= legendre.legval(places, radau) / legendre.legval(places, legendre.legder(radau))
+    places[-1] = 1.0
+    c = (places + 1) / 2
+    basis = legendre.legvander(places, stages - 1)
+    whole = np.stack([legendre.legval(places, legendre.legint(row, lbnd=-1)) / 2 for row in np.eye(stages)], axis=1)
+    inverse = basis @ np.linalg.inv(whole)
+    values, vectors = np.linalg.eig(inverse.T)  # rows of the transformation are left eigenvectors
+    order = sorted((k for k in range(stages) if values[k].imag <= 1e-9), key=lambda k: abs(values[k].imag))
+    rows = [vectors[:, order[0]].real, *(part for k in order[1:] for part in (vectors[:, k].real, vectors[:, k].imag))]
+    forth = np.stack([row / np.abs(row).max() for row in rows[:1]] + rows[1:])
+    start = np.linalg.solve(
+        basis.T, legendre.legvander(np.array([-1.0]), stages - 1)[0]
+    )  # Lagrange polynomials at the start
+    powers = np.stack([c ** (r // 2 + 1) * (1 - c) ** ((r + 1) // 2) for r in range(stages)], axis=1)
+    eigenvalues = [values[order[0]].real, *(part for k in order[1:] for part in (values[k].real, values[k].imag))]
+    return c, np.linalg.inv(forth), forth, np.array(eigenvalues), -start @ inverse, np.linalg.inv(powers)
+
+
+@pytest.mark.parametrize(("place", "name"), [*enumerate(("C", "T", "TI", "MU", "E", "WITHIN"))])
+def test_the_table_is_what_is_computed(place: int, name: str) -> None:
+    computed = np.concatenate([np.ravel(coefficients(stages)[place]) for stages in (3, 5, 7)])
+    assert getattr(radau13_coefficients, name) == pytest.approx(computed.tolist(), rel=1e-11, abs=1e-12)
 
 
 @pytest.mark.parametrize(

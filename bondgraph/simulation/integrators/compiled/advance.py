@@ -17,7 +17,7 @@ from ..methods import CONSERVING, ESTIMATES, METHODS
 from ..outcomes import FINISHED, FLIP, HANDOVER, LOOK, MORE, STIFF
 from ..radau import FIRST_ULPS
 from ..steps.energy_step import take_energy
-from ..steps.radau_step import rates
+from ..steps.evaluation import rates
 from ..tolerances import first_length
 from ..workspace import IntegratorWorkspace
 

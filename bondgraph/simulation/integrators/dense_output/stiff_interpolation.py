@@ -13,7 +13,7 @@ from .. import radau
 from ..linear_algebra.factors import Factors, back, eliminate
 from ..methods import STIFF as STEEP
 from ..methods import THROUGH_ENDS
-from ..steps.radau_step import rates
+from ..steps.evaluation import rates
 from ..workspace import IntegratorWorkspace
 from .polynomials import collocation, quintic
 

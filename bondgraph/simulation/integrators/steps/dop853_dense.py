@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from .. import dop853
 from ..workspace import IntegratorWorkspace
+from .evaluation import rates
 from .kinks import bends_at, first_between
-from .radau_step import rates
 from .trial_interpolant import value_at
 
 if TYPE_CHECKING:

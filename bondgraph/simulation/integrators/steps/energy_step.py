@@ -9,7 +9,7 @@ from ..gauss import CLOSE, ITERATIONS, PROJECTIONS, SLOW, WITHIN, A, B, C
 from ..linear_algebra.factors import back, eliminate
 from ..outcomes import NEWTON
 from ..workspace import IntegratorWorkspace
-from .radau_step import put_end, rates, renew
+from .evaluation import put_end, rates, renew
 
 if TYPE_CHECKING:
     from compiler.api import Floats

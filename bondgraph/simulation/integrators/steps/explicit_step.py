@@ -15,7 +15,8 @@ from .. import dop853
 from ..outcomes import ERROR, ROUND_OFF
 from ..workspace import IntegratorWorkspace
 from .dop853_dense import first_bend_of_pair
-from .radau_step import GROWN, first_size, is_rounding, is_stubborn, put_end, rates, renew
+from .evaluation import put_end, rates, renew
+from .step_control import GROWN, first_size, is_rounding, is_stubborn
 
 if TYPE_CHECKING:
     from compiler.api import Floats

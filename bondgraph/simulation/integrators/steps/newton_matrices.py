@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .. import radau
-from ..linear_algebra.factors import back, back_complex, eliminate, eliminate_complex, is_negative
+from ..linear_algebra.factors import ComplexFactors, back, back_complex, eliminate, eliminate_complex, is_negative
 from ..linear_algebra.sparse import FINE, SINGULAR, complex_back, complex_factors, real_back, real_factors
 from ..workspace import IntegratorWorkspace
 
@@ -22,18 +22,23 @@ def factorise(s: IntegratorWorkspace, size: float) -> int:
         return done
     if s.sparse != 0:
         return complex_factors(s.pattern, MU_RE / size, MU_IM / size, s.jacobian)
+    return FINE if factorise_pair(s, s.complex, MU_RE / size, MU_IM / size) else SINGULAR
+
+
+def factorise_pair(s: IntegratorWorkspace, factors: ComplexFactors, real: float, imaginary: float) -> bool:
+    """Factorise the dense matrix of a pair of complex mu; return False if it is singular."""
     n = s.n
-    re = s.complex.re
-    im = s.complex.im
+    re = factors.re
+    im = factors.im
     for i in range(n * n):
         re[i] = 0.0
         im[i] = 0.0
     for i in range(s.differential):
-        re[i * n + i] = MU_RE / size
-        im[i * n + i] = MU_IM / size
+        re[i * n + i] = real
+        im[i * n + i] = imaginary
     for k in range(s.entry_count):
         re[s.rows[k] * n + s.columns[k]] -= s.jacobian[k]
-    return FINE if eliminate_complex(s.complex) else SINGULAR
+    return eliminate_complex(factors)
 
 
 def factorise_real(s: IntegratorWorkspace, shift: float) -> int:

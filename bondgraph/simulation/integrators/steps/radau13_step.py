@@ -11,83 +11,33 @@ from __future__ import annotations
 from math import isfinite, sqrt, ulp
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from ..linear_algebra.factors import ComplexFactors, back_complex, eliminate_complex
+from ..linear_algebra.factors import back_complex
 from ..linear_algebra.sparse import FINE, SINGULAR
 from ..outcomes import ERROR, NEWTON, ROUND_OFF
 from ..workspace import IntegratorWorkspace
 from .dop853_dense import first_bend_along
-from .kinks import after_bend
-from .newton_matrices import factorise_real, solve_real
-from .norms import factor, most_left
-from .radau_step import (
-    BENT,
-    BETWEEN,
-    BEYOND,
-    CUBIC,
-    GROWN,
-    LARGEST,
-    LOOKS,
-    MOST_BENDS,
-    NEAREST,
-    PATIENT,
-    SEEN,
-    SMALLEST,
-    UNSEEN,
-    drop_noise,
-    first_size,
-    has_loops,
+from .evaluation import has_loops, put_end, put_end_rates, put_terms, renew
+from .newton_matrices import factorise_pair, factorise_real, solve_real
+from .radau13_coefficients import MU, TI, WITHIN, C, E, T
+from .radau_step import BENT, MOST_BENDS, misses
+from .step_control import (
+    choose_next,
+    diverges,
+    filtered_norm,
+    first_try,
+    growth,
+    has_converged,
     is_rounding,
-    is_stubborn,
-    look_at_side,
-    misses,
-    onto_constraints,
-    put_end,
-    put_terms,
-    rates,
-    renew,
-    share,
+    look_beyond,
+    next_try,
+    stage_rates,
     stagnant,
 )  # fmt: skip
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
-
     from compiler.api import Floats, Numbers
 
-
-def coefficients(stages: int) -> Sequence[Any]:
-    """Return nodes, T, its inverse, eigenvalues (the real one, then pairs), weights of the estimate, and the matrix from stages to dense rows."""
-    legendre = np.polynomial.legendre
-    radau = np.zeros(stages + 1)
-    radau[-2:] = -1.0, 1.0  # P_s - P_(s-1)
-    places = np.sort(legendre.legroots(radau))
-    for _ in range(3):
-        places -= legendre.legval(places, radau) / legendre.legval(places, legendre.legder(radau))
-    places[-1] = 1.0
-    c = (places + 1) / 2
-    basis = legendre.legvander(places, stages - 1)
-    whole = np.stack([legendre.legval(places, legendre.legint(row, lbnd=-1)) / 2 for row in np.eye(stages)], axis=1)
-    inverse = basis @ np.linalg.inv(whole)
-    values, vectors = np.linalg.eig(inverse.T)  # rows of the transformation are left eigenvectors
-    order = sorted((k for k in range(stages) if values[k].imag <= 1e-9), key=lambda k: abs(values[k].imag))
-    rows = [vectors[:, order[0]].real, *(part for k in order[1:] for part in (vectors[:, k].real, vectors[:, k].imag))]
-    forth = np.stack([row / np.abs(row).max() for row in rows[:1]] + rows[1:])
-    start = np.linalg.solve(
-        basis.T, legendre.legvander(np.array([-1.0]), stages - 1)[0]
-    )  # Lagrange polynomials at the start
-    powers = np.stack([c ** (r // 2 + 1) * (1 - c) ** ((r + 1) // 2) for r in range(stages)], axis=1)
-    eigenvalues = [values[order[0]].real, *(part for k in order[1:] for part in (values[k].real, values[k].imag))]
-    return c, np.linalg.inv(forth), forth, np.array(eigenvalues), -start @ inverse, np.linalg.inv(powers)
-
-
-# Coefficients for 3, 5 and 7 stages one after the other; index of the first number, of the first matrix.
-C, T, TI, MU, E, WITHIN = (
-    tuple(np.concatenate([np.ravel(coefficients(stages)[item]) for stages in (3, 5, 7)]).tolist()) for item in range(6)
-)
-FIRST, FIRST_MATRIX = (0, 3, 8), (0, 9, 34)
+FIRST, FIRST_MATRIX = (0, 3, 8), (0, 9, 34)  # index of the first number and of the first matrix for 3, 5 and 7 stages
 LEAST, MOST, ROWS = 3, 7, 7
 ITERATIONS = (6, 11, 16)
 # Factor on the allowed error of the iteration: the guess of a long step errs in smooth directions, so the first contraction is better than the next.
@@ -101,17 +51,13 @@ def radau13_step(s: IntegratorWorkspace) -> int:
     """Make one accepted step; return 0, or the reason why there is none."""
     n = s.n
     least = 10.0 * ulp(s.time)
-    size = first_size(s, s.size, least, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC)
+    size = first_try(s, least)
     reason = ERROR
     rejected = 0
     bent = 0
     cut = 1.0
     if s.last_size == 0.0:
         use_stages(s, LEAST)
-    if s.known == 0:
-        renew(s)
-    for i in range(n):
-        s.per_tolerance[i] = 1.0 / (s.absolute[i] + abs(s.state[i]) * s.relative)
     while True:
         if size < least and s.time + size < s.stop:
             return reason
@@ -154,17 +100,12 @@ def radau13_step(s: IntegratorWorkspace) -> int:
             renew(s)
             continue
         reason = ERROR
-        wish = max(SMALLEST, safety * (factor(s, size, norm, power) if isfinite(norm) else 0.1))
         rejected += 1
-        if is_stubborn(s, rejected, size, norm):
+        size = next_try(s, size, norm, safety, power, rejected)
+        if size == 0.0:
             return ROUND_OFF
-        size *= wish if rejected <= PATIENT else SMALLEST
-    grown = GROWN if norm == 1.0 else min(LARGEST, safety * factor(s, size, norm, power))
-    accept_stages(s, end, size, norm, min(grown, 1.0) if rejected > 0 else grown, iterations)
-    if bent > 0:
-        after_bend(s, size / max(cut, NEAREST))
-    if s.bend_count > 0:
-        look_at_side(s, BEYOND * size if bent > 0 else 0.0)
+    accept_stages(s, end, size, norm, growth(s, size, norm, safety, power, rejected), iterations)
+    look_beyond(s, size, cut, bent)
     return 0
 
 
@@ -183,29 +124,12 @@ def accept_stages(s: IntegratorWorkspace, end: float, size: float, norm: float, 
     for i in range(ROWS * n):
         s.stages[i] = s.dense[i]
     s.dense_known = 1
-    if s.closed.gaps > 0:
-        onto_constraints(s, end)
-    if has_loops(s):
-        for i in range(n):
-            s.rate[i] = s.f[n + i]
-    else:
-        rates(s, end, s.new, s.rate)
-    if s.closed.gaps > 0:
-        for i in range(s.differential, n):
-            s.rate[i] = 0.0
+    put_end_rates(s, end)
     put_end(s, end, s.rate)
     s.smoothed_contraction = max(s.contraction, 0.5 * s.smoothed_contraction)
     ratio = size / s.last_size if s.last_size > 0.0 else 1.0
-    s.last_size = size
-    s.last_error = max(norm, 1e-2)
     s.since_order += 1
-    if iterations > 2 and s.contraction > 1e-3:
-        renew(s)
-    else:
-        s.current = 0
-        if grown < 1.2:
-            grown = 1.0  # the factorisation is used once more
-    s.size = size * grown
+    choose_next(s, size, norm, grown, iterations)
     if s.smoothed_contraction >= SLOW:
         use_stages(s, max(LEAST, s.stage_count - 2))
     elif (
@@ -286,20 +210,14 @@ def solve_stages(s: IntegratorWorkspace, size: float) -> int:
         norm = sqrt(total) / sqrt(float(stages * n))
         if not isfinite(norm):
             return 0
-        if last > 0.0:
-            s.contraction = norm / last
-            left = 1.0
-            for _ in range(most - iteration):
-                left *= s.contraction
-            if s.contraction >= 1.0 or left / (1.0 - s.contraction) * norm > s.newton_tolerance:
-                return stagnant(s, iteration + 1, norm)
+        if diverges(s, norm, last, most - iteration):
+            return stagnant(s, iteration + 1, norm)
         for i in range(stages * n):
             s.w[i] += s.change[i]
         combine_stages(n, stages, T, s.w, s.z)
         first = s.last_size == 0.0 and iteration + 1 < most
         allowed = TIGHT * (s.first_newton_tolerance if first else s.newton_tolerance)
-        left = s.contraction / (1.0 - s.contraction) * norm
-        if norm == 0.0 or (last > 0.0 and left < allowed and most_left(s, stages) < s.creeping_tolerance):
+        if has_converged(s, norm, last, allowed, stages):
             return iteration + 1
         last = norm
         for i in range(stages * n):
@@ -322,37 +240,13 @@ def factorise_stages_of(s: IntegratorWorkspace, size: float) -> int:
     return FINE
 
 
-def factorise_pair(s: IntegratorWorkspace, factors: ComplexFactors, real: float, imaginary: float) -> bool:
-    """Factorise the matrix of one pair; return False if it is singular."""
-    n = s.n
-    re = factors.re
-    im = factors.im
-    for i in range(n * n):
-        re[i] = 0.0
-        im[i] = 0.0
-    for i in range(s.differential):
-        re[i * n + i] = real
-        im[i * n + i] = imaginary
-    for k in range(s.entry_count):
-        re[s.rows[k] * n + s.columns[k]] -= s.jacobian[k]
-    return eliminate_complex(factors)
-
-
 def correct_stages(s: IntegratorWorkspace, size: float) -> bool:
     """Compute one Newton correction into `change`; return False if a rate is not finite."""
     n = s.n
     stages = s.stage_count
     nodes = FIRST[(stages - LEAST) // 2]
-    for i in range(stages):
-        stage = s.z[i * n :]
-        for k in range(n):
-            s.rest[k] = s.state[k] + stage[k]
-        rates(s, s.time + size * C[nodes + i], s.rest, s.f[i * n :])
-    for i in range(stages * n):
-        if not isfinite(s.f[i]):
-            return False
-    for i in range(stages):
-        drop_noise(s, s.f[i * n :])
+    if not stage_rates(s, size, stages, C, nodes):
+        return False
     combine_stages(n, stages, TI, s.f, s.change)
     real = MU[nodes] / size
     for k in range(s.differential):
@@ -386,24 +280,4 @@ def estimate_stages(s: IntegratorWorkspace, size: float, rejected: bool) -> floa
         weight = E[first + j] / size
         for i in range(s.differential):
             s.rest[i] += weight * s.z[j * n + i]
-    for i in range(n):
-        s.error[i] = s.rate[i]
-    filter_error(s)
-    norm = share(s)
-    if norm > 1.0 and (rejected or s.last_size == 0.0):
-        for i in range(n):
-            s.w[i] = s.state[i] + s.error[i]
-        rates(s, s.time, s.w, s.error)
-        filter_error(s)
-        norm = share(s)
-    for i in range(n):
-        s.error[i] /= s.allowed_estimate * (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative)
-    return norm
-
-
-def filter_error(s: IntegratorWorkspace) -> None:
-    """Solve the real system for a rate in `error`, with the stages' part in `rest`."""
-    drop_noise(s, s.error)
-    for i in range(s.n):
-        s.error[i] += s.rest[i]
-    solve_real(s, s.error)
+    return filtered_norm(s, rejected)

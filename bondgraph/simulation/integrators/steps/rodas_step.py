@@ -8,36 +8,21 @@ from __future__ import annotations
 
 from math import isfinite, sqrt, ulp
 
-from .. import rodas
+from .. import radau, rodas
 from ..linear_algebra.sparse import ANEW, SINGULAR
 from ..outcomes import ERROR, NEWTON, ORDER, ROUND_OFF
 from ..workspace import IntegratorWorkspace
 from .dop853_dense import first_bend_along
+from .evaluation import look_at_side, put_end, rates, renew
 from .kinks import after_bend
 from .newton_matrices import factorise_real, solve_real
 from .norms import factor
-from .radau_step import (
-    BENT,
-    BETWEEN,
-    BEYOND,
-    CUBIC,
-    GROWN,
-    LOOKS,
-    SEEN,
-    UNSEEN,
-    first_size,
-    is_rounding,
-    is_stubborn,
-    look_at_side,
-    put_end,
-    rates,
-    renew,
-)  # fmt: skip
+from .step_control import BETWEEN, BEYOND, CUBIC, GROWN, LOOKS, SEEN, UNSEEN, first_size, is_rounding, is_stubborn
 
 STAGES, WRITTEN, ROWS, GAMMA = rodas.STAGES, rodas.WRITTEN, rodas.ROWS, rodas.GAMMA
 C, D, A, COUPLING, WITHIN = rodas.C, rodas.D, rodas.A, rodas.COUPLING, rodas.WITHIN
 SHORTEST, LONGEST, SAFETY, POWER, ASIDE = rodas.SHORTEST, rodas.LONGEST, rodas.SAFETY, rodas.POWER, rodas.ASIDE
-CAREFUL, MOST_BENDS = rodas.CAREFUL, rodas.MOST_BENDS
+CAREFUL, MOST_BENDS, BENT = rodas.CAREFUL, rodas.MOST_BENDS, radau.BENT
 
 
 def rodas_step(s: IntegratorWorkspace) -> int:
