@@ -37,9 +37,9 @@ def _draw(computing: Computing, entry: Mapping[str, Any], path: Path) -> None:
         return
     outcome = computing.outcome(entry["model"], experiment)
     if kind == "surface":
-        from ..presentation.plots.surface import plot_surface
+        from ..presentation.plots.sweeps import plot_surface
 
-        plot_surface(outcome, str(entry.get("of", "")), path)
+        plot_surface(outcome, path, str(entry.get("of", "")))
     elif kind in ("time", "phase"):
         (point,) = outcome.points if len(outcome) == 1 else (None,)
         if point is None or point.run is None:

@@ -12,7 +12,7 @@ import bondgraph
 from bondgraph.analysis.energies import energies
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
-from bondgraph.presentation.plots.surface import plot_surface
+from bondgraph.presentation.plots.sweeps import plot_surface
 from tests.compiling import MODELS
 
 RINGING = """
@@ -92,9 +92,9 @@ def test_a_relief_and_what_is_none(tmp_path: Path) -> None:
     )
     model = bondgraph.load(text)
     found = model.sweep({"k": "50 N/m .. 150 N/m : 3", "f": "1 N .. 3 N : 3"}, of="equilibrium")
-    plot_surface(found, "x", tmp_path / "s.svg")
+    plot_surface(found, tmp_path / "s.svg", "x")
     assert (tmp_path / "s.svg").exists()
     with pytest.raises(UsageError, match="there is no `z` to draw; there is x, v"):
-        plot_surface(found, "z", tmp_path / "t.svg")
+        plot_surface(found, tmp_path / "t.svg", "z")
     with pytest.raises(UsageError, match="of two quantities"):
-        plot_surface(model.sweep({"k": [50.0, 60.0]}, of="equilibrium"), "x", tmp_path / "t.svg")
+        plot_surface(model.sweep({"k": [50.0, 60.0]}, of="equilibrium"), tmp_path / "t.svg", "x")

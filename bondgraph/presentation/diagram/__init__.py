@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from compiler.api import MechanismNode
-
 from ...errors import UsageError
 from .compose import compose
 from .diagram_model import diagram_model_of
@@ -13,12 +11,12 @@ from .frames import place_framed
 from .mechanism import draw_mechanism
 from .mechanism_geometry import mechanism_geometry_of
 from .picture import write_figure
-from .poses import poses_at
+from .poses import mechanisms_of, posed_model
 from .shapes import shapes_of
 from .svg import svg_text
 
 if TYPE_CHECKING:
-    from compiler.api import BondGraph, Compilation
+    from compiler.api import Compilation
 
     from ...compiled_model import CompiledModel
     from .figure import Figure
@@ -36,19 +34,17 @@ def draw(compilation: Compilation, closed: bool = False, numbers: bool = False) 
 def mechanism_of(model: CompiledModel, name: str | None, experiment: str | None, at: str | float | None) -> Figure:
     """Return the picture of a mechanism: in the reference, or at a time of an experiment. Raises as `Model.draw_mechanism`."""
     graph = model.compilation().whole_graph
-    names = [node.name for node in _mechanisms(graph)]
+    names = [node.name for node in mechanisms_of(graph)]
     if not names or (name is None and len(names) > 1) or (name is not None and name not in names):
         choice = f"it has {', '.join(f'`{n}`' for n in names)}: name one" if names else "it has none"
         raise UsageError("BR939", f"which mechanism of `{graph.name}` is to be drawn? {choice}")
     place = names.index(name or names[0])
     if at is None:
-        return draw_mechanism(mechanism_geometry_of(graph, _mechanisms(graph)[place]))
-    poses, time = poses_at(model, experiment, at)
+        return draw_mechanism(mechanism_geometry_of(graph, mechanisms_of(graph)[place]))
+    from ...simulation.run import RunOptions, simulate
+
+    posed = posed_model(model, experiment)
+    run = simulate(posed.model, None, {}, posed.names, RunOptions(at, 2))
+    poses = posed.poses(mechanisms_of(posed.graph)[place], {n: run.final(n) for n in posed.names})
     graph = model.compilation(model.scene(experiment)).whole_graph  # the experiment may set parameters of positions
-    node = _mechanisms(graph)[place]
-    named = dict(zip((body.name for body in node.mechanism.bodies), poses[place], strict=True))
-    return draw_mechanism(mechanism_geometry_of(graph, node, named), f"at {time:.6g} s")
-
-
-def _mechanisms(graph: BondGraph) -> list[MechanismNode]:
-    return [node for node in graph.nodes if isinstance(node, MechanismNode)]
+    return draw_mechanism(mechanism_geometry_of(graph, mechanisms_of(graph)[place], poses), f"at {run.time[-1]:.6g} s")

@@ -6,18 +6,19 @@ Points are in the plane of the picture, in m, y upwards; a mechanism in space is
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from compiler.api import Element, Junction, Kind, Quantity, evaluate
 
 if TYPE_CHECKING:
-    from compiler.api import Body, BondGraph, Bound, Joint, Mechanism, MechanismNode
+    from compiler.api import BondGraph, Bound, Joint, MechanismNode
 
 Point = tuple[float, float]
 Vector = tuple[float, float, float]
 Turn = tuple[float, float, float, float]  # a unit quaternion w, x, y, z
+ORIGIN: Vector = (0.0, 0.0, 0.0)
 # Directions of the picture's right and up, for a mechanism in space.
 RIGHT, UP = (math.cos(math.radians(25)), -math.sin(math.radians(25)), 0.0), (0.24, 0.33, 0.92)
 
@@ -28,6 +29,41 @@ class Pose:
 
     place: Vector
     turn: Turn
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceBody:
+    """A body in the reference: its position, the centre of the drawing, its points at joints and frames, its rotation vector."""
+
+    name: str
+    place: Vector
+    centre: Vector
+    points: tuple[Vector, ...]
+    turn: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceJoint:
+    """A joint in the reference: its axis, and one point on each of its two bodies (or the ground). `sprung`: springs at the joint."""
+
+    name: str
+    kind: str
+    axis: Vector
+    axis_of: str
+    ends: tuple[tuple[str, Vector], tuple[str, Vector]]
+    grounded: bool
+    sprung: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceMechanism:
+    """A mechanism in the reference: bodies, joints, and frames as name, body and point; all in m, in world axes."""
+
+    name: str
+    planar: bool
+    bodies: tuple[ReferenceBody, ...]
+    joints: tuple[ReferenceJoint, ...]
+    frames: tuple[tuple[str, str, Vector], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,56 +99,83 @@ class MechanismGeometry:
     marks: tuple[tuple[str, Point], ...]  # frames
 
 
-def mechanism_geometry_of(
-    graph: BondGraph, node: MechanismNode, poses: Mapping[str, Pose] | None = None
-) -> MechanismGeometry:
-    """Return the bodies and joints in the reference, or in given poses (those of bodies by their names)."""
+def reference_of(graph: BondGraph, node: MechanismNode) -> ReferenceMechanism:
+    """Return the bodies and joints of a mechanism as drawn by its author.
+
+    A body whose centre has no given position (the origin then) is drawn at its joint, a slide without position at the mean of its body's other points.
+    """
     mechanism = node.mechanism
-    stage = _Stage(graph, mechanism, poses or {})
+
+    def vector(bounds: Sequence[Bound]) -> Vector:
+        return numbers_of(graph, bounds)
+
+    def ends_of(joint: Joint) -> list[tuple[str, Vector]]:
+        names = (joint.first, joint.second)
+        apart = joint.kind in ("distance", "rod")
+        return [(mechanism.body_of(n), vector(mechanism.point_of(n) if apart else joint.position)) for n in names]
+
     joints = [j for j in mechanism.joints if j.kind not in ("gear", "rack")]
-    ends = {j.name: stage.ends(j) for j in joints}
-    held: dict[str, list[Point]] = {b.name: [] for b in mechanism.bodies}
-    for joint in joints:
-        for place, point in zip((joint.first, joint.second), ends[joint.name], strict=True):
-            body = mechanism.body_of(place)
-            if body in held and not stage.free_to_lie(joint):
-                held[body].append(point)
-    for frame in mechanism.frames:
-        if frame.body in held:
-            held[frame.body].append(stage.on(frame.body, stage.vector(frame.position)))
-    limbs = tuple(_limb(stage, b, held[b.name]) for b in mechanism.bodies)
+    floating = {j.name for j in joints if j.kind in ("slide", "planar") and vector(j.position) == ORIGIN}
+    points: dict[str, list[Vector]] = {b.name: [] for b in mechanism.bodies}
+    fixed = [end for j in joints if j.name not in floating for end in ends_of(j)]
+    for body, point in (*fixed, *((f.body, vector(f.position)) for f in mechanism.frames)):
+        if body in points:
+            points[body].append(point)
     springs = dict(springs_of(graph, node))
-    links = []
+    bodies, links = [], []
+    for item in mechanism.bodies:
+        place, held = vector(item.position), tuple(points[item.name])
+        centre = held[0] if place == ORIGIN and len(held) == 1 else place
+        bodies.append(ReferenceBody(item.name, place, centre, held, vector(item.turn)))
     for joint in joints:
-        first, second = ends[joint.name]
-        if stage.free_to_lie(joint):
-            first = second = _carried(
-                next((x for x in limbs if x.name == mechanism.body_of(joint.second)), None), second
-            )
-        bodies = {mechanism.body_of(p) for p in (joint.first, joint.second)}
-        along = stage.across(mechanism.body_of(joint.first), stage.vector(joint.axis))
+        first, second = ends_of(joint)
+        if joint.name in floating:
+            around = points.get(second[0]) or [vector(mechanism.point_of(second[0]))]
+            x, y, z = (sum(p[i] for p in around) / len(around) for i in range(3))
+            first = second = (second[0], (x, y, z))
+        held_by = [mechanism.body_of(n) for n in (joint.first, joint.second)]
         links.append(
-            JointGeometry(joint.name, joint.kind, first, second, along, "ground" in bodies, springs.get(joint.name, ()))
-        )
-    marks = tuple((f.name, stage.on(f.body, stage.vector(f.position))) for f in mechanism.frames)
-    return MechanismGeometry(node.name, mechanism.planar, limbs, tuple(links), marks)
+            ReferenceJoint(
+                joint.name, joint.kind, vector(joint.axis), held_by[0], (first, second), "ground" in held_by, springs.get(joint.name, ())
+            )
+        )  # fmt: skip
+    frames = tuple((f.name, f.body, vector(f.position)) for f in mechanism.frames)
+    return ReferenceMechanism(node.name, mechanism.planar, tuple(bodies), tuple(links), frames)
 
 
-def _limb(stage: _Stage, body: Body, held: Sequence[Point]) -> BodyGeometry:
-    """Return a body; if the position of its centre is not given (the origin then), it is drawn at its joints."""
-    place = stage.vector(body.position)
-    centre = stage.on(body.name, place)
-    if place == (0.0, 0.0, 0.0) and len(held) == 1:
-        centre = held[0]
-    return BodyGeometry(body.name, centre, tuple(held))
+def mechanism_geometry_of(graph: BondGraph, node: MechanismNode, posed: Sequence[Pose] = ()) -> MechanismGeometry:
+    """Return the bodies and joints in the plane of the picture: in the reference, or with all bodies in given poses."""
+    mechanism = reference_of(graph, node)
+    poses = {body.name: pose for body, pose in zip(mechanism.bodies, posed, strict=False)}
+    places = {body.name: body.place for body in mechanism.bodies}
 
+    def projected(point: Vector) -> Point:
+        if mechanism.planar:
+            return point[0], point[1]
+        return sum(a * b for a, b in zip(point, RIGHT, strict=True)), sum(a * b for a, b in zip(point, UP, strict=True))
 
-def _carried(limb: BodyGeometry | None, otherwise: Point) -> Point:
-    """Return the position of a slide without given position: the mean of its body's other joint points, else its centre."""
-    if limb is None:
-        return otherwise
-    around = limb.points or (limb.centre,)
-    return sum(p[0] for p in around) / len(around), sum(p[1] for p in around) / len(around)
+    def seen(body: str, point: Vector) -> Point:
+        if (pose := poses.get(body)) is not None:
+            (a, b, c), (x0, y0, z0) = places[body], point
+            x, y, z = turned(pose.turn, (x0 - a, y0 - b, z0 - c))
+            point = (pose.place[0] + x, pose.place[1] + y, pose.place[2] + z)
+        return projected(point)
+
+    def direction(body: str, axis: Vector) -> Point:
+        """Return a direction fixed to a body, of length 1 (or 0, seen from its end)."""
+        x, y = projected(turned(poses[body].turn, axis) if body in poses else axis)
+        length = math.hypot(x, y)
+        return (x / length, y / length) if length > 1e-9 else (0.0, 0.0)
+
+    limbs = tuple(
+        BodyGeometry(b.name, seen(b.name, b.centre), tuple(seen(b.name, p) for p in b.points)) for b in mechanism.bodies
+    )
+    links = tuple(
+        JointGeometry(j.name, j.kind, seen(*j.ends[0]), seen(*j.ends[1]), direction(j.axis_of, j.axis), j.grounded, j.sprung)
+        for j in mechanism.joints
+    )  # fmt: skip
+    marks = tuple((name, seen(body, point)) for name, body, point in mechanism.frames)
+    return MechanismGeometry(mechanism.name, mechanism.planar, limbs, links, marks)
 
 
 def springs_of(graph: BondGraph, node: MechanismNode) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -147,57 +210,6 @@ def numbers_of(graph: BondGraph, bounds: Sequence[Bound]) -> Vector:
 
     x, y, z = (evaluate(b.expression, value) for b in bounds)
     return x, y, z
-
-
-@dataclass(frozen=True, slots=True)
-class _Stage:
-    """Numbers of a mechanism, and the poses of its bodies."""
-
-    graph: BondGraph
-    mechanism: Mechanism
-    poses: Mapping[str, Pose]
-
-    def vector(self, bounds: Sequence[Bound]) -> Vector:
-        """Return three numbers from the text."""
-        return numbers_of(self.graph, bounds)
-
-    def on(self, body: str, point: Vector) -> Point:
-        """Return the position of a point of a body in the picture, from its position in the reference."""
-        pose = self.poses.get(body)
-        if pose is not None:
-            centre = self.vector(self.mechanism.point_of(body))
-            x, y, z = turned(pose.turn, (point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]))
-            point = (pose.place[0] + x, pose.place[1] + y, pose.place[2] + z)
-        return self.seen(point)
-
-    def across(self, body: str, axis: Vector) -> Point:
-        """Return a direction fixed to a body, as projected into the picture, of length 1 (or 0, seen from its end)."""
-        pose = self.poses.get(body)
-        x, y = self.seen(turned(pose.turn, axis) if pose is not None else axis)
-        length = math.hypot(x, y)
-        return (x / length, y / length) if length > 1e-9 else (0.0, 0.0)
-
-    def seen(self, point: Vector) -> Point:
-        """Return the picture's coordinates of a point."""
-        if self.mechanism.planar:
-            return point[0], point[1]
-        return sum(a * b for a, b in zip(point, RIGHT, strict=True)), sum(a * b for a, b in zip(point, UP, strict=True))
-
-    def ends(self, joint: Joint) -> tuple[Point, Point]:
-        """Return the points at which a joint holds its first and its second body."""
-        names = (joint.first, joint.second)
-        bodies = [self.mechanism.body_of(n) for n in names]
-        if joint.kind in ("distance", "rod"):
-            points = [self.vector(self.mechanism.point_of(n)) for n in names]
-        else:
-            points = [self.vector(joint.position)] * 2
-        first, second = (self.on(b, p) for b, p in zip(bodies, points, strict=True))
-        return first, second
-
-    def free_to_lie(self, joint: Joint) -> bool:
-        """Return True if the position of a joint has no meaning: a slide, or a planar joint, without given position."""
-        kind, at = joint.kind, self.vector(joint.position)
-        return kind in ("slide", "planar") and at == (0.0, 0.0, 0.0)
 
 
 def turned(turn: Turn, point: Vector) -> Vector:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+
+import networkx as nx
 
 from .blocks import Block, Boxed, TreeBranch
 from .diagram_model import DiagramModel, DiagramNode
@@ -59,46 +60,31 @@ class _Tree:
 
 def place(model: DiagramModel) -> DiagramLayout:
     """Return the layout of a diagram: no two parts overlap, bonds are straight unless they close a ring."""
-    blocks = [_part(model, part) for part in _parts(model)]
-    return _in_rows(blocks)
+    parts = nx.connected_components(_network(model, range(len(model.nodes))))
+    return _in_rows([_part(model, sorted(part)) for part in parts])
 
 
-def _parts(model: DiagramModel) -> Iterator[list[int]]:
-    """Yield the connected parts, in the order of their first nodes; signals between parts keep them together."""
-    around: dict[int, list[int]] = {n: [] for n in range(len(model.nodes))}
-    for line in model.lines:
-        around[line.tail].append(line.head)
-        around[line.head].append(line.tail)
-    seen: set[int] = set()
-    for start in around:
-        if start not in seen:
-            part = _reached(around, start)
-            seen.update(part)
-            yield sorted(part)
-
-
-def _reached(around: Mapping[int, Sequence[int]], start: int) -> list[int]:
-    found, waiting = {start: None}, deque([start])
-    while waiting:
-        for other in around[waiting.popleft()]:
-            if other not in found:
-                found[other] = None
-                waiting.append(other)
-    return list(found)
+def _network(model: DiagramModel, nodes: Iterable[int]) -> nx.MultiGraph:
+    """Return some nodes with the lines between them, whose keys are their numbers; the order is that of the diagram."""
+    network = nx.MultiGraph()
+    network.add_nodes_from(nodes)
+    lines = [(x.tail, x.head, n) for n, x in enumerate(model.lines) if x.tail in network and x.head in network]
+    network.add_edges_from(lines)
+    return network
 
 
 # ---------------------------------------------------------------- one part
 
 
 def _part(model: DiagramModel, part: Sequence[int]) -> DiagramLayout:
-    around = _around(model, part)
-    trees = sorted((_rooted(model, part, around, r) for r in _roots(model, part, around)), key=lambda t: t.worth)
+    network = _network(model, part)
+    trees = sorted((_rooted(model, network, root) for root in _roots(model, network)), key=lambda t: t.worth)
     best: tuple[float, DiagramLayout] | None = None
     open_ = len(trees[0].closing)
     turns = min(TURNED, max(1, ROUTES // open_)) if open_ else 1
     for tree in trees[: max(1, ROUTES // (turns * open_)) if open_ else 1]:
         for _ in range(turns):
-            worth, layout = _finished(model, part, tree)
+            worth, layout = _finished(model, tree)
             if best is None or worth < best[0]:
                 best = worth, layout
             tree = _turned(model, tree)
@@ -106,52 +92,30 @@ def _part(model: DiagramModel, part: Sequence[int]) -> DiagramLayout:
     return best[1]
 
 
-def _around(model: DiagramModel, part: Sequence[int]) -> dict[int, list[tuple[int, int]]]:
-    """Return the lines of each node, with the node at the other end."""
-    around: dict[int, list[tuple[int, int]]] = {n: [] for n in part}
-    for number, line in enumerate(model.lines):
-        if line.tail in around:
-            around[line.tail].append((number, line.head))
-            around[line.head].append((number, line.tail))
-    return around
-
-
-def _roots(model: DiagramModel, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]]) -> list[int]:
+def _roots(model: DiagramModel, network: nx.MultiGraph) -> list[int]:
     """Return the box with most bonds; if there is none, both ends and the middle of a longest path through inner nodes."""
-    boxes = [n for n in part if model.nodes[n].shape == "box"]
+    boxes = [n for n in network if model.nodes[n].shape == "box"]
     if boxes:
-        return [max(boxes, key=lambda n: len(around[n]))]
-    inner = [n for n in part if len({o for _, o in around[n]}) > 1] or list(part[:1])
-    kept = set(inner)
-    beside = {n: [o for _, o in around[n] if o in kept] for n in inner}
-    first = _reached(beside, inner[0])[-1]
-    before: dict[int, int | None] = {first: None}
-    waiting = deque([first])
-    last = first
-    while waiting:
-        last = waiting.popleft()
-        for other in beside[last]:
-            if other not in before:
-                before[other] = last
-                waiting.append(other)
+        return [max(boxes, key=network.degree)]
+    inner = [n for n in network if len(network[n]) > 1] or list(network)[:1]
+    core = _network(model, inner)
+    *_, first = (inner[0], *(n for _, n in nx.bfs_edges(core, inner[0])))
+    before = dict(nx.bfs_predecessors(core, first))
+    *_, last = (first, *before)
     way = [last]
-    while (step := before[way[-1]]) is not None:
-        way.append(step)
-    spaced = way[:: max(1, len(way) // 4)] if len(inner) <= 40 and _ringed(around) else []
+    while way[-1] != first:
+        way.append(before[way[-1]])
+    ringed = network.number_of_edges() >= len(network)
+    spaced = way[:: max(1, len(way) // 4)] if len(inner) <= 40 and ringed else []
     return list(dict.fromkeys([way[0], way[-1], way[len(way) // 2], *spaced]))
 
 
-def _ringed(around: Mapping[int, Sequence[tuple[int, int]]]) -> bool:
-    return sum(map(len, around.values())) // 2 >= len(around)
-
-
-def _rooted(
-    model: DiagramModel, part: Sequence[int], around: Mapping[int, Sequence[tuple[int, int]]], root: int
-) -> _Tree:
-    """Return the part as a tree from that root."""
-    carried, closing = _spanning(around, root)
+def _rooted(model: DiagramModel, network: nx.MultiGraph, root: int) -> _Tree:
+    """Return the part as a tree from that root: the line that carries each node and its parent, breadth first; the other lines close rings."""
+    carried = {n: (min(network[parent][n]), parent) for parent, n in nx.bfs_edges(network, root)}
+    closing = sorted({line for *_, line in network.edges(keys=True)} - {line for line, _ in carried.values()})
     web = _web(model, closing)
-    branches = _branches(model, web, part, carried)
+    branches = _branches(model, web, network, carried)
     block = grow_tree(web.nodes, model.lines, branches, root)
     return _Tree(root, closing, web, branches, block, _worth(model, web, closing, block))
 
@@ -181,13 +145,13 @@ def _worth(model: DiagramModel, web: _Web, closing: Sequence[int], block: Block)
     return block.cost + far + 0.15 * (right - left) + 0.25 * (bottom - top)
 
 
-def _finished(model: DiagramModel, part: Sequence[int], tree: _Tree) -> tuple[float, DiagramLayout]:
+def _finished(model: DiagramModel, tree: _Tree) -> tuple[float, DiagramLayout]:
     """Return the cost and the layout of a tree with its rings closed, with more space if no way is found otherwise."""
-    layout = _with_ways(model, tree.web, part, tree.block, tree.closing)
+    layout = _with_ways(model, tree, tree.block)
     for roomy in ROOMIER:
         if layout is None:
             block = grow_tree(tree.web.nodes, model.lines, tree.branches, tree.root, roomy)
-            layout = _with_ways(model, tree.web, part, block, tree.closing, last=roomy == ROOMIER[-1])
+            layout = _with_ways(model, tree, block, last=roomy == ROOMIER[-1])
     assert layout is not None
     bends = sum(max(0, len(way) - 2) for way in layout.bonds.values())
     return round(tree.worth + 30 * bends + 150 * _crossings(list(layout.bonds.values())), 3), layout
@@ -206,23 +170,6 @@ def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
     return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
 
 
-def _spanning(
-    around: Mapping[int, Sequence[tuple[int, int]]], root: int
-) -> tuple[dict[int, tuple[int, int]], list[int]]:
-    """Return for each node except the root the line that carries it and the node at its other end, breadth first; and the remaining lines."""
-    carried: dict[int, tuple[int, int]] = {}
-    used: set[int] = set()
-    waiting = deque([root])
-    while waiting:
-        node = waiting.popleft()
-        for number, other in around[node]:
-            if other != root and other not in carried:
-                carried[other] = (number, node)
-                used.add(number)
-                waiting.append(other)
-    return carried, sorted({n for lines in around.values() for n, _ in lines} - used)
-
-
 def _web(model: DiagramModel, closing: Sequence[int]) -> _Web:
     nodes = list(model.nodes)
     stubs, names = {}, {}
@@ -238,7 +185,7 @@ def _web(model: DiagramModel, closing: Sequence[int]) -> _Web:
 
 
 def _branches(
-    model: DiagramModel, web: _Web, part: Sequence[int], carried: Mapping[int, tuple[int, int]]
+    model: DiagramModel, web: _Web, network: nx.MultiGraph, carried: Mapping[int, tuple[int, int]]
 ) -> dict[int, list[TreeBranch]]:
     carrying = {parent for _, parent in carried.values()} | {end for _, end in web.stubs}
     branches: dict[int, list[TreeBranch]] = {n: [] for n in range(len(web.nodes))}
@@ -246,20 +193,18 @@ def _branches(
         branches[parent].append(TreeBranch(number, child, model.lines[number].tail == parent, child in carrying))
     for (number, end), stub in web.stubs.items():
         branches[end].append(TreeBranch(number, stub, model.lines[number].tail == end, False))
-    kept = set(part)
     for number, name in web.names.items():
-        if (target := model.signals[number].target) in kept:
+        if (target := model.signals[number].target) in network:
             branches[target].append(TreeBranch(len(model.lines) + number, name, False, False))
     return branches
 
 
-def _with_ways(
-    model: DiagramModel, web: _Web, part: Sequence[int], block: Block, closing: Sequence[int], last: bool = False
-) -> DiagramLayout | None:
+def _with_ways(model: DiagramModel, tree: _Tree, block: Block, last: bool = False) -> DiagramLayout | None:
     """Return the layout with the ways of ring-closing bonds and of signals; None if such a bond finds no way.
 
     In the `last` attempt such a bond goes straight across.
     """
+    web, closing = tree.web, tree.closing
     ground = Ground(block.taken)
     ground.block(_things(web.nodes, block), HARD)
     bonds: dict[int, tuple[Point, ...]] = {}
@@ -288,10 +233,10 @@ def _with_ways(
     for number, signal in enumerate(model.signals):
         if signal.source is not None and signal.source in block.places and signal.target in block.places:
             source, target = (_outline(web.nodes[n], block, n) for n in (signal.source, signal.target))
-            found = between(ground, source, target)
-            if found is not None:
-                signals[number] = found
-                ground.take(found, NARROW)
+            way = between(ground, source, target)
+            if way is not None:
+                signals[number] = way
+                ground.take(way, NARROW)
     places = {n: p for n, p in block.places.items() if n < len(model.nodes)}
     labels = {n: t for n, t in block.labels.items() if n < len(model.nodes) and n not in block.boxes}
     taken = joined(block.taken, *(lane(a, b) for n in closing for a, b in pairwise(bonds[n])))

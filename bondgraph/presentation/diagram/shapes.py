@@ -1,30 +1,27 @@
 """Modes drawn on a mechanism: bodies at equilibrium in grey, and as displaced by a mode.
 
-Most models have no poses as outputs. So the model is written flat with its poses as outputs, and the modes of that model are computed: their
-amplitudes there move the bodies. A mode has no size; it is drawn large enough to be seen.
+The amplitudes of the poses move the bodies. A mode has no size; it is drawn large enough to be seen.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from compiler.api import MechanismNode
-
-from ...compiled_model import CompiledModel, source_of
 from ...errors import UsageError
 from .compose import group_at
 from .figure import Figure, Group
 from .mechanism import draw_mechanism
-from .mechanism_geometry import MechanismGeometry, Pose, mechanism_geometry_of
-from .poses import mechanisms, parts, pose_of
+from .mechanism_geometry import MechanismGeometry, mechanism_geometry_of
+from .poses import PosedModel, mechanisms_of, pose_parts, posed_model
 
 if TYPE_CHECKING:
-    from compiler.api import BondGraph
+    from compiler.api import MechanismNode
 
     from ...analysis.modes import Mode
+    from ...compiled_model import CompiledModel
 
 SHARE = 0.06  # fraction of the mechanism's size: largest displacement
 SMALL = 1e-6  # fraction of the size: displacement of a first evaluation
@@ -34,29 +31,25 @@ GAP = 30.0  # px between pictures
 COLUMNS = 3
 
 
-@dataclass(frozen=True, slots=True)
-class PosedModes:
-    """A model with its poses as outputs: at equilibrium and displaced by its modes. `names`: (mechanism, body, part) -> output."""
-
-    graph: BondGraph
-    names: Mapping[tuple[str, str, str], str]
-    rest: Mapping[str, float]
-    modes: Sequence[Mode]
-
-
 def shapes_of(model: CompiledModel, experiment: str | None, name: str | None, count: int) -> Figure:
     """Return the first `count` modes that move the mechanism, slowest first, in rows of three. Raises as `Model.draw_mechanism`."""
-    found = _found(model, experiment)
-    nodes = [n for n in found.graph.nodes if isinstance(n, MechanismNode)]
+    from ...analysis.equilibrium import equilibrium
+    from ...analysis.modes import modes
+    from ...analysis.operating_point import AnalysisRequest, operating_point
+
+    posed = posed_model(model, experiment)
+    point = operating_point(posed.model, AnalysisRequest(outputs=posed.names))
+    at_rest, moving = equilibrium(point).outputs, [m for m in modes(point) if m.frequency > 0]
+    nodes = mechanisms_of(posed.graph)
     node = next((n for n in nodes if name is None or n.name == name), None)
     if node is None or (name is None and len(nodes) > 1):
         raise UsageError(
             "BR935", f"which mechanism is to be drawn? there is {', '.join(f'`{n.name}`' for n in nodes) or 'none'}"
         )
-    rest = mechanism_geometry_of(found.graph, node, _poses(found, node, found.rest))
+    rest = mechanism_geometry_of(posed.graph, node, posed.poses(node, at_rest))
     pictures = []
-    for mode in found.modes:
-        moved = _displaced(found, node, rest, mode)
+    for mode in moving:
+        moved = _displaced(posed, node, rest, at_rest, mode)
         if moved is not None:
             text = f"{mode.frequency:.6g} Hz, damping {mode.damping:.3g}"
             pictures.append(draw_mechanism(moved, text, behind=rest))
@@ -67,57 +60,24 @@ def shapes_of(model: CompiledModel, experiment: str | None, name: str | None, co
     return _sheet(pictures, f"modes of {node.name}")
 
 
-def _found(model: CompiledModel, experiment: str | None) -> PosedModes:
-    from compiler.api import Scene, write_text
-
-    from ...analysis.equilibrium import equilibrium
-    from ...analysis.modes import modes as modes_at
-    from ...analysis.operating_point import AnalysisRequest, operating_point
-
-    flat = CompiledModel(source_of(write_text(model.compilation(Scene(model.model, experiment)).whole_graph)))
-    graph = flat.compilation().whole_graph
-    wanted = [(m.name, body.name, part) for m in mechanisms(graph) for body in m.bodies for part in parts(m)]
-    names = {key: ".".join(key) for key in wanted}
-    point = operating_point(flat, AnalysisRequest(outputs=tuple(names.values())))
-    rest, modes = equilibrium(point), [m for m in modes_at(point) if m.frequency > 0]
-    return PosedModes(graph, names, rest.outputs, modes)
-
-
-def _poses(found: PosedModes, node: MechanismNode, values: Mapping[str, float]) -> dict[str, Pose]:
-    mechanism = node.mechanism
-    told = {}
-    for body in mechanism.bodies:
-        numbers = [values[found.names[node.name, body.name, part]] for part in parts(mechanism)]
-        told[body.name] = pose_of(body.turn, _unit(numbers), found.graph)
-    return told
-
-
-def _unit(numbers: Sequence[float]) -> list[float]:
-    """Return the numbers with the quaternion at the end, if there is one, normalised to length 1."""
-    if len(numbers) == 3:
-        return list(numbers)
-    length = math.hypot(*numbers[3:])
-    return [*numbers[:3], *(x / length for x in numbers[3:])]
-
-
-def _displaced(found: PosedModes, node: MechanismNode, rest: MechanismGeometry, mode: Mode) -> MechanismGeometry | None:
+def _displaced(
+    posed: PosedModel, node: MechanismNode, rest: MechanismGeometry, at_rest: Mapping[str, float], mode: Mode
+) -> MechanismGeometry | None:
     """Return the mechanism at the instant of its largest displacement; None if the mode does not move it."""
-    amplitudes, size = mode.outputs, _size(rest)
-    ours = {key: amplitudes[o] for key, o in found.names.items() if key[0] == node.name}
-    lengths = {key: a if key[2] in LENGTHS else a * size / 2 for key, a in ours.items()}
+    size, parts = _size(rest), pose_parts(node)
+    amplitudes = {name: mode.outputs[name] for name in parts}
+    lengths = {n: a if parts[n] in LENGTHS else a * size / 2 for n, a in amplitudes.items()}
     largest = max(lengths.values(), key=abs, default=0j)
     if largest == 0:
         return None
     turn, first = largest.conjugate() / abs(largest), SMALL * size / abs(largest)
 
     def at(scale: float) -> MechanismGeometry:
-        values = dict(found.rest) | {
-            found.names[key]: found.rest[found.names[key]] + scale * (a * turn).real for key, a in ours.items()
-        }
-        return mechanism_geometry_of(found.graph, node, _poses(found, node, values))
+        values = {n: at_rest[n] + scale * (a * turn).real for n, a in amplitudes.items()}
+        return mechanism_geometry_of(posed.graph, node, posed.poses(node, values))
 
     far = _distance(rest, at(first)) / first
-    angle = max((abs(a) for key, a in ours.items() if key[2] not in LENGTHS), default=0.0)
+    angle = max((abs(a) for n, a in amplitudes.items() if parts[n] not in LENGTHS), default=0.0)
     scale = min(SHARE * size / max(far, 1e-300), WIDEST / max(angle, 1e-300))
     return at(scale)
 

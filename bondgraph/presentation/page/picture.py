@@ -12,11 +12,11 @@ from ..diagram.compose import compose
 from ..diagram.diagram_model import diagram_model_of
 from ..diagram.frames import place_framed
 from ..diagram.svg import svg_text
-from ..text.tables import visible
+from ..text.tables import end_name, visible
 from .markup import Html
 
 if TYPE_CHECKING:
-    from compiler.api import BondEnd, BondGraph, Compilation, Source, Span
+    from compiler.api import BondGraph, Compilation, Source, Span
 
 LARGEST = 300  # most nodes: a larger drawing takes half a minute and is not readable
 
@@ -62,25 +62,16 @@ def _bond(graph: BondGraph, bond: int) -> dict[str, Any]:
     """Return the name of a bond, and the units of its effort and flow."""
     ends = graph.bonds[bond]
     domain = DOMAINS.get(ends.domain)
-    names = [graph.nodes[end.node].name for end in (ends.tail, ends.head)]
-    ports = [_port(graph, end) for end in (ends.tail, ends.head)]
-    words = " → ".join(f"{name}{'.' * bool(port)}{port}" for name, port in zip(names, ports, strict=True))
-    told = (
-        [(domain.letter(v), _unit(domain.dimension(v))) for v in ("e", "f")]
-        if domain is not None
-        else [("e", ""), ("f", "")]
-    )
-    return {"name": visible(words), "domain": visible(ends.domain), "effort": told[0], "flow": told[1]}
+    words = " → ".join(end_name(graph, end) for end in (ends.tail, ends.head))
+    effort, flow = (("e", ""), ("f", ""))
+    if domain is not None:
+        effort, flow = ((domain.letter(v), _unit(domain.dimension(v))) for v in ("e", "f"))
+    return {"name": visible(words), "domain": visible(ends.domain), "effort": effort, "flow": flow}
 
 
 def _unit(dimension: object) -> str:
     words = str(dimension)
     return "" if words == "1" else words
-
-
-def _port(graph: BondGraph, end: BondEnd) -> str:
-    ports = getattr(graph.nodes[end.node], "ports", ())
-    return str(ports[end.port].name) if ports else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from compiler.api import Array
 
 from ...errors import UsageError
 from ..text.tables import labelled
-from .sheet import COLOURS, DASHES, PANELS, check_picture, drawn, heading, sheet, with_grid
+from .sheet import COLOURS, DASHES, PANELS, heading, picture, stack
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,25 +25,22 @@ ARROWS = (0.2, 0.45, 0.7)  # positions, as fractions of the length of a curve
 LOOKS = {"fold": "o", "branch": "D", "oscillation": "s"}
 
 
-def plot_phase(result: Result, path: str | os.PathLike[str], over: str) -> None:
-    """Draw a panel for each shown output, over the output `over`. Raises UsageError, MissingPackage, OSError."""
-    check_picture(path)
+@picture
+def plot_phase(result: Result, over: str) -> Figure:
+    """Return a panel for each shown output, over the output `over`. Raises UsageError."""
     shown = {item.name: (item.unit, values) for item, values in result.shown()}
     if over not in shown:
         raise UsageError("BR929", f"the run shows no `{over}`; it shows {', '.join(shown) or 'nothing'}")
     if len(shown) < 2:
         raise UsageError("BR930", f"there is nothing to draw over `{over}`: the run shows no other output")
-    drawn(lambda: _phase(result.title, over, shown), path)
-
-
-def _phase(title: str, over: str, shown: dict[str, tuple[str, Any]]) -> Figure:
     unit, x = shown[over]
     others = [n for n in shown if n != over][:PANELS]
-    figure, panels = _panels(title, len(others), 3.4)
+    figure, panels = stack(result.title, 7.0, 0.9 + 3.4 * len(others), len(others))
     for place, (panel, name) in enumerate(zip(panels, others, strict=True)):
         own, y = shown[name]
-        panel.plot(x, y, color=COLOURS[place % len(COLOURS)], linewidth=1.3)
-        _arrows(panel, x, y, COLOURS[place % len(COLOURS)])
+        colour = COLOURS[place % len(COLOURS)]
+        panel.plot(x, y, color=colour, linewidth=1.3)
+        _arrows(panel, x, y, colour)
         panel.plot(x[:1], y[:1], "o", color="#1c1c1c", markersize=4)
         panel.set_ylabel(labelled(name, own), parse_math=False)
         panel.margins(0.05)
@@ -66,20 +62,16 @@ def _arrows(panel: Axes, x: Array, y: Array, colour: str) -> None:
             )  # fmt: skip
 
 
-def plot_branch(found: Branch, path: str | os.PathLike[str], names: Sequence[str] = ()) -> None:
-    """Draw outputs of equilibria over the parameter: stable parts solid, unstable ones dashed, special points marked. Raises UsageError, MissingPackage."""
-    check_picture(path)
+@picture
+def plot_branch(found: Branch, names: Sequence[str] = ()) -> Figure:
+    """Return outputs of equilibria over the parameter: stable parts solid, unstable ones dashed, special points marked. Raises UsageError."""
     unknown = [n for n in names if n not in found.outputs and n not in found.states]
     if unknown:
         raise UsageError(
             "BR931", f"the branch has no `{unknown[0]}`; it has {', '.join((*found.outputs, *found.states))}"
         )
-    chosen = list(names) or list(found.outputs) or list(found.states)
-    drawn(lambda: _branch(found, chosen[:PANELS]), path)
-
-
-def _branch(found: Branch, names: Sequence[str]) -> Figure:
-    figure, panels = _panels(heading(found.model, found.experiment), len(names), 2.9)
+    names = (list(names) or list(found.outputs) or list(found.states))[:PANELS]
+    figure, panels = stack(heading(found.model, found.experiment), 7.0, 0.9 + 2.9 * len(names), len(names))
     for panel, name in zip(panels, names, strict=True):
         for line in (found, *found.others):
             _line(panel, line, name)
@@ -112,12 +104,3 @@ def _line(panel: Axes, found: Branch, name: str) -> None:
             x[begin : end + 1], y[begin : end + 1], linewidth=1.5, color=COLOURS[0] if good else "#8a8a8a",
             linestyle="-" if good else DASHES[1], label="stable" if good else "unstable",
         )  # fmt: skip
-
-
-def _panels(title: str, count: int, height: float) -> tuple[Figure, list[Axes]]:
-    figure = sheet(title, 7.0, 0.9 + height * count)
-    panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
-    for panel in panels:
-        with_grid(panel)
-        panel.set_axisbelow(True)
-    return figure, panels

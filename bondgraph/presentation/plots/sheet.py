@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from ...errors import MissingPackage, UsageError
 from ...files import replacing
@@ -17,6 +18,10 @@ from ..text.tables import short, visible
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+Subject = TypeVar("Subject")
+Options = ParamSpec("Options")
+StrPath = str | os.PathLike[str]
 
 ENDINGS = (".png", ".svg", ".pdf")
 PANELS = 6
@@ -39,7 +44,7 @@ STYLE = {
 }
 
 
-def check_picture(path: str | os.PathLike[str]) -> None:
+def check_picture(path: StrPath) -> None:
     """Raise `UsageError` for a file name with an unknown ending, or `MissingPackage` without matplotlib."""
     from importlib.util import find_spec
 
@@ -49,16 +54,27 @@ def check_picture(path: str | os.PathLike[str]) -> None:
         raise MissingPackage("BR928", "a plot needs matplotlib:", 'pip install "bondgraph-lang[plot]"')
 
 
-def drawn(make: Callable[[], Figure], path: str | os.PathLike[str]) -> None:
-    """Make a figure in our style and write it into `path`; completely or not at all."""
-    import matplotlib
+def picture(
+    figure_of: Callable[Concatenate[Subject, Options], Figure],
+) -> Callable[Concatenate[Subject, StrPath, Options], None]:
+    """Return a function that writes a figure of a result into the file `path` in our style; completely or not at all.
 
-    kind = Path(path).suffix.lower()[1:]
-    with matplotlib.rc_context(STYLE):
-        figure = make()
-        undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)  # equal results, equal files
-        with replacing(path) as stream:
-            figure.savefig(stream, format=kind, dpi=160, metadata=undated)
+    It raises UsageError, MissingPackage, OSError.
+    """
+
+    @wraps(figure_of)
+    def write(subject: Subject, path: StrPath, /, *options: Options.args, **named: Options.kwargs) -> None:
+        check_picture(path)
+        import matplotlib
+
+        kind = Path(path).suffix.lower()[1:]
+        with matplotlib.rc_context(STYLE):
+            figure = figure_of(subject, *options, **named)
+            undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)  # equal results, equal files
+            with replacing(path) as stream:
+                figure.savefig(stream, format=kind, dpi=160, metadata=undated)
+
+    return write
 
 
 def sheet(title: str, width: float, height: float) -> Figure:
@@ -72,6 +88,17 @@ def sheet(title: str, width: float, height: float) -> Figure:
     return figure
 
 
+def stack(title: str, width: float, height: float, count: int, **options: Any) -> tuple[Figure, list[Axes]]:
+    """Return a sheet with `count` panels with grids, one above the other, over a common axis."""
+    figure = sheet(title, width, height)
+    panels = list(figure.subplots(count, 1, sharex=True, squeeze=False, **options)[:, 0])
+    for panel in panels:
+        panel.grid(True, color="#d9d9d9", linewidth=0.6)
+        panel.set_axisbelow(True)
+        without_frame(panel)
+    return figure, panels
+
+
 def heading(model: str, experiment: str | None) -> str:
     """Return `Model: experiment`."""
     return model if experiment is None else f"{model}: {experiment}"
@@ -80,12 +107,6 @@ def heading(model: str, experiment: str | None) -> str:
 def curve_style(place: int) -> dict[str, Any]:
     """Return colour, dashes and width of a panel's curve at this place."""
     return {"color": COLOURS[place % len(COLOURS)], "linestyle": DASHES[place % len(DASHES)], "linewidth": 1.4}
-
-
-def with_grid(panel: Axes) -> None:
-    """Draw a light grid, without the upper and the right border."""
-    panel.grid(True, color="#d9d9d9", linewidth=0.6)
-    without_frame(panel)
 
 
 def without_frame(panel: Axes) -> None:

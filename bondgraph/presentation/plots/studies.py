@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import UsageError
-from ..text.tables import short, visible
-from .sheet import COLOURS, PANELS, check_picture, drawn, heading, sheet, tell_omitted, without_frame
+from ..text.tables import labelled, short
+from .sheet import COLOURS, PANELS, heading, picture, sheet, tell_omitted, without_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,18 +20,6 @@ if TYPE_CHECKING:
 COLUMNS = 2
 MOST_BINS = 60
 STRONGEST = 10
-
-
-def plot_histograms(found: MonteCarlo, path: str | os.PathLike[str]) -> None:
-    """Draw one panel for each quantity, six at most. Raises UsageError, MissingPackage, OSError."""
-    check_picture(path)
-    drawn(lambda: _histograms(found), path)
-
-
-def plot_tornado(found: MonteCarlo, path: str | os.PathLike[str]) -> None:
-    """Draw the swing of each quantity by the parameters, as `plot_histograms`."""
-    check_picture(path)
-    drawn(lambda: _tornado(found), path)
 
 
 def _panels(found: MonteCarlo, what: str, height: float) -> tuple[Figure, list[Axes]]:
@@ -50,15 +37,18 @@ def _panels(found: MonteCarlo, what: str, height: float) -> tuple[Figure, list[A
     return figure, panels[:count]
 
 
-def _label(found: MonteCarlo, name: str) -> tuple[str, float, float]:
+def _in_report(found: MonteCarlo, name: str) -> tuple[str, float, float]:
+    """Return a quantity with its unit as reported, and the scale and offset of that unit."""
     unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
-    return f"{short(name, 30)}{'' if unit == '1' else f' [{visible(unit)}]'}", scale, offset
+    return labelled(name, unit), scale, offset
 
 
-def _histograms(found: MonteCarlo) -> Figure:
+@picture
+def plot_histograms(found: MonteCarlo) -> Figure:
+    """Return one panel for each quantity, six at most. Raises UsageError."""
     figure, panels = _panels(found, f"{len(found) - len(found.failures)} points", 2.4)
     for i, (panel, name) in enumerate(zip(panels, found.quantities, strict=False)):
-        label, scale, offset = _label(found, name)
+        label, scale, offset = _in_report(found, name)
         column = found(name)
         column = column[np.isfinite(column)] * scale + offset
         edges = np.histogram_bin_edges(column, "fd" if np.ptp(column) > 0 else 1)
@@ -72,12 +62,14 @@ def _histograms(found: MonteCarlo) -> Figure:
     return figure
 
 
-def _tornado(found: MonteCarlo) -> Figure:
+@picture
+def plot_tornado(found: MonteCarlo) -> Figure:
+    """Return the swing of each quantity by the parameters. Raises UsageError."""
     bars = min(len(found.parameters), STRONGEST)
     low, high = (f"{100 * t:g} %" for t in found.swing.tails)
     figure, panels = _panels(found, f"each parameter from its {low} to its {high} quantile", 1.0 + 0.24 * bars)
     for i, (panel, name) in enumerate(zip(panels, found.quantities, strict=False)):
-        label, scale, offset = _label(found, name)
+        label, scale, offset = _in_report(found, name)
         middle = found.swing.middle[i] * scale + offset
         ends = found.swing.ends[i] * scale + offset
         size = np.nan_to_num(np.ptp(ends, axis=1))
@@ -93,13 +85,9 @@ def _tornado(found: MonteCarlo) -> Figure:
     return figure
 
 
-def plot_fit(found: Fit, path: str | os.PathLike[str]) -> None:
-    """Draw measured and computed values, one panel for each quantity of each file. Raises UsageError, MissingPackage, OSError."""
-    check_picture(path)
-    drawn(lambda: _fit(found), path)
-
-
-def _fit(found: Fit) -> Figure:
+@picture
+def plot_fit(found: Fit) -> Figure:
+    """Return measured and computed values, one panel for each quantity of each file."""
     count = min(len(found.series), PANELS)
     figure = sheet(f"{found.model}, fitted", 8.0, 0.8 + 2.2 * count)
     for i, panel in enumerate(figure.subplots(count, 1, squeeze=False)[:, 0]):
@@ -108,8 +96,7 @@ def _fit(found: Fit) -> Figure:
         sigma = one.sigma if found.weighted else None
         panel.errorbar(rows, one.measured, sigma, fmt="o", markersize=3, color=COLOURS[0], linewidth=0.8)
         panel.plot(rows, computed, color=COLOURS[1], marker="x", markersize=5, linewidth=1.0)
-        unit = "" if one.unit == "1" else f" [{visible(one.unit)}]"
-        panel.set_ylabel(f"{short(one.name, 24)}{unit}", parse_math=False)
+        panel.set_ylabel(labelled(one.name, one.unit, 24), parse_math=False)
         panel.set_xlabel("line of data (dots: measured; crosses: computed)", fontsize=8)
         without_frame(panel)
     return figure

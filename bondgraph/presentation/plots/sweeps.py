@@ -1,30 +1,31 @@
-"""Plot of a sweep: results over the last swept name, a curve for each combination of the others."""
+"""Plots of a sweep: results over the last swept name, a curve for each combination of the others; and contours over two names."""
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import UsageError
-from ..text.tables import short, visible
-from .sheet import PANELS, check_picture, curve_style, drawn, heading, legend, sheet, with_grid
+from ..text.tables import labelled, short, visible
+from .sheet import PANELS, StrPath, check_picture, curve_style, heading, legend, picture, sheet, stack
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...analysis.outcome import Outcome
 
+CONTOURS, COLOUR_MAP = 12, "cividis"  # even in grey, and for colour-blind readers
 
-def plot_outcome(found: Outcome, path: str | os.PathLike[str]) -> None:
+
+def plot_outcome(found: Outcome, path: StrPath) -> None:
     """Draw into `path`; completely or not at all. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     if found.swept:
-        drawn(lambda: _figure(found), path)
+        _plot_swept(found, path)
         return
     (point,) = found.points
-    drawable = (found for _, found in point.analyses if hasattr(found, "plot"))
+    drawable = (result for _, result in point.analyses if hasattr(result, "plot"))
     pictured = next((p for p in (*point.responses, *drawable, point.run) if p is not None), None)
     if pictured is None:
         raise UsageError(
@@ -33,11 +34,12 @@ def plot_outcome(found: Outcome, path: str | os.PathLike[str]) -> None:
     pictured.plot(path)
 
 
-def _figure(found: Outcome) -> Figure:
+@picture
+def _plot_swept(found: Outcome) -> Figure:
     *others, last = found.swept
     names = [n for n in found.names if n not in found.swept][:PANELS]
-    figure = sheet(heading(found.model, found.experiment), 8.0, 1.0 + 2.2 * max(1, len(names)))
-    panels = figure.subplots(max(1, len(names)), 1, sharex=True, squeeze=False)[:, 0]
+    count = max(1, len(names))
+    figure, panels = stack(heading(found.model, found.experiment), 8.0, 1.0 + 2.2 * count, count)
     groups: dict[tuple[float, ...], list[int]] = {}
     for i, point in enumerate(found.points):
         groups.setdefault(tuple(point.settings[n] for n in others), []).append(i)
@@ -48,10 +50,33 @@ def _figure(found: Outcome) -> Figure:
             order = np.array(rows)[np.argsort(along[rows], kind="stable")]
             panel.plot(along[order], column[order], marker="o", markersize=3, **curve_style(k))
         panel.set_ylabel(f"{short(name, 24)}{f' [{visible(unit)}]' if unit else ''}", parse_math=False)
-        with_grid(panel)
-    unit = found.swept[last]
-    panels[-1].set_xlabel(f"{short(last, 40)}{f' [{visible(unit)}]' if unit != '1' else ''}", parse_math=False)
+    panels[-1].set_xlabel(labelled(last, found.swept[last], 40), parse_math=False)
     if others:
         settings = (", ".join(f"{short(n, 16)} = {v:.4g}" for n, v in zip(others, key, strict=True)) for key in groups)
         legend(panels[0], settings, longest=1000, fontsize=7)
+    return figure
+
+
+@picture
+def plot_surface(found: Outcome, name: str) -> Figure:
+    """Return contours of the output `name` over two swept names. Raises UsageError."""
+    if len(found.swept) != 2:
+        raise UsageError("BR932", "a relief is of two quantities that are swept")
+    if name not in found.names or name in found.swept:
+        raise UsageError(
+            "BR933", f"there is no `{name}` to draw; there is {', '.join(n for n in found.names if n not in found.swept)}",
+        )  # fmt: skip
+    slow, fast = found.swept
+    ys, xs = (np.unique(found(n)) for n in (slow, fast))
+    unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
+    heights = np.full((len(ys), len(xs)), np.nan)
+    heights[np.searchsorted(ys, found(slow)), np.searchsorted(xs, found(fast))] = found(name) * scale + offset
+    figure = sheet(heading(found.model, found.experiment), 6.4, 4.8)
+    panel = figure.subplots()
+    relief = panel.contourf(xs, ys, heights, CONTOURS, cmap=COLOUR_MAP)
+    panel.contour(xs, ys, heights, CONTOURS, colors="#ffffff", linewidths=0.5)
+    bar = figure.colorbar(relief)
+    bar.set_label(labelled(name, unit), parse_math=False)
+    panel.set_xlabel(labelled(fast, found.swept[fast]), parse_math=False)
+    panel.set_ylabel(labelled(slow, found.swept[slow]), parse_math=False)
     return figure

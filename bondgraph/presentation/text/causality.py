@@ -7,12 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+import networkx as nx
+
 from compiler.api import Compilation, CompilationFailed, StrokeReason, blocks, dependences, render
 
-from .tables import columns, counted, place_of, visible
+from .tables import columns, counted, end_name, place_of, visible
 
 if TYPE_CHECKING:
-    from compiler.api import BondEnd, CausalGraph, Dependence, Diagnostic, EquationSystem
+    from compiler.api import CausalGraph, Dependence, Diagnostic, EquationSystem
 
 SCHEMA = "bondgraph-causality/1"
 FLOWS = {"C": "flow", "I": "effort", "IC": "other variable"}
@@ -105,8 +107,9 @@ class CausalityExplanation:
         for loop in self.loops:
             more = f" ({loop.variables} variables in all)" if loop.variables > len(loop.cycle) else ""
             yield from ("", f"algebraic loop of {', '.join(f'`{m}`' for m in loop.members)}{more}")
+            around = zip((loop.cycle[-1], *loop.cycle), loop.cycle, strict=False)
             cycle = [
-                (f"{before[0]} gives {here[0]}", f"by `{here[1]}`", here[2]) for before, here in _around(loop.cycle)
+                (f"{before} gives {name}", f"by `{owner}`", place) for (before, *_), (name, owner, place) in around
             ]
             yield from (f"    {line}" for line in columns(cycle))
             yield f"  what you can do: {loop.advice}"
@@ -140,7 +143,7 @@ def told(diagnostics: Sequence[Diagnostic]) -> str:
 
 def _stroke(causal: CausalGraph, bond: int) -> StrokeRow:
     ends, reason = causal.graph.bonds[bond], causal.reasons[bond]
-    names = [_end(causal, ends.tail), _end(causal, ends.head)]
+    names = [end_name(causal.graph, ends.tail), end_name(causal.graph, ends.head)]
     effort = causal.effort_from[bond]
     owner = f"`{causal.graph.nodes[reason.node].name}`"
     if reason.bond is not None:
@@ -153,13 +156,7 @@ def _stroke(causal: CausalGraph, bond: int) -> StrokeRow:
 def _arrow(causal: CausalGraph, bond: int) -> str:
     ends = causal.graph.bonds[bond]
     arrow = "->|" if causal.effort_from[bond] == 0 else "|->"
-    return f"{_end(causal, ends.tail)} {arrow} {_end(causal, ends.head)}"
-
-
-def _end(causal: CausalGraph, end: BondEnd) -> str:
-    node = causal.graph.nodes[end.node]
-    ports = getattr(node, "ports", ())
-    return f"{node.name}.{ports[end.port].name}" if ports and ports[end.port].name else str(node.name)
+    return f"{end_name(causal.graph, ends.tail)} {arrow} {end_name(causal.graph, ends.head)}"
 
 
 # ---------------------------------------------------------------- storages in derivative form
@@ -169,8 +166,8 @@ def _derivative(causal: CausalGraph, item: Dependence) -> DerivativeRow:
     graph = causal.graph
     node = graph.nodes[item.port.node]
     forcing = None if item.forced_by is None else graph.nodes[item.forced_by]
-    name = _end(causal, item.port)
-    why, advice = _dependence(name, node, None if forcing is None else forcing, item.because)
+    name = end_name(graph, item.port)
+    why, advice = _dependence(name, node, forcing, item.because)
     return DerivativeRow(
         name, place_of(node.span), None if forcing is None else forcing.name,
         None if forcing is None else place_of(forcing.span), why,
@@ -270,29 +267,13 @@ def _junctions(causal: CausalGraph, numbers: Mapping[str, int], members: Sequenc
 def _shortest_cycle(block: Sequence[int], inputs: Sequence[Sequence[int]]) -> list[int]:
     """Return the variables of a shortest cycle, each computed from the one before it (and the first from the last)."""
     inside, best = set(block), list[int]()
+    reads = nx.DiGraph((v, other) for v in block for other in inputs[v] if other in inside)
     for start in block[:LONGEST_SEARCH]:
-        best = _cycle_through(start, inside, inputs, len(best) or len(block) + 1) or best
+        if len(best) == 1:
+            break
+        paths = nx.single_source_shortest_path(reads, start, cutoff=(len(best) or len(block) + 1) - 2)
+        best = next((path[::-1] for path in paths.values() if reads.has_edge(path[-1], start)), best)
     return best
-
-
-def _cycle_through(start: int, inside: set[int], inputs: Sequence[Sequence[int]], below: int) -> list[int]:
-    """Return a shortest cycle through a variable; empty if it does not have fewer variables than `below`."""
-    readers: dict[int, tuple[int, int]] = {start: (start, 1)}  # variable -> the one that reads it, distance
-    queue = [start]
-    for here in queue:
-        length = readers[here][1]
-        if length >= below:
-            return []
-        if start in inputs[here]:
-            path = [here]
-            while path[-1] != start:
-                path.append(readers[path[-1]][0])
-            return path
-        for other in inputs[here]:
-            if other in inside and other not in readers:
-                readers[other] = here, length + 1
-                queue.append(other)
-    return []
 
 
 def _loop_advice(junctions: Sequence[Any]) -> str:
@@ -304,10 +285,3 @@ def _loop_advice(junctions: Sequence[Any]) -> str:
         for j in junctions[:3]
     ]
     return f"{solved} To break it, put {' or '.join(ways)}: what is stored there is known."
-
-
-# ---------------------------------------------------------------- words
-
-
-def _around(cycle: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
-    return zip((cycle[-1], *cycle[:-1]), cycle, strict=True)

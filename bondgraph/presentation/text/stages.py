@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from compiler.api import Compilation, Mechanism, MechanismNode, write_text
 
-from .tables import place_of, visible
-
-if TYPE_CHECKING:
-    from compiler.api import BondEnd, BondGraph
+from .tables import end_name, place_of, visible
 
 
 def stage_text(compilation: Compilation, stage: str) -> str:
@@ -51,13 +48,6 @@ def _syntax(compilation: Compilation) -> Iterator[str]:
         yield from walk(statement, "", 0)
 
 
-def _end(graph: BondGraph, end: BondEnd) -> str:
-    node = graph.nodes[end.node]
-    ports = getattr(node, "ports", None)
-    name = ports[end.port].name if ports else ""
-    return f"{node.name}.{name}" if name else str(node.name)
-
-
 def _graph(compilation: Compilation) -> Iterator[str]:
     """Yield nodes, bonds, quantities."""
     graph = compilation.whole_graph
@@ -71,7 +61,7 @@ def _graph(compilation: Compilation) -> Iterator[str]:
         if isinstance(node, MechanismNode):
             yield from _parts(node.mechanism)
     for bond in graph.bonds:
-        yield f"  {_end(graph, bond.tail)} -> {_end(graph, bond.head)} : {bond.domain}  # {place_of(bond.span)}"
+        yield f"  {end_name(graph, bond.tail)} -> {end_name(graph, bond.head)} : {bond.domain}  # {place_of(bond.span)}"
     for named in graph.quantities.values():
         value = f" = {named.value!r}" if named.value is not None else ""
         yield f"  {named.role} {named.name} [{named.unit}]{value}  # {place_of(named.span)}"
@@ -110,7 +100,7 @@ def _causality(compilation: Compilation) -> Iterator[str]:
     for bond, effort_from, reason in zip(graph.bonds, causal.effort_from, causal.reasons, strict=True):
         arrow = "--|>" if effort_from == 0 else "|-->"
         source = graph.nodes[reason.node].name
-        yield f"  {_end(graph, bond.tail)} {arrow} {_end(graph, bond.head)}  # {reason.because.value}: {source}"
+        yield f"  {end_name(graph, bond.tail)} {arrow} {end_name(graph, bond.head)}  # {reason.because.value}: {source}"
 
 
 def _equations(compilation: Compilation) -> Iterator[str]:

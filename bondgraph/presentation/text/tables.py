@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 from ...results.result import extremes
 
 if TYPE_CHECKING:
-    from compiler.api import Array, Span
+    from compiler.api import Array, BondEnd, BondGraph, Span
 
     from ...results.records import EnergyBalance
     from ...results.result import Result
@@ -41,11 +42,8 @@ def counted(number: int, what: str) -> str:
 
 def columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Yield rows as lines with aligned columns; very long cells do not widen a column."""
-    if not rows:
-        return
-    widths = [min(72, max(len(r[i]) for r in rows)) for i in range(len(rows[0]))]
-    for row in rows:
-        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+    if rows:
+        yield from aligned(rows, "<" * len(rows[0]), widest=72).split("\n")
 
 
 def short(name: str, longest: int = LONGEST_NAME) -> str:
@@ -62,9 +60,16 @@ def place_of(span: Span) -> str:
     return f"{PurePath(span.source.name).name}:{span.line}"
 
 
-def labelled(name: str, unit: str) -> str:
+def end_name(graph: BondGraph, end: BondEnd) -> str:
+    """Return the node at an end of a bond, with the name of its port if it has one."""
+    node = graph.nodes[end.node]
+    ports = getattr(node, "ports", ())
+    return f"{node.name}.{ports[end.port].name}" if ports and ports[end.port].name else str(node.name)
+
+
+def labelled(name: str, unit: str, longest: int = 30) -> str:
     """Return a name with its unit in brackets, for an axis."""
-    return short(name, 30) + (f" [{visible(unit)}]" if unit not in ("", "1") else "")
+    return short(name, longest) + (f" [{visible(unit)}]" if unit not in ("", "1") else "")
 
 
 def shown_unit(unit: str) -> str:
@@ -128,17 +133,14 @@ def spark(time: Array, values: Array, width: int = SPARKS) -> str:
         return " " * width
     low, high = float(values[finite].min()), float(values[finite].max())
     first, last = float(time[0]), float(time[-1])
-    columns = (
-        np.zeros(len(time), int)
-        if first == last
-        else np.minimum((time - first) / (last - first) * width, width - 1).astype(int)
-    )
+    share = (time - first) / (last - first) if last != first else np.zeros(len(time))
+    columns = np.minimum(share * width, width - 1).astype(int)
     bars, level = [], " "
     for column in range(width):
         here = values[finite & (columns == column)]
         if len(here):
-            share = (float(here.mean()) - low) / (high - low) if high > low else 0.5
-            level = BARS[min(len(BARS) - 1, int(share * len(BARS)))]
+            height = (float(here.mean()) - low) / (high - low) if high > low else 0.5
+            level = BARS[min(len(BARS) - 1, int(height * len(BARS)))]
         elif (columns == column).any():
             level = " "  # values that are not finite
         bars.append(level)
@@ -179,8 +181,8 @@ def _energy(energy: EnergyBalance) -> str:
     return aligned(rows, "<<>>>>") + f"\nresidual (supplied - stored - dissipated): {energy.residual:.3g}"
 
 
-def aligned(rows: Sequence[tuple[str, ...]], sides: str) -> str:
-    """Return rows as lines; `sides` has < or > for each column."""
-    widths = [max(len(row[place]) for row in rows) for place in range(len(sides))]
+def aligned(rows: Sequence[Sequence[str]], sides: str, widest: int = sys.maxsize) -> str:
+    """Return rows as lines; `sides` has < or > for each column, `widest` is the largest width of a column."""
+    widths = [min(widest, max(len(row[place]) for row in rows)) for place in range(len(sides))]
     lines = ("  ".join(f"{t:{s}{w}}" for t, s, w in zip(row, sides, widths, strict=True)).rstrip() for row in rows)
     return "\n".join(lines)

@@ -1,0 +1,127 @@
+"""Plots over time: outputs of a run, its energies, inputs along a path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compiler.api import Array
+
+from ..text.tables import short, time_unit, visible
+from .sheet import PANELS, curve_style, heading, legend, picture, stack
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ...analysis.energies import Energies
+    from ...analysis.inversion.feed_forward import FeedForward
+    from ...results.result import Result
+
+CURVES = 16  # most curves in one panel: a legend cannot distinguish more
+MOST = 6  # most elements
+PREFIXES = ((1e-15, "fJ"), (1e-12, "pJ"), (1e-9, "nJ"), (1e-6, "uJ"), (1e-3, "mJ"), (1.0, "J"), (1e3, "kJ"), (1e6, "MJ"))  # fmt: skip
+Curve = tuple[str, Array]
+
+
+@picture
+def plot_result(result: Result) -> Figure:
+    """Return one panel for each shown unit: at most six panels with sixteen curves each; omitted ones are named below."""
+    groups = group_by_unit(result)
+    shown = list(groups.items())[:PANELS]
+    omitted = [name for _, curves in shown for name, _ in curves[CURVES:]]
+    omitted += [name for curves in list(groups.values())[PANELS:] for name, _ in curves]
+    count = max(1, len(shown))
+    figure, panels = stack(result.title, 8.0, 1.3 + (2.9 if count == 1 else 1.9) * count, count)
+    labels = (f"{short(c[0][0], 30) if len(c) == 1 else ''} [{visible(unit)}]".strip() for unit, c in shown)
+    curves = [(label, c[:CURVES]) for label, (_, c) in zip(labels, shown, strict=True)]
+    factor = _over_time(figure, panels, result.time, curves, _crowded)
+    if not shown:
+        panels[0].text(0.5, 0.5, "no outputs", transform=panels[0].transAxes, ha="center", va="center")
+    for panel in panels[: len(shown)]:
+        panel.margins(x=0.0, y=0.08)
+    if len(result.time) > 1:
+        panels[-1].set_xlim(result.time[0] * factor, result.time[-1] * factor)
+    if omitted:
+        figure.supxlabel(_omitted(omitted), fontsize=7, color="#555555", parse_math=False)
+    return figure
+
+
+def group_by_unit(result: Result) -> dict[str, list[Curve]]:
+    """Return the curves (name, values in the unit) of each shown unit, in the order in which the units appear."""
+    groups: dict[str, list[Curve]] = {}
+    for item, values in result.shown():
+        groups.setdefault(item.unit, []).append((item.name, values))
+    return groups
+
+
+def _crowded(count: int) -> dict[str, Any]:
+    """Return the style of a legend of so many curves."""
+    return {"handlelength": 2.6, "fontsize": 6, "labelspacing": 0.2} if count > 8 else {"handlelength": 2.6, "labelspacing": 0.4}  # fmt: skip
+
+
+def _omitted(names: Sequence[str]) -> str:
+    listed = ", ".join(short(name, 24) for name in names[:6])
+    rest = f" and {len(names) - 6} more" if len(names) > 6 else ""
+    return f"not drawn: {listed}{rest}"
+
+
+@picture
+def plot_energies(found: Energies) -> Figure:
+    """Return supplied energy and its distribution; below, the elements with most of it."""
+    figure, panels = stack(f"{heading(found.model, found.experiment)}, energy", 8.0, 6.0, 2)
+    sums = {
+        "supplied": found.supplied,
+        "stored": found.stored,
+        "in motion": found.motion,
+        "dissipated": found.dissipated,
+    }
+    sums = {n: v for n, v in sums.items() if np.abs(v).max(initial=0.0) > 0}
+    sizes = {n: float(np.abs(v).max(initial=0.0)) for n, v in found.elements.items()}
+    largest = sorted((n for n in sizes if sizes[n] > 0), key=lambda n: -sizes[n])[:MOST]
+    scale, unit = _prefix(max([float(np.abs(v).max()) for v in sums.values()], default=1.0))
+    rows = (sums, {n: found.elements[n] for n in largest})
+    curves = [(f"energy [{unit}]", [(n, v / scale) for n, v in row.items()]) for row in rows]
+    _over_time(figure, panels, found.time, curves)
+    return figure
+
+
+def _prefix(largest: float) -> tuple[float, str]:
+    return next(((s, n) for s, n in reversed(PREFIXES) if largest >= s), PREFIXES[0])
+
+
+@picture
+def plot_feed_forward(found: FeedForward) -> Figure:
+    """Return outputs above, by units; inputs below, pulling ones drawn downwards."""
+    groups: dict[tuple[str, str], list[Curve]] = {}
+    for name, values in found.outputs.items():
+        groups.setdefault(("out", found.units.get(name, "1")), []).append((name, values))
+    for drive in found.drives:
+        name, values = drive.push, found.inputs[drive.push]
+        if drive.pull is not None:
+            name, values = f"{drive.push} - {drive.pull}", values - found.inputs[drive.pull]
+        groups.setdefault(("in", found.units.get(drive.push, "1")), []).append((name, values))
+    title = f"{heading(found.model, found.experiment)}, inputs along a path"
+    figure, panels = stack(title, 8.0, 1.2 + 2.0 * len(groups), len(groups))
+    _over_time(figure, panels, found.time, [(f"[{visible(unit)}]", curves) for (_, unit), curves in groups.items()])
+    return figure
+
+
+def _over_time(
+    figure: Figure, panels: Sequence[Axes], time: Array, curves: Sequence[tuple[str, Sequence[Curve]]],
+    legend_style: Callable[[int], Mapping[str, Any]] = lambda count: {},
+) -> float:  # fmt: skip
+    """Draw the label and the curves of each panel; return the number of the axis' units in a second."""
+    unit, factor = time_unit(float(np.abs(time).max(initial=0.0)))
+    alone: dict[str, Any] = {"marker": "o", "markersize": 3} if len(time) == 1 else {}
+    for panel, (label, drawn) in zip(panels, curves, strict=False):
+        for place, (_, values) in enumerate(drawn):
+            panel.plot(time * factor, values, **curve_style(place), **alone)
+        panel.set_ylabel(label, parse_math=False)
+        panel.margins(x=0.0)
+        legend(panel, (name for name, _ in drawn), beside=True, **legend_style(len(drawn)))
+    panels[-1].set_xlabel(f"time [{unit}]")
+    figure.align_ylabels(panels)
+    return factor
