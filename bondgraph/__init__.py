@@ -19,49 +19,39 @@ from .presentation.renderers import RENDERERS
 
 if TYPE_CHECKING:
     from compiler.api import CacheBackend
+    from compiler.api import CompilationFailed as CompilationFailed
 
-    from .builder import Graph
-    from .compiled_model import check
-    from .errors import BondgraphError, RunFailed, RunInterrupted, UsageError
-    from .model import Model, load
-    from .results.archive import read_result
-    from .results.ensemble import Ensemble
-    from .results.result import Result
-    from .studies.journal import Journal
-    from .studies.workers import Workers
+    from .builder import Graph as Graph
+    from .compiled_model import check as check
+    from .errors import BondgraphError as BondgraphError
+    from .errors import RunFailed as RunFailed
+    from .errors import RunInterrupted as RunInterrupted
+    from .errors import UsageError as UsageError
+    from .model import Model as Model
+    from .model import load as load
+    from .results.archive import read_result as read_result
+    from .results.ensemble import Ensemble as Ensemble
+    from .results.result import Result as Result
+    from .studies.journal import Journal as Journal
+    from .studies.workers import Workers as Workers
 
-__all__ = [
-    "BondgraphError",
-    "CompilationFailed",
-    "Ensemble",
-    "Graph",
-    "Journal",
-    "Model",
-    "Result",
-    "RunFailed",
-    "RunInterrupted",
-    "UsageError",
-    "Workers",
-    "check",
-    "load",
-    "read_result",
-]  # fmt: skip
 _HOMES = {
-    "load": "model",
-    "check": "compiled_model",
-    "Model": "model",
-    "Graph": "builder",
-    "Ensemble": "results.ensemble",
-    "Journal": "studies.journal",
-    "Workers": "studies.workers",
-    "Result": "results.result",
-    "read_result": "results.archive",
     "BondgraphError": "errors",
+    "CompilationFailed": "compiler.api",
+    "Ensemble": "results.ensemble",
+    "Graph": "builder",
+    "Journal": "studies.journal",
+    "Model": "model",
+    "Result": "results.result",
     "RunFailed": "errors",
     "RunInterrupted": "errors",
     "UsageError": "errors",
-    "CompilationFailed": "compiler.api",
+    "Workers": "studies.workers",
+    "check": "compiled_model",
+    "load": "model",
+    "read_result": "results.archive",
 }
+__all__ = list(_HOMES)
 
 
 def _connect_compiler() -> None:

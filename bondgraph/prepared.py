@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from . import cache
 from .errors import ManyRuns, UsageError
@@ -58,6 +58,15 @@ def many_runs(plan: Plan, scene: Scene) -> ManyRuns | None:
     return None
 
 
+class CompiledParts(NamedTuple):
+    """Program of a scene, with the plan of its experiment, further data for a run, and the kind of its equations."""
+
+    program: Program
+    plan: Plan
+    metadata: RunMetadata
+    certificate: Certificate
+
+
 class Prepared:
     """Compiled scene. `compilation` makes the stages of the compiler when needed; `opened` the same with opened loops."""
 
@@ -82,28 +91,25 @@ class Prepared:
     @cached_property
     def program(self) -> Program:
         """Program of the target. One with loops has a reference to the program with opened loops."""
-        program = self._found[0]
+        program = self._parts.program
         if program.unknowns.names and not self.scene.opened:
             program.kept["opened"] = self._opened
         return program
 
-    @cached_property
+    @property
     def plan(self) -> Plan:
         """Plan of the experiment."""
-        plan: Plan = self._found[1]
-        return plan
+        return self._parts.plan
 
-    @cached_property
+    @property
     def facts(self) -> RunMetadata:
         """Further data for a run."""
-        facts: RunMetadata = self._found[2]
-        return facts
+        return self._parts.metadata
 
-    @cached_property
+    @property
     def certificate(self) -> Certificate:
         """Kind of the equations."""
-        certificate: Certificate = self._found[3]
-        return certificate
+        return self._parts.certificate
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:
@@ -112,53 +118,36 @@ class Prepared:
         return tuple(Column(n, u) for n, u in zip(outputs.names, outputs.units, strict=True))
 
     @cached_property
-    def _found(self) -> tuple[Program, Any, Any, Any]:
+    def _parts(self) -> CompiledParts:
         if self.target == "numpy":
-            made = self.compilation
-            return made.program, made.plan, made.facts, made.certificate
+            return _interpreted(self.compilation)
         key = self._key()
-        kept = cache.fetch(key)
-        if kept is not None and all(_unchanged(*file) for file in kept["files"]):
-            if "needed" in kept:
+        cached = cache.fetch(key)
+        if cached is not None and all(_unchanged(*file) for file in cached["files"]):
+            if "needed" in cached:
                 from compiler.api import ValuesNeeded
 
-                raise ValuesNeeded(kept["needed"])
+                raise ValuesNeeded(cached["needed"])
             from compiler.api import bind
 
-            return bind(kept["described"], kept["codes"]), kept["plan"], kept["facts"], kept["certificate"]
-        return self._made(key)
+            return CompiledParts(
+                bind(cached["described"], cached["codes"]), cached["plan"], cached["facts"], cached["certificate"]
+            )
+        return self._compiled_now(key)
 
-    def _made(self, key: str) -> tuple[Program, Any, Any, Any]:
+    def _compiled_now(self, key: str) -> CompiledParts:
         from compiler.api import ValuesNeeded, uncollected
 
-        made = self.compilation
+        compilation = self.compilation
         with uncollected():
             try:
-                if many_runs(made.plan, self.scene) is not None:  # reported before any other error
-                    return made.program, made.plan, made.facts, made.certificate
-                _ = made.lowered
+                if many_runs(compilation.plan, self.scene) is not None:  # reported before any other error
+                    return _interpreted(compilation)
+                _ = compilation.lowered
             except ValuesNeeded as needed:
                 cache.keep(key, {"needed": needed.why, "files": ()})
                 raise
-            return self._compiled(key, made)
-
-    def _compiled(self, key: str, made: Compilation) -> tuple[Program, Any, Any, Any]:
-        from compiler.api import bind
-
-        from .native import CannotCompile, compiled_safely
-
-        if made.lowered.lags:  # delayed signals are filled in by Python
-            return made.program, made.plan, made.facts, made.certificate
-        try:
-            described, codes = made.native(compiled_safely)
-        except CannotCompile:
-            return made.program, made.plan, made.facts, made.certificate
-        program = bind(described, codes)
-        described = described.without_source()
-        files = tuple((str(s.path), _digest(s.path)) for s in made.files if s.path is not None)
-        parts = {"plan": made.plan, "facts": made.facts, "certificate": made.certificate, "files": files}
-        cache.keep(key, {"described": described, "codes": codes, **parts})
-        return program, made.plan, made.facts, made.certificate
+            return _native(key, compilation)
 
     def _key(self) -> str:
         from compiler.api import processor
@@ -167,6 +156,29 @@ class Prepared:
         return cache.key_of(
             "program", processor(), self.source.name, path, self.source.text, repr(self.scene), self.everything
         )
+
+
+def _interpreted(compilation: Compilation) -> CompiledParts:
+    return CompiledParts(compilation.program, compilation.plan, compilation.facts, compilation.certificate)
+
+
+def _native(key: str, compilation: Compilation) -> CompiledParts:
+    """Return the parts with machine code, and keep them in the cache; interpreted where that is not possible."""
+    from compiler.api import bind
+
+    from .native import CannotCompile, compiled_safely
+
+    if compilation.lowered.lags:  # delayed signals are filled in by Python
+        return _interpreted(compilation)
+    try:
+        described, codes = compilation.native(compiled_safely)
+    except CannotCompile:
+        return _interpreted(compilation)
+    parts = CompiledParts(bind(described, codes), compilation.plan, compilation.facts, compilation.certificate)
+    files = tuple((str(s.path), _digest(s.path)) for s in compilation.files if s.path is not None)
+    others = {"plan": parts.plan, "facts": parts.metadata, "certificate": parts.certificate, "files": files}
+    cache.keep(key, {"described": described.without_source(), "codes": codes, **others})
+    return parts
 
 
 def _digest(path: Path) -> str:

@@ -37,3 +37,13 @@ def text_of(subject: object, kind: str = "summary", *options: object) -> str:
 def draw(subject: object, path: str | os.PathLike[str], kind: str = "plot", *options: object) -> None:
     """Draw a result into a file. Raises `UsageError` for an unknown ending, `MissingPackage` without matplotlib, OSError."""
     renderer(subject, kind)(subject, path, *options)
+
+
+class Summarised:
+    """Result with a renderer for terminals."""
+
+    __slots__ = ()
+
+    def summary(self) -> str:
+        """Return the result as tables for terminals."""
+        return text_of(self)

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from .errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, render
     from .graph.domains import BUNDLES, DOMAINS
     from .graph.elements import ELEMENTS, Kind, letters
-    from .graph.mechanism import Body, Joint, Mechanism, freedoms_of
+    from .graph.mechanism import Joint, Mechanism, freedoms_of
     from .graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Quantity, Reading
     from .graph.network import Node as GraphNode
     from .persistent_cache import CacheBackend
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from .reduction.order import blocks
     from .reduction.state_space import LinearLoop, StateSpace, Unknown
     from .scene import (
-        Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, RandomParameter,
+        Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, RandomParameter, Reported,
         RunMetadata, Scene, Study,
     )  # fmt: skip
     from .semantics.names.domain_table import ELEMENT_KINDS

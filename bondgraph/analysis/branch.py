@@ -19,7 +19,7 @@ import numpy as np
 from compiler.api import Array, BoolArray
 
 from ..errors import UsageError
-from ..rendering import draw, text_of
+from ..rendering import Summarised, draw
 from .branch_steps import BranchFollower, BranchLine, BranchPlace
 from .json_values import named, with_units
 from .operating_point import OperatingPoint
@@ -42,7 +42,7 @@ class Special:
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class Branch(Summarised):
     """Equilibria along a branch: `values` (n,) of the parameter, `states` and `outputs` name -> (n,), `stable` and `unstable` (n,), all in SI."""
 
     model: str
@@ -108,10 +108,6 @@ class Branch:
     def plot(self, path: str | os.PathLike[str], names: Sequence[str] = ()) -> None:
         """Plot outputs (or `names`) over the parameter, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
         draw(self, path, "plot", names)
-
-    def summary(self) -> str:
-        """Return a table for terminals."""
-        return text_of(self)
 
 
 def follow(first: OperatingPoint, name: str, low: float, high: float, points: int, most: int, branches: bool = False) -> Branch:  # fmt: skip

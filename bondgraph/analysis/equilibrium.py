@@ -8,20 +8,20 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
-from ..rendering import text_of
+from ..rendering import Summarised
 from .json_values import finite, named, pair, with_units
 from .operating_point import OperatingPoint
 from .sampled import is_sampled, sampled_verdict
 from .verdict import Verdict, verdict
 
 if TYPE_CHECKING:
-    from ..results.records import Reporting
+    from compiler.api import Reported
 
 SCHEMA = "bondgraph-equilibrium/1"
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium:
+class Equilibrium(Summarised):
     """States, unknowns of loops and outputs by name, in SI, with all rates zero at `time` (s).
 
     `verdict` has the largest real part of an eigenvalue (1/s) with a bound, and the eigenvalues that rounding hides. A coordinate without restoring
@@ -36,7 +36,7 @@ class Equilibrium:
     outputs: Mapping[str, float]
     units: Mapping[str, str]
     verdict: Verdict
-    report: Sequence[Reporting] = ()  # units in which the experiment shows outputs
+    report: Sequence[Reported] = ()  # units in which the experiment shows outputs
     steady: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -73,10 +73,6 @@ class Equilibrium:
         if self.steady:
             told["steady"] = with_units(self.steady, dict.fromkeys(self.steady, "1/s"))
         return told
-
-    def summary(self) -> str:
-        """Return a table for terminals."""
-        return text_of(self)
 
 
 def equilibrium(point: OperatingPoint) -> Equilibrium:

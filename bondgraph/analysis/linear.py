@@ -9,7 +9,7 @@ from typing import Any
 from compiler.api import Array
 
 from ..errors import MissingPackage
-from ..rendering import text_of
+from ..rendering import Summarised
 from .json_values import rows_of, with_units
 from .operating_point import OperatingPoint
 
@@ -17,7 +17,7 @@ SCHEMA = "bondgraph-linearization/1"
 
 
 @dataclass(frozen=True, eq=False)
-class Linearization:
+class Linearization(Summarised):
     """Matrices A (n, n), B (n, k), C (m, n), D (m, k), in SI, for `states`, `inputs` and `outputs` by the author's names.
 
     `states` are the free ones: coordinates tied by loop joints follow them, unknowns of loops are eliminated. `x` (n,), `u` (k,), `y` (m,) are the
@@ -69,10 +69,6 @@ class Linearization:
             told[word] = with_units(dict(zip(names, values.tolist(), strict=True)), self.units)
         told |= {word: rows_of(getattr(self, word)) for word in "ABCD"}
         return {**told, "rates": rows_of([self.rates])[0]}
-
-    def summary(self) -> str:
-        """Return the matrices as text for terminals."""
-        return text_of(self)
 
 
 def linearization(point: OperatingPoint) -> Linearization:

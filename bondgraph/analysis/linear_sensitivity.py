@@ -17,7 +17,7 @@ import numpy as np
 from compiler.api import Array, ComplexArray
 
 from ..errors import RunFailed, UsageError
-from ..rendering import text_of
+from ..rendering import Summarised
 from .json_values import finite, pair
 from .linear import Linearization, linearization
 from .operating_point import OperatingPoint
@@ -29,7 +29,7 @@ ON = 1e-9  # relative distance at which an end of the range lies on an undamped 
 
 
 @dataclass(frozen=True, eq=False)
-class ResponseSensitivity:
+class ResponseSensitivity(Summarised):
     """Derivatives `slopes` (f, m, k, q) of `response.values` by `parameters` (q), with values `at`, in SI; `units` of the parameters."""
 
     response: Response
@@ -95,10 +95,6 @@ class ResponseSensitivity:
             "parameters": parameters,
             "responses": responses,
         }
-
-    def summary(self) -> str:
-        """Return a table for terminals."""
-        return text_of(self)
 
 
 class _Moving:

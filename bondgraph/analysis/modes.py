@@ -15,7 +15,7 @@ import numpy as np
 
 from compiler.api import Array, ComplexArray, Leaf, letters
 
-from ..rendering import text_of
+from ..rendering import Summarised
 from .json_values import finite, pair
 from .linear import Linearization, linearization, state_matrix
 from .operating_point import OperatingPoint
@@ -101,7 +101,7 @@ class Mode:
 
 
 @dataclass(frozen=True, eq=False)
-class Modes(Sequence[Mode]):
+class Modes(Sequence[Mode], Summarised):
     """Modes at a point, slowest first; `units` of states and outputs."""
 
     model: str
@@ -134,10 +134,6 @@ class Modes(Sequence[Mode]):
         told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
         told |= {"note": self.note} if self.note else {}
         return {**told, "units": dict(self.units), "modes": [m.to_json() for m in self.modes]}
-
-    def summary(self) -> str:
-        """Return a table for terminals."""
-        return text_of(self)
 
 
 def modes(point: OperatingPoint) -> Modes:

@@ -14,14 +14,12 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import UsageError
-from ..rendering import draw, text_of
+from ..rendering import Summarised, draw
+from ..results.exports import Arrays, Exported, write_csv
 from .json_values import finite
 from .outcome_numbers import numbers_of
 
 if TYPE_CHECKING:
-    import xarray
-
-    from ..results.exports import Arrays
     from ..results.result import Result
     from .equilibrium import Equilibrium
     from .modes import Modes
@@ -102,7 +100,7 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome(Sequence[Point]):
+class Outcome(Sequence[Point], Summarised, Exported):
     """Points of an experiment in order, the last swept name running fastest; one without a sweep has a single point."""
 
     model: str
@@ -166,8 +164,6 @@ class Outcome(Sequence[Point]):
 
     def _arrays(self) -> Arrays:
         """Return numbers over the swept names if they form a grid, else over `point`; and runs over time, if all have the same instants."""
-        from ..results.exports import Arrays
-
         table, units, shape = self.table(), self.units, self.grid
         dims = tuple(self.swept) if shape is not None else ("point",)
         shape = shape if shape is not None else (len(self),)
@@ -184,30 +180,16 @@ class Outcome(Sequence[Point]):
                 found[name] = ((*dims, "time"), np.array(rows).reshape(*shape, -1), units[name])
         return Arrays(coordinates, found, {"model": self.model, "experiment": self.experiment})
 
-    def to_xarray(self) -> xarray.Dataset:
-        """Return a data set over the swept names, if they form a grid (else over `point`), in SI and Hz; and runs over `time`. Raises `MissingPackage`."""
-        from ..results.exports import dataset
-
-        return dataset(self._arrays())
-
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the table into a .csv (17 significant digits) file; or all of `to_xarray` into a .npz, .nc or .mat file. Raises OSError, `UsageError`."""
-        from ..results.exports import write_arrays
-
         if os.fspath(path).lower().endswith(".csv"):
             self.to_csv(path)
         else:
-            write_arrays(path, self._arrays())
+            super().write(path)
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write the table as .csv into a file of any name. Raises OSError."""
-        from ..results.exports import write_csv
-
         write_csv(path, dict(zip(self.names, self.table().T, strict=True)), self.units)
-
-    def summary(self) -> str:
-        """Return text for terminals: a table of the points, or all results of a single point."""
-        return text_of(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Plot results over the last swept name; for a single point its response or run. Raises as `Result.plot`."""

@@ -13,7 +13,7 @@ import numpy as np
 from compiler.api import Array, BoolArray, ComplexArray
 
 from ..errors import UsageError
-from ..rendering import draw, text_of
+from ..rendering import Summarised, draw
 from .extrema import Evaluate, Extremum, extrema
 from .json_values import finite, pair
 from .linear import Linearization
@@ -30,7 +30,7 @@ AT_ONCE = 4_000_000  # most numbers in the matrices that are solved together
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class Response(Summarised):
     """Response `values` (f, m, k) at `frequencies` (f,) in Hz, from `inputs` (k) to `outputs` (m), in SI units of the output over those of the input.
 
     `extrema`: peaks and dips between the first and last frequency, computed from the poles and independent of the frequencies; an undamped one has an
@@ -107,10 +107,6 @@ class Response:
         """Return the unit of the output over that of the input, `m/N`."""
         above, below = self.units.get(seen, "1"), self.units.get(given, "1")
         return above if below == "1" else f"{above}/({below})" if any(c in below for c in "*/") else f"{above}/{below}"
-
-    def summary(self) -> str:
-        """Return a table for terminals."""
-        return text_of(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Plot magnitude and phase over frequency into a .png, .svg or .pdf file. Raises MissingPackage, UsageError, OSError."""

@@ -19,7 +19,7 @@ import numpy as np
 from compiler.api import Array, Leaf, symbols
 
 from ..errors import RunFailed, UsageError
-from ..rendering import text_of
+from ..rendering import Summarised
 from .json_values import finite
 from .operating_point import AnalysisRequest, OperatingPoint
 from .sensitivity import balanced_step, independent
@@ -35,7 +35,7 @@ TIED = 1e-9  # relative to the derivatives at a start: remainder under the const
 
 
 @dataclass(frozen=True, eq=False)
-class RunSensitivity:
+class RunSensitivity(Summarised):
     """Values `values` (t, m) of `outputs` over `time` (t,), and `slopes` (t, m, k), their derivatives by `parameters` (k), in SI."""
 
     model: str
@@ -73,10 +73,6 @@ class RunSensitivity:
             for i, n in enumerate(self.outputs)
         }  # fmt: skip
         return told
-
-    def summary(self) -> str:
-        """Return text for terminals: the derivatives at the end, and the places where they are largest."""
-        return text_of(self)
 
 
 def run_sensitivity(

@@ -18,7 +18,7 @@ import numpy as np
 from compiler.api import Array, Leaf
 
 from ..errors import RunFailed, UsageError
-from ..rendering import text_of
+from ..rendering import Summarised
 from .json_values import finite
 from .linear import Linearization, linearization
 from .modes import STILL, eigenvalues
@@ -35,7 +35,7 @@ NEAR = 1e-6  # relative distance of two eigenvalues that count as equal
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivity:
+class Sensitivity(Summarised):
     """Derivatives `slopes` (m, k) of `quantities` (m) by `parameters` (k), in SI, with the values of both.
 
     Quantities are outputs at equilibrium, `frequency i` (Hz) and `damping i` of the moving modes, slowest first.
@@ -84,10 +84,6 @@ class Sensitivity:
             for i, name in enumerate(self.quantities)
         }  # fmt: skip
         return told
-
-    def summary(self) -> str:
-        """Return a table for terminals."""
-        return text_of(self)
 
 
 def independent(

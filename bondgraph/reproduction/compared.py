@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from ..quantities import behind
+from ..results.records import finite
 
 SCHEMA = "bondgraph-reproduction/1"
 
@@ -86,25 +86,11 @@ class Reproduction:
         note}], errata: [{where, text}]}.
         """
         values = [
-            {
-                "where": v.where, "what": v.what, "unit": v.unit, "published": v.published,
-                "computed": v.computed if math.isfinite(v.computed) else None, "digits": v.digits,
-                "error": v.error if math.isfinite(v.error) else None, "agrees": v.agrees, "note": v.note,
-            }
+            asdict(v) | {"computed": finite(v.computed), "error": finite(v.error), "agrees": v.agrees}
             for v in self.values
-        ]  # fmt: skip
-        told = {"schema": SCHEMA, "title": self.title, "source": self.source, "agrees": self.agrees, "values": values}
-        told["tables"] = [
-            {
-                "where": t.where,
-                "what": t.what,
-                "heads": list(t.heads),
-                "rows": [list(r) for r in t.rows],
-                "note": t.note,
-            }
-            for t in self.tables
         ]
-        return {**told, "errata": [{"where": e.where, "text": e.text} for e in self.errata]}
+        told = {"schema": SCHEMA, "title": self.title, "source": self.source, "agrees": self.agrees, "values": values}
+        return {**told, "tables": [asdict(t) for t in self.tables], "errata": [asdict(e) for e in self.errata]}
 
     def page(self) -> str:
         """Return a page in Markdown, with links to its pictures."""

@@ -9,9 +9,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from compiler.api import Reported
+
 from ..errors import UsageError
 from .checkpoint import read_checkpoint
-from .records import Column, ElementEnergy, EnergyBalance, EventRecord, LimitLeft, ReportColumn, ToleranceDoubt
+from .records import Column, ElementEnergy, EnergyBalance, EventRecord, LimitLeft, ToleranceDoubt
 from .result import ARCHIVE, RUN, Result
 from .truncation import read_truncation
 
@@ -54,7 +56,7 @@ def _result(told: Mapping[str, Any], arrays: Mapping[str, Any]) -> Result:
         for w in told["warnings"]
     )
     return Result(
-        told["model"], told["experiment"], time, columns, values, tuple(ReportColumn(*r) for r in told["report"]), told["solver"],
+        told["model"], told["experiment"], time, columns, values, tuple(Reported(*r) for r in told["report"]), told["solver"],
         told["steps"], told["evaluations"], told["rtol"], energy=energy, warnings=warnings, notes=tuple(told["notes"]),
         events=tuple(EventRecord(**e) for e in told["events"]), stopped=told["stopped"], checkpoint=read_checkpoint(told, arrays),
         truncation=None if truncation is None else read_truncation(truncation),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,20 +10,18 @@ from typing import TYPE_CHECKING, Any
 from compiler.api import Array
 
 from ..errors import RunFailed, UsageError
+from .exports import Arrays, Exported
 
 if TYPE_CHECKING:
-    import xarray
-
-    from .exports import Arrays
     from .result import Result
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Ensemble:
+class Ensemble(Exported):
     """Runs in the order of their settings.
 
     `ensemble[3]` is the result of the fourth run (raises its error), `ensemble["x"]` the output `x` of all of them, shape (runs, points), NaN where a run
-    failed. `failures` has the failed runs with their errors.
+    failed. `failures` has the failed runs with their errors. Exports are over `run` and `time`, with the settings; they raise as `time`.
     """
 
     settings: tuple[Mapping[str, str | float], ...]
@@ -95,8 +92,6 @@ class Ensemble:
         """Return outputs over (run, time), and numeric settings over `run`. NaN where a run failed."""
         import numpy as np
 
-        from .exports import Arrays
-
         first, runs = self._first, np.arange(len(self), dtype=float)
         variables: dict[str, tuple[tuple[str, ...], Any, str]] = {
             n: (("run", "time"), self[n], first.unit(n)) for n in first.names
@@ -111,15 +106,3 @@ class Ensemble:
             variables,
             {"model": first.model, "failed": len(self.failures)},
         )
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return outputs over `run` and `time` in SI, with the settings. Raises MissingPackage without xarray, otherwise as `time`."""
-        from .exports import dataset
-
-        return dataset(self._arrays())
-
-    def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the same into a .npz, .nc (NetCDF) or .mat (MATLAB) file. Raises OSError, UsageError."""
-        from .exports import write_arrays
-
-        write_arrays(path, self._arrays())

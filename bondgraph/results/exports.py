@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 from compiler.api import Array
 
 from ..errors import MissingPackage, UsageError
-from ..files import replacing, write_text
+from ..files import replacing
 
 if TYPE_CHECKING:
-    pass
-
+    import xarray
 
 ENDINGS = (".csv", ".npz", ".nc", ".mat")
+ROWS_AT_ONCE = 10_000  # CSV rows turned into text at a time
 LONGEST = 63  # most letters of a name in MATLAB
 
 
@@ -40,6 +40,23 @@ class Arrays:
         if clash:  # an output may be called `time`
             renamed = {f"{n} (output)" if n in clash else n: v for n, v in self.variables.items()}
             object.__setattr__(self, "variables", renamed)
+
+
+class Exported:
+    """Result with named arrays."""
+
+    __slots__ = ()
+
+    def _arrays(self) -> Arrays:
+        raise NotImplementedError
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the arrays with their coordinates and `units`, in SI and Hz. Raises `MissingPackage` without xarray."""
+        return dataset(self._arrays())
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write the arrays into a .csv (of one dimension), .npz, .nc (NetCDF) or .mat (MATLAB) file; completely or not at all. Raises OSError, UsageError."""
+        write_arrays(path, self._arrays())
 
 
 def dataset(arrays: Arrays) -> Any:
@@ -85,12 +102,20 @@ def write_columns(
 
 def write_csv(path: str | os.PathLike[str], columns: Mapping[str, Array], units: Mapping[str, str]) -> None:
     """Write CSV with 17 significant digits; a heading with a comma or a quote is quoted."""
+    heads = ['"' + f"{n} [{units[n]}]".replace('"', '""') + '"' for n in columns]
+    write_rows(path, heads, list(columns.values()))
+
+
+def write_rows(path: str | os.PathLike[str], heads: Sequence[str], columns: Sequence[Array]) -> None:
+    """Write CSV from headings, quoted where necessary, and columns of one length, with 17 significant digits."""
     import numpy as np
 
-    heads = ['"' + f"{n} [{units[n]}]".replace('"', '""') + '"' for n in columns]
-    table = np.column_stack(list(columns.values())) if columns else np.zeros((0, 0))
-    row = ",".join(["%.17g"] * len(columns))
-    write_text(path, "\n".join([",".join(heads), *(row % tuple(line) for line in table.tolist())]) + "\n")
+    row = ",".join(["%.17g"] * len(heads)) + "\n"
+    with replacing(path) as stream:
+        stream.write((",".join(heads) + "\n").encode("utf-8"))
+        for first in range(0, len(columns[0]) if columns else 0, ROWS_AT_ONCE):
+            rows = np.column_stack([column[first : first + ROWS_AT_ONCE] for column in columns]).tolist()
+            stream.write("".join(row % tuple(numbers) for numbers in rows).encode("ascii"))
 
 
 def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:

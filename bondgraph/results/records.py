@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 
 def finite(value: float) -> float | None:
@@ -18,29 +18,6 @@ class Column:
 
     name: str
     unit: str
-
-
-class Reporting(Protocol):
-    """Column of a report: `shown = SI * scale + offset`, in `unit`. `compiler.scene.Reported` is one."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def scale(self) -> float: ...
-    @property
-    def offset(self) -> float: ...
-
-
-@dataclass(frozen=True, slots=True)
-class ReportColumn:
-    """A column in the unit of a report: `shown = SI * scale + offset`."""
-
-    name: str
-    unit: str
-    scale: float = 1.0
-    offset: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,30 +10,29 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from compiler.api import Reported
+
 from ..errors import MissingPackage, UnknownOutput
-from ..files import replacing
 from ..rendering import draw, text_of
-from .records import Column, EnergyBalance, EventRecord, LimitLeft, ReportColumn, Reporting, finite
+from .exports import Arrays, Exported, write_npz, write_rows
+from .records import Column, EnergyBalance, EventRecord, LimitLeft, finite
 
 if TYPE_CHECKING:
     import pandas
-    import xarray
     from numpy.typing import NDArray
 
     from compiler.api import Array, Certificate
 
     from .checkpoint import Checkpoint
-    from .exports import Arrays
     from .run_check import RunCheck
     from .truncation import TruncationReport
 
 SCHEMA = "bondgraph-result/1"
 ARCHIVE, RUN = "bondgraph-run/1", "the run"  # schema of a file, and its array with everything but numbers
-ROWS_AT_ONCE = 10_000  # CSV rows turned into text at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Result:
+class Result(Exported):
     """Result of one run; `result["x"]` is the output `x` over `result.time`, in SI.
 
     `time` (n,) in s; `values` (n, m) in SI, one column for each of `columns`; `report`: outputs shown by the experiment, with units; `steps` and
@@ -49,7 +48,7 @@ class Result:
     time: Array
     columns: tuple[Column, ...]
     values: Array
-    report: Sequence[Reporting] = ()
+    report: Sequence[Reported] = ()
     solver: str = ""
     steps: int = 0
     evaluations: Mapping[str, int] = field(default_factory=dict)
@@ -125,11 +124,11 @@ class Result:
         values = self[name]
         return float(values[-1]) if len(values) else math.nan
 
-    def shown(self) -> tuple[tuple[Reporting, Array], ...]:
+    def shown(self) -> tuple[tuple[Reported, Array], ...]:
         """Return the columns for display: the report in its units and order, then the other outputs, in SI."""
         reported = [item for item in self.report if item.name in self._places]
         told = {item.name for item in reported}
-        others = [ReportColumn(column.name, column.unit) for column in self.columns if column.name not in told]
+        others = [Reported(column.name, column.unit) for column in self.columns if column.name not in told]
         return tuple((item, self[item.name] * item.scale + item.offset) for item in (*reported, *others))
 
     def to_numpy(self) -> dict[str, Array]:
@@ -155,16 +154,8 @@ class Result:
         UTF-8, line feeds, RFC 4180: a name with a comma, a quote or a line break is quoted. A value that is not finite is `nan`, `inf` or `-inf`.
         Raises OSError.
         """
-        import numpy as np
-
         heads = ["time [s]", *(f"{column.name} [{column.unit}]" for column in self.columns)]
-        row = ",".join(["%.17g"] * len(heads)) + "\n"
-        with replacing(path) as stream:
-            stream.write((",".join(map(_csv_field, heads)) + "\n").encode("utf-8"))
-            for first in range(0, len(self.time), ROWS_AT_ONCE):
-                part = slice(first, first + ROWS_AT_ONCE)
-                rows = np.column_stack([self.time[part], self.values[part]]).tolist()
-                stream.write("".join(row % tuple(numbers) for numbers in rows).encode("ascii"))
+        write_rows(path, list(map(_csv_field, heads)), [self.time, *self.values.T])
 
     def to_npz(self, path: str | os.PathLike[str]) -> None:
         """Write the arrays of `to_numpy` for `numpy.load`, for each a text `unit of NAME`, and the data for `read_result`; completely or not at all.
@@ -172,8 +163,6 @@ class Result:
         Equal results give equal bytes. Raises OSError.
         """
         import numpy as np
-
-        from .exports import write_npz
 
         arrays: dict[str, NDArray[Any]] = dict(self.to_numpy())
         arrays |= {f"unit of {name}": np.array(self.unit(name)) for name in arrays}
@@ -194,28 +183,18 @@ class Result:
         }  # fmt: skip
 
     def _arrays(self) -> Arrays:
-        from .exports import Arrays
-
         told = {"model": self.model, "experiment": self.experiment, "solver": self.solver, "rtol": self.rtol}
         return Arrays({"time": (self.time, "s")}, {n: (("time",), self[n], self.unit(n)) for n in self.names}, told)
 
-    def to_xarray(self) -> xarray.Dataset:
-        """Return outputs over `time` in SI, each with its `units`. Raises MissingPackage without xarray."""
-        from .exports import dataset
-
-        return dataset(self._arrays())
-
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write a .csv, .npz, .nc (NetCDF) or .mat (MATLAB) file, by its ending. Raises OSError, UsageError for another ending."""
-        from .exports import write_arrays
-
         ending = os.path.splitext(os.fspath(path))[1].lower()
         if ending == ".csv":
             self.to_csv(path)
         elif ending == ".npz":
             self.to_npz(path)
         else:
-            write_arrays(path, self._arrays())
+            super().write(path)
 
     def to_json(self) -> dict[str, Any]:
         """The run in numbers, for `json.dumps`, by the schema `bondgraph-result/1`:
@@ -240,11 +219,12 @@ class Result:
 
         What is not finite is null: a minimum is null if a value anywhere in the run is no number.
         """
+        start, stop = self.time[[0, -1]] if len(self.time) else (math.nan, math.nan)
         told: dict[str, Any] = {
             "schema": SCHEMA,
             "model": self.model,
             "experiment": self.experiment,
-            "time": {"unit": "s", "start": _first(self.time), "stop": _last(self.time), "points": len(self.time)},
+            "time": {"unit": "s", "start": finite(start), "stop": finite(stop), "points": len(self.time)},
             "outputs": {
                 column.name: {"unit": column.unit} | {key: finite(v) for key, v in extremes(self[column.name]).items()}
                 for column in self.columns
@@ -297,11 +277,3 @@ def _csv_field(text: str) -> str:
     if any(mark in text for mark in ',"\r\n'):
         return '"' + text.replace('"', '""') + '"'
     return text
-
-
-def _first(time: Array) -> float | None:
-    return finite(time[0]) if len(time) else None
-
-
-def _last(time: Array) -> float | None:
-    return finite(time[-1]) if len(time) else None

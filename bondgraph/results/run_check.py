@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..quantities import behind
+from .records import finite
 
 # in units of rtol: difference relative to an output's magnitude that a tolerance covers, as step errors add up
 FACTOR = 30
@@ -77,18 +78,14 @@ class RunCheck:
 
     def to_json(self) -> dict[str, Any]:
         """Return {holds, sentence, solver, rtol, parts, outputs: {name: {unit, difference, magnitude, covered, holds}}, events, shift}; null: not finite."""
-
-        def number(value: float) -> float | None:
-            return value if math.isfinite(value) else None
-
         return {
             "holds": self.holds, "sentence": self.sentence, "solver": self.solver, "rtol": self.rtol, "parts": self.parts,
             "outputs": {
                 r.name: {
-                    "unit": r.unit, "difference": number(r.difference), "magnitude": number(r.magnitude), "covered": number(r.promised),
+                    "unit": r.unit, "difference": finite(r.difference), "magnitude": finite(r.magnitude), "covered": finite(r.promised),
                     "holds": r.holds,
                 }
                 for r in self.outputs
             },
-            "events": list(self.events), "shift": number(self.shift),
+            "events": list(self.events), "shift": finite(self.shift),
         }  # fmt: skip

@@ -12,7 +12,7 @@ from compiler.api import Array
 
 from ..analysis.json_values import finite
 from ..errors import UsageError
-from ..rendering import draw, text_of
+from ..rendering import Summarised, draw
 
 if TYPE_CHECKING:
     from .identify import Direction, Explanation
@@ -36,7 +36,7 @@ class Fitted:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Summarised):
     """Result of a fit; `found["d"]` is a fitted value in SI.
 
     `squares`: sum of squared residuals over sigma; `freedom`: number of data minus number of parameters; `scatter`: squares over degrees of freedom.
@@ -122,10 +122,6 @@ class Fit:
         }
         names = {f"series {i}": f"{s.name} [{s.unit}] of {s.file}" for i, s in enumerate(self.series, 1)}
         write_columns(path, columns, dict.fromkeys(columns, "1"), "datum", {"model": self.model, **names})
-
-    def summary(self) -> str:
-        """Return tables for terminals."""
-        return text_of(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Plot computed over measured values, one panel for each quantity. Raises as `Result.plot`."""

@@ -14,12 +14,10 @@ from compiler.api import Array
 
 from ..analysis.json_values import finite
 from ..errors import UsageError
-from ..rendering import draw, text_of
+from ..rendering import Summarised, draw
+from ..results.exports import Arrays, Exported
 
 if TYPE_CHECKING:
-    import xarray
-
-    from ..results.exports import Arrays
     from .indices import Indices
 
 
@@ -38,7 +36,7 @@ class Swing:
 
 
 @dataclass(frozen=True, eq=False)
-class MonteCarlo:
+class MonteCarlo(Summarised, Exported):
     """Sample `samples` (n, k) of `parameters`, `values` (n, m) of `quantities`, in SI and Hz; NaN for failed points, with reasons in `failures`.
 
     `distributions` as texts with numbers in SI; `indices` is None if there are none (with the reason in `notes`). `found("frequency 1")` is a column.
@@ -91,8 +89,7 @@ class MonteCarlo:
         return found | {f"{100 * s:g} %": float(q) for s, q in zip(SHARES, np.quantile(column, SHARES), strict=True)}
 
     def _arrays(self) -> Arrays:
-        from ..results.exports import Arrays
-
+        """Return parameters and quantities over `point`."""
         columns = {n: (("point",), self(n), self.units[n]) for n in self.names}
         told: dict[str, str | int | float | None] = {
             "model": self.model,
@@ -100,18 +97,6 @@ class MonteCarlo:
             "seed": self.seed,
         }
         return Arrays({}, columns, told | {f"distribution of {n}": d for n, d in self.distributions.items()})
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return parameters and quantities over `point`, in SI and Hz. Raises `MissingPackage`."""
-        from ..results.exports import dataset
-
-        return dataset(self._arrays())
-
-    def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the same into a .csv, .npz, .nc or .mat file; completely or not at all. Raises OSError, `UsageError`."""
-        from ..results.exports import write_arrays
-
-        write_arrays(path, self._arrays())
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by the schema `bondgraph-montecarlo/1`, in SI and Hz.
@@ -149,10 +134,6 @@ class MonteCarlo:
                 for j, p in enumerate(self.parameters)
             }  # fmt: skip
         return told
-
-    def summary(self) -> str:
-        """Return tables for terminals: statistics, Sobol indices, swings."""
-        return text_of(self)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Plot histograms of the quantities. Raises as `Result.plot`."""

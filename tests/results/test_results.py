@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.results.records import Column, ReportColumn
+from bondgraph.results.records import Column
 from bondgraph.results.result import Result
+from compiler.api import Reported
 
 
 def made(values: object = ((0.0, 1.0), (2.0, math.nan))) -> Result:
@@ -21,7 +22,7 @@ def made(values: object = ((0.0, 1.0), (2.0, math.nan))) -> Result:
         np.array([0.0, 0.5]),
         columns,
         np.array(values),
-        (ReportColumn("x", "mm", 1e3),),
+        (Reported("x", "mm", 1e3),),
         "s",
         3,
         {"derivative": 7},

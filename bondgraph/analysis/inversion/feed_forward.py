@@ -14,7 +14,7 @@ from compiler.api import Array
 
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
-from ...rendering import draw, text_of
+from ...rendering import Summarised, draw
 from ..json_values import finite, pair
 from .drives import Drive
 
@@ -24,7 +24,7 @@ MOST_ROWS = 10_000  # most rows of a file of columns
 
 
 @dataclass(frozen=True, eq=False)
-class FeedForward:
+class FeedForward(Summarised):
     """The `inputs` with which `outputs` follow the path `wanted`, at `time` (N,), name -> (N,) in SI.
 
     `strengths`: of each input, or of each pair the signed value (`powers` 1) or square (2), which is smooth where the pair changes sides.
@@ -96,10 +96,6 @@ class FeedForward:
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Plot inputs and outputs over time (.png, .svg or .pdf)."""
         draw(self, path)
-
-    def summary(self) -> str:
-        """Return a table for terminals."""
-        return text_of(self)
 
 
 # ---------------------------------------------------------------- the controller as a model

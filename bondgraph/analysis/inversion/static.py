@@ -17,7 +17,7 @@ import numpy as np
 from compiler.api import Array
 
 from ...errors import RunFailed, UsageError
-from ...rendering import text_of
+from ...rendering import Summarised
 from ..equilibrium import stability, units_of
 from ..json_values import named, with_units
 from ..operating_point import OperatingPoint
@@ -35,7 +35,7 @@ STAGES = 64  # most stages from the first equilibrium to the targets
 
 
 @dataclass(frozen=True, eq=False)
-class Inversion:
+class Inversion(Summarised):
     """The `inputs` that hold `outputs` at equilibrium, in SI by name; `missed`: the largest relative error of a target.
 
     `inputs` may be used as settings: `model.simulate(settings=found.inputs)`.
@@ -61,10 +61,6 @@ class Inversion:
         return told | {
             word: with_units(getattr(self, word), self.units) for word in ("targets", "inputs", "outputs", "states")
         }
-
-    def summary(self) -> str:
-        """Return a table for terminals."""
-        return text_of(self)
 
 
 def invert(point: OperatingPoint, targets: Mapping[str, float], drives: Sequence[Drive]) -> Inversion:
