@@ -8,13 +8,17 @@ from __future__ import annotations
 import gc
 import sys
 from importlib import import_module
+from typing import Any
 
 import click
+
+from .error_reporting import INTERRUPTED, problems_told
 
 COMMANDS = (
     "bode", "causality", "certificate", "check", "compile", "continue", "draw", "equations", "equilibrium", "explain", "fit", "fmt", "invert",
     "linearize", "modes", "montecarlo", "new", "report", "reproduce", "run", "sensitivity", "serve", "show", "sweep",
 )  # fmt: skip
+STAGES = ("causality", "certificate", "compile", "equations", "explain", "show")  # commands of `stages.py`
 
 
 class Commands(click.Group):
@@ -26,9 +30,15 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
             return None
-        found = import_module(f"{__name__}.{name}").command
-        assert isinstance(found, click.Command)
-        return found
+        module, function = ("stages", name) if name in STAGES else (name, "command")
+        command = getattr(import_module(f"{__name__}.{module}"), function)
+        assert isinstance(command, click.Command)
+        return command
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; its errors become a message and an exit code."""
+        with problems_told():
+            return super().invoke(ctx)
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -49,7 +59,5 @@ def main() -> None:
         problem.show()
         code = problem.exit_code
     except click.exceptions.Abort:
-        from .error_reporting import INTERRUPTED
-
         code = INTERRUPTED
     sys.exit(told_at_the_end(outlet, code if isinstance(code, int) else 0))

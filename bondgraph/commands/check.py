@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .error_reporting import WRONG, problems_told
+from .error_reporting import WRONG
 from .options import model_option
 
 if TYPE_CHECKING:
@@ -25,23 +25,22 @@ CHECK_SCHEMA = "bondgraph-check/1"
 @model_option
 def command(files: Sequence[str], as_json: bool, model: str | None) -> None:
     """Tell everything that is wrong with some files; of fine ones, what kind of equations a run solves."""
-    with problems_told():
-        from ..compiled_model import certify
+    from ..compiled_model import certify
 
-        examined = [certify(Path(file), model) for file in files]
-        found = [d for diagnostics, _ in examined for d in diagnostics]
-        if not gc.isenabled():  # the process ends with this: what was made need not be walked through at its end
-            gc.freeze()
-        if as_json:
-            click.echo(json.dumps(_check_json(files, found), indent=2))
-        elif found:
-            from compiler.api import render
+    examined = [certify(Path(file), model) for file in files]
+    found = [d for diagnostics, _ in examined for d in diagnostics]
+    if not gc.isenabled():  # the process ends with this: what was made need not be walked through at its end
+        gc.freeze()
+    if as_json:
+        click.echo(json.dumps(_check_json(files, found), indent=2))
+    elif found:
+        from compiler.api import render
 
-            click.echo("\n\n".join(render(d) for d in found), err=True)
-        else:
-            for certificate in (c for _, c in examined if c is not None):
-                click.echo("\n".join([certificate.line, *(f"  note: {n}" for n in certificate.notes)]))
-            click.echo(f"{len(files)} file{'s' * (len(files) > 1)} fine")
+        click.echo("\n\n".join(render(d) for d in found), err=True)
+    else:
+        for certificate in (c for _, c in examined if c is not None):
+            click.echo("\n".join([certificate.line, *(f"  note: {n}" for n in certificate.notes)]))
+        click.echo(f"{len(files)} file{'s' * (len(files) > 1)} fine")
     if found:
         raise click.exceptions.Exit(WRONG)
 

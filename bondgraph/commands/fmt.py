@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import click
 
-from .error_reporting import WRONG, harmless, problems_told
+from .error_reporting import WRONG, harmless
 
 
 @click.command("fmt")
@@ -14,20 +14,19 @@ from .error_reporting import WRONG, harmless, problems_told
 @click.option("--check", "only_check", is_flag=True, help="Write nothing; exit 1 if a file would change.")
 def command(files: Sequence[str], only_check: bool) -> None:
     """Format files; comments, blank lines and columns stay."""
-    with problems_told():
-        from compiler.api import format_text, read_source
+    from compiler.api import format_text, read_source
 
-        from ..files import write_text
+    from ..files import write_text
 
-        changed = []
-        for file in files:
-            source = read_source(file, newline="")
-            text = format_text(source)
-            if text != source.text:
-                changed.append(file)
-                if not only_check:
-                    write_text(file, text)
-        for file in changed:
-            click.echo(f"{'would change' if only_check else 'formatted'} {harmless(file)}")
+    changed = []
+    for file in files:
+        source = read_source(file, newline="")
+        text = format_text(source)
+        if text != source.text:
+            changed.append(file)
+            if not only_check:
+                write_text(file, text)
+    for file in changed:
+        click.echo(f"{'would change' if only_check else 'formatted'} {harmless(file)}")
     if only_check and changed:
         raise click.exceptions.Exit(WRONG)

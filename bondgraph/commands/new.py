@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .error_reporting import harmless, problems_told
+from .error_reporting import harmless
 from .options import check_target
 
 
@@ -14,13 +14,12 @@ from .options import check_target
 @click.argument("file", metavar="NAME.bg")
 def command(file: str) -> None:
     """Write a first model to start from; an existing file is never touched."""
-    with problems_told():
-        from ..files import write_text
-        from ..starter import starter_text
+    from ..files import write_text
+    from ..starter import starter_text
 
-        path = Path(file)
-        check_target(file, (".bg",), "new")
-        if path.exists():
-            raise click.UsageError(f"`{file}` exists already; choose another name")
-        write_text(path, starter_text(path.stem))
-        click.echo(f"wrote {harmless(file)}; try: bondgraph run {harmless(file)}")
+    path = Path(file)
+    check_target(file, (".bg",), "new")
+    if path.exists():
+        raise click.UsageError(f"`{file}` exists already; choose another name")
+    write_text(path, starter_text(path.stem))
+    click.echo(f"wrote {harmless(file)}; try: bondgraph run {harmless(file)}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import click
 
-from .error_reporting import problems_told
 from .options import check_target, file_argument, load, model_option
 
 
@@ -14,9 +13,8 @@ from .options import check_target, file_argument, load, model_option
 @model_option
 def command(file: str, out: str, model: str | None) -> None:
     """Write a page of a model: its text, its bond graph, equations, and all its runs, to look at in a browser."""
-    with problems_told():
-        from ..files import write_text
-        from ..presentation.page import report_text
+    from ..files import write_text
+    from ..presentation.page import report_text
 
-        check_target(out, (".html", ".htm"), "--out")
-        write_text(out, report_text(load(file, model)))
+    check_target(out, (".html", ".htm"), "--out")
+    write_text(out, report_text(load(file, model)))

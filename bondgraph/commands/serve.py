@@ -6,7 +6,6 @@ from pathlib import Path
 
 import click
 
-from .error_reporting import problems_told
 from .options import file_argument, model_option
 
 
@@ -29,21 +28,20 @@ from .options import file_argument, model_option
 @model_option
 def command(file: str, port: int, host: str, opens: bool, model: str | None) -> None:
     """Show the page of a model live: it follows the file, and sliders run it. Ctrl-C ends."""
-    with problems_told():
-        from compiler.api import read_source
+    from compiler.api import read_source
 
-        from ..presentation.page.serve import Server, Session
+    from ..presentation.page.serve import Server, Session
 
-        read_source(file)  # what is no file is told here
-        server = Server(Session(Path(file), model), host, port)
-        try:
-            server.start()
-            click.echo(f"{file} is at {server.guard.address} (Ctrl-C ends)")
-            if opens:
-                click.launch(server.guard.address)
-            server.serve_forever(poll_interval=0.2)
-        except KeyboardInterrupt:
-            click.echo("ended")
-        finally:
-            server.session.ended.set()
-            server.server_close()
+    read_source(file)  # what is no file is told here
+    server = Server(Session(Path(file), model), host, port)
+    try:
+        server.start()
+        click.echo(f"{file} is at {server.guard.address} (Ctrl-C ends)")
+        if opens:
+            click.launch(server.guard.address)
+        server.serve_forever(poll_interval=0.2)
+    except KeyboardInterrupt:
+        click.echo("ended")
+    finally:
+        server.session.ended.set()
+        server.server_close()

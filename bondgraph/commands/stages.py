@@ -1,0 +1,94 @@
+"""Commands that print a stage of the compiler, or tell something of it: show, equations, causality, certificate, explain, compile."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import PurePath
+
+import click
+
+from .error_reporting import WRONG, stop
+from .options import check_target, experiment_option, file_argument, load, model_option, named, outputs_option
+
+
+@click.command("show")
+@file_argument
+@click.option(
+    "--stage",
+    required=True,
+    metavar="STAGE",
+    help="syntax, graph, causality, equations, reduction, state_equations, code; or text: back in the language, flat.",
+)
+@experiment_option
+@model_option
+def show(file: str, stage: str, experiment: str, model: str | None) -> None:
+    """Print one stage of the compiler."""
+    click.echo(load(file, model).show(stage, named(experiment)))
+
+
+@click.command("equations")
+@file_argument
+@click.option("--latex", is_flag=True, help="As LaTeX.")
+@model_option
+def equations(file: str, latex: bool, model: str | None) -> None:
+    """Print the equations in the order in which they are computed."""
+    click.echo(load(file, model).equations(latex))
+
+
+@click.command("causality")
+@file_argument
+@experiment_option
+@model_option
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON (schema bondgraph-causality/1).")
+def causality(file: str, experiment: str, model: str | None, as_json: bool) -> None:
+    """Print the strokes, and why there are derivative storages and algebraic loops."""
+    from ..presentation.text.causality import explain, told
+
+    chosen = load(file, model)
+    explanation = explain(chosen.compilation(chosen.scene(named(experiment))))
+    click.echo(json.dumps(explanation.to_json(), indent=2) if as_json else explanation.text())
+    if explanation.diagnostics:
+        stop(told(explanation.diagnostics), WRONG)
+
+
+@click.command("certificate")
+@file_argument
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON (schema bondgraph-certificate/1).")
+@model_option
+def certificate(file: str, as_json: bool, model: str | None) -> None:
+    """Tell what kind of equations a model has: form, index, states, loops, what was left out."""
+    kind = load(file, model).certificate
+    click.echo(json.dumps(kind.to_json(), indent=2) if as_json else str(kind))
+
+
+@click.command("explain")
+@file_argument
+@experiment_option
+@outputs_option
+@model_option
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON (schema bondgraph-explanation/1).")
+def explain(file: str, experiment: str, outputs: Sequence[str], model: str | None, as_json: bool) -> None:
+    """Tell what a run leaves out and why, what remains, and what is expensive."""
+    from ..presentation.text.explanation import explain as explained
+
+    chosen = load(file, model)
+    explanation = explained(chosen.compilation(chosen.scene(named(experiment), outputs=tuple(outputs) or None)))
+    click.echo(json.dumps(explanation.to_json(), indent=2) if as_json else explanation.text())
+
+
+@click.command("compile")
+@file_argument
+@click.option("-o", "--out", required=True, metavar="MODEL.py|MODEL.c", help="The file to write.")
+@click.option("--target", metavar="NAME", help="Kind of program: numpy, c, casadi. By default what the ending means.")
+@model_option
+def compile(file: str, out: str, target: str | None, model: str | None) -> None:
+    """Write a Python module that needs numpy alone, C that needs nothing, or functions of CasADi."""
+    from compiler.api import target_of, text_targets
+
+    from ..files import write_text
+
+    targets = text_targets().values()
+    chosen = [t for t in targets if t.name == target] or targets
+    check_target(out, tuple(dict.fromkeys(t.ending for t in chosen)), "--out")
+    write_text(out, load(file, model).compile(target or target_of(PurePath(out).suffix)))
