@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from .overlap import Point, Rectangles, Vector, joined, moved
 
 RIGHT, DOWN, LEFT, UP = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
@@ -71,11 +73,11 @@ class TreeBranch:
 class Draft:
     """A part under construction."""
 
-    places: dict[int, Point] = field(default_factory=dict)
-    labels: dict[int, tuple[str, float, float, str]] = field(default_factory=dict)
-    boxes: dict[int, Boxed] = field(default_factory=dict)
+    places: dict[int, Point]
+    labels: dict[int, tuple[str, float, float, str]]
+    boxes: dict[int, Boxed]
+    taken: Rectangles
     ends: dict[tuple[int, int], Point] = field(default_factory=dict)
-    taken: Rectangles | None = None
     cost: float = 0.0
 
     def add(self, block: Block, *more: Rectangles) -> None:
@@ -84,6 +86,10 @@ class Draft:
         self.labels |= block.labels
         self.boxes |= block.boxes
         self.ends |= block.ends
-        parts = [block.taken, *more] if self.taken is None else [self.taken, block.taken, *more]
-        self.taken = joined(*parts)
+        self.taken = joined(self.taken, block.taken, *more)
         self.cost += block.cost
+
+    def block(self, corridor: range, reach: float) -> Block:
+        """Return the completed part, without the rectangles of the bond that carries it."""
+        taken = np.delete(self.taken, corridor, axis=0)
+        return Block(self.places, self.labels, self.boxes, self.ends, taken, self.cost, reach)

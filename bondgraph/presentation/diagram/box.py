@@ -33,63 +33,44 @@ def box_around(
     sides = _sides(branches, finished, along)
     widths = _widths(lines, node, sides, along)
     rows = {side: _stacked(nodes, sides[side], finished, side, widths[side]) for side in sides}
-    half, heights = _size(nodes[node], nodes[node].letter, widths, rows, along)
-    top, bottom = -heights[0], heights[1]
-    box = (-half, top, half, bottom)
-    far = corridor(along, half if along[0] else -top if along[1] > 0 else bottom) if along is not None else NOTHING
-    draft = Draft(taken=joined(rectangles([box]), far))
+    half, (above, below) = _size(nodes[node], nodes[node].letter, widths, rows, along)
+    borders = {LEFT: half, RIGHT: half, UP: above, DOWN: below}
+    title = (0.0, -above + 16 + 14 * (bool(sides[UP]) or along == DOWN))
+    boxed = Boxed(-half, -above, half, below, title)
+    reach = borders[-along[0], -along[1]] if along is not None else 0.0
+    far = corridor(along, reach) if along is not None else NOTHING
+    draft = Draft({node: (0.0, 0.0)}, {}, {node: boxed}, joined(rectangles([(-half, -above, half, below)]), far))
     for side in (LEFT, RIGHT, UP, DOWN):
         x, y = side
-        border = half if x else (bottom if y > 0 else -top)
+        border = borders[side]
         level = _level(nodes, draft.taken, sides[side], rows[side], finished, side, border)
         for branch, offset in sorted(zip(sides[side], rows[side], strict=True), key=lambda item: not item[0].heavy):
             block = finished[branch.child, side]
             foot = (x * (border + GAP), offset) if x else (offset, y * (border + GAP))
             shifted = block.at(*((0.0, offset) if x else (offset, 0.0)))
-            assert draft.taken is not None
-            distance = push(
-                draft.taken,
-                shifted.taken,
-                side,
-                level if branch.heavy else border + shortest(nodes[branch.child]) + 2 * GAP + block.reach,
-            )
+            nearest = border + shortest(nodes[branch.child]) + 2 * GAP + block.reach
+            distance = push(draft.taken, shifted.taken, side, level if branch.heavy else nearest)
             tip = distance - block.reach - GAP
             end = (x * tip, offset) if x else (offset, y * tip)
             draft.add(shifted.at(x * distance, y * distance), lane(foot, end))
             draft.ends[branch.line, node], draft.ends[branch.line, branch.child] = foot, end
             draft.cost += distance
-    assert draft.taken is not None
-    title = (0.0, top + 16 + 14 * (bool(sides[UP]) or along == DOWN))
-    boxed = Boxed(*box, title)
-    made = Block(
-        {node: (0.0, 0.0)} | draft.places,
-        draft.labels,
-        {node: boxed} | draft.boxes,
-        draft.ends,
-        np.delete(draft.taken, range(1, 1 + len(far)), axis=0),
-        draft.cost,
-    )
-    if along is None:
-        return made
-    x, y = along
-    reach = half if x else (-top if y > 0 else bottom)
-    return Block(made.places, made.labels, made.boxes, made.ends, made.taken, made.cost, reach)
+    return draft.block(range(1, 1 + len(far)), reach)
 
 
 def _level(
-    nodes: Sequence[DiagramNode], taken: Rectangles | None, branches: Sequence[TreeBranch], offsets: Sequence[float],
+    nodes: Sequence[DiagramNode], taken: Rectangles, branches: Sequence[TreeBranch], offsets: Sequence[float],
     finished: Mapping[tuple[int, Vector], Block], side: Vector, border: float,
 ) -> float:  # fmt: skip
     """Return the distance of the branches of a side from the middle, so that they are aligned."""
-    assert taken is not None
-    found = 0.0
+    level = 0.0
     for branch, offset in zip(branches, offsets, strict=True):
         block = finished[branch.child, side]
         shifted = moved(block.taken, *((0.0, offset) if side[0] else (offset, 0.0)))
         least = border + shortest(nodes[branch.child]) + 2 * GAP + block.reach
         spare = 14.0 if nodes[branch.child].inside else 0.0  # so that a frame has room
-        found = max(found, (push(taken, shifted, side, least) + spare) * branch.heavy)
-    return found
+        level = max(level, (push(taken, shifted, side, least) + spare) * branch.heavy)
+    return level
 
 
 def _sides(
@@ -105,8 +86,8 @@ def _sides(
         return float(rectangle[:, 3].max() - rectangle[:, 1].min()) if side[0] else 0.0
 
     for branch in branches:
-        wanted = RIGHT if branch.outwards else LEFT
-        sides[wanted if wanted in free else (LEFT if wanted == RIGHT else RIGHT)].append(branch)
+        natural, other = (RIGHT, LEFT) if branch.outwards else (LEFT, RIGHT)
+        sides[natural if natural in free else other].append(branch)
     for _ in branches:  # move light elements until the sides are balanced
         loads = {s: sum(height(b, s) for b in sides[s]) for s in (LEFT, RIGHT)}
         full = max((LEFT, RIGHT), key=loads.__getitem__)
@@ -120,10 +101,8 @@ def _sides(
             break
         sides[other].append(sides[full].pop())
     if taken is not None:
-        spare = list(sides[taken])
+        sides[free[0]] += sides[taken]
         sides[taken] = []
-        for branch in spare:
-            sides[next(s for s in free)].append(branch)
     return sides
 
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import permutations
-
-import numpy as np
 
 from compiler.api import ELEMENTS
 
@@ -108,9 +107,7 @@ def _slanted(
     if branches[node] or nodes[node].shape == "box":
         block = finished[node, RIGHT if along[0] > 0 else LEFT]
         far = max((abs(x) for x in bounds(block.taken[:1])), default=0.0) if nodes[node].shape == "box" else 0.0
-        return Block(
-            block.places, block.labels, block.boxes, block.ends, block.taken, block.cost + 60, max(far, block.reach)
-        )
+        return replace(block, cost=block.cost + 60, reach=max(far, block.reach))
     taken, label = letter_and_label(nodes[node], along, alone=True)
     return Block({node: (0.0, 0.0)}, {node: label}, {}, {}, taken, 0.0, reach(nodes[node], along))
 
@@ -171,8 +168,7 @@ def _arranged(
     """Return a letter with its branches at given sides, each as near as possible without contact."""
     own, label = letter_and_label(nodes[node], along, alone=all(nodes[b.child].shape == "signal" for b, _ in sides))
     behind = corridor(along, reach(nodes[node], along)) if along is not None and sides else own[:0]
-    draft = Draft({node: (0.0, 0.0)}, {node: label}, {}, {}, joined(own, behind))
-    assert draft.taken is not None
+    draft = Draft({node: (0.0, 0.0)}, {node: label}, {}, joined(own, behind))
     for branch, side in sides:
         block = finished[branch.child, side]
         start = _foot(nodes[node], side)
@@ -188,8 +184,7 @@ def _arranged(
         draft.ends[branch.line, node], draft.ends[branch.line, branch.child] = foot, tip
         draft.cost += distance + _price(nodes[branch.child], branch, side)
     back = reach(nodes[node], along) if along is not None else half_width(nodes[node])
-    taken = np.delete(draft.taken, range(len(own), len(own) + len(behind)), axis=0)
-    return Block(draft.places, draft.labels, draft.boxes, draft.ends, taken, draft.cost, back)
+    return draft.block(range(len(own), len(own) + len(behind)), back)
 
 
 def _foot(node: DiagramNode, side: Vector) -> float:
