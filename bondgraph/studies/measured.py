@@ -132,6 +132,22 @@ def _number(file: str, line: int, name: str, row: Sequence[str], place: int, to_
     return float(to_si(value))  # type: ignore[operator]
 
 
+def check_complete(file: str, name: str, column: Array) -> None:
+    """Raise `UsageError` if a column has empty fields."""
+    if np.isnan(column).any():
+        raise UsageError("BR430", f"{file}: `{name}` is not given in every line")
+
+
+def check_path(file: str, time: Array, settings: Sequence[str]) -> None:
+    """Raise `UsageError` if columns are no path in time: with settings line by line, or with times that do not grow."""
+    if settings:
+        raise UsageError(
+            "BR433", f"{file}: over time nothing else is set line by line;", f"leave out `{settings[0]}`, or set it for all",
+        )  # fmt: skip
+    if (np.diff(time) <= 0).any():
+        raise UsageError("BR435", f"{file}: the column `time` does not grow from line to line")
+
+
 def _sorted_out(file: str, columns: Mapping[str, Array], settable: frozenset[str]) -> Measurements:
     settings = {n: c for n, c in columns.items() if n in settable}
     sigmas = {n.removeprefix(SIGMA): c for n, c in columns.items() if n.startswith(SIGMA)}
@@ -141,9 +157,9 @@ def _sorted_out(file: str, columns: Mapping[str, Array], settable: frozenset[str
         raise UsageError(
             "BR429", f"{file}: nothing is measured: a column of an output or of `frequency 1 [Hz]` is needed"
         )
-    for name, column in [*settings.items(), *([("time", time)] if time is not None else [])]:
-        if np.isnan(column).any():
-            raise UsageError("BR430", f"{file}: `{name}` is not given in every line")
+    for name in columns:
+        if name in settings or name == "time":
+            check_complete(file, name, columns[name])
     for name, column in sigmas.items():
         if name not in found:
             raise UsageError("BR431", f"{file}: `sigma {name}` stands beside no `{name}`")
@@ -151,14 +167,9 @@ def _sorted_out(file: str, columns: Mapping[str, Array], settable: frozenset[str
         if not (column[there] > 0).all():
             raise UsageError("BR432", f"{file}: `sigma {name}` is not above zero wherever `{name}` is measured")
     if time is not None:
-        if settings:
-            raise UsageError(
-                "BR433", f"{file}: over time nothing else is set line by line;", f"leave out `{next(iter(settings))}`, or set it for all",
-            )  # fmt: skip
+        check_path(file, time, list(settings))
         if any(OF_MODES.fullmatch(n) for n in found):
             raise UsageError("BR434", f"{file}: frequencies of modes stand in no column over time")
-        if (np.diff(time) <= 0).any():
-            raise UsageError("BR435", f"{file}: the column `time` does not grow from line to line")
     empty = next((n for n, c in found.items() if np.isnan(c).all()), None)
     if empty is not None:
         raise UsageError("BR436", f"{file}: the column `{empty}` is empty")

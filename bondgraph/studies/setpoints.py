@@ -17,7 +17,7 @@ from ..analysis.outcome import Outcome, Point
 from ..errors import UsageError
 from ..simulation.settings import Settings
 from .experiment import made
-from .measured import OF_MODES, SIGMA, read_columns
+from .measured import OF_MODES, SIGMA, check_complete, check_path, read_columns
 from .point_failure import kept
 from .workers import ALONE, Workers
 
@@ -83,8 +83,7 @@ def _checked(
             raise UsageError(
                 "BR452", f"{file}: `{name}` is nothing that inputs could hold; columns are outputs, `time [s]`, and what is set",
             )  # fmt: skip
-        if np.isnan(values).any():
-            raise UsageError("BR430", f"{file}: `{name}` is not given in every line")
+        check_complete(file, name, values)
         if name in sought:
             raise UsageError("BR453", f"{file}: `{name}` is to be found, and set line by line:", "one of the two")
         if name in settings:
@@ -95,13 +94,7 @@ def _checked(
             "BR455", f"{file}: there is no column of an output; outputs are {', '.join(outputs) or 'none'}"
         )
     if "time" in columns:
-        other = next((n for n in columns if n in units and n not in outputs), None)
-        if other is not None:
-            raise UsageError(
-                "BR433", f"{file}: over time nothing else is set line by line;", f"leave out `{other}`, or set it for all",
-            )  # fmt: skip
-        if (np.diff(columns["time"]) <= 0).any():
-            raise UsageError("BR435", f"{file}: the column `time` does not grow from line to line")
+        check_path(file, columns["time"], [n for n in columns if n in units and n not in outputs])
     return wanted
 
 

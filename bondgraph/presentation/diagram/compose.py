@@ -10,13 +10,14 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
+from ..text.tables import some_of
 from .box import port_of
 from .diagram_model import TAIL, DiagramLine, DiagramModel, DiagramNode
 from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
 from .frames import Framed
 from .glyphs import PORT, STROKE, text_rectangle
 from .lettering import text_width
-from .overlap import NOTHING, Point, Rectangles, bounds, joined, rectangles, touches
+from .overlap import NOTHING, Point, Rectangles, bounds, joined, rectangles, touches, unit_vector
 from .place import DiagramLayout
 from .styles import STYLES
 
@@ -37,18 +38,15 @@ def compose(model: DiagramModel, layout: DiagramLayout, frames: Sequence[Framed]
     ]
     if numbers:
         groups += _numbers(model, layout, groups)
-    left, top, right, bottom = bounds(layout.taken) if len(layout.taken) else (0.0, 0.0, 200.0, 20.0)
-    for way in layout.signals.values():
-        left, right = min(left, *(x for x, _ in way)), max(right, *(x for x, _ in way))
-        top, bottom = min(top, *(y for _, y in way)), max(bottom, *(y for _, y in way))
-    for frame in frames:
-        left, right = min(left, frame.left), max(right, frame.right)
-        top, bottom = min(top, frame.top), max(bottom, frame.bottom)
+    outer = [(x, y, x, y) for way in layout.signals.values() for x, y in way]
+    outer += [(frame.left, frame.top, frame.right, frame.bottom) for frame in frames]
+    whole = joined(layout.taken, rectangles(outer))
+    left, top, right, bottom = bounds(whole) if len(whole) else (0.0, 0.0, 200.0, 20.0)
     legend, height, width = _legend(model, left, bottom + 20)
     dx, dy = round(BORDER - left, 1), round(BORDER - top, 1)
-    whole = (max(right - left, width) + 2 * BORDER, bottom - top + height + 2 * BORDER)
+    size = (max(right - left, width) + 2 * BORDER, bottom - top + height + 2 * BORDER)
     shifted = tuple(group_at(g, dx, dy) for g in (*groups, *legend))
-    return Figure(math.ceil(whole[0]), math.ceil(whole[1]), f"bond graph of {model.name}", shifted)
+    return Figure(math.ceil(size[0]), math.ceil(size[1]), f"bond graph of {model.name}", shifted)
 
 
 def _frame(frame: Framed) -> Group:
@@ -94,13 +92,8 @@ def _shaft(way: Sequence[Point], double: bool) -> Iterator[Polyline]:
 def _beside(way: Sequence[Point], side: float) -> Iterator[Point]:
     """Yield the same way, shifted to its left by a distance."""
     for i, (x, y) in enumerate(way):
-        around = [_unit(way[j], way[j + 1]) for j in (i - 1, i) if 0 <= j < len(way) - 1]
+        around = [unit_vector(way[j], way[j + 1]) for j in (i - 1, i) if 0 <= j < len(way) - 1]
         yield x + side * sum(-v for _, v in around), y + side * sum(u for u, _ in around)
-
-
-def _unit(start: Point, end: Point) -> Point:
-    length = math.dist(start, end)
-    return (end[0] - start[0]) / length, (end[1] - start[1]) / length
 
 
 def _flow_side(along: Point) -> Point:
@@ -111,7 +104,7 @@ def _flow_side(along: Point) -> Point:
 
 
 def _barb(way: Sequence[Point], double: bool) -> Polyline:
-    tip, along = way[-1], _unit(way[-2], way[-1])
+    tip, along = way[-1], unit_vector(way[-2], way[-1])
     across = _flow_side(along)
     if double:
         tip = (tip[0] + DOUBLE * across[0], tip[1] + DOUBLE * across[1])
@@ -120,7 +113,9 @@ def _barb(way: Sequence[Point], double: bool) -> Polyline:
 
 
 def _stroke(way: Sequence[Point], where: int) -> Polyline:
-    (x, y), (u, v) = (way[0], _unit(way[0], way[1])) if where == TAIL else (way[-1], _unit(way[-2], way[-1]))
+    (x, y), (u, v) = (
+        (way[0], unit_vector(way[0], way[1])) if where == TAIL else (way[-1], unit_vector(way[-2], way[-1]))
+    )
     return Polyline(((x - STROKE * -v, y - STROKE * u), (x + STROKE * -v, y + STROKE * u)), "stroke")
 
 
@@ -143,7 +138,7 @@ def _spots(text: str, way: Sequence[Point]) -> Iterator[Lettering]:
     parts = sorted(pairwise(way), key=lambda part: -math.dist(*part))
     for side in (1, -1):
         for start, end in parts:
-            along = _unit(start, end)
+            along = unit_vector(start, end)
             across = _flow_side(along)
             for share in (0.42, 0.5, 0.3, 0.6, 0.2, 0.75):
                 x, y = (a + share * (b - a) for a, b in zip(start, end, strict=True))
@@ -224,7 +219,7 @@ def _signals(model: DiagramModel, layout: DiagramLayout) -> Iterator[Group]:
 
 
 def _full_arrow(way: Sequence[Point]) -> Polyline:
-    (x, y), (u, v) = way[-1], _unit(way[-2], way[-1])
+    (x, y), (u, v) = way[-1], unit_vector(way[-2], way[-1])
     return Polyline(
         ((x, y), (x - 8 * u - 3 * v, y - 8 * v + 3 * u), (x - 8 * u + 3 * v, y - 8 * v - 3 * u)), "point", True
     )
@@ -244,16 +239,11 @@ def _legend(model: DiagramModel, left: float, top: float) -> tuple[list[Group], 
         width = max(width, 30 + text_width(MEANINGS[mark], PORT))
         y += 20
     if model.left_out:
-        told = _told(model.left_out)
-        groups.append(Group("legend", (Lettering(told, left, y, "note"),)))
-        width = max(width, text_width(told, PORT))
+        omitted = f"not drawn, as they give nothing: {some_of(model.left_out, 3)}"
+        groups.append(Group("legend", (Lettering(omitted, left, y, "note"),)))
+        width = max(width, text_width(omitted, PORT))
         y += 20
     return groups, (y - top + 6) if groups else 0.0, width
-
-
-def _told(names: Sequence[str]) -> str:
-    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return f"not drawn, as they give nothing: {', '.join(names[:3])}{more}"
 
 
 def group_at(group: Group, dx: float, dy: float) -> Group:

@@ -10,7 +10,7 @@ from .compose import group_at
 from .figure import Circle, Figure, Group, Lettering, Polyline, Shape
 from .glyphs import PORT, text_rectangle
 from .mechanism_geometry import BodyGeometry, JointGeometry, MechanismGeometry
-from .overlap import NOTHING, Point, Rectangles, joined, lane, rectangles, touches
+from .overlap import NOTHING, Point, Rectangles, bounds, joined, lane, rectangles, touches, unit_vector
 
 SIZE = 520.0  # longer side of the drawing, px
 BORDER = 34.0
@@ -30,10 +30,10 @@ def draw_mechanism(geometry: MechanismGeometry, heading: str = "", behind: Mecha
         note = Lettering(heading, min(b[0] for b in boxes), max(b[3] for b in boxes) + 22, "note")
         groups.append(Group("legend", (note,)))
         boxes.append(_extent(note))
-    left, top = min(b[0] for b in boxes) - 12, min(b[1] for b in boxes) - 12
-    right, bottom = max(b[2] for b in boxes) + 12, max(b[3] for b in boxes) + 12
-    moved = tuple(group_at(g, -round(left, 1), -round(top, 1)) for g in groups)
-    return Figure(math.ceil(right - left), math.ceil(bottom - top), f"mechanism {geometry.name}", moved)
+    left, top, right, bottom = bounds(rectangles(boxes))
+    moved = tuple(group_at(g, -round(left - 12, 1), -round(top - 12, 1)) for g in groups)
+    width, height = math.ceil(right + 12 - (left - 12)), math.ceil(bottom + 12 - (top - 12))
+    return Figure(width, height, f"mechanism {geometry.name}", moved)
 
 
 class _Page:
@@ -125,9 +125,8 @@ def _ground(point: Point) -> Iterator[Shape]:
 def _hatch(start: Point, end: Point) -> Iterator[Shape]:
     """Yield a line with strokes for the ground, on its right going from start to end."""
     yield Polyline((start, end), "line")
-    length = math.dist(start, end)
-    u, v = (end[0] - start[0]) / length, (end[1] - start[1]) / length
-    for i in range(int(length // 6) + 1):
+    u, v = unit_vector(start, end)
+    for i in range(int(math.dist(start, end) // 6) + 1):
         x, y = start[0] + 6 * i * u, start[1] + 6 * i * v
         yield Polyline(((x, y), (x - 5 * u - 5 * v, y - 5 * v + 5 * u)), "hatch")
 
@@ -159,8 +158,7 @@ def _slide(first: Point, second: Point, along: Point, link: JointGeometry) -> It
 
 def _coil(start: Point, end: Point) -> Polyline:
     """Return a spring as a zigzag."""
-    length = math.dist(start, end)
-    u, v = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+    length, (u, v) = math.dist(start, end), unit_vector(start, end)
     lead, turns = min(8.0, length / 6), max(3, min(8, round(length / 11)))
     points = [start, (start[0] + lead * u, start[1] + lead * v)]
     for i in range(2 * turns):

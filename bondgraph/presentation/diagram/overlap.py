@@ -23,6 +23,12 @@ FAR = 20000.0
 LANE = 8.0  # free space of a bond at each side of its line: half a stroke, a half arrow
 
 
+def unit_vector(start: Point, end: Point) -> Vector:
+    """Return the direction from one point to another, of length 1."""
+    length = math.dist(start, end)
+    return (end[0] - start[0]) / length, (end[1] - start[1]) / length
+
+
 def rectangles(items: Iterable[tuple[float, float, float, float]]) -> Rectangles:
     """Return an array of rectangles from tuples."""
     listed = list(items)

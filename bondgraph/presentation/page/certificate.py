@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..text.causality import explain
+from ..text.tables import some_of
 from .markup import Html, joined, table, tag, text
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def _words(certificate: Certificate) -> list[str]:
 
 
 def _listed(names: tuple[str, ...]) -> str:
-    return ", ".join(names[:40]) + (f" and {len(names) - 40} more" if len(names) > 40 else "")
+    return some_of(names, 40)
 
 
 def causality_markup(compilation: Compilation) -> Html:
@@ -53,20 +54,13 @@ def causality_markup(compilation: Compilation) -> Html:
     for row in found.derivative:
         chain = joined((tag("code", bond) for bond, _ in row.chain), "  ")
         advice = tag("p", "What you can do: ", row.advice, class_="advice")
-        parts.append(
-            tag(
-                "article",
-                tag("p", tag("code", row.storage), f" ({row.place}) is in derivative form: {row.why}"),
-                tag("p", chain),
-                advice,
-            )
-        )
+        head = tag("p", tag("code", row.storage), f" ({row.place}) is in derivative form: {row.why}")
+        parts.append(tag("article", head, tag("p", chain), advice))
     for loop in found.loops:
         around = joined((tag("code", name) for name, _, _ in loop.cycle), " → ")
         advice = tag("p", "What you can do: ", loop.advice, class_="advice")
-        parts.append(
-            tag("article", tag("p", f"Algebraic loop of {', '.join(loop.members)}:"), tag("p", around), advice)
-        )
+        head = tag("p", f"Algebraic loop of {', '.join(loop.members)}:")
+        parts.append(tag("article", head, tag("p", around), advice))
     if not parts:
         parts.append(tag("p", "All storages are in integral form, and there is no algebraic loop."))
     strokes = ((tag("code", r.bond), r.effort_from, r.flow_from, r.why, r.place) for r in found.strokes[:ROWS])

@@ -9,7 +9,7 @@ from compiler.api import Array, CompilationFailed, Scene
 
 from ...errors import RunFailed, UsageError
 from ...results.result import extremes
-from ..text.tables import short
+from ..text.tables import short, some_of
 from .certificate import problems_markup
 from .markup import Html, tag
 
@@ -54,7 +54,7 @@ def _names(model: AnalysedModel) -> Html:
         tag(
             "tr",
             tag("th", what),
-            tag("td", ", ".join(names[:ROWS]) + f" and {len(names) - ROWS} more" * (len(names) > ROWS)),
+            tag("td", some_of(names, ROWS)),
         )
         for what, names in lists
         if names

@@ -10,7 +10,7 @@ import numpy as np
 from compiler.api import Array
 
 from ..text.tables import short, time_unit, visible
-from .sheet import PANELS, curve_style, heading, legend, picture, stack
+from .sheet import PANELS, curve_style, heading, legend, picture, stack, tell_omitted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +45,7 @@ def plot_result(result: Result) -> Figure:
     if len(result.time) > 1:
         panels[-1].set_xlim(result.time[0] * factor, result.time[-1] * factor)
     if omitted:
-        figure.supxlabel(_omitted(omitted), fontsize=7, color="#555555", parse_math=False)
+        tell_omitted(figure, omitted, color="#555555")
     return figure
 
 
@@ -60,12 +60,6 @@ def group_by_unit(result: Result) -> dict[str, list[Curve]]:
 def _crowded(count: int) -> dict[str, Any]:
     """Return the style of a legend of so many curves."""
     return {"handlelength": 2.6, "fontsize": 6, "labelspacing": 0.2} if count > 8 else {"handlelength": 2.6, "labelspacing": 0.4}  # fmt: skip
-
-
-def _omitted(names: Sequence[str]) -> str:
-    listed = ", ".join(short(name, 24) for name in names[:6])
-    rest = f" and {len(names) - 6} more" if len(names) > 6 else ""
-    return f"not drawn: {listed}{rest}"
 
 
 @picture

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from ...errors import MissingPackage, UsageError
 from ...files import replacing
-from ..text.tables import short, visible
+from ..text.tables import short, some_of, visible
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -132,5 +132,5 @@ def legend(panel: Axes, names: Iterable[str], beside: bool = False, longest: int
 
 def tell_omitted(figure: Figure, names: Iterable[str], **options: Any) -> None:
     """Name below a figure what is not drawn."""
-    told = ", ".join(short(name, 24) for name in names)
-    figure.supxlabel(f"not drawn: {told}", fontsize=7, parse_math=False, **options)
+    listed = some_of([short(name, 24) for name in names], 6)
+    figure.supxlabel(f"not drawn: {listed}", fontsize=7, parse_math=False, **options)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from compiler.api import LinearLoop, StateSpace, Unknown, to_sympy
@@ -20,11 +20,7 @@ def equations_text(space: StateSpace, latex: bool) -> str:
 
 
 def _text_lines(space: StateSpace) -> Iterator[str]:
-    import sympy
-
-    def symbol(entry: int | float) -> Any:
-        return sympy.Symbol(space.variables[entry].name) if isinstance(entry, int) else to_number(entry)
-
+    symbol = symbols_of([v.name for v in space.variables])
     unknowns = {u.residual: u for u in space.unknowns}
     rows: list[tuple[str, str]] = []
     for step in space.steps:
@@ -52,6 +48,13 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
 
 def _solved_for(space: StateSpace, unknown: Unknown) -> str:
     return f"solved for {space.variables[unknown.variable].name}, loop of {', '.join(unknown.members)}"
+
+
+def symbols_of(names: Sequence[str]) -> Callable[[int | float], Any]:
+    """Return a function that gives a variable by its number as a symbol, and any other value as a number."""
+    import sympy
+
+    return lambda entry: sympy.Symbol(names[entry]) if isinstance(entry, int) else to_number(entry)
 
 
 def to_number(value: float) -> Any:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from compiler.api import Compilation, cost
 
 from ...results.truncation import frequency_text
-from .tables import columns, counted, place_of, short, visible
+from .tables import columns, counted, place_of, short, some_of, visible
 
 if TYPE_CHECKING:
     from compiler.api import Certificate, Cost, Lowered
@@ -164,4 +164,4 @@ def _zeros_behind(compilation: Compilation, references: Iterable[Any]) -> dict[s
 
 
 def _some(names: Sequence[str]) -> str:
-    return ", ".join(map(short, names[:LISTED])) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
+    return some_of(list(map(short, names)), LISTED)

@@ -107,15 +107,10 @@ def _equations(compilation: Compilation) -> Iterator[str]:
     """Yield all assignments, before reduction and ordering."""
     from compiler.api import to_sympy
 
-    from .equations import to_number
+    from .equations import symbols_of
 
     system = compilation.equations
-
-    def symbol(entry: int | float) -> Any:
-        import sympy
-
-        return sympy.Symbol(system.variables[entry].name) if isinstance(entry, int) else to_number(entry)
-
+    symbol = symbols_of([v.name for v in system.variables])
     formulas = {a.formula for a in system.assignments}
     yield f"equations {system.name}: {len(system.assignments)} assignments of {len(formulas)} formulas, {len(system.states)} states"
     for assignment in system.assignments:
