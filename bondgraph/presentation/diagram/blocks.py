@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from .diagram_model import DiagramLine, DiagramNode
 from .overlap import Point, Rectangles, Vector, joined, moved
 
 RIGHT, DOWN, LEFT, UP = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
@@ -67,6 +68,25 @@ class TreeBranch:
     outwards: bool  # True if the arrow points to the child
     heavy: bool  # True if the child has branches
     towards: Vector | None = None  # for a bond that is routed later: last known direction of its other end
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """A tree that grows from its leaves. `finished`: the completed parts by root and direction; `roomy`: more space, in px."""
+
+    nodes: Sequence[DiagramNode]
+    lines: Sequence[DiagramLine]
+    branches: Mapping[int, Sequence[TreeBranch]]
+    finished: dict[tuple[int, Vector], Block]
+    roomy: float
+
+    def part(self, branch: TreeBranch, side: Vector) -> Block:
+        """Return the completed part of a branch that grows to a side."""
+        return self.finished[branch.child, side]
+
+    def child(self, branch: TreeBranch) -> DiagramNode:
+        """Return the node of a branch."""
+        return self.nodes[branch.child]
 
 
 @dataclass(slots=True)

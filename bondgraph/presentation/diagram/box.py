@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .blocks import DOWN, LEFT, RIGHT, UP, Block, Boxed, Draft, TreeBranch
+from .blocks import DOWN, LEFT, RIGHT, UP, Block, Boxed, Draft, Growth, TreeBranch
 from .diagram_model import HEAD, TAIL, DiagramLine, DiagramNode
 from .glyphs import GAP, NAME, PORT, shortest
 from .lettering import text_width
@@ -25,15 +25,12 @@ def port_of(line: DiagramLine, node: int) -> str:
     return line.ports[TAIL if line.tail == node else HEAD]
 
 
-def box_around(
-    nodes: Sequence[DiagramNode], lines: Sequence[DiagramLine], branches: Sequence[TreeBranch],
-    finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None,
-) -> Block:  # fmt: skip
+def box_around(tree: Growth, node: int, along: Vector | None) -> Block:
     """Return a box with its branches, with the origin at the end of the bond that carries it (`along`), or at its middle."""
-    sides = _sides(branches, finished, along)
-    widths = _widths(lines, node, sides, along)
-    rows = {side: _stacked(nodes, sides[side], finished, side, widths[side]) for side in sides}
-    half, (above, below) = _size(nodes[node], nodes[node].letter, widths, rows, along)
+    sides = _sides(tree, node, along)
+    widths = _widths(tree.lines, node, sides, along)
+    rows = {side: _stacked(tree, sides[side], side, widths[side]) for side in sides}
+    half, (above, below) = _size(tree.nodes[node], widths, rows, along)
     borders = {LEFT: half, RIGHT: half, UP: above, DOWN: below}
     title = (0.0, -above + 16 + 14 * (bool(sides[UP]) or along == DOWN))
     boxed = Boxed(-half, -above, half, below, title)
@@ -43,12 +40,13 @@ def box_around(
     for side in (LEFT, RIGHT, UP, DOWN):
         x, y = side
         border = borders[side]
-        level = _level(nodes, draft.taken, sides[side], rows[side], finished, side, border)
-        for branch, offset in sorted(zip(sides[side], rows[side], strict=True), key=lambda item: not item[0].heavy):
-            block = finished[branch.child, side]
+        row = list(zip(sides[side], rows[side], strict=True))
+        level = _level(tree, draft.taken, row, side, border)
+        for branch, offset in sorted(row, key=lambda item: not item[0].heavy):
+            block = tree.part(branch, side)
             foot = (x * (border + GAP), offset) if x else (offset, y * (border + GAP))
             shifted = block.at(*((0.0, offset) if x else (offset, 0.0)))
-            nearest = border + shortest(nodes[branch.child]) + 2 * GAP + block.reach
+            nearest = border + shortest(tree.child(branch)) + 2 * GAP + block.reach
             distance = push(draft.taken, shifted.taken, side, level if branch.heavy else nearest)
             tip = distance - block.reach - GAP
             end = (x * tip, offset) if x else (offset, y * tip)
@@ -59,36 +57,33 @@ def box_around(
 
 
 def _level(
-    nodes: Sequence[DiagramNode], taken: Rectangles, branches: Sequence[TreeBranch], offsets: Sequence[float],
-    finished: Mapping[tuple[int, Vector], Block], side: Vector, border: float,
-) -> float:  # fmt: skip
+    tree: Growth, taken: Rectangles, row: Sequence[tuple[TreeBranch, float]], side: Vector, border: float
+) -> float:
     """Return the distance of the branches of a side from the middle, so that they are aligned."""
     level = 0.0
-    for branch, offset in zip(branches, offsets, strict=True):
-        block = finished[branch.child, side]
+    for branch, offset in row:
+        block = tree.part(branch, side)
         shifted = moved(block.taken, *((0.0, offset) if side[0] else (offset, 0.0)))
-        least = border + shortest(nodes[branch.child]) + 2 * GAP + block.reach
-        spare = 14.0 if nodes[branch.child].inside else 0.0  # so that a frame has room
+        least = border + shortest(tree.child(branch)) + 2 * GAP + block.reach
+        spare = 14.0 if tree.child(branch).inside else 0.0  # so that a frame has room
         level = max(level, (push(taken, shifted, side, least) + spare) * branch.heavy)
     return level
 
 
-def _sides(
-    branches: Sequence[TreeBranch], finished: Mapping[tuple[int, Vector], Block], along: Vector | None
-) -> dict[Vector, list[TreeBranch]]:
+def _sides(tree: Growth, node: int, along: Vector | None) -> dict[Vector, list[TreeBranch]]:
     """Assign branches to sides: arriving ones left, leaving ones right; the heavier side moves branches to the lighter one, then to top and bottom."""
     taken = None if along is None else (-along[0], -along[1])
     free = [s for s in (LEFT, RIGHT, DOWN, UP) if s != taken]
     sides: dict[Vector, list[TreeBranch]] = {s: [] for s in (LEFT, RIGHT, UP, DOWN)}
 
     def height(branch: TreeBranch, side: Vector) -> float:
-        rectangle = finished[branch.child, side].taken
+        rectangle = tree.part(branch, side).taken
         return float(rectangle[:, 3].max() - rectangle[:, 1].min()) if side[0] else 0.0
 
-    for branch in branches:
+    for branch in tree.branches[node]:
         natural, other = (RIGHT, LEFT) if branch.outwards else (LEFT, RIGHT)
         sides[natural if natural in free else other].append(branch)
-    for _ in branches:  # move light elements until the sides are balanced
+    for _ in tree.branches[node]:  # move light elements until the sides are balanced
         loads = {s: sum(height(b, s) for b in sides[s]) for s in (LEFT, RIGHT)}
         full = max((LEFT, RIGHT), key=loads.__getitem__)
         other = LEFT if full == RIGHT else RIGHT
@@ -106,25 +101,16 @@ def _sides(
     return sides
 
 
-def _stacked(
-    nodes: Sequence[DiagramNode],
-    branches: Sequence[TreeBranch],
-    finished: Mapping[tuple[int, Vector], Block],
-    side: Vector,
-    width: float,
-) -> list[float]:
+def _stacked(tree: Growth, branches: Sequence[TreeBranch], side: Vector, width: float) -> list[float]:
     """Return the positions at which the branches of a side leave it without overlap; symmetric about zero."""
     down: Vector = (0.0, 1.0) if side[0] else (1.0, 0.0)
     offsets: list[float] = []
     taken: Rectangles = NOTHING
     for branch in branches:
-        block = finished[branch.child, side].taken
-        offset = push(
-            taken + SPARE * (FRAMES if nodes[branch.child].inside else SPACE),
-            block,
-            down,
-            offsets[-1] + (ROW if side[0] else max(64.0, width + PADDING)) if offsets else 0.0,
-        )
+        block = tree.part(branch, side).taken
+        occupied = taken + SPARE * (FRAMES if tree.child(branch).inside else SPACE)
+        least = offsets[-1] + (ROW if side[0] else max(64.0, width + PADDING)) if offsets else 0.0
+        offset = push(occupied, block, down, least)
         offsets.append(offset)
         taken = joined(taken, moved(block, down[0] * offset, down[1] * offset))
     middle = (offsets[0] + offsets[-1]) / 2 if offsets else 0.0
@@ -132,14 +118,10 @@ def _stacked(
 
 
 def _size(
-    node: DiagramNode,
-    title: str,
-    widths: Mapping[Vector, float],
-    rows: Mapping[Vector, Sequence[float]],
-    along: Vector | None,
+    node: DiagramNode, widths: Mapping[Vector, float], rows: Mapping[Vector, Sequence[float]], along: Vector | None
 ) -> tuple[float, tuple[float, float]]:
     """Return half the width, and the heights above and below the middle of the rows."""
-    named = max(text_width(node.label, NAME + 1), text_width(title, PORT)) + 2 * PADDING
+    named = max(text_width(node.label, NAME + 1), text_width(node.letter, PORT)) + 2 * PADDING
     across = max((2 * max(map(abs, rows[s])) + widths[s] + 2 * PADDING for s in (UP, DOWN) if rows[s]), default=0.0)
     half = max(named, widths[LEFT] + widths[RIGHT] + 3 * PADDING, widths[UP], widths[DOWN], across, 72.0) / 2
     inner = max((abs(o) for s in (LEFT, RIGHT) for o in rows[s]), default=0.0) + PADDING
@@ -151,12 +133,12 @@ def _widths(
     lines: Sequence[DiagramLine], node: int, sides: Mapping[Vector, Sequence[TreeBranch]], along: Vector | None
 ) -> dict[Vector, float]:
     """Return the widths of the port names at each side, including that of the bond that carries the box."""
-    found = {s: max((text_width(port_of(lines[b.line], node), PORT) for b in sides[s]), default=0.0) for s in sides}
+    widths = {s: max((text_width(port_of(lines[b.line], node), PORT) for b in sides[s]), default=0.0) for s in sides}
     if along is not None:
         taken = {b.line for s in sides for b in sides[s]}
         entry = max(
             (text_width(port_of(x, node), PORT) for n, x in enumerate(lines) if node in x.ends and n not in taken),
             default=0.0,
         )
-        found[-along[0], -along[1]] = entry
-    return found
+        widths[-along[0], -along[1]] = entry
+    return widths

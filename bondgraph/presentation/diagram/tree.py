@@ -14,7 +14,7 @@ from itertools import permutations
 
 from compiler.api import ELEMENTS
 
-from .blocks import DOWN, LEFT, RIGHT, UP, Block, Draft, TreeBranch
+from .blocks import DOWN, LEFT, RIGHT, UP, Block, Draft, Growth, TreeBranch
 from .box import box_around
 from .diagram_model import DiagramLine, DiagramNode
 from .glyphs import GAP, half_width, letter_and_label, reach, shortest
@@ -47,44 +47,39 @@ def grow_tree(
     order = [root]
     for node in order:
         order += [b.child for b in branches[node]]
-    finished: dict[tuple[int, Vector], Block] = {}
+    tree = Growth(nodes, lines, branches, {}, roomy)
     for node in reversed(order[1:]):
         for along in SIDES:
-            finished[node, along] = _grow(nodes, lines, branches[node], finished, node, along, roomy)
+            tree.finished[node, along] = _grow(tree, node, along)
         for along in (*CORNERS, *BETWEEN):
-            finished[node, along] = _slanted(nodes, branches, finished, node, along)
+            tree.finished[node, along] = _slanted(tree, node, along)
         for branch in branches[node]:
             for along in (*SIDES, *CORNERS, *BETWEEN):
-                del finished[branch.child, along]
-    return _grow(nodes, lines, branches[root], finished, root, None, roomy)
+                del tree.finished[branch.child, along]
+    return _grow(tree, root, None)
 
 
-def _grow(
-    nodes: Sequence[DiagramNode], lines: Sequence[DiagramLine], branches: Sequence[TreeBranch],
-    finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None, roomy: float,
-) -> Block:  # fmt: skip
-    if nodes[node].shape == "box":
-        return box_around(nodes, lines, branches, finished, node, along)
+def _grow(tree: Growth, node: int, along: Vector | None) -> Block:
+    if tree.nodes[node].shape == "box":
+        return box_around(tree, node, along)
     best: Block | None = None
-    for least, sides in _by_price(nodes, finished, _arrangements(nodes, node, branches, along)):
+    for least, sides in _by_price(tree, _arrangements(tree, node, along)):
         if best is not None and least >= _worth(best):
             break  # the remaining arrangements cost more even without pushing
-        block = _arranged(nodes, sides, finished, node, along, roomy)
+        block = _arranged(tree, sides, node, along)
         if best is None or _worth(block) < _worth(best):
             best = block
     assert best is not None
     return best
 
 
-def _by_price(
-    nodes: Sequence[DiagramNode], finished: Mapping[tuple[int, Vector], Block], arrangements: Iterator[Arrangement]
-) -> list[tuple[float, Arrangement]]:
+def _by_price(tree: Growth, arrangements: Iterator[Arrangement]) -> list[tuple[float, Arrangement]]:
     """Return arrangements with the least cost of each, cheapest first."""
     priced = []
     for sides in arrangements:
-        blocks = [finished[b.child, s] for b, s in sides]
+        blocks = [tree.part(b, s) for b, s in sides]
         least = sum(b.cost + b.reach for b in blocks) + sum(
-            _price(nodes[b.child], b, s) + shortest(nodes[b.child]) for b, s in sides
+            _price(tree.child(b), b, s) + shortest(tree.child(b)) for b, s in sides
         )
         wide = [bounds(b.taken) for b in blocks]
         size = 0.15 * max((w[2] - w[0] for w in wide), default=0.0) + 0.25 * max(
@@ -99,44 +94,40 @@ def _worth(block: Block) -> float:
     return round(block.cost + 0.15 * (right - left) + 0.25 * (bottom - top), 3)
 
 
-def _slanted(
-    nodes: Sequence[DiagramNode], branches: Mapping[int, Sequence[TreeBranch]], finished: Mapping[tuple[int, Vector], Block],
-    node: int, along: Vector,
-) -> Block:  # fmt: skip
+def _slanted(tree: Growth, node: int, along: Vector) -> Block:
     """Return a part at the end of a slanted bond, grown to the right or to the left."""
-    if branches[node] or nodes[node].shape == "box":
-        block = finished[node, RIGHT if along[0] > 0 else LEFT]
-        far = max((abs(x) for x in bounds(block.taken[:1])), default=0.0) if nodes[node].shape == "box" else 0.0
+    own = tree.nodes[node]
+    if tree.branches[node] or own.shape == "box":
+        block = tree.finished[node, RIGHT if along[0] > 0 else LEFT]
+        far = max((abs(x) for x in bounds(block.taken[:1])), default=0.0) if own.shape == "box" else 0.0
         return replace(block, cost=block.cost + 60, reach=max(far, block.reach))
-    taken, label = letter_and_label(nodes[node], along, alone=True)
-    return Block({node: (0.0, 0.0)}, {node: label}, {}, {}, taken, 0.0, reach(nodes[node], along))
+    taken, label = letter_and_label(own, along, alone=True)
+    return Block({node: (0.0, 0.0)}, {node: label}, {}, {}, taken, 0.0, reach(own, along))
 
 
 # ---------------------------------------------------------------- which goes where
 
 
-def _arrangements(
-    nodes: Sequence[DiagramNode], node: int, branches: Sequence[TreeBranch], along: Vector | None
-) -> Iterator[Arrangement]:
+def _arrangements(tree: Growth, node: int, along: Vector | None) -> Iterator[Arrangement]:
     """Yield assignments of branches to sides: heavy ones in every order, the ends of bonds at their preferred sides."""
     free = [s for s in SIDES if along is None or s != (-along[0], -along[1])]
+    own, branches = tree.nodes[node], tree.branches[node]
     heavy = [b for b in branches if b.heavy]
     light = sorted(
-        (b for b in branches if not b.heavy), key=lambda b: (b.towards is None, nodes[b.child].letter in ("I", "C"))
+        (b for b in branches if not b.heavy), key=lambda b: (b.towards is None, tree.child(b).letter in ("I", "C"))
     )
-    wanted = heavy[: len(free)]
-    through = nodes[node].shape == "element" and sum(nodes[b.child].shape != "signal" for b in branches) == (
+    through = own.shape == "element" and sum(tree.child(b).shape != "signal" for b in branches) == (
         2 if along is None else 1
     )
-    named = bool(nodes[node].label)  # a label is left above
+    named = bool(own.label)  # a label is left above
     open_to = [s for s in (*CORNERS, *BETWEEN) if not (named and s[0] < 0 and s[1] < 0)]
-    for sides in permutations(free, len(wanted)):
-        taken: list[tuple[TreeBranch, Vector]] = list(zip(wanted, sides, strict=True))
+    for sides in permutations(free, min(len(heavy), len(free))):
+        taken: list[tuple[TreeBranch, Vector]] = list(zip(heavy, sides, strict=False))
         left, slanted = [s for s in free if s not in sides], list(open_to)
         for branch in (*light, *heavy[len(free) :]):
-            likes = [s for s in _likes(nodes[branch.child], branch) if s in left]
+            likes = [s for s in _likes(tree.child(branch), branch) if s in left]
             ahead = along if along is not None or not sides else (-sides[0][0], -sides[0][1])
-            if ahead in left and through and nodes[branch.child].shape != "signal":
+            if ahead in left and through and tree.child(branch).shape != "signal":
                 likes = [ahead]  # straight on behind a transformer and its like
             side = likes[0] if likes else slanted.pop(0) if slanted else RIGHT
             if likes:
@@ -162,17 +153,16 @@ def _price(node: DiagramNode, branch: TreeBranch, side: Vector) -> float:
     return DISLIKE * (likes.index(side) if side in likes else 3)
 
 
-def _arranged(
-    nodes: Sequence[DiagramNode], sides: Arrangement, finished: Mapping[tuple[int, Vector], Block], node: int, along: Vector | None, roomy: float,
-) -> Block:  # fmt: skip
+def _arranged(tree: Growth, sides: Arrangement, node: int, along: Vector | None) -> Block:
     """Return a letter with its branches at given sides, each as near as possible without contact."""
-    own, label = letter_and_label(nodes[node], along, alone=all(nodes[b.child].shape == "signal" for b, _ in sides))
-    behind = corridor(along, reach(nodes[node], along)) if along is not None and sides else own[:0]
+    letter = tree.nodes[node]
+    own, label = letter_and_label(letter, along, alone=all(tree.child(b).shape == "signal" for b, _ in sides))
+    behind = corridor(along, reach(letter, along)) if along is not None and sides else own[:0]
     draft = Draft({node: (0.0, 0.0)}, {node: label}, {}, joined(own, behind))
     for branch, side in sides:
-        block = finished[branch.child, side]
-        start = _foot(nodes[node], side)
-        least = start + shortest(nodes[branch.child]) + roomy * branch.heavy + GAP + block.reach
+        block = tree.part(branch, side)
+        start = _foot(letter, side)
+        least = start + shortest(tree.child(branch)) + tree.roomy * branch.heavy + GAP + block.reach
         x, y = side
         # slanted bonds separate from the others there
         free = start if not (x and y) else max(start, 14.5 / min(abs(x), abs(y)))
@@ -182,8 +172,8 @@ def _arranged(
         foot, tip = (x * start, y * start), (x * (distance - block.reach - GAP), y * (distance - block.reach - GAP))
         draft.add(block.at(x * distance, y * distance), lane((x * free, y * free), tip))
         draft.ends[branch.line, node], draft.ends[branch.line, branch.child] = foot, tip
-        draft.cost += distance + _price(nodes[branch.child], branch, side)
-    back = reach(nodes[node], along) if along is not None else half_width(nodes[node])
+        draft.cost += distance + _price(tree.child(branch), branch, side)
+    back = reach(letter, along) if along is not None else half_width(letter)
     return draft.block(range(len(own), len(own) + len(behind)), back)
 
 
