@@ -101,15 +101,11 @@ class Journal:
 
 def digest_of(model: AnalysedModel, question: PointRequest, points: Sequence[Any]) -> bytes:
     """Return the digest of all data that determine the results."""
-    from ..cache import code_version
+    from .. import cache
     from .point_request import key_of
 
-    digest = hashlib.sha256()
     files = [(str(s.path), s.text) for s in model.compilation().files]
-    for part in (code_version(), key_of(model), repr(files), repr(question), *map(repr, points)):
-        data = part.encode("utf-8", "surrogatepass")
-        digest.update(len(data).to_bytes(8, "little") + data)
-    return digest.digest()
+    return bytes.fromhex(cache.key_of(key_of(model), files, repr(question), *map(repr, points)))
 
 
 def _alone(stream: BinaryIO, path: str) -> None:

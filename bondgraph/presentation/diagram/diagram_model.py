@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from compiler.api import Compilation, Element, Junction, Kind, MechanismNode, letters
 
 from ..text.causality import explain
+from ..text.tables import place_of
 from .signals import Signal, signals_of
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ def _node(
     else:
         letter, shape = _letter(first), _shape(first)
         label = _label(graph, group)
-    place = f"{PurePath(first.span.source.name).name}:{first.span.line}"
+    place = place_of(first.span)
     marks = (any(m in derivative for m in group), any(graph.nodes[m].name in looping for m in group))
     return DiagramNode(name, letter, label, shape, group, place, inside, *marks)
 
@@ -212,7 +212,7 @@ def _lines(
             for side, number in enumerate((tail, head))
         )
         first = graph.bonds[bonds[0]]
-        place = f"{PurePath(first.span.source.name).name}:{first.span.line}"
+        place = place_of(first.span)
         derivative = any(end in causal.derivative for b in bonds for end in (graph.bonds[b].tail, graph.bonds[b].head))
         loop = nodes[tail].loop and nodes[head].loop
         domains = dict.fromkeys(graph.bonds[b].domain for b in bonds)

@@ -175,47 +175,48 @@ def _derivative(causal: CausalGraph, item: Dependence) -> DerivativeRow:
     )  # fmt: skip
 
 
+# The cause of a storage's derivative form, and advice for its author, by the reason of the stroke.
+CAUSES: Mapping[StrokeReason, tuple[str, str]] = {
+    StrokeReason.SOURCE: (
+        "{other} decides its {variable} at once",
+        "nothing, if it is meant so: the {flow} is the derivative of what `{owner}` gives. As every real source has one, put a small {parting} between them.",
+    ),
+    StrokeReason.MECHANISM: (
+        "the mechanism {other} decides its {variable}",
+        "give a body of `{owner}` what `{name}` stores, or put a stiff spring (a C on a 0-junction) between them.",
+    ),
+    StrokeReason.INTEGRAL: (
+        "it follows from {other}, which is in integral form: together they have one state",
+        "nothing, if they belong together: both are computed. To make `{name}` the state, {way} `{owner}`; "
+        "to let them move apart, put a small {both} between them.",
+    ),
+    StrokeReason.FREE_END: ("{other} has only this bond", "hang something on `{owner}`, or remove it."),
+    StrokeReason.CANCELS: (
+        "bonds to and fro at {other} cancel", "remove both of them, or turn the arrow of one, if that is meant.",
+    ),
+}  # fmt: skip
+
+
 def _dependence(name: str, node: Any, forcing: Any, because: StrokeReason) -> tuple[str, str]:
     """Return the cause of a storage's derivative form, and advice for the author."""
     stored = node.kind.value
-    variable = "effort" if stored == "C" else "flow"
     parting = "R or I on a 1-junction" if stored == "C" else "R or C on a 0-junction"
-    if forcing is None:
-        if because in (StrokeReason.REQUIRED, StrokeReason.WISHED):
-            return (
-                "its author asks for it",
-                f"leave out its `{'require' if because is StrokeReason.REQUIRED else 'prefer'}`.",
-            )
-        return (
-            "the ring of junctions around it leaves no other strokes",
-            f"put a small {parting} between `{name}` and the ring.",
-        )
-    other = f"`{forcing.name}` ({place_of(forcing.span)})"
-    if because is StrokeReason.SOURCE:
-        return (
-            f"{other} decides its {variable} at once",
-            f"nothing, if it is meant so: the {FLOWS[stored]} is the derivative of what `{forcing.name}` gives. As every real source "
-            f"has one, put a small {parting} between them.",
-        )
-    if because is StrokeReason.MECHANISM:
-        return (
-            f"the mechanism {other} decides its {variable}",
-            f"give a body of `{forcing.name}` what `{name}` stores, or put a stiff spring (a C on a 0-junction) between them.",
-        )
-    if because is StrokeReason.INTEGRAL:
-        both = parting if forcing.kind.value == stored else "R"
-        way = "write `prefer = derivative` on" if forcing.prefer is None else "change the `prefer` of"
-        return (
-            f"it follows from {other}, which is in integral form: together they have one state",
-            f"nothing, if they belong together: both are computed. To make `{name}` the state, {way} `{forcing.name}`; "
-            f"to let them move apart, put a small {both} between them.",
-        )
-    if because is StrokeReason.FREE_END:
-        return f"{other} has only this bond", f"hang something on `{forcing.name}`, or remove it."
-    if because is StrokeReason.CANCELS:
-        return f"bonds to and fro at {other} cancel", "remove both of them, or turn the arrow of one, if that is meant."
     word = "require" if because is StrokeReason.REQUIRED else "prefer"
-    return f"{other} has a `{word}` that stands against it", f"leave out the `{word}` of `{forcing.name}`."
+    if forcing is None and because in (StrokeReason.REQUIRED, StrokeReason.WISHED):
+        return "its author asks for it", f"leave out its `{word}`."
+    if forcing is None:
+        ring = "the ring of junctions around it leaves no other strokes"
+        return ring, f"put a small {parting} between `{name}` and the ring."
+    other = f"`{forcing.name}` ({place_of(forcing.span)})"
+    if because not in CAUSES:
+        return f"{other} has a `{word}` that stands against it", f"leave out the `{word}` of `{forcing.name}`."
+    words = {
+        "name": name, "other": other, "owner": forcing.name, "variable": "effort" if stored == "C" else "flow", "flow": FLOWS[stored],
+        "parting": parting, "both": parting if forcing.kind.value == stored else "R",
+        "way": "change the `prefer` of" if getattr(forcing, "prefer", None) is not None else "write `prefer = derivative` on",
+    }  # fmt: skip
+    why, advice = CAUSES[because]
+    return why.format(**words), advice.format(**words)
 
 
 # ---------------------------------------------------------------- loops
