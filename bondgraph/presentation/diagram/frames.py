@@ -6,11 +6,11 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from .diagram_model import DiagramModel, DiagramNode
-from .glyphs import PORT, letter_rectangle, text_rectangle
+from .diagram_model import DiagramModel
+from .glyphs import PORT, text_rectangle
 from .lettering import text_width
-from .overlap import NOTHING, Rectangles, bounds, joined, lane, moved, rectangles, touches
-from .place import DiagramLayout, place
+from .overlap import NOTHING, Rectangles, bounds, joined, lane, rectangles, touches
+from .place import DiagramLayout, node_rectangles, place
 
 PADDING, TITLE = 6.0, 15.0
 
@@ -112,7 +112,12 @@ def _things(model: DiagramModel, layout: DiagramLayout) -> list[tuple[str, Recta
     """Return all placed parts with their instance: nodes with their names, bonds and signals between them."""
     found = []
     for number, node in enumerate(model.nodes):
-        found.append((node.inside if node.shape != "box" or node.inside else "\0", _node(node, number, layout)))
+        found.append(
+            (
+                node.inside if node.shape != "box" or node.inside else "\0",
+                rectangles(node_rectangles(node, number, layout)),
+            )
+        )
     for number, line in enumerate(model.lines):
         homes = {model.nodes[n].inside for n in line.ends}
         if len(homes) == 1:
@@ -137,15 +142,6 @@ def _crossing(model: DiagramModel, layout: DiagramLayout, instance: str) -> Iter
         ends = [n for n in (signal.source, signal.target) if n is not None]
         if sum(model.nodes[n].inside == instance for n in ends) == 1:
             yield _way(way)
-
-
-def _node(node: DiagramNode, number: int, layout: DiagramLayout) -> Rectangles:
-    if number in layout.boxes:
-        box = layout.boxes[number]
-        return rectangles([(box.left, box.top, box.right, box.bottom)])
-    x, y = layout.places[number]
-    taken = moved(rectangles([letter_rectangle(node)]), x, y)
-    return joined(taken, rectangles([text_rectangle(*layout.labels[number])])) if node.label else taken
 
 
 def _way(way: Sequence[tuple[float, float]]) -> Rectangles:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import networkx as nx
 
@@ -13,7 +13,7 @@ from .blocks import Block, Boxed, TreeBranch
 from .diagram_model import DiagramModel, DiagramNode
 from .glyphs import letter_rectangle, text_rectangle
 from .overlap import NOTHING, Point, Rectangles, bounds, joined, lane, moved, rectangles
-from .route import HARD, Ground, between, routed
+from .route import HARD, Ground, Rectangle, between, routed
 from .tree import grow_tree
 
 APART = 46.0  # between two parts
@@ -206,7 +206,8 @@ def _with_ways(model: DiagramModel, tree: _Tree, block: Block, last: bool = Fals
     """
     web, closing = tree.web, tree.closing
     ground = Ground(block.taken)
-    ground.block(_things(web.nodes, block), HARD)
+    parts = [node_rectangles(web.nodes[n], n, block) for n in block.places if web.nodes[n].shape != "stub"]
+    ground.block(rectangles(chain.from_iterable(parts)), HARD)
     bonds: dict[int, tuple[Point, ...]] = {}
     for (number, end), point in block.ends.items():
         if number < len(model.lines) and number not in closing and model.lines[number].tail == end:
@@ -243,30 +244,21 @@ def _with_ways(model: DiagramModel, tree: _Tree, block: Block, last: bool = Fals
     return DiagramLayout(places, labels, block.boxes, bonds, signals, texts, taken)
 
 
-def _outline(node: DiagramNode, block: Block, number: int) -> tuple[float, float, float, float]:
+def _outline(node: DiagramNode, block: Block, number: int) -> Rectangle:
     """Return the border of a letter or a box."""
-    if number in block.boxes:
-        box = block.boxes[number]
-        return box.left, box.top, box.right, box.bottom
-    x, y = block.places[number]
+    left, top, right, bottom = node_rectangles(node, number, block)[0]
+    return (left, top, right, bottom) if number in block.boxes else (left - 3, top - 3, right + 3, bottom + 3)
+
+
+def node_rectangles(node: DiagramNode, number: int, placed: Block | DiagramLayout) -> list[Rectangle]:
+    """Return a box; or a letter, and its label if it has one."""
+    if number in placed.boxes:
+        box = placed.boxes[number]
+        return [(box.left, box.top, box.right, box.bottom)]
+    x, y = placed.places[number]
     left, top, right, bottom = letter_rectangle(node)
-    return x + left - 3, y + top - 3, x + right + 3, y + bottom + 3
-
-
-def _things(nodes: Sequence[DiagramNode], block: Block) -> Rectangles:
-    """Return letters, labels and boxes, which no line may touch."""
-    items = []
-    for number, (x, y) in block.places.items():
-        if nodes[number].shape == "stub":
-            continue
-        if number in block.boxes:
-            items.append(_outline(nodes[number], block, number))
-            continue
-        left, top, right, bottom = letter_rectangle(nodes[number])
-        items.append((x + left, y + top, x + right, y + bottom))
-        if nodes[number].label and nodes[number].shape != "signal":
-            items.append(text_rectangle(*block.labels[number]))
-    return rectangles(items)
+    labels = [text_rectangle(*placed.labels[number])] if node.label and node.shape != "signal" else []
+    return [(x + left, y + top, x + right, y + bottom), *labels]
 
 
 # ---------------------------------------------------------------- all parts
