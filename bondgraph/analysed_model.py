@@ -185,7 +185,7 @@ class AnalysedModel(CompiledModel):
 
         _, fixed = independent(self, (parameter,), experiment, settings or {})
         unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
-        first, last = (quantity(v, unit, parameter) if isinstance(v, str) else float(v) for v in (low, high))
+        first, last = (quantity(v, unit, parameter) for v in (low, high))
         asked = AnalysisRequest(experiment, {**fixed, parameter: first}, names_of(outputs), (parameter,))
         return follow(self.operating_point(asked), parameter, first, last, points, most, branches)
 

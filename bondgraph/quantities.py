@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from fractions import Fraction
 
 from .errors import UsageError
@@ -10,10 +11,12 @@ from .errors import UsageError
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 
 
-def quantity(text: str, unit: str, what: str) -> float:
-    """Return the value in SI; `unit` is one of its kind. Raises `UsageError`, with `what` for the purpose."""
+def quantity(text: str | float, unit: str, what: str) -> float:
+    """Return the value in SI of a text, or of a number in SI; `unit` is one of its kind. Raises `UsageError`, with `what` for the purpose."""
     from compiler.api import CompilationFailed, Source, read_unit
 
+    if not isinstance(text, str):
+        return float(text)
     found = _NUMBER.fullmatch(text)
     if found is not None:
         number, own = Fraction(found[1]), found[2].removeprefix("[").removesuffix("]")
@@ -61,3 +64,8 @@ def in_unit(value: float, unit: str, kind: str, what: str) -> float:
 def behind(unit: str) -> str:
     """Return a unit as text after a number; empty for a bare number."""
     return "" if unit in ("", "1") else f" {unit}"
+
+
+def listed(names: Sequence[str], most: int = 6) -> str:
+    """Return names as text, in quotes, up to `most` of them."""
+    return ", ".join(f"`{n}`" for n in names[:most]) + ("…" if len(names) > most else "")

@@ -47,3 +47,13 @@ class Summarised:
     def summary(self) -> str:
         """Return the result as tables for terminals."""
         return text_of(self)
+
+
+class Plotted:
+    """Result with a renderer for files of pictures."""
+
+    __slots__ = ()
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Plot the result into a .png, .svg or .pdf file. Raises `UsageError` for another ending, `MissingPackage` without matplotlib, OSError."""
+        draw(self, path)

@@ -7,7 +7,7 @@ import re
 import stat
 from bisect import bisect_right
 from dataclasses import field
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from .fast_dataclass import dataclass
 
@@ -61,6 +61,11 @@ class Span:
     def place(self) -> str:
         """`file:line:column`, as editors understand it."""
         return f"{self.source.name}:{self.line}:{self.column}"
+
+    @property
+    def file_and_line(self) -> str:
+        """`file:line` without folders, for messages in which the file is known."""
+        return f"{PurePath(self.source.name).name}:{self.line}"
 
     @property
     def text(self) -> str:

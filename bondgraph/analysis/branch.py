@@ -21,7 +21,7 @@ from compiler.api import Array, BoolArray
 from ..errors import UsageError
 from ..rendering import Summarised, draw
 from .branch_steps import BranchFollower, BranchLine, BranchPlace
-from .json_values import named, with_units
+from .json_values import arrays_with_units, head, named, with_units
 from .operating_point import OperatingPoint
 
 SCHEMA = "bondgraph-branch/1"
@@ -78,32 +78,18 @@ class Branch(Summarised):
         {schema, model, experiment, parameter: {name, unit, values}, outputs, states: {name: {unit, values}}, stable, special: [{kind, value, outputs,
         states}], ended}; `others` are the crossing branches, as such objects, if they were followed.
         """
-        told: dict[str, Any] = {
-            "schema": SCHEMA,
-            "model": self.model,
-            "experiment": self.experiment,
-            "ended": self.ended,
-        }
-        told["parameter"] = {
-            "name": self.parameter,
-            "unit": self.units.get(self.parameter, "1"),
-            "values": self.values.tolist(),
-        }
-        for word in ("outputs", "states"):
-            some: Mapping[str, Any] = getattr(self, word)
-            told[word] = {n: {"unit": self.units.get(n, "1"), "values": v.tolist()} for n, v in some.items()}
+        unit = self.units.get(self.parameter, "1")
+        parameter = {"name": self.parameter, "unit": unit, "values": self.values.tolist()}
+        entries = {**head(SCHEMA, self), "ended": self.ended, "parameter": parameter}
+        entries |= {word: arrays_with_units(getattr(self, word), self.units) for word in ("outputs", "states")}
         special = [
-            {
-                "kind": s.kind,
-                "value": s.value,
-                "outputs": with_units(s.outputs, self.units),
-                "states": with_units(s.states, self.units),
-            }
+            {"kind": s.kind, "value": s.value}
+            | {word: with_units(getattr(s, word), self.units) for word in ("outputs", "states")}
             for s in self.special
         ]
         verdicts = [True if s else False if u else None for s, u in zip(self.stable, self.unstable, strict=True)]
-        told |= {"stable": verdicts, "special": special}
-        return {**told, "others": [b.to_json() for b in self.others]} if self.others else told
+        entries |= {"stable": verdicts, "special": special}
+        return {**entries, "others": [b.to_json() for b in self.others]} if self.others else entries
 
     def plot(self, path: str | os.PathLike[str], names: Sequence[str] = ()) -> None:
         """Plot outputs (or `names`) over the parameter, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
@@ -122,9 +108,9 @@ def follow(first: OperatingPoint, name: str, low: float, high: float, points: in
     towards[-1] = 1.0
     line = BranchLine(follower, low, high, points, most)
     special = line.go(follower.place(first, low, towards))
-    found = _told(first, name, line.places, special, line.ended)
+    branch = _told(first, name, line.places, special, line.ended)
     if not branches:
-        return found
+        return branch
     others = []
     for kind, place in special:
         for sign in (1.0, -1.0) if kind == "branch" else ():
@@ -133,7 +119,7 @@ def follow(first: OperatingPoint, name: str, low: float, high: float, points: in
                 other = BranchLine(follower, low, high, points, most)
                 turns = other.go(begun)
                 others.append(_told(first, name, [place, *other.places], turns, other.ended))
-    return replace(found, others=tuple(others))
+    return replace(branch, others=tuple(others))
 
 
 def _told(

@@ -16,8 +16,9 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import RunFailed
+from ..numerics.scales import group_numbers, largest_of_group, nonzero
 from .operating_point import OperatingPoint
-from .verdict import Eigenvalues, decisive
+from .verdict import Eigenvalues, decisive, resting_rates
 
 ITERATIONS = 12
 CLOSE = 1e-13  # relative to the magnitudes: size of the last correction
@@ -69,7 +70,8 @@ class BranchFollower:
 
     def __init__(self, first: OperatingPoint, name: str, low: float, high: float) -> None:
         self.name, self.range, self.count = name, high - low, first.count
-        self.units = first.program.states.units
+        self.units = group_numbers(first.program.states.units)
+        self.least = np.array([NOTHING.get(unit, LEAST) for unit in first.program.states.units])
         self.steady, self.neutral = first.steady, 0
         self.seen, self.unseen = np.zeros(first.count), 1.0
         self.see(first.state)
@@ -77,20 +79,14 @@ class BranchFollower:
     def see(self, state: Array) -> None:
         """Raise the magnitudes of the states: those of one unit share the largest; 1 for units without any value."""
         size = np.abs(state[: self.count])
-        least = np.array([NOTHING.get(unit, LEAST) for unit in self.units])
-        self.seen = np.maximum(self.seen, np.where(size > least, size, 0.0))
-        self.scale = np.array(
-            [
-                max(x for x, u in zip(self.seen, self.units, strict=True) if u == unit) or self.unseen
-                for unit in self.units
-            ]
-        )
+        self.seen = np.maximum(self.seen, np.where(size > self.least, size, 0.0))
+        largest = largest_of_group(self.seen, self.units)
+        self.scale = np.where(largest > 0, largest, self.unseen)
 
     def rests(self, place: BranchPlace) -> bool:
         """Return True if all rates that read states of known magnitudes vanish relative to their terms."""
         chosen, size = place.point.reduced.chosen, np.abs(place.point.state[: self.count])
-        least = np.array([NOTHING.get(unit, LEAST) for unit in self.units])
-        terms = np.abs(place.A) @ np.where(size > least, size, 0.0)[chosen]
+        terms = np.abs(place.A) @ np.where(size > self.least, size, 0.0)[chosen]
         rates = np.abs(self.rates(place.point))
         return not bool(((rates > RESTING * terms) & (terms > 0)).any())
 
@@ -108,33 +104,32 @@ class BranchFollower:
         return np.where(np.array(turning)[:, None], 0.0, A), np.where(turning, 0.0, b[:, 0])
 
     def rates(self, point: OperatingPoint) -> Any:
-        """Return the rates of the free coordinates, zero for angles that rotate steadily."""
-        names = np.take(point.program.states.names, point.reduced.chosen)
-        return np.where([n in self.steady for n in names], 0.0, point.rates[point.reduced.chosen])
+        """Return the rates of the free coordinates, zero for angles that rotate steadily at the first point."""
+        return resting_rates(point, self.steady)
 
     def system(self, point: OperatingPoint, A: Array, b: Array) -> Any:
         """Return the scaled rows of [A b], then the conserved sums; columns are scaled coordinates and the parameter."""
         whole = np.concatenate([A * self.scale[point.reduced.chosen], b[:, None] * self.range], axis=1)
-        rows = np.abs(whole).max(axis=1)
-        rows = np.where(rows > 0, rows, 1.0)
+        rows = nonzero(np.abs(whole).max(axis=1))
         u, sizes, _ = np.linalg.svd(whole / rows[:, None], full_matrices=True)
         rank = int((sizes > SINGULAR * sizes.max(initial=0.0)).sum())
         kept = u[:, rank:].T / rows * self.scale[point.reduced.chosen]
-        norm = np.linalg.norm(kept, axis=1, keepdims=True)
-        kept = np.concatenate([kept / np.where(norm > 0, norm, 1.0), np.zeros((len(kept), 1))], axis=1)
+        kept = kept / nonzero(np.linalg.norm(kept, axis=1, keepdims=True))
+        kept = np.concatenate([kept, np.zeros((len(kept), 1))], axis=1)
         return rows, whole / rows[:, None], kept
+
+    def lifted(self, point: OperatingPoint, q: Array) -> Any:
+        """Return a direction of all states and the parameter, scaled, from one of the free coordinates and the parameter."""
+        reduced = point.reduced
+        states = reduced.directions @ (q[:-1] * self.scale[reduced.chosen])
+        return np.concatenate([(states + reduced.following[:, 0] * q[-1] * self.range) / self.scale, q[-1:]])
 
     def place(self, point: OperatingPoint, value: float, along: Array) -> BranchPlace:
         """Return the point with the tangent in the direction of `along`."""
         A, b = self.slopes(point)
         _, whole, kept = self.system(point, A, b)
         _, _, right = np.linalg.svd(np.concatenate([whole, kept]), full_matrices=True)
-        q = right[-1]
-        reduced = point.reduced
-        states = (
-            reduced.directions @ (q[:-1] * self.scale[reduced.chosen]) + reduced.following[:, 0] * q[-1] * self.range
-        )
-        tangent = np.concatenate([states / self.scale, q[-1:]])
+        tangent = self.lifted(point, right[-1])
         tangent = tangent / np.linalg.norm(tangent)
         if tangent @ along < 0:
             tangent = -tangent
@@ -165,13 +160,8 @@ class BranchFollower:
             moved = here - origin
             rates = self.rates(point)  # near a branch point their rounding would be amplified
             rates = np.where(np.abs(rates) < NOISE * rows, 0.0, rates)
-            right = np.concatenate(
-                [
-                    rates / rows,
-                    kept @ _chosen(moved, point),
-                    [start.tangent @ moved - length],
-                ]
-            )
+            free = np.append(moved[:-1][point.reduced.chosen], moved[-1])
+            right = np.concatenate([rates / rows, kept @ free, [start.tangent @ moved - length]])
             right[len(rates) :][np.abs(right[len(rates) :]) < NOISE] = 0.0
             step = -np.linalg.lstsq(matrix, right, rcond=1e-14)[0]
             norm = float(np.abs(step).max(initial=0.0))
@@ -199,8 +189,7 @@ class BranchFollower:
         own = own / np.linalg.norm(own)
         ways = []
         for q in right[-2:]:
-            states = reduced.directions @ (q[:-1] * self.scale[reduced.chosen])
-            way = np.concatenate([(states + reduced.following[:, 0] * q[-1] * self.range) / self.scale, q[-1:]])
+            way = self.lifted(place.point, q)
             ways.append(way - (way @ own) * own)
         aside = max(ways, key=lambda way: float(np.linalg.norm(way)))
         aside = sign * aside / np.linalg.norm(aside)
@@ -209,10 +198,6 @@ class BranchFollower:
             if moved is not None:
                 return moved
         return None
-
-
-def _chosen(moved: Array, point: OperatingPoint) -> Any:
-    return np.concatenate([moved[:-1][point.reduced.chosen], moved[-1:]])
 
 
 class BranchLine:
@@ -295,22 +280,6 @@ class BranchLine:
         return self.low if (value - self.low) * (self.high - self.low) <= 0 else None
 
 
-def _switches(point: OperatingPoint) -> bool:
-    """Return True if conditions on states differ from those at the first point."""
-    program = point.program
-    if program.hybrid is None:
-        return False
-    mode = program.mode_at(point.time, point.state, point.inputs, point.constants)
-    places = [c.position for c in program.hybrid.conditions]
-    return bool((np.asarray(mode)[places] != np.asarray(point.mode)[places]).any())
-
-
-def _bracketed(function: Callable[[float], float], length: float) -> float:
-    from scipy.optimize import brentq
-
-    return float(brentq(function, 0.0, length, xtol=1e-14 * length, rtol=1e-14, maxiter=200))
-
-
 def _special(follower: BranchFollower, here: BranchPlace, found: BranchPlace, length: float) -> list[tuple[str, BranchPlace]]:  # fmt: skip
     """Return the special point between two points of known stability: a fold, or an eigenvalue that changes sign through zero.
 
@@ -379,6 +348,8 @@ def _root(
     follower: BranchFollower, here: BranchPlace, length: float, sign: Callable[[BranchPlace], float]
 ) -> tuple[BranchPlace, float]:  # fmt: skip
     """Return the same point, and its length along the step."""
+    from scipy.optimize import brentq
+
     made: dict[float, BranchPlace] = {0.0: here}
 
     def value(at: float) -> float:
@@ -392,7 +363,7 @@ def _root(
     if value(0.0) * value(length) > 0:
         return made[length], length
     try:
-        root = _bracketed(value, length)
+        root = float(brentq(value, 0.0, length, xtol=1e-14 * length, rtol=1e-14, maxiter=200))
     except RunFailed:  # at a branch point Newton's matrix is singular: interpolate between two close points
         return _between(made, sign)
     nearest = min(made, key=lambda at: abs(at - root))

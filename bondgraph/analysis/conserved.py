@@ -13,6 +13,8 @@ import numpy as np
 
 from compiler.api import Array, dependent_rates, evaluate
 
+from ..numerics.scales import nonzero
+
 if TYPE_CHECKING:
     from compiler.api import EquationSystem, Expression
 
@@ -38,13 +40,12 @@ def conserved_sums(scene: Prepared, parameters: Array) -> Array:
                 matrix[number, flows[flow]] = evaluate(factor, value)
     except (ArithmeticError, ValueError):  # a division by zero in a ratio: no sums are known
         return np.zeros((0, n))
-    size = np.abs(matrix).max(axis=1, keepdims=True)
-    size = np.where(size > 0, size, 1.0)
+    size = nonzero(np.abs(matrix).max(axis=1, keepdims=True))
     left, sizes, _ = np.linalg.svd(matrix / size)
     rank = int((sizes > ROUNDING * sizes.max(initial=0.0)).sum())
-    found = left[:, rank:].T / size[:, 0]
-    whole = np.zeros((len(found), n))
-    whole[:, list(rows)] = found / np.linalg.norm(found, axis=1, keepdims=True)
+    sums = left[:, rank:].T / size[:, 0]
+    whole = np.zeros((len(sums), n))
+    whole[:, list(rows)] = sums / np.linalg.norm(sums, axis=1, keepdims=True)
     return whole
 
 
@@ -53,9 +54,9 @@ def _constants(system: EquationSystem, given: Mapping[str, float]) -> Callable[[
     assigned: dict[int, Expression] = {a.target: a.expression for a in system.assignments if not a.implicit}
 
     def value(variable: int) -> float:
-        known = system.variables[variable]
-        if known.role == "parameter":
-            return given.get(known.name, known.value if known.value is not None else np.nan)
+        quantity = system.variables[variable]
+        if quantity.role == "parameter":
+            return given.get(quantity.name, quantity.value if quantity.value is not None else np.nan)
         return float(evaluate(assigned[variable], value))
 
     return value

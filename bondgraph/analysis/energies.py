@@ -6,7 +6,6 @@ control of the run. A mechanism gets the rest of the balance: its motion, and gr
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -17,13 +16,13 @@ from compiler.api import Array, Element, MechanismNode, letters, write_text
 
 from ..compiled_model import CompiledModel, source_of
 from ..errors import UsageError
-from ..rendering import draw
+from ..rendering import Plotted
 
 POINTS = 501
 
 
 @dataclass(frozen=True, eq=False)
-class Energies:
+class Energies(Plotted):
     """Work of each element at `time` (N,), name -> (N,) in J, and its kind. Positive: supplied by sources, received by all others."""
 
     model: str
@@ -58,10 +57,6 @@ class Energies:
         if "multibody" not in self.kinds.values():
             return np.zeros_like(self.time)
         return self.supplied - self.stored - self.dissipated
-
-    def plot(self, path: str | os.PathLike[str]) -> None:
-        """Plot the energies over time, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
-        draw(self, path)
 
 
 def energies(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 from ..rendering import Summarised
-from .json_values import finite, named, pair, with_units
+from .json_values import finite, head, named, pair, with_units
 from .operating_point import OperatingPoint
 from .sampled import is_sampled, sampled_verdict
 from .verdict import Verdict, verdict
@@ -64,15 +64,15 @@ class Equilibrium(Summarised):
         `undecided` eigenvalues, `undamped` ones, and `steady` rates.
         """
         parts = {word: with_units(getattr(self, word), self.units) for word in ("states", "unknowns", "outputs")}
-        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
-        told |= {**parts, "growth": finite(self.growth), "stable": self.stable}
+        entries = {**head(SCHEMA, self), "time": self.time, **parts}
+        entries |= {"growth": finite(self.growth), "stable": self.stable}
         if self.verdict.undecided:
-            told |= {"bound": finite(self.verdict.bound), "undecided": [pair(v) for v in self.verdict.undecided]}
+            entries |= {"bound": finite(self.verdict.bound), "undecided": [pair(v) for v in self.verdict.undecided]}
         if self.verdict.undamped:
-            told["undamped"] = [pair(v) for v in self.verdict.undamped]
+            entries["undamped"] = [pair(v) for v in self.verdict.undamped]
         if self.steady:
-            told["steady"] = with_units(self.steady, dict.fromkeys(self.steady, "1/s"))
-        return told
+            entries["steady"] = with_units(self.steady, dict.fromkeys(self.steady, "1/s"))
+        return entries
 
 
 def equilibrium(point: OperatingPoint) -> Equilibrium:
@@ -94,15 +94,9 @@ def _verdict(point: OperatingPoint) -> Verdict:
         return Verdict(math.nan, math.nan, None)
 
 
-def stability(point: OperatingPoint) -> tuple[float, bool | None]:
-    """Return the largest real part of a deciding eigenvalue (1/s), and True if the point is stable; None if that is not decided."""
-    found = verdict(point)
-    return found.growth, found.stable
-
-
 def units_of(point: OperatingPoint) -> dict[str, str]:
     """Return SI units by name."""
     program = point.program
     kinds = (program.states, program.unknowns, program.outputs, program.inputs, program.parameters)
-    found = {n: u for kind in kinds for n, u in zip(kind.names, kind.units, strict=True)}
-    return found | {n: f.unit for n, f in point.followers.items()}
+    units = {n: u for kind in kinds for n, u in zip(kind.names, kind.units, strict=True)}
+    return units | {n: f.unit for n, f in point.followers.items()}

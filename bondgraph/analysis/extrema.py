@@ -47,12 +47,12 @@ def extrema(
     infinite = infinite[(infinite >= low) & (infinite <= high)]
     frequencies = _about(poles, infinite, low, high)
     size = np.abs(evaluate(frequencies))
-    found: list[Extremum] = []
+    peaks: list[Extremum] = []
     brackets = []
     for i in range(len(seen)):
         for j in range(len(given)):
             sharp = [f for f in infinite if _is_infinite(evaluate, float(f), i, j)]
-            found += [Extremum(given[j], seen[i], "peak", float(f), np.inf, np.nan) for f in sharp]
+            peaks += [Extremum(given[j], seen[i], "peak", float(f), np.inf, np.nan) for f in sharp]
             brackets += [
                 (i, j, k, sign) for k, sign in _turns(size[:, i, j])
                 if not any(frequencies[k - 1] < f < frequencies[k + 1] for f in sharp)
@@ -61,8 +61,8 @@ def extrema(
         beside = max(size[k - 1, i, j], size[k + 1, i, j])
         magnitude = abs(value) if sign > 0 or abs(value) > NOTHING * beside else 0.0
         kind = "peak" if sign > 0 else "dip"
-        found.append(Extremum(given[j], seen[i], kind, float(at), float(magnitude), float(np.degrees(np.angle(value)))))
-    return tuple(sorted(found, key=lambda e: (given.index(e.given), seen.index(e.seen), e.frequency)))
+        peaks.append(Extremum(given[j], seen[i], kind, float(at), float(magnitude), float(np.degrees(np.angle(value)))))
+    return tuple(sorted(peaks, key=lambda e: (given.index(e.given), seen.index(e.seen), e.frequency)))
 
 
 def _about(poles: ComplexArray, infinite: Array, low: float, high: float) -> Any:
@@ -142,8 +142,8 @@ def _vertex(x: Array, q: Array) -> Any:
     with np.errstate(divide="ignore", invalid="ignore"):  # next to a response of zero
         above = left**2 * (q[1] - q[2]) - right**2 * (q[1] - q[0])
         below = left * (q[1] - q[2]) - right * (q[1] - q[0])
-        found = x[1] - 0.5 * above / below
-    return np.where(np.isfinite(found), found, x[1])
+        vertex = x[1] - 0.5 * above / below
+    return np.where(np.isfinite(vertex), vertex, x[1])
 
 
 def _halved(x: Array) -> Any:
@@ -152,17 +152,13 @@ def _halved(x: Array) -> Any:
 
 
 def _narrowed(x: Array, q: Array, new: Array, value: Array) -> tuple[Any, Any]:
-    """Return the three points about each minimum, updated by a new one."""
+    """Return the three points about each minimum, and the values there, updated by a new one."""
     right, better = new > x[1], value < q[1]
-    triples = {
-        (True, True): ((x[1], new, x[2]), (q[1], value, q[2])), (True, False): ((x[0], x[1], new), (q[0], q[1], value)),
-        (False, True): ((x[0], new, x[1]), (q[0], value, q[1])), (False, False): ((new, x[1], x[2]), (value, q[1], q[2])),
-    }  # fmt: skip
-    for side in (0, 1):
-        first = np.where(better, np.stack(triples[True, True][side]), np.stack(triples[True, False][side]))
-        second = np.where(better, np.stack(triples[False, True][side]), np.stack(triples[False, False][side]))
-        if side == 0:
-            points = np.where(right, first, second)
-        else:
-            squares = np.where(right, first, second)
-    return points, squares
+
+    def updated(three: Array, one: Array) -> Any:
+        first, middle, last = three
+        low = np.where(right, np.where(better, middle, first), np.where(better, first, one))
+        high = np.where(right, np.where(better, last, one), np.where(better, middle, last))
+        return np.stack([low, np.where(better, one, middle), high])
+
+    return updated(x, new), updated(q, value)

@@ -61,11 +61,11 @@ def led(
     """
     if all(name in compilation.program.states.names for name in given):
         return dict(given)
-    names, known = compilation.program.states.names, followers(compilation, parameters)
-    found = {n: v for n, v in given.items() if n not in known}
-    for name, follower in ((n, known[n]) for n in given if n in known):
+    names, all_followers = compilation.program.states.names, followers(compilation, parameters)
+    leaders = {n: v for n, v in given.items() if n not in all_followers}
+    for name, follower in ((n, all_followers[n]) for n in given if n in all_followers):
         leader, value = names[follower.place], (given[name] - follower.offset) / follower.slope
-        other = found.setdefault(leader, value)
+        other = leaders.setdefault(leader, value)
         if abs(other - value) > SAME * max(abs(other), abs(value), abs(follower.offset / follower.slope)):
             raise UsageError("BR207", f"`{name}` follows `{leader}`: their values contradict each other")
-    return found
+    return leaders

@@ -4,9 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 from compiler.api import Array
+
+
+class OfModel(Protocol):
+    """Result of a model in an experiment."""
+
+    @property
+    def model(self) -> str: ...
+
+    @property
+    def experiment(self) -> str | None: ...
+
+
+def head(schema: str, result: OfModel) -> dict[str, Any]:
+    """Return the first entries of a result: {schema, model, experiment}."""
+    return {"schema": schema, "model": result.model, "experiment": result.experiment}
 
 
 def finite(value: float) -> float | None:
@@ -17,6 +32,11 @@ def finite(value: float) -> float | None:
 def with_units(values: Mapping[str, float], units: Mapping[str, str]) -> dict[str, Any]:
     """Return {name: {value, unit}}, in SI."""
     return {name: {"value": finite(value), "unit": units.get(name, "1")} for name, value in values.items()}
+
+
+def arrays_with_units(values: Mapping[str, Array], units: Mapping[str, str]) -> dict[str, Any]:
+    """Return {name: {unit, values}}, in SI."""
+    return {name: {"unit": units.get(name, "1"), "values": array.tolist()} for name, array in values.items()}
 
 
 def rows_of(matrix: Array | list[Array]) -> list[list[float | None]]:

@@ -10,7 +10,7 @@ from compiler.api import Array
 
 from ..errors import MissingPackage
 from ..rendering import Summarised
-from .json_values import rows_of, with_units
+from .json_values import head, named, rows_of, with_units
 from .operating_point import OperatingPoint
 
 SCHEMA = "bondgraph-linearization/1"
@@ -62,13 +62,13 @@ class Linearization(Summarised):
 
         {schema, model, experiment, time, states, inputs, outputs: {name: {value, unit}}, A, B, C, D (rows), rates}.
         """
-        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
+        entries = {**head(SCHEMA, self), "time": self.time}
         for word, names, values in (
             ("states", self.states, self.x), ("inputs", self.inputs, self.u), ("outputs", self.outputs, self.y)
         ):  # fmt: skip
-            told[word] = with_units(dict(zip(names, values.tolist(), strict=True)), self.units)
-        told |= {word: rows_of(getattr(self, word)) for word in "ABCD"}
-        return {**told, "rates": rows_of([self.rates])[0]}
+            entries[word] = with_units(named(names, values), self.units)
+        entries |= {word: rows_of(getattr(self, word)) for word in "ABCD"}
+        return {**entries, "rates": rows_of([self.rates])[0]}
 
 
 def linearization(point: OperatingPoint) -> Linearization:
@@ -77,18 +77,22 @@ def linearization(point: OperatingPoint) -> Linearization:
     chosen = reduced.chosen
     state_slopes, by_slopes = reduced.through(point.rate_slopes(chosen))
     output_slopes, through = point.of_states(list(space.outputs.values()))
-    units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
-    units |= dict(zip(program.states.names, program.states.units, strict=True))
-    quantities = [space.quantities.get(name) for name in point.by]
-    units |= {n: space.variables[v].unit for n, v in zip(point.by, quantities, strict=True) if v is not None}
     return Linearization(
         program.name, point.made.plan.experiment, point.time, tuple(program.states.names[i] for i in chosen), point.by,
-        program.outputs.names, units, state_slopes, by_slopes, output_slopes, through, point.state[chosen],
+        program.outputs.names, linear_units(point), state_slopes, by_slopes, output_slopes, through, point.state[chosen],
         point.values_of(point.by), point.outputs, point.rates[chosen],
     )  # fmt: skip
 
 
+def linear_units(point: OperatingPoint) -> dict[str, str]:
+    """Return the SI units of outputs, states and inputs by name."""
+    program, space = point.program, point.compilation.state_space
+    units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
+    units |= dict(zip(program.states.names, program.states.units, strict=True))
+    return units | {n: space.variables[space.quantities[n]].unit for n in point.by if n in space.quantities}
+
+
 def state_matrix(point: OperatingPoint) -> Array:
     """Return A alone."""
-    found: Array = point.reduced.through(point.rate_slopes(point.reduced.chosen))[0]
-    return found
+    matrix: Array = point.reduced.through(point.rate_slopes(point.reduced.chosen))[0]
+    return matrix

@@ -18,11 +18,11 @@ from compiler.api import Array, ComplexArray
 
 from ..errors import RunFailed, UsageError
 from ..rendering import Summarised
-from .json_values import finite, pair
+from .json_values import finite, head, named, pair, with_units
 from .linear import Linearization, linearization
 from .operating_point import OperatingPoint
 from .response import Response, response
-from .sensitivity import Sensitivity, directions_of, rest_moves
+from .sensitivity import Sensitivity, directions_of, place_in, rest_moves
 
 SCHEMA = "bondgraph-response-sensitivity/1"
 ON = 1e-9  # relative distance at which an end of the range lies on an undamped mode
@@ -41,32 +41,30 @@ class ResponseSensitivity(Summarised):
     def of(self, given: str, seen: str, parameter: str) -> ComplexArray:
         """Return the derivatives from an input to an output, (f,). Raises `UsageError`."""
         self.response.of(given, seen)  # raises for unknown names
-        if parameter not in self.parameters:
-            raise UsageError("BR209", f"there is no `{parameter}` in this sensitivity; there is {', '.join(self.parameters) or 'none'}")  # fmt: skip
         i, j = self.response.outputs.index(seen), self.response.inputs.index(given)
-        return np.asarray(self.slopes[:, i, j, self.parameters.index(parameter)])
+        return np.asarray(self.slopes[:, i, j, place_in(parameter, self.parameters)])
 
     @property
     def magnitude(self) -> Array:
         """Derivative of the magnitude, (f, m, k, q)."""
         values = self.response.values[..., None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            found: Array = (values.conj() * self.slopes).real / np.abs(values)
-        return found
+            slope: Array = (values.conj() * self.slopes).real / np.abs(values)
+        return slope
 
     @property
     def phase(self) -> Array:
         """Derivative of the phase, in degrees, (f, m, k, q)."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found: Array = np.degrees((self.slopes / self.response.values[..., None]).imag)
-        return found
+            slope: Array = np.degrees((self.slopes / self.response.values[..., None]).imag)
+        return slope
 
     @property
     def relative(self) -> Array:
         """Change of the magnitude in percent per percent of a parameter, (f, m, k, q); NaN where it is zero."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = self.magnitude * self.at / self.response.magnitude[..., None]
-        return np.where(np.isfinite(found), found, np.nan)
+            ratio = self.magnitude * self.at / self.response.magnitude[..., None]
+        return np.where(np.isfinite(ratio), ratio, np.nan)
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by the schema `bondgraph-response-sensitivity/1`.
@@ -85,16 +83,9 @@ class ResponseSensitivity(Summarised):
             for j, given in enumerate(told.inputs)
             for i, seen in enumerate(told.outputs)
         ]  # fmt: skip
-        parameters = {
-            n: {"value": finite(v), "unit": self.units[n]} for n, v in zip(self.parameters, self.at, strict=True)
-        }
-        head = {"schema": SCHEMA, "model": told.model, "experiment": told.experiment}
-        return {
-            **head,
-            "frequencies": told.frequencies.tolist(),
-            "parameters": parameters,
-            "responses": responses,
-        }
+        parameters = with_units(named(self.parameters, self.at), self.units)
+        frequencies = told.frequencies.tolist()
+        return {**head(SCHEMA, told), "frequencies": frequencies, "parameters": parameters, "responses": responses}
 
 
 class _Moving:

@@ -15,8 +15,9 @@ import numpy as np
 
 from compiler.api import Array, ComplexArray, Leaf, letters
 
+from ..numerics.scales import nonzero
 from ..rendering import Summarised
-from .json_values import finite, pair
+from .json_values import finite, head, pair
 from .linear import Linearization, linearization, state_matrix
 from .operating_point import OperatingPoint
 from .spectrum import spectrum
@@ -83,8 +84,8 @@ class Mode:
         """Shares of the energy by element, without those that are rounding."""
         size = np.abs(self.energies)
         order = np.argsort(-size, kind="stable")
-        kept = order[size[order] > SMALL * size.max(initial=0.0)]
-        return {self.names.elements[i]: float(self.energies[i]) for i in kept}
+        shown = order[size[order] > SMALL * size.max(initial=0.0)]
+        return {self.names.elements[i]: float(self.energies[i]) for i in shown}
 
     @property
     def where(self) -> str:
@@ -131,9 +132,9 @@ class Modes(Sequence[Mode], Summarised):
         {schema, model, experiment, time, units, modes: [{eigenvalue: {re, im}, frequency, damped_frequency, damping, energy: {element: share}, shape,
         outputs: {name: {re, im}}}]}; and `note` where the point changes with time.
         """
-        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "time": self.time}
-        told |= {"note": self.note} if self.note else {}
-        return {**told, "units": dict(self.units), "modes": [m.to_json() for m in self.modes]}
+        entries = {**head(SCHEMA, self), "time": self.time}
+        entries |= {"note": self.note} if self.note else {}
+        return {**entries, "units": dict(self.units), "modes": [m.to_json() for m in self.modes]}
 
 
 def modes(point: OperatingPoint) -> Modes:
@@ -144,18 +145,17 @@ def modes(point: OperatingPoint) -> Modes:
     values, shapes = found.values[chosen], point.reduced.whole(found.shapes)[:, chosen]
     names, energies = element_energies(point, values, shapes)
     total = energies.sum(axis=0)
-    size = np.where(np.abs(total) > SMALL * np.abs(energies).sum(axis=0), np.abs(total), 1.0)
-    size = np.where(size > 0, size, 1.0)
+    size = nonzero(np.where(np.abs(total) > SMALL * np.abs(energies).sum(axis=0), np.abs(total), 1.0))
     with_energy = np.abs(energies).sum(axis=0) > 0
     shapes = shapes / np.where(with_energy, np.sqrt(size), np.linalg.norm(shapes, axis=0))
     shapes = shapes * _turned(shapes)
     amplitudes = linear.C @ shapes[point.reduced.chosen]
     states = point.program.states.names
     units = dict(zip(states, point.program.states.units, strict=True)) | {n: linear.units[n] for n in linear.outputs}
-    told = Names(states, linear.outputs, tuple(names))
+    names_of_all = Names(states, linear.outputs, tuple(names))
     shares = energies / size
     made = tuple(
-        Mode(complex(v), told, shapes[:, i], amplitudes[:, i], shares[:, i]) for i, v in enumerate(values)
+        Mode(complex(v), names_of_all, shapes[:, i], amplitudes[:, i], shares[:, i]) for i, v in enumerate(values)
     )  # fmt: skip
     return Modes(linear.model, linear.experiment, point.time, made, units, _note(linear))
 

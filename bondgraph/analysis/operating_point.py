@@ -17,6 +17,7 @@ import numpy as np
 from compiler.api import Array, ComplexArray, IntArray, Leaf, NoSlope, Tape
 
 from ..errors import RunFailed, UsageError
+from ..numerics.scales import nonzero
 from ..prepared import Prepared
 from .json_values import named
 from .singular_slopes import departure, slopes_from_beside
@@ -96,7 +97,6 @@ class OperatingPoint:
     def elsewhere(self, given: Mapping[str, float], state: Array) -> OperatingPoint:
         """Return the point at other values of parameters or inputs, with the nearest state on constraints and loops. Raises `RunFailed`."""
         from ..simulation.constraints.constraints import Constraints
-        from ..simulation.loops.loops import LoopSolver
 
         old = self.constraints
         parameters, inputs = np.array(old.parameters), np.array(self.inputs)
@@ -107,10 +107,7 @@ class OperatingPoint:
         if constraints and not old.taking.all():
             constraints.leave_out(old.taking)
         state = constraints.project(self.time, np.asarray(state, dtype=float), self.mode)
-        size = np.where(state != 0, np.abs(state), 1.0)
-        state = LoopSolver(self.program, constraints.constants, inputs, size, constraints.parameters).solve(
-            self.time, state, self.mode
-        )
+        state = constraints.loops(nonzero(np.abs(state))).solve(self.time, state, self.mode)
         return OperatingPoint(self.made, constraints, state, self.mode, self.time, self.by, self.values)
 
     # ------------------------------------------------------------ values
@@ -205,11 +202,10 @@ class OperatingPoint:
             found = np.asarray(self.program.jacobian(self.time, self.state, self.inputs, self.constants, self.mode))
         bad = np.flatnonzero(~np.isfinite(found).all(axis=1))
         if len(bad):
-            raise self._without_slope((*self.program.states.names, *self.program.unknowns.names)[bad[0]])
+            raise self._without_slope(self.program.variables.names[bad[0]])
         known, infinite = slopes_from_beside(self._jacobian_beside, found)
         if len(infinite):
-            names = (*self.program.states.names, *self.program.unknowns.names)
-            raise self._without_slope(names[infinite[0] // self.all])
+            raise self._without_slope(self.program.variables.names[infinite[0] // self.all])
         return known
 
     def _jacobian_beside(self, side: float, distance: float) -> Any:
@@ -249,12 +245,10 @@ class OperatingPoint:
         slopes = self.slopes_of(tuple(variables))
         values, numbers = np.array(slopes.tape.values(self.lookup), dtype=float), slopes.rows
         bad: IntArray = np.flatnonzero(~np.isfinite(values))
+        if slopes.guarded and not len(bad):
+            values, bad = slopes_from_beside(lambda side, distance: self._slopes_beside(slopes, side, distance), values)
         if len(bad):
             raise self._without_slope(self.compilation.state_space.variables[variables[numbers[bad[0]]]].name)
-        if slopes.guarded:
-            values, bad = slopes_from_beside(lambda side, distance: self._slopes_beside(slopes, side, distance), values)
-            if len(bad):
-                raise self._without_slope(self.compilation.state_space.variables[variables[numbers[bad[0]]]].name)
         return csr_array((values, (numbers, slopes.columns)), shape=(len(variables), self.all + len(self.by)))
 
     def _slopes_beside(self, slopes: Slopes, side: float, distance: float) -> list[float]:
@@ -386,8 +380,8 @@ def _tied(slopes: Array, moved: Array) -> tuple[Any, Any, Any]:
     from scipy.linalg import qr
 
     n = slopes.shape[1]
-    rows = np.abs(slopes).max(axis=1, initial=0.0)
-    slopes, moved = (a / np.where(rows > 0, rows, 1.0)[:, None] for a in (slopes, moved))
+    rows = nonzero(np.abs(slopes).max(axis=1, initial=0.0))[:, None]
+    slopes, moved = slopes / rows, moved / rows
     _, triangle, order = qr(slopes, mode="economic", pivoting=True)
     sizes = np.abs(np.diag(triangle))
     rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
@@ -472,12 +466,11 @@ def magnitudes(constraints: Constraints, state: Array) -> Any:
     count = len(constraints.program.states.names)
     sizes = np.abs(state)
     sizes[:count] = np.maximum(sizes[:count], constraints.magnitude[:count])
-    return np.where(sizes > 0, sizes, 1.0)
+    return nonzero(sizes)
 
 
 def _given(leg: Any, given: Mapping[str, float], time: float, mode: Array) -> Any:
     """Return the state with given values, on the constraints, with the unknowns that belong to it."""
-    from ..simulation.loops.loops import LoopSolver
     from .following import led
 
     names = leg.program.states.names
@@ -489,6 +482,5 @@ def _given(leg: Any, given: Mapping[str, float], time: float, mode: Array) -> An
     state = np.array(leg.state, dtype=float)
     for i, name in enumerate(names):
         state[i] = given.get(name, state[i])
-    size = np.where(state != 0, np.abs(state), 1.0)
-    state = leg.constraints.project(time, state, mode)
-    return LoopSolver(leg.program, leg.constants, leg.inputs, size, leg.parameters).solve(time, state, mode)
+    loops = leg.constraints.loops(nonzero(np.abs(state)))
+    return loops.solve(time, leg.constraints.project(time, state, mode), mode)

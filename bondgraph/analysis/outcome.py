@@ -14,9 +14,9 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import UsageError
-from ..rendering import Summarised, draw
+from ..rendering import Plotted, Summarised
 from ..results.exports import Arrays, Exported, write_csv
-from .json_values import finite
+from .json_values import finite, head
 from .outcome_numbers import numbers_of
 
 if TYPE_CHECKING:
@@ -44,19 +44,19 @@ class Point:
 
     def of(self, role: str) -> Any:
         """Return the result of the first step with that word: `of("invert").inputs`. Raises `UsageError`."""
-        for word, found in self.analyses:
+        for word, result in self.analyses:
             if word == role:
-                return found
+                return result
         raise UsageError(
             "BR222", f"there is no `{role}` here; there is {', '.join(w for w, _ in self.analyses) or 'none'}"
         )
 
     def _of_analyses(self) -> dict[str, tuple[float, str]]:
         """Return numbers with units; a second step with the same name gets it with its number."""
-        told: dict[str, tuple[float, str]] = {}
-        for i, (role, found) in enumerate(self.analyses, 1):
-            told |= {(n if n not in told else f"{n} ({i})"): v for n, v in numbers_of(role, found).items()}
-        return told
+        numbers: dict[str, tuple[float, str]] = {}
+        for i, (role, result) in enumerate(self.analyses, 1):
+            numbers |= {(n if n not in numbers else f"{n} ({i})"): v for n, v in numbers_of(role, result).items()}
+        return numbers
 
     def units(self) -> dict[str, str]:
         """SI units of `numbers`; names without an entry are in Hz."""
@@ -70,18 +70,18 @@ class Point:
 
     def numbers(self) -> dict[str, float]:
         """Numbers of the point in a table: outputs at equilibrium, frequencies, results of other steps, outputs at the end of the run."""
-        found: dict[str, float] = {}
+        values: dict[str, float] = {}
         if self.equilibrium is not None:
-            found |= dict(self.equilibrium.outputs)
+            values |= dict(self.equilibrium.outputs)
         if self.modes is not None:
             moving = [m for m in self.modes if m.frequency > 0]
-            found |= {f"frequency {i}": m.frequency for i, m in enumerate(moving[:MODES], 1)}
+            values |= {f"frequency {i}": m.frequency for i, m in enumerate(moving[:MODES], 1)}
         for response in self.responses:
-            found |= {f"peak of {given} to {seen}": at for given, seen, at in response.peaks()}
-        found |= {n: value for n, (value, _) in self._of_analyses().items()}
+            values |= {f"peak of {given} to {seen}": at for given, seen, at in response.peaks()}
+        values |= {n: value for n, (value, _) in self._of_analyses().items()}
         if self.run is not None:
-            found |= {n: self.run.final(n) for n in self.run.names}
-        return found
+            values |= {n: self.run.final(n) for n in self.run.names}
+        return values
 
     def to_json(self) -> dict[str, Any]:
         """Return {settings, equilibrium, modes, responses, analyses: [{step, …}], run, failure}: the existing parts, each by its own schema."""
@@ -100,7 +100,7 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome(Sequence[Point], Summarised, Exported):
+class Outcome(Sequence[Point], Summarised, Plotted, Exported):
     """Points of an experiment in order, the last swept name running fastest; one without a sweep has a single point."""
 
     model: str
@@ -152,8 +152,8 @@ class Outcome(Sequence[Point], Summarised, Exported):
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by the schema `bondgraph-outcome/1`: {schema, model, experiment, swept: {name: unit}, points: [{settings, …}], notes}."""
-        told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment, "swept": dict(self.swept)}
-        return {**told, "points": [p.to_json() for p in self.points], "notes": list(self.notes)}
+        points = [p.to_json() for p in self.points]
+        return {**head(SCHEMA, self), "swept": dict(self.swept), "points": points, "notes": list(self.notes)}
 
     @property
     def grid(self) -> tuple[int, ...] | None:
@@ -171,14 +171,14 @@ class Outcome(Sequence[Point], Summarised, Exported):
         coordinates = {}
         if dims != ("point",):
             coordinates = {n: (np.array(list(dict.fromkeys(columns[n].tolist()))), self.swept[n]) for n in dims}
-        found = {n: (dims, c.reshape(shape), units[n]) for n, c in columns.items() if n not in coordinates}
+        variables = {n: (dims, c.reshape(shape), units[n]) for n, c in columns.items() if n not in coordinates}
         times = [p.run.time for p in self.points if p.run is not None]
         if times and all(np.array_equal(t, times[0]) for t in times) and "time" not in dims:
             coordinates["time"] = (times[0], "s")
             for name in next(p.run for p in self.points if p.run is not None):
                 rows = [np.full(len(times[0]), np.nan) if p.run is None else p.run[name] for p in self.points]
-                found[name] = ((*dims, "time"), np.array(rows).reshape(*shape, -1), units[name])
-        return Arrays(coordinates, found, {"model": self.model, "experiment": self.experiment})
+                variables[name] = ((*dims, "time"), np.array(rows).reshape(*shape, -1), units[name])
+        return Arrays(coordinates, variables, {"model": self.model, "experiment": self.experiment})
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the table into a .csv (17 significant digits) file; or all of `to_xarray` into a .npz, .nc or .mat file. Raises OSError, `UsageError`."""
@@ -190,7 +190,3 @@ class Outcome(Sequence[Point], Summarised, Exported):
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write the table as .csv into a file of any name. Raises OSError."""
         write_csv(path, dict(zip(self.names, self.table().T, strict=True)), self.units)
-
-    def plot(self, path: str | os.PathLike[str]) -> None:
-        """Plot results over the last swept name; for a single point its response or run. Raises as `Result.plot`."""
-        draw(self, path)

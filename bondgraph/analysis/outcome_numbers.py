@@ -33,11 +33,11 @@ def _over(upper: str, lower: str) -> str:
 
 
 def _branch(found: Any) -> Numbers:
-    unit, count, told = found.units.get(found.parameter, "1"), dict[str, int](), Numbers()
+    unit, count, values = found.units.get(found.parameter, "1"), dict[str, int](), Numbers()
     for special in found.special:
         count[special.kind] = count.get(special.kind, 0) + 1
-        told[f"{special.kind} {count[special.kind]} of {found.parameter}"] = (special.value, unit)
-    return told or {f"last {found.parameter}": (float(found.values[-1]), unit)}
+        values[f"{special.kind} {count[special.kind]} of {found.parameter}"] = (special.value, unit)
+    return values or {f"last {found.parameter}": (float(found.values[-1]), unit)}
 
 
 def _inversion(found: Any) -> Numbers:
@@ -54,12 +54,12 @@ def _fit(found: Any) -> Numbers:
 
 
 def _chance(found: Any) -> Numbers:
-    told = Numbers()
+    values = Numbers()
     for name in found.quantities:
         some = found.statistics(name)
         for word, short in (("mean", "mean"), ("standard deviation", "deviation")):
-            told[f"{short} of {name}"] = (some.get(word, float("nan")), found.units[name])
-    return told
+            values[f"{short} of {name}"] = (some.get(word, float("nan")), found.units[name])
+    return values
 
 
 _READ: dict[str, Callable[[Any], Numbers]] = {

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from compiler.api import Compilation, LinearLoop, StateSpace, evaluate
 
 from ..errors import RunFailed, UsageError
+from ..numerics.scales import nonzero
 from ..simulation.loops.loops import LoopSolver
+from ..simulation.monitors.finite import given_values, linear_loop
 from .following import led
 
 
@@ -27,16 +28,8 @@ def values_at(compilation: Compilation, state: Mapping[str, float], time: float)
         x[i] = state.get(name, x[i])
     mode = program.mode_at(time, x, inputs, constants)
     with np.errstate(all="ignore"):
-        x = LoopSolver(program, constants, inputs, np.where(x != 0, np.abs(x), 1.0)).solve(time, x, mode)
-    values: dict[int, float] = {}
-    known = dict(zip(program.parameters.names, program.defaults, strict=True))
-    for number, variable in enumerate(space.variables):
-        if variable.role in ("parameter", "input", "mode", "delayed"):
-            values[number] = known.get(variable.name, variable.value or 0.0)
-        elif variable.role == "time":
-            values[number] = time
-    moving = [*(s.variable for s in space.states), *(u.variable for u in space.unknowns)]
-    values |= dict(zip(moving, map(float, x), strict=True))
+        x = LoopSolver(program, constants, inputs, nonzero(np.abs(x))).solve(time, x, mode)
+    values = given_values(space, dict(zip(program.parameters.names, program.defaults, strict=True)), time, x)
     _steps(space, values)
     return values
 
@@ -44,19 +37,15 @@ def values_at(compilation: Compilation, state: Mapping[str, float], time: float)
 def _steps(space: StateSpace, values: dict[int, float]) -> None:
     """Evaluate the computed variables, in order."""
 
-    def entry(e: int | float) -> float:
-        return e if isinstance(e, float) else values[e]
-
     for step in space.steps:
         if isinstance(step, LinearLoop):
-            matrix: Any = np.array([[entry(e) for e in row] for row in step.matrix])
+            matrix, right = linear_loop(step, values)
             size = np.abs(matrix).max(axis=1)
-            right = np.array([entry(e) for e in step.right])
             try:
-                found = np.linalg.solve(matrix / size[:, None], right / size)
+                solution = np.linalg.solve(matrix / size[:, None], right / size)
             except np.linalg.LinAlgError as problem:
                 raise RunFailed("BR224", f"the loop of {', '.join(step.members)} has no unique solution") from problem
-            values.update(zip(step.targets, map(float, found), strict=True))
+            values.update(zip(step.targets, map(float, solution), strict=True))
             continue
         try:
             values[step.target] = evaluate(step.expression, values.__getitem__)

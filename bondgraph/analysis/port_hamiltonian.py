@@ -221,10 +221,10 @@ def _slope(compilation: Compilation, target: int, over: int, values: Mapping[int
 
 def _energy(compilation: Compilation, values: Mapping[int, float]) -> float:
     """Return H: the energy of all storages; for one that is given by equations the work from zero."""
-    known = dict(values)
+    values_by_variable = dict(values)
     return float(
         sum(
-            stored_change(s, np.zeros(len(s.stored)), np.array([values[v] for v in s.stored]), known)
+            stored_change(s, np.zeros(len(s.stored)), np.array([values[v] for v in s.stored]), values_by_variable)
             if s.energy is None
             else evaluate(s.energy, _slots(s, values))
             for s in compilation.equations.storages

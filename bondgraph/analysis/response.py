@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,9 +12,9 @@ import numpy as np
 from compiler.api import Array, BoolArray, ComplexArray
 
 from ..errors import UsageError
-from ..rendering import Summarised, draw
+from ..rendering import Plotted, Summarised
 from .extrema import Evaluate, Extremum, extrema
-from .json_values import finite, pair
+from .json_values import finite, head, pair
 from .linear import Linearization
 from .spectrum import left_shapes
 from .verdict import bounded_eigenvalues
@@ -30,7 +29,7 @@ AT_ONCE = 4_000_000  # most numbers in the matrices that are solved together
 
 
 @dataclass(frozen=True, eq=False)
-class Response(Summarised):
+class Response(Summarised, Plotted):
     """Response `values` (f, m, k) at `frequencies` (f,) in Hz, from `inputs` (k) to `outputs` (m), in SI units of the output over those of the input.
 
     `extrema`: peaks and dips between the first and last frequency, computed from the poles and independent of the frequencies; an undamped one has an
@@ -88,7 +87,6 @@ class Response(Summarised):
         frequency, magnitude (null: infinite), undamped, phase}]}], notes}.
         """
         phase, magnitude = self.phase, self.magnitude
-        told = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
         responses = [
             {
                 "input": given, "output": seen, "unit": self.unit(given, seen), "values": [pair(complex(x)) for x in self.values[:, i, j]],
@@ -101,16 +99,13 @@ class Response(Summarised):
             for j, given in enumerate(self.inputs)
             for i, seen in enumerate(self.outputs)
         ]  # fmt: skip
-        return {**told, "frequencies": self.frequencies.tolist(), "responses": responses, "notes": list(self.notes)}
+        frequencies = self.frequencies.tolist()
+        return {**head(SCHEMA, self), "frequencies": frequencies, "responses": responses, "notes": list(self.notes)}
 
     def unit(self, given: str, seen: str) -> str:
         """Return the unit of the output over that of the input, `m/N`."""
         above, below = self.units.get(seen, "1"), self.units.get(given, "1")
         return above if below == "1" else f"{above}/({below})" if any(c in below for c in "*/") else f"{above}/{below}"
-
-    def plot(self, path: str | os.PathLike[str]) -> None:
-        """Plot magnitude and phase over frequency into a .png, .svg or .pdf file. Raises MissingPackage, UsageError, OSError."""
-        draw(self, path)
 
 
 def response(linear: Linearization, low: float | None, high: float | None, points: int = POINTS) -> Response:

@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, Leaf, symbols
+from compiler.api import Array, symbols
 
 from ..errors import RunFailed, UsageError
+from ..numerics.scales import nonzero
 from ..rendering import Summarised
-from .json_values import finite
+from .json_values import head, named, with_units
 from .operating_point import AnalysisRequest, OperatingPoint
-from .sensitivity import balanced_step, independent
+from .sensitivity import balanced_step, independent, place_in, unit_directions
 
 if TYPE_CHECKING:
     from ..compiled_model import CompiledModel
@@ -50,29 +51,22 @@ class RunSensitivity(Summarised):
 
     def of(self, output: str, parameter: str) -> Array:
         """Return one derivative over time (t,). Raises `UsageError`."""
-        for name, known in ((output, self.outputs), (parameter, self.parameters)):
-            if name not in known:
-                raise UsageError("BR209", f"there is no `{name}` in this sensitivity; there is {', '.join(known)}")
-        return self.slopes[:, self.outputs.index(output), self.parameters.index(parameter)]
+        return self.slopes[:, place_in(output, self.outputs), place_in(parameter, self.parameters)]
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by the schema `bondgraph-run-sensitivity/1`.
 
         {schema, model, experiment, time, parameters: {name: {value, unit}}, outputs: {name: {unit, values, slopes: {parameter: [SI over SI]}}}}.
         """
-        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
-        told["time"] = self.time.tolist()
-        told["parameters"] = {
-            n: {"value": finite(v), "unit": self.units[n]} for n, v in zip(self.parameters, self.at, strict=True)
-        }
-        told["outputs"] = {
+        outputs = {
             n: {
                 "unit": self.units[n], "values": self.values[:, i].tolist(),
                 "slopes": {p: self.slopes[:, i, j].tolist() for j, p in enumerate(self.parameters)},
             }
             for i, n in enumerate(self.outputs)
         }  # fmt: skip
-        return told
+        parameters = with_units(named(self.parameters, self.at), self.units)
+        return {**head(SCHEMA, self), "time": self.time.tolist(), "parameters": parameters, "outputs": outputs}
 
 
 def run_sensitivity(
@@ -110,7 +104,6 @@ class Flow:
     """States and their derivatives along the segments of a run."""
 
     def __init__(self, made: Any, asked: AnalysisRequest, instants: Array, values: Mapping[str, float], rtol: float) -> None:  # fmt: skip
-        from ..simulation.loops.loops import LoopSolver
         from ..simulation.phase import Phase, PhaseOptions
 
         program = made.program
@@ -122,6 +115,7 @@ class Flow:
             raise UsageError(
                 "BR240", "starts that are given to what is computed: no sensitivities of runs are made of them"
             )
+        self.ways = unit_directions(made.compilation, asked.by, len(asked.by))  # of the symbols of the parameters
         self.made, self.asked, self.instants, self.rtol, self.values = made, asked, instants, rtol, values
         self.begins = made.plan.start
         span = np.concatenate([[self.begins], instants[instants > self.begins]])
@@ -129,9 +123,7 @@ class Flow:
             raise UsageError("BR241", "a run has an end after its start")
         self.leg = Phase(made, span, PhaseOptions(replace(made.plan, tolerances={}), 1e-6, None, False, values))
         self.n, self.k, self.size = len(program.states.names), len(asked.by), len(self.leg.state)
-        self.loops = LoopSolver(
-            program, self.leg.constants, self.leg.inputs, np.where(self.leg.state != 0, np.abs(self.leg.state), 1.0)
-        )
+        self.loops = self.leg.constraints.loops(nonzero(np.abs(self.leg.state)))
         self.mode, self.unknowns = self.leg.stretches[0].mode, self.leg.state[self.n :]
 
     def point(self, state: Array, time: float) -> OperatingPoint:
@@ -188,23 +180,14 @@ class Flow:
     def _slopes_of(self, word: str, roots: Sequence[Any]) -> Array:
         """Return derivatives of expressions of parameters alone, (len(roots), k)."""
         point = self.point(self.leg.state, self.begins)
-        _, found = point.tape(f"{word} of a run", lambda: list(roots)).slopes(point.lookup, self._ways(), self.k)
+        _, found = point.tape(f"{word} of a run", lambda: list(roots)).slopes(point.lookup, self.ways, self.k)
         return np.array([np.zeros(self.k) if x is None else x for x in found]).reshape(len(roots), self.k)
-
-    def _ways(self) -> dict[Leaf, Array]:
-        """Return the symbols of the parameters in expressions, each with a unit direction."""
-        lowered, quantities = self.made.compilation.lowered, self.made.compilation.state_space.quantities
-        places = {v: Leaf("parameter", i) for i, v in enumerate(lowered.parameters)}
-        places |= {v: Leaf("input", i) for i, v in enumerate(lowered.inputs)}
-        names = [(j, n) for j, n in enumerate(self.asked.by) if quantities.get(n) in places]
-        return {places[quantities[n]]: np.eye(self.k)[j] for j, n in names}
 
     def go(self) -> tuple[Array, Array]:
         """Return values (t, m) and derivatives (t, m, k) of the outputs at the instants."""
         lowered = self.made.compilation.lowered
-        ways = set(self._ways())
         read = {symbol for root in lowered.crossings for symbol in symbols(root)} | lowered.curves_in_modes()
-        if any(symbol.key in ways for symbol in read):
+        if any(symbol.key in self.ways for symbol in read):
             raise UsageError(
                 "BR243", "an instant at which a signal jumps or bends moves with a parameter in a way that is not linear in time",
             )  # fmt: skip
@@ -216,19 +199,17 @@ class Flow:
         stretches = self.leg.stretches
         for number, stretch in enumerate(stretches):
             self.mode = stretch.mode
-            inside = self._inside(stretch, number + 1 == len(stretches))
+            last = number + 1 == len(stretches)
+            inside = [float(t) for t in self.instants if stretch.start <= t and (t < stretch.stop or last)]
             for time, state in self._along(stretch, y, inside, size):
                 if time in inside:
                     value, slope = self._seen(time, state)
                     values.append(value)
                     slopes.append(slope)
                 y = state
-            if number + 1 < len(stretches):
+            if not last:
                 y = self._over(stretch.stop, y, stretches[number + 1].mode, jumps, moving)
         return np.array(values), np.array(slopes)
-
-    def _inside(self, stretch: Any, last: bool) -> list[float]:
-        return [float(t) for t in self.instants if stretch.start <= t and (t < stretch.stop or last)]
 
     def _sizes(self) -> Array:
         """Return magnitudes of the states, and of S: the change of a state for a parameter change of its own size."""

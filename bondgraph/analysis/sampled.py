@@ -8,7 +8,6 @@ m = M z^k with z = exp(i w T), whose part at w is M (1 - exp(-i w T))/(i w T): w
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,9 +16,10 @@ import numpy as np
 from compiler.api import Array, Leaf
 
 from ..errors import RunFailed, UsageError
-from .linear import Linearization
+from .linear import Linearization, linear_units
 from .operating_point import OperatingPoint, Reduced, reduction
 from .response import POINTS, Response, frequencies_between, transfer, with_extrema
+from .sensitivity import unit_directions
 from .verdict import EPS, Verdict
 
 ERROR = 64.0  # units in the last place, of a period's solution
@@ -96,18 +96,10 @@ def sampled_loop(point: OperatingPoint) -> SampledLoop:
     inputs = (*(modes[p] for _, p, _ in settings), *point.by)
     linear = Linearization(
         program.name, point.made.plan.experiment, point.time, tuple(program.states.names[i] for i in reduced.chosen), inputs,
-        program.outputs.names, _units(point), above[:, :r], above[:, r:], middle[:, :r], middle[:, r:], point.state[reduced.chosen],
+        program.outputs.names, linear_units(point), above[:, :r], above[:, r:], middle[:, :r], middle[:, r:], point.state[reduced.chosen],
         np.zeros(k + len(point.by)), point.outputs, point.rates[reduced.chosen],
     )  # fmt: skip
     return SampledLoop(linear, held, periods[0])
-
-
-def _units(point: OperatingPoint) -> Mapping[str, str]:
-    program, space = point.program, point.compilation.state_space
-    units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
-    units |= dict(zip(program.states.names, program.states.units, strict=True))
-    quantities = {n: space.quantities.get(n) for n in point.by}
-    return units | {n: space.variables[v].unit for n, v in quantities.items() if v is not None}
 
 
 def _directions(point: OperatingPoint, reduced: Reduced, modes: list[int]) -> tuple[dict[Leaf, Any], int]:
@@ -117,13 +109,9 @@ def _directions(point: OperatingPoint, reduced: Reduced, modes: list[int]) -> tu
     states = np.concatenate([reduced.directions, np.zeros((n, k)), reduced.following], axis=1)
     directions = {Leaf("state", i): row for i, row in enumerate(states) if row.any()}
     directions |= {Leaf("mode", place): np.eye(width)[r + j] for j, place in enumerate(modes)}
-    lowered, quantities = point.lowered, point.compilation.state_space.quantities
-    places = {v: Leaf("parameter", i) for i, v in enumerate(lowered.parameters)}
-    places |= {v: Leaf("input", i) for i, v in enumerate(lowered.inputs)}
-    for j, name in enumerate(point.by):
-        if quantities.get(name) in places:
-            directions[places[quantities[name]]] = np.eye(width)[r + k + j]
+    directions |= unit_directions(point.compilation, point.by, width, r + k)
     if point.all > n:
+        lowered = point.lowered
         residuals = [lowered.values[u.residual] for u in point.compilation.state_space.unknowns]
         tape = point.tape("residuals of a sampled loop", lambda: residuals)
         _, found = tape.slopes(point.lookup, directions, width)

@@ -18,14 +18,17 @@ import numpy as np
 from compiler.api import Array, Leaf
 
 from ..errors import RunFailed, UsageError
+from ..numerics.scales import nonzero
 from ..rendering import Summarised
-from .json_values import finite
+from .json_values import finite, head, named, with_units
 from .linear import Linearization, linearization
 from .modes import STILL, eigenvalues
 from .operating_point import OperatingPoint
 from .spectrum import left_shapes
 
 if TYPE_CHECKING:
+    from compiler.api import Compilation
+
     from ..compiled_model import CompiledModel
 
 SCHEMA = "bondgraph-sensitivity/1"
@@ -52,17 +55,14 @@ class Sensitivity(Summarised):
 
     def of(self, quantity: str, parameter: str) -> float:
         """Return one derivative. Raises `UsageError`."""
-        for name, known in ((quantity, self.quantities), (parameter, self.parameters)):
-            if name not in known:
-                raise UsageError("BR209", f"there is no `{name}` in this sensitivity; there is {', '.join(known)}")
-        return float(self.slopes[self.quantities.index(quantity), self.parameters.index(parameter)])
+        return float(self.slopes[place_in(quantity, self.quantities), place_in(parameter, self.parameters)])
 
     @property
     def relative(self) -> Array:
         """Change of a quantity in percent per percent of a parameter; NaN where the quantity is zero."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found: Array = self.slopes * self.at / self.values[:, None]
-        return np.where(np.isfinite(found), found, np.nan)
+            ratio: Array = self.slopes * self.at / self.values[:, None]
+        return np.where(np.isfinite(ratio), ratio, np.nan)
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by the schema `bondgraph-sensitivity/1`.
@@ -71,11 +71,7 @@ class Sensitivity(Summarised):
         {parameter: number}}}}.
         """
         relative = self.relative
-        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
-        told["parameters"] = {
-            n: {"value": finite(v), "unit": self.units[n]} for n, v in zip(self.parameters, self.at, strict=True)
-        }
-        told["quantities"] = {
+        quantities = {
             name: {
                 "value": finite(self.values[i]), "unit": self.units[name],
                 "slopes": {p: finite(x) for p, x in zip(self.parameters, self.slopes[i], strict=True)},
@@ -83,7 +79,15 @@ class Sensitivity(Summarised):
             }
             for i, name in enumerate(self.quantities)
         }  # fmt: skip
-        return told
+        parameters = with_units(named(self.parameters, self.at), self.units)
+        return {**head(SCHEMA, self), "parameters": parameters, "quantities": quantities}
+
+
+def place_in(name: str, names: Sequence[str]) -> int:
+    """Return the place of a quantity or a parameter of a sensitivity. Raises `UsageError`."""
+    if name not in names:
+        raise UsageError("BR209", f"there is no `{name}` in this sensitivity; there is {', '.join(names) or 'none'}")
+    return names.index(name)
 
 
 def independent(
@@ -177,22 +181,19 @@ def balanced_step(A: Array, B: Array) -> tuple[Any, Any]:
     """
     if not len(A):
         return np.zeros((0, B.shape[1])), np.zeros(B.shape[1])
-    rows = np.abs(np.concatenate([A, B], axis=1)).max(axis=1)
-    rows = np.where(rows > 0, rows, 1.0)[:, None]
-    columns = np.abs(A / rows).max(axis=0)
-    columns = np.where(columns > 0, columns, 1.0)
+    rows = nonzero(np.abs(np.concatenate([A, B], axis=1)).max(axis=1))[:, None]
+    columns = nonzero(np.abs(A / rows).max(axis=0))
     scaled, right = A / rows / columns, B / rows
     u, sizes, _ = np.linalg.svd(scaled)
     rank = int((sizes > SINGULAR * sizes.max(initial=0.0)).sum())
     if rank == len(A):
         return -np.linalg.solve(scaled, right) / columns[:, None], np.zeros(B.shape[1])
-    kept = u[:, rank:].T / rows[:, 0] / columns
-    kept = kept / np.linalg.norm(kept, axis=1, keepdims=True)
-    whole = np.concatenate([scaled, kept])
-    found = -np.linalg.lstsq(whole, np.concatenate([right, np.zeros((len(kept), B.shape[1]))]), rcond=SINGULAR)[0]
-    left = np.abs(scaled @ found + right).max(axis=0)
-    size = np.abs(right).max(axis=0)
-    return found / columns[:, None], left / np.where(size > 0, size, 1.0)
+    conserved = u[:, rank:].T / rows[:, 0] / columns
+    conserved = conserved / np.linalg.norm(conserved, axis=1, keepdims=True)
+    whole = np.concatenate([scaled, conserved])
+    step = -np.linalg.lstsq(whole, np.concatenate([right, np.zeros((len(conserved), B.shape[1]))]), rcond=SINGULAR)[0]
+    left = np.abs(scaled @ step + right).max(axis=0)
+    return step / columns[:, None], left / nonzero(np.abs(right).max(axis=0))
 
 
 def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: Array) -> list[tuple[complex, Any]]:
@@ -234,12 +235,14 @@ def _jacobian_changes(point: OperatingPoint, moved: Array) -> dict[tuple[int, in
 
 def directions_of(point: OperatingPoint, moved: Array, names: Sequence[str]) -> dict[Leaf, Any]:
     """Return the derivatives of the program's symbols by parameters or inputs of these names (k); states and unknowns as in `moved` (n + m, k)."""
-    lowered, k = point.lowered, len(names)
     directions: dict[Leaf, Any] = {Leaf("state", i): row for i, row in enumerate(moved) if row.any()}
+    return directions | unit_directions(point.compilation, names, len(names))
+
+
+def unit_directions(compilation: Compilation, names: Sequence[str], width: int, first: int = 0) -> dict[Leaf, Any]:
+    """Return the symbols of parameters or inputs of these names in expressions, each with a unit vector (width,), from the place `first` on."""
+    lowered, quantities = compilation.lowered, compilation.state_space.quantities
     places = {v: Leaf("parameter", i) for i, v in enumerate(lowered.parameters)}
     places |= {v: Leaf("input", i) for i, v in enumerate(lowered.inputs)}
-    quantities = point.compilation.state_space.quantities
-    for j, name in enumerate(names):
-        if name in quantities and quantities[name] in places:
-            directions[places[quantities[name]]] = np.eye(k)[j]
-    return directions
+    numbers = [(j, quantities.get(name)) for j, name in enumerate(names, first)]
+    return {places[v]: np.eye(width)[j] for j, v in numbers if v is not None and v in places}

@@ -14,6 +14,8 @@ import numpy as np
 
 from compiler.api import Array, ComplexArray, IntArray
 
+from ..numerics.scales import equilibrated
+
 LARGEST = 500  # most states for which the rank is computed
 SINGULAR = 1e-11  # relative to the largest singular value
 SLOW = 1e-8  # relative to the fastest: zero eigenvalues come out below that
@@ -35,9 +37,9 @@ def spectrum(A: Array) -> Spectrum:
     if not len(A):
         return Spectrum(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
     scale = _scales(A)
-    found = None if scale is None else _lossless(A, *scale)
-    if found is not None:
-        return found
+    exact = None if scale is None else _lossless(A, *scale)
+    if exact is not None:
+        return exact
     values, shapes = eig(A)
     return Spectrum(_with_zeros(A, values), shapes)
 
@@ -46,10 +48,7 @@ def _with_zeros(A: Array, values: ComplexArray) -> ComplexArray:
     """Return the eigenvalues with as many exact zeros as the rank requires: rounding changes them slightly."""
     if len(A) > LARGEST:
         return values
-    rows = np.abs(A).max(axis=1, keepdims=True)
-    scaled = A / np.where(rows > 0, rows, 1.0)
-    columns = np.abs(scaled).max(axis=0)
-    sizes = np.linalg.svd(scaled / np.where(columns > 0, columns, 1.0), compute_uv=False)
+    sizes = np.linalg.svd(equilibrated(A)[0], compute_uv=False)
     missing = int((sizes <= SINGULAR * sizes.max(initial=0.0)).sum())
     smallest = np.argsort(np.abs(values))[:missing]
     slow = np.abs(values[smallest]) < SLOW * np.abs(values).max(initial=0.0)
@@ -82,11 +81,11 @@ def _scales(A: Array) -> tuple[Array, IntArray] | None:
         while stack:
             i = stack.pop()
             for j in neighbours[i]:  # a_ij d_j / d_i = -a_ji d_i / d_j
-                wanted = scale[i] * float(np.sqrt(-A[j, i] / A[i, j]))
+                expected = scale[i] * float(np.sqrt(-A[j, i] / A[i, j]))
                 if not scale[j]:
-                    scale[j], side[j] = wanted, 1 - side[i]
+                    scale[j], side[j] = expected, 1 - side[i]
                     stack.append(int(j))
-                elif abs(scale[j] - wanted) > CONSISTENT * wanted or side[j] == side[i]:
+                elif abs(scale[j] - expected) > CONSISTENT * expected or side[j] == side[i]:
                     return None
     return (scale, side) if np.isfinite(scale).all() else None
 

@@ -12,7 +12,7 @@ space, or if its left vector is conserved for all states.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ import numpy as np
 from compiler.api import Array, ComplexArray, letters
 
 from ..errors import RunFailed
+from ..numerics import scales
 from .linear import state_matrix
 
 if TYPE_CHECKING:
@@ -166,20 +167,13 @@ def bounded_eigenvalues(A: Array, sizes: Array | None = None, lossless: bool = F
 
 def two_sided(A: Array) -> bool:
     """Return True if states fall into two kinds and each rate reads only the other kind: then -lambda is an eigenvalue with lambda."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import breadth_first_order, connected_components
+    from scipy.sparse import block_array, csr_array
+    from scipy.sparse.csgraph import connected_components
 
-    if np.diag(A).any():
-        return False
     joined = csr_array(((A != 0) | (A.T != 0)).astype(float))
-    side = np.zeros(len(A), dtype=int)
-    _, label = connected_components(joined, directed=False)
-    for root in np.unique(label, return_index=True)[1]:
-        order, before = breadth_first_order(joined, root, directed=False)
-        for i in order[1:]:
-            side[i] = 1 - side[before[i]]
-    rows, columns = np.nonzero(A)
-    return bool((side[rows] != side[columns]).all())
+    # a part with two kinds falls apart where each state and its opposite are nodes of their own
+    doubled = block_array([[None, joined], [joined, None]])
+    return bool(connected_components(doubled)[0] == 2 * connected_components(joined)[0])
 
 
 def _of_pencil(A: Array, terms: Array, scale: float, count: int) -> tuple[Any, Any]:
@@ -231,11 +225,7 @@ def null_space(A: Array) -> Any:
     n = len(A)
     if not n:
         return np.zeros((0, 0))
-    rows = np.abs(A).max(axis=1, initial=0.0)
-    rows = np.where(rows > 0, rows, 1.0)
-    columns = np.abs(A / rows[:, None]).max(axis=0, initial=0.0)
-    columns = np.where(columns > 0, columns, 1.0)
-    scaled = A / rows[:, None] / columns
+    scaled, _, columns = scales.equilibrated(A)
     _, sizes, right = np.linalg.svd(scaled)
     vectors = right[sizes <= NULL * max(sizes.max(initial=0.0), 1e-300)].T
     vectors = _reduced_columns(vectors)
@@ -322,24 +312,23 @@ def leads_to_rests(point: OperatingPoint, vector: Array) -> bool:
     return True
 
 
-def resting_rates(point: OperatingPoint) -> Any:
-    """Return rates of the free coordinates, zero for angles that rotate steadily."""
-    names = np.take(point.program.states.names, point.reduced.chosen)
-    return np.where([n in point.steady for n in names], 0.0, point.rates[point.reduced.chosen])
+def resting_rates(point: OperatingPoint, steady: Container[str] | None = None) -> Any:
+    """Return rates of the free coordinates, zero for angles that rotate steadily; `steady`: their names, if not those of the point."""
+    turning = point.steady if steady is None else steady
+    chosen = point.reduced.chosen
+    return np.where([n in turning for n in np.take(point.program.states.names, chosen)], 0.0, point.rates[chosen])
 
 
 def least_step(A: Array, rates: Array, scale: Array) -> Any:
     """Return Newton's step to an equilibrium, the shortest in units of `scale`."""
-    rows = np.abs(A * scale).max(axis=1, initial=0.0)
-    rows = np.where(rows > 0, rows, 1.0)
+    rows = scales.nonzero(np.abs(A * scale).max(axis=1, initial=0.0))
     return -scale * np.linalg.lstsq(A * scale / rows[:, None], rates / rows, rcond=1e-10)[0]
 
 
 def magnitudes(point: OperatingPoint) -> Any:
     """Return magnitudes of the states (n,): those of one unit share the largest; 1 where none is known."""
-    state, units = np.abs(point.state[: point.count]), np.array(point.program.states.units)
-    found = np.array([np.max(state[units == unit]) for unit in units])
-    return np.where(found > 0, found, 1.0)
+    numbers = scales.group_numbers(point.program.states.units)
+    return scales.nonzero(scales.largest_of_group(np.abs(point.state[: point.count]), numbers))
 
 
 def _conserved(point: OperatingPoint, places: Sequence[int], vector: Array) -> bool:

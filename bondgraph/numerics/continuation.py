@@ -78,11 +78,6 @@ class TangentFrame:
         return float(np.linalg.slogdet(matrix)[0]), float(values.min(initial=np.inf))
 
 
-def straight(begin: Array, end: Array) -> SolutionPath:
-    """Return the path on which all rows change proportionally."""
-    return SolutionPath(lambda s: begin + s * (end - begin), lambda _: end - begin)
-
-
 def follow(rows: Rows, z: Array, path: SolutionPath) -> Followed:
     """Return the solution at s = 1 that continues z, which solves the rows at s = 0; or the point at which the path ends before."""
     share, size = 0.0, FIRST

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,18 +11,18 @@ import numpy as np
 from compiler.api import AUTOMATIC, Array
 
 from ..errors import NotLossless, RateNotFinite, RunFailed, StepsCollapsed, UsageError
+from ..numerics.scales import nonzero
 from ..results.checkpoint import Checkpoint
 from ..results.records import EnergyBalance, EventRecord, ToleranceDoubt
 from .constraints.constraints import Constraints
 from .initialization.consistent_start import consistent_start
 from .integration.integrate import integrate
 from .integration.integration_state import PhaseProblem
-from .loops.loops import LoopSolver
 from .magnitudes.nominal_magnitudes import Magnitudes, least_tolerances, nominal_magnitudes
 from .magnitudes.pilot_run import PilotObservation
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor
-from .segments.timeline import Segment, Timeline, mode_after, rest_of, timeline_in_parts
+from .segments.timeline import Segment, Timeline, discrete_variables, mode_after, rest_of, timeline_in_parts
 from .segments.trajectory import Tolerances, Trajectory, empty
 from .segments.transition import PhaseTransition
 
@@ -84,7 +83,7 @@ class Phase:
         self.program = program = compilation.program if self.history is None else self.history.program
         self.instants, self.rtol, self.atol, self.energy = instants, options.rtol, options.atol, options.energy
         self.inputs = np.array(program.input_defaults, dtype=float)
-        self.constraints = self._constraints(program)
+        self.constraints = Constraints(program, self._given(program), self.inputs, np.ones(len(program.states.names)))
         start = instants[0] if begin is None else begin.time
         course = self._timeline(program, (start, float(instants[-1])), {} if smooth is None else smooth)
         self.stretches, self.timed = course.segments, course.notes
@@ -122,9 +121,6 @@ class Phase:
             return np.array(program.defaults, dtype=float)
         return np.array([self.set.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)])
 
-    def _constraints(self, program: Program) -> Constraints:
-        return Constraints(program, self._given(program), self.inputs, np.ones(len(program.states.names)))
-
     def _timeline(self, program: Program, ends: tuple[float, float], known: dict[Program, Timeline]) -> Timeline:
         """Return the segments of this phase; for a program used before in the run, its remaining segments. `known`: timelines of all programs of the run."""
         if self.history is not None or program not in known:
@@ -155,16 +151,10 @@ class Phase:
             stretches[0] = replace(first, mode=moment.mode)
             return moment.state, ()
         if self.begin is not None:
-            from .events.begin import unknowns_in
+            from .events.begin import carried_over
 
-            full = np.array([*(self.begin.stored[n] for n in names), *unknowns_in(program, self.begin, state)])
-            if constraints:
-                from .initialization.assembly import choose_rows
-
-                constraints.assembled = choose_rows(constraints, first.start, full, first.mode)
-                full = constraints.project(first.start, full, first.mode)
-            loops = LoopSolver(program, constraints.constants, self.inputs, np.ones(len(state)), constraints.parameters)
-            return loops.solve(first.start, full, first.mode), ()
+            full = carried_over(constraints, state, first, self.begin)
+            return constraints.loops(np.ones(len(state))).solve(first.start, full, first.mode), ()
         if program.hybrid is not None:
             from .events.begin import with_mode, with_modes
 
@@ -199,7 +189,7 @@ class Phase:
             from .events.equilibrium import rest_with_events
             from .events.events import Events
 
-            self.events = Events(constraints, np.where(full != 0, np.abs(full), 1.0), horizon)
+            self.events = Events(constraints, nonzero(np.abs(full)), horizon)
             moment = rest_with_events(constraints, full, first, self.events)
             full, first = moment.state, replace(first, mode=moment.mode)
         check_steady(
@@ -256,7 +246,7 @@ class Phase:
         result: dict[int, float] = {}
         if not self.plan.tolerances:
             return result
-        variables = {n: i for i, n in enumerate((*self.program.states.names, *self.program.unknowns.names))}
+        variables = {n: i for i, n in enumerate(self.program.variables.names)}
         for name, value in self.plan.tolerances.items():
             index = variables.get(name, self.compilation.facts.shown.get(name))
             if index is None:
@@ -280,7 +270,7 @@ class Phase:
                 self.constraints, largest,
             )  # fmt: skip
 
-        names = (*self.program.states.names, *self.program.unknowns.names)
+        names = self.program.variables.names
         if self.events is not None:
             return self._magnitudes_with_events(found_with)
         if all(n in self.known for n in names):
@@ -299,7 +289,7 @@ class Phase:
         """Return magnitudes of all states: from a pilot run up to the first event, then from a coarse run through the events."""
         from .events.begin import UntilEvent
 
-        names = (*self.program.states.names, *self.program.unknowns.names)
+        names = self.program.variables.names
         events = self.events
         assert events is not None
         known = self.known
@@ -379,7 +369,7 @@ class Phase:
     def _modes(self, mode: Array) -> dict[str, float]:
         """Return the discrete variables that only events change, by name."""
         hybrid = self.program.hybrid
-        return {} if hybrid is None or mode is None else dict(zip(hybrid.modes.names, map(float, mode), strict=False))
+        return {} if hybrid is None or mode is None else discrete_variables(hybrid, mode)
 
     def _explained(self, failed: StepsCollapsed) -> RunFailed:
         """Return the failure of collapsed steps, with its cause if a quantity a little ahead has no value."""
@@ -452,13 +442,12 @@ class Phase:
             return None
         stored, peaks = self.choice.stored(kept.time, kept.state, kept.mode)
         count = len(program.states.names)
-        names = (*program.states.names, *program.unknowns.names)
+        names = program.variables.names
         hybrid = program.hybrid
-        modes = {} if hybrid is None else dict(zip(hybrid.modes.names, map(float, kept.mode), strict=False))
         return Checkpoint(
             self.compilation.facts.identity, dict(zip(program.parameters.names, self.parameters.tolist(), strict=True)),
             kept.time, until, stored, peaks, dict(zip(program.unknowns.names, kept.state[count:].tolist(), strict=True)),
-            dict(self.known) if self.used is None else dict(zip(names, self.used.tolist(), strict=True)), modes,
+            dict(self.known) if self.used is None else dict(zip(names, self.used.tolist(), strict=True)), self._modes(kept.mode),
             tuple((owner, place, on) for (owner, place), on in kept.on.items()), self.off if hybrid is not None else (), self.scene.preferences,
             None if self.history is None else self.history.past(kept.remembered),
         )  # fmt: skip
@@ -490,9 +479,7 @@ class Phase:
             return []
         notes = self.events.hybrid.events
         acted = [(h.time, notes[i]) for h in self.events.log for i in h.events if not notes[i].sampled]
-        return [
-            EventRecord(t, n.words, n.owner, f"{PurePath(n.span.source.name).name}:{n.span.line}") for t, n in acted
-        ]
+        return [EventRecord(t, n.words, n.owner, n.span.file_and_line) for t, n in acted]
 
     def _outputs(self) -> Any:
         """Return the outputs, shape (points, outputs)."""

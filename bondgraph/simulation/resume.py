@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from math import isclose
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,17 +49,17 @@ def resumed(
     left = instants[instants > end.time + 1e-12 * (instants[-1] - instants[0])]
     if not len(left):
         raise UsageError("BR723", f"the result ends at t = {end.time:.9g} s already:", "let the run go further (--to)")
-    peaks, known = dict(end.peaks), end.magnitudes
+    peaks, magnitudes = dict(end.peaks), end.magnitudes
     # beyond the horizon of the stored magnitudes: they hold for the past only
     if instants[-1] > end.until * (1 + SAME):
-        for name, value in known.items():
+        for name, value in magnitudes.items():
             # a state that never moved has the magnitude 1 in SI, which has no meaning
             idle = value == 1.0 and end.stored.get(name) == 0.0
             peaks[name] = max(peaks.get(name, 0.0), 0.0 if idle else value)
-        known = {}
+        magnitudes = {}
     on = {(owner, place): truth for owner, place, truth in end.on}
     begin = PhaseTransition(
-        end.time, end.stored, peaks, modes=end.modes, on=on, past=end.past, magnitudes=known, unknowns=end.unknowns
+        end.time, end.stored, peaks, modes=end.modes, on=on, past=end.past, magnitudes=magnitudes, unknowns=end.unknowns
     )  # fmt: skip
     return scene, begin, left
 
@@ -80,22 +81,14 @@ def _check_model(before: Result, end: Checkpoint, prepared: Prepared, values: Ma
             "BR727", "the result has no energy balance, so that of the whole cannot be told:", "run both with --energy, or none",
         )  # fmt: skip
     now = {n: values.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)}
-    other = [n for n in now if n in end.parameters and not _same(now[n], end.parameters[n])]
+    other = [n for n in now if n in end.parameters and not isclose(now[n], end.parameters[n], rel_tol=SAME)]
     if other:
         told = "; ".join(f"`{n}` was {end.parameters[n]:.9g} and is {now[n]:.9g}" for n in other[:SHOWN])
         raise UsageError("BR728", f"the result is of other parameters: {told} (SI)")
-    missing = [n for n in _needed(prepared) if n not in end.stored]
+    needed = program.states.names if program.hybrid is None or not program.hybrid.junctions else ()
+    missing = [n for n in needed if n not in end.stored]
     if missing and set(now) != set(end.parameters):
         raise UsageError("BR729", f"the result knows nothing of {', '.join(f'`{n}`' for n in missing[:SHOWN])}")
-
-
-def _needed(prepared: Prepared) -> tuple[str, ...]:
-    program = prepared.program
-    return program.states.names if program.hybrid is None or not program.hybrid.junctions else ()
-
-
-def _same(a: float, b: float) -> bool:
-    return abs(a - b) <= SAME * max(abs(a), abs(b))
 
 
 def joined(before: Result, after: Result) -> Result:
@@ -103,7 +96,7 @@ def joined(before: Result, after: Result) -> Result:
     from ..results.truncation import joined as both
     from .monitors.energy import added
 
-    kept = before.time <= (after.time[0] if len(after.time) else np.inf)
+    before_both = before.time <= (after.time[0] if len(after.time) else np.inf)
     evaluations: Mapping[str, int] = {
         n: before.evaluations.get(n, 0) + after.evaluations.get(n, 0)
         for n in {**before.evaluations, **after.evaluations}
@@ -111,7 +104,7 @@ def joined(before: Result, after: Result) -> Result:
     energies = [r.energy for r in (before, after) if r.energy is not None]
     first = {(w.owner, w.condition, w.place) for w in before.warnings}
     return replace(
-        after, time=np.concatenate([before.time[kept], after.time]), values=np.concatenate([before.values[kept], after.values]),
+        after, time=np.concatenate([before.time[before_both], after.time]), values=np.concatenate([before.values[before_both], after.values]),
         solver=" and ".join(dict.fromkeys([*before.solver.split(" and "), *after.solver.split(" and ")])), steps=before.steps + after.steps,
         evaluations=evaluations, energy=added(energies) if len(energies) == 2 else None,
         warnings=(*before.warnings, *(w for w in after.warnings if (w.owner, w.condition, w.place) not in first)),

@@ -332,7 +332,11 @@ class PhaseSequence:
         time = self.instants[: len(values)]
         if 2 * len(time) < len(self.instants):  # the run broke off: do not keep the memory of the others
             time = time.copy()
-        balance = _balance(legs) if self.energy else None
+        balance = None
+        if self.energy:
+            from .monitors.energy import added
+
+            balance = added([leg.balance for leg in legs if leg.balance is not None])
         lacking = _left_out(legs, balance)
         told = () if lacking is None else (lacking.sentence({column.name: column.unit for column in columns}),)
         found = Result(
@@ -347,12 +351,6 @@ class PhaseSequence:
         from .resume import joined
 
         return joined(self.before, found)
-
-
-def _balance(legs: Sequence[Phase]) -> EnergyBalance | None:
-    from .monitors.energy import added
-
-    return added([leg.balance for leg in legs if leg.balance is not None])
 
 
 def _left_out(legs: Sequence[Phase], balance: EnergyBalance | None) -> TruncationReport | None:
@@ -424,7 +422,7 @@ def _solver(program: Program, legs: Sequence[Phase]) -> str:
 
 
 def _stop(plan: Plan, to: str | float | None) -> float:
-    stop = plan.stop if to is None else (seconds(to) if isinstance(to, str) else float(to))
+    stop = plan.stop if to is None else seconds(to)
     if stop is None:
         raise UsageError(
             "BR701", "nothing says how long to run:", "give an end with --to, or an experiment with `simulate 0 .. 1 s`"
@@ -434,9 +432,9 @@ def _stop(plan: Plan, to: str | float | None) -> float:
     return stop
 
 
-def seconds(text: str) -> float:
-    """Return the time in s of a text such as `20 ms`, or of a bare number of seconds."""
-    found = _number("--to", text, "s")
+def seconds(text: str | float) -> float:
+    """Return the time in s of a text such as `20 ms`, or of a bare number of seconds. Raises `UsageError`."""
+    found = _number("--to", text, "s") if isinstance(text, str) else float(text)
     if found is None:
         raise UsageError("BR703", f"`{text}` is no time:", "write `20 ms`, or a number of seconds")
     return found

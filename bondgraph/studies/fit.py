@@ -123,7 +123,7 @@ def solve(problem: Problem, free: Sequence[int] | None = None, most: int = MOST_
 def _numbers(settings: Settings, units: Mapping[str, str]) -> dict[str, float]:
     from ..quantities import quantity
 
-    return {n: quantity(v, units[n], n) if isinstance(v, str) else float(v) for n, v in settings.items() if n in units}
+    return {n: quantity(v, units[n], n) for n, v in settings.items() if n in units}
 
 
 def _data(

@@ -57,4 +57,4 @@ def _numbers(values: str | Sequence[str | float], unit: str, name: str) -> tuple
 
     if isinstance(values, str):
         return tuple(quantities(values, unit, name))
-    return tuple(quantity(v, unit, name) if isinstance(v, str) else float(v) for v in values)
+    return tuple(quantity(v, unit, name) for v in values)

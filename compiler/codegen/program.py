@@ -259,6 +259,11 @@ class Program:
     kept: dict[object, Any] = field(init=False, default_factory=dict, repr=False)
     # results of runs that depend on the program alone, computed once; never those that depend on a run's values
 
+    @property
+    def variables(self) -> NameTable:
+        """States, then unknowns of loops."""
+        return NameTable((*self.states.names, *self.unknowns.names), (*self.states.units, *self.unknowns.units))
+
     def mode_at(self, time: Array | float, state: Array, inputs: Array, constants: Array) -> Array:
         """Mode at a state, with discrete variables at their start."""
         hybrid = self.hybrid

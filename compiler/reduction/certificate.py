@@ -9,13 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from pathlib import PurePath
 
 from ..algebra.affine import affine_parts
 from ..algebra.expression import Apply, Expression, Symbol, depends_on, symbols
 from ..certificate import Certificate, LoopSummary
 from ..equations.system import Assignment, EquationSystem
-from ..source import Span
 from .mobility import redundant_constraints
 from .state_space import LinearLoop, StateSpace
 
@@ -54,16 +52,13 @@ def _name(space: StateSpace, variable: int) -> str:
 def _events(space: StateSpace) -> Iterator[str]:
     """Text of each event, switched junction and delay, with its line."""
 
-    def place(span: Span) -> str:
-        return f"{PurePath(span.source.name).name}:{span.line}"
-
     for event in space.events:
         owner = f" of `{event.owner}`" if event.owner else ""
-        yield f"{'when' if event.period is None else 'every'} {event.words}{owner} ({place(event.span)})"
+        yield f"{'when' if event.period is None else 'every'} {event.words}{owner} ({event.span.file_and_line})"
     for switch in space.switches:
-        yield f"`{switch.junction}` goes on and off ({place(switch.span)})"
+        yield f"`{switch.junction}` goes on and off ({switch.span.file_and_line})"
     for delay in space.delays:
-        yield f"{space.variables[delay.variable].name} ({place(delay.span)})"
+        yield f"{space.variables[delay.variable].name} ({delay.span.file_and_line})"
 
 
 def _degrees_of_freedom(space: StateSpace, system: EquationSystem) -> int:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.simulation.constraints.constraints import DENSE, Least
+from bondgraph.simulation.constraints.constraints import Least
 
 GEARED = """model M {{
   multibody m : {kind} {{
@@ -71,9 +71,8 @@ def test_a_rigid_frame_with_a_bar_too_many_stays() -> None:
     assert found["x"] == pytest.approx(0.75, abs=1e-9) and found["y"] == pytest.approx(0.5, abs=1e-9)
 
 
-@pytest.mark.parametrize("rows", [DENSE // 2, DENSE + 20])
+@pytest.mark.parametrize("rows", [30, 80])
 def test_the_shortest_step_is_that_of_least_squares(rows: int) -> None:
-    """Few rows are solved densely, many through a sparse augmented matrix."""
     rng = np.random.default_rng(rows)
     slopes, gap = rng.normal(size=(rows, 2 * rows)) * rng.uniform(0.1, 10, (rows, 1)), rng.normal(size=rows)
     solver = Least(slopes)

@@ -12,6 +12,7 @@ import numpy as np
 from compiler.api import Array, ComplexArray
 
 from ...errors import RunFailed, UsageError
+from ...numerics.scales import group_numbers, largest_of_group
 from ...quantities import behind
 from ..equilibrium import units_of
 from ..operating_point import AnalysisRequest, OperatingPoint, operating_point
@@ -154,15 +155,15 @@ def _number(model: CompiledModel, asked: AnalysisRequest, name: str, value: str 
 
 
 def _inputs(drives: Sequence[Drive], strengths: Array) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    inputs: dict[str, Any] = {}
     for drive, strength in zip(drives, strengths, strict=True):
         size = np.sqrt(np.abs(strength)) if drive.power == 2 else np.abs(strength)
         if drive.pull is None:
-            found[drive.push] = np.copysign(size, strength)
+            inputs[drive.push] = np.copysign(size, strength)
             continue
-        found[drive.push] = np.where(strength >= 0, size, 0.0)
-        found[drive.pull] = np.where(strength < 0, size, 0.0)
-    return found
+        inputs[drive.push] = np.where(strength >= 0, size, 0.0)
+        inputs[drive.pull] = np.where(strength < 0, size, 0.0)
+    return inputs
 
 
 def _left(point: OperatingPoint, states: Array, times: Array, inputs: Mapping[str, Any]) -> list[str]:
@@ -198,9 +199,7 @@ def _start(point: OperatingPoint, states: Array) -> dict[str, float]:
     """Return the states in which the path begins, if they differ from those of the model."""
     program, n = point.program, point.count
     own = np.asarray(program.start(point.constants), dtype=float)[:n]
-    units = program.states.units
-    size = np.maximum(np.abs(own), np.abs(states))
-    largest = np.array([max(x for x, u in zip(size, units, strict=True) if u == unit) for unit in units])
+    largest = largest_of_group(np.maximum(np.abs(own), np.abs(states)), group_numbers(program.states.units))
     if (np.abs(states - own) <= np.maximum(NEAR * largest, 1e-18)).all():
         return {}
     return point.stored(states)
@@ -209,19 +208,19 @@ def _start(point: OperatingPoint, states: Array) -> dict[str, float]:
 def _inside(eigenvalues: Array | ComplexArray, search: Search, first: Array, units: Mapping[str, str]) -> list[str]:
     """Return notes on the internal dynamics."""
     kept, shown = int((eigenvalues == 0).sum()), [v for v in eigenvalues if v != 0]
-    told = []
+    notes = []
     if shown:
         some = ", ".join(f"{v.real:.4g}" if v.imag == 0 else f"{v:.4g}" for v in shown[:SHOWN])
         more = f" and {len(shown) - SHOWN} more" if len(shown) > SHOWN else ""
-        told.append(
+        notes.append(
             f"the outputs leave {len(shown) + kept} coordinates to move by themselves, with eigenvalues {some}{more} in 1/s"
         )
     if eigenvalues.real.max() > 0:
         rest, names = search.point.state[: len(first)], search.point.program.states.names
         away = np.abs(first - rest)
         worst = int(away.argmax())
-        told.append(
+        notes.append(
             f"some of that grows, so the inputs begin before the outputs do: in the beginning `{names[worst]}` is {away[worst]:.3g}"
             f"{behind(units.get(names[worst], '1'))} from rest; a path that rests longer before it moves has less of that"
         )
-    return told
+    return notes

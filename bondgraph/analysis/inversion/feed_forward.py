@@ -14,8 +14,8 @@ from compiler.api import Array
 
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
-from ...rendering import Summarised, draw
-from ..json_values import finite, pair
+from ...rendering import Plotted, Summarised
+from ..json_values import arrays_with_units, head, pair, with_units
 from .drives import Drive
 
 SCHEMA = "bondgraph-feed-forward/1"
@@ -24,7 +24,7 @@ MOST_ROWS = 10_000  # most rows of a file of columns
 
 
 @dataclass(frozen=True, eq=False)
-class FeedForward(Summarised):
+class FeedForward(Summarised, Plotted):
     """The `inputs` with which `outputs` follow the path `wanted`, at `time` (N,), name -> (N,) in SI.
 
     `strengths`: of each input, or of each pair the signed value (`powers` 1) or square (2), which is smooth where the pair changes sides.
@@ -63,16 +63,11 @@ class FeedForward(Summarised):
         {schema, model, experiment, wanted, time, inputs, outputs: {name: {unit, values}}, degrees, internal: [{re, im}], start: {name: {value, unit}},
         notes}.
         """
-        told: dict[str, Any] = {
-            "schema": SCHEMA, "model": self.model, "experiment": self.experiment, "wanted": dict(self.wanted),
-            "time": {"unit": "s", "values": self.time.tolist()},
-        }  # fmt: skip
-        for word in ("inputs", "outputs"):
-            some: Mapping[str, Array] = getattr(self, word)
-            told[word] = {n: {"unit": self.units.get(n, "1"), "values": v.tolist()} for n, v in some.items()}
-        told |= {"degrees": dict(self.degrees), "internal": [pair(v) for v in self.internal]}
-        start = {n: {"value": finite(v), "unit": self.units.get(n, "1")} for n, v in self.start.items()}
-        return {**told, "start": start, "notes": list(self.notes)}
+        entries = {**head(SCHEMA, self), "wanted": dict(self.wanted)}
+        entries |= arrays_with_units({"time": self.time}, {"time": "s"})
+        entries |= {word: arrays_with_units(getattr(self, word), self.units) for word in ("inputs", "outputs")}
+        entries |= {"degrees": dict(self.degrees), "internal": [pair(v) for v in self.internal]}
+        return {**entries, "start": with_units(self.start, self.units), "notes": list(self.notes)}
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write time, inputs and outputs, in SI, with the units in the header; the file is written completely or not at all."""
@@ -92,10 +87,6 @@ class FeedForward(Summarised):
         from ...files import write_text
 
         write_text(target, text)
-
-    def plot(self, path: str | os.PathLike[str]) -> None:
-        """Plot inputs and outputs over time (.png, .svg or .pdf)."""
-        draw(self, path)
 
 
 # ---------------------------------------------------------------- the controller as a model
@@ -137,7 +128,8 @@ def model_text(found: FeedForward, target: Path) -> str:
         "",
         f"{'plain ' if found.plain else ''}model {own} {{",
     ]
-    lines += [f'  "{output} = {text}"' for output, text in _plain(found)]
+    for output, text in found.wanted.items():
+        lines.append('  "{} = {}"'.format(output, text.replace('"', "'").replace("\n", " ")))
     lines.append(f"  signal at = min(max(time, {first}), {last})")
     given: list[str] = []
     for number, drive in enumerate(found.drives, 1):
@@ -158,10 +150,6 @@ def model_text(found: FeedForward, target: Path) -> str:
         "}",
     ]
     return "\n".join(lines) + "\n"
-
-
-def _plain(found: FeedForward) -> list[tuple[str, str]]:
-    return [(o, t.replace('"', "'").replace("\n", " ")) for o, t in found.wanted.items()]
 
 
 def _given(drive: Drive, number: int, unit: str, found: FeedForward) -> list[str]:

@@ -18,6 +18,7 @@ import numpy as np
 from compiler.api import Array, ComplexArray
 
 from ...errors import RunFailed
+from ...numerics.scales import group_numbers, largest_of_group, nonzero
 from .equations import Evaluated, InversionEquations, together
 
 ITERATIONS = 25
@@ -193,19 +194,14 @@ class _Solver:
 
     def _magnitudes(self, size: Array) -> Any:
         """Return magnitudes of the unknowns, (columns,): those of one unit share the largest."""
-        largest = size.max(axis=1)
-        units = self.equations.units
-        shared = np.array([max(x for x, u in zip(largest, units, strict=True) if u == unit) for unit in units])
-        return np.where(shared > 0, shared, 1.0)
+        return nonzero(largest_of_group(size.max(axis=1), group_numbers(self.equations.units)))
 
     def _alone(self, found: Evaluated, scale: Array) -> Any:
         """Return the Newton step of each instant separately."""
         matrix = found.jacobian * scale
-        rows = np.abs(matrix).max(axis=2, keepdims=True)
-        rows = np.where(rows > 0, rows, 1.0)
+        rows = nonzero(np.abs(matrix).max(axis=2, keepdims=True))
         matrix = matrix / rows
-        columns = np.abs(matrix).max(axis=1, keepdims=True)
-        columns = np.where(columns > 0, columns, 1.0)
+        columns = nonzero(np.abs(matrix).max(axis=1, keepdims=True))
         self._refuse_singular(matrix[0] / columns[0])
         try:
             step = np.linalg.solve(matrix / columns, (found.missed[:, :, None] / rows))[:, :, 0]
@@ -225,7 +221,8 @@ class _Solver:
         from scipy.sparse.linalg import splu
 
         builder = _Blocks(self.equations.columns)
-        builder.diagonal(found.jacobian, found.missed)
+        for at, (block, missed) in enumerate(zip(found.jacobian, found.missed, strict=True)):
+            builder.row([(at, block)], missed)
         self._step_rows(builder, found, unknowns, scale)
         last = len(self.times) - 1
         for at, held, rest in ((0, self.held[0], self.ends.first), (last, self.held[1], self.ends.last)):
@@ -237,8 +234,7 @@ class _Solver:
         matrix = csc_matrix((values, (rows, columns)))
         across = np.tile(scale, len(self.times))
         matrix = matrix.multiply(across[None]).tocsr()
-        sizes = np.abs(matrix).max(axis=1).toarray().ravel()
-        sizes = np.where(sizes > 0, sizes, 1.0)
+        sizes = nonzero(np.abs(matrix).max(axis=1).toarray().ravel())
         matrix = matrix.multiply(1.0 / sizes[:, None]).tocsc()
         try:
             step = -splu(matrix).solve(right / sizes) * across
@@ -276,15 +272,6 @@ class _Blocks:
         self.parts: list[tuple[Any, Any, Any]] = []
         self.right: list[Any] = []
 
-    def diagonal(self, blocks: Array, right: Array) -> None:
-        """Add blocks (instants, rows, width) with right-hand sides (instants, rows)."""
-        count, rows, width = blocks.shape
-        down = np.repeat(np.arange(count * rows), width)
-        across = np.tile(np.arange(width), count * rows) + width * np.repeat(np.arange(count), rows * width)
-        self.parts.append((down, across, blocks.ravel()))
-        self.right.append(right.ravel())
-        self.next = count * rows
-
     def row(self, blocks: list[tuple[int, Any]], right: Array) -> None:
         """Add rows with a block at each of some instants."""
         for at, block in blocks:
@@ -301,6 +288,6 @@ class _Blocks:
 
 def _free_space(jacobian: Array, free: int) -> Any:
     """Return an orthonormal basis (columns, free) of the null space of the equations, in the scaled unknowns."""
-    rows = np.abs(jacobian).max(axis=1, keepdims=True)
-    _, _, right = np.linalg.svd(jacobian / np.where(rows > 0, rows, 1.0), full_matrices=True)
+    rows = nonzero(np.abs(jacobian).max(axis=1, keepdims=True))
+    _, _, right = np.linalg.svd(jacobian / rows, full_matrices=True)
     return right[len(right) - free :].T

@@ -77,17 +77,17 @@ class Path:
     def derivatives(self, times: Array, order: int) -> Any:
         """Return derivatives (outputs, order + 1, instants), in SI. Raises `UsageError` where there is none."""
         times = np.asarray(times, dtype=float)
-        found = np.zeros((len(self.names), order + 1, len(times)))
+        values = np.zeros((len(self.names), order + 1, len(times)))
         owner = np.searchsorted([s.start for s in self.stretches], times, side="right") - 1
         for number in np.unique(np.clip(owner, 0, None)):
             here = np.flatnonzero(np.clip(owner, 0, None) == number)
-            found[:, :, here] = self._derivatives(times[here], order, self.stretches[number].mode)
-        bad = np.argwhere(~np.isfinite(found))
+            values[:, :, here] = self._derivatives(times[here], order, self.stretches[number].mode)
+        bad = np.argwhere(~np.isfinite(values))
         if len(bad):
             output, k, at = bad[0]
             what = "value" if k == 0 else f"derivative of order {k}"
             raise UsageError("BR318", f"what is wanted of `{self.names[output]}` has no {what} at t = {times[at]:.6g} s")  # fmt: skip
-        return found
+        return values
 
     def _derivatives(self, times: Array, order: int, mode: Array) -> Any:
         given = {Leaf("time", 0): times[None]}

@@ -25,6 +25,8 @@ def inverted(
     along: Told | None,
 ) -> Inversion | FeedForward:  # fmt: skip
     """Return the same as `Model.invert`."""
+    from ...simulation.run import seconds
+
     drives = drives_of(inputs)
     names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
     _, fixed = independent(model, names, experiment, settings)
@@ -33,15 +35,7 @@ def inverted(
         return invert(operating_point(model, AnalysisRequest(experiment, fixed, tuple(wanted), names)), wanted, drives)
     start, stop, points, moving, limits = along
     known = model.compilation(model.scene(experiment, fixed)).whole_graph.quantities
-    most = {
-        n: quantity(v, known[n].unit, n) if isinstance(v, str) else float(v) for n, v in limits.items() if n in known
-    }
-    most |= {n: 0.0 for n in limits if n not in known}  # unknown names are refused later
-    path = Along(_seconds(start), _seconds(stop), points, moving, most)
+    # unknown names are refused later
+    most = {n: quantity(v, known[n].unit, n) if n in known else 0.0 for n, v in limits.items()}
+    path = Along(seconds(start), seconds(stop), points, moving, most)
     return invert_along(model, targets, inputs, AnalysisRequest(experiment, fixed), path)
-
-
-def _seconds(time: Quantity) -> float:
-    from ...simulation.run import seconds
-
-    return seconds(time) if isinstance(time, str) else float(time)

@@ -17,11 +17,13 @@ import numpy as np
 from compiler.api import Array
 
 from ...errors import RunFailed, UsageError
+from ...numerics.scales import equilibrated
 from ...rendering import Summarised
-from ..equilibrium import stability, units_of
-from ..json_values import named, with_units
+from ..equilibrium import units_of
+from ..json_values import head, named, with_units
 from ..operating_point import OperatingPoint
 from ..sensitivity import balanced_step
+from ..verdict import verdict
 from .drives import PROBE, Drive
 
 if TYPE_CHECKING:
@@ -52,15 +54,9 @@ class Inversion(Summarised):
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by the schema `bondgraph-inversion/1`: {schema, model, experiment, targets, inputs, outputs, states, stable}."""
-        told: dict[str, Any] = {
-            "schema": SCHEMA,
-            "model": self.model,
-            "experiment": self.experiment,
-            "stable": self.stable,
-        }
-        return told | {
-            word: with_units(getattr(self, word), self.units) for word in ("targets", "inputs", "outputs", "states")
-        }
+        words = ("targets", "inputs", "outputs", "states")
+        values = {word: with_units(getattr(self, word), self.units) for word in words}
+        return {**head(SCHEMA, self), "stable": self.stable, **values}
 
 
 def invert(point: OperatingPoint, targets: Mapping[str, float], drives: Sequence[Drive]) -> Inversion:
@@ -197,11 +193,8 @@ class Search:
         matrix = np.concatenate([matrix, np.pad(kept, ((0, 0), (0, len(self.drives))))])
         moved = self.conserved @ point.state[: point.count] - self.held
         right = np.concatenate([point.rates[chosen], point.outputs[self.rows] - wanted, moved])
-        rows = np.abs(matrix).max(axis=1, keepdims=True)
-        scaled = matrix / np.where(rows > 0, rows, 1.0)
-        sizes = np.abs(scaled).max(axis=0)
-        sizes = np.where(sizes > 0, sizes, 1.0)
-        found = -np.linalg.lstsq(scaled / sizes, right / np.where(rows > 0, rows, 1.0)[:, 0], rcond=1e-13)[0] / sizes
+        scaled, rows, columns = equilibrated(matrix)
+        found = -np.linalg.lstsq(scaled, right / rows, rcond=1e-13)[0] / columns
         if not np.isfinite(found).all():
             return None
         change = np.zeros(point.all)
@@ -217,7 +210,7 @@ def _told(search: Search, targets: Mapping[str, float]) -> Inversion:
     units = units_of(point)
     return Inversion(
         program.name, point.made.plan.experiment, dict(targets), search.settings(search.strengths),
-        named(program.outputs.names, point.outputs), point.stored(point.state), stability(point)[1], units,
+        named(program.outputs.names, point.outputs), point.stored(point.state), verdict(point).stable, units,
     )  # fmt: skip
 
 
@@ -232,4 +225,4 @@ def asked_for(model: CompiledModel, targets: Mapping[str, str | float], experime
     for name, value in targets.items():
         if isinstance(value, str) and re.search(r"\btime\b", value):
             raise UsageError("BR324", f"what is wanted of `{name}` goes with time:", "say until when (`--to`, in Python `to=`)")  # fmt: skip
-    return {n: quantity(v, outputs[n].unit, n) if isinstance(v, str) else float(v) for n, v in targets.items()}
+    return {n: quantity(v, outputs[n].unit, n) for n, v in targets.items()}

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from compiler.api import Compilation, Element, Junction, Kind, MechanismNode, letters
 
 from ..text.causality import explain
-from ..text.tables import place_of
 from .signals import Signal, signals_of
 
 if TYPE_CHECKING:
@@ -160,7 +159,7 @@ def _node(
     else:
         letter, shape = _letter(first), _shape(first)
         label = _label(graph, group)
-    place = place_of(first.span)
+    place = first.span.file_and_line
     marks = (any(m in derivative for m in group), any(graph.nodes[m].name in looping for m in group))
     return DiagramNode(name, letter, label, shape, group, place, inside, *marks)
 
@@ -212,7 +211,7 @@ def _lines(
             for side, number in enumerate((tail, head))
         )
         first = graph.bonds[bonds[0]]
-        place = place_of(first.span)
+        place = first.span.file_and_line
         derivative = any(end in causal.derivative for b in bonds for end in (graph.bonds[b].tail, graph.bonds[b].head))
         loop = nodes[tail].loop and nodes[head].loop
         domains = dict.fromkeys(graph.bonds[b].domain for b in bonds)

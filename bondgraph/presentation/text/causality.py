@@ -11,7 +11,7 @@ import networkx as nx
 
 from compiler.api import Compilation, CompilationFailed, StrokeReason, blocks, dependences, render
 
-from .tables import columns, counted, end_name, place_of, visible
+from .tables import columns, counted, end_name, visible
 
 if TYPE_CHECKING:
     from compiler.api import CausalGraph, Dependence, Diagnostic, EquationSystem
@@ -150,7 +150,7 @@ def _stroke(causal: CausalGraph, bond: int) -> StrokeRow:
         why = f"follows at {owner} from {_arrow(causal, reason.bond)}"
     else:
         why = f"{owner}: {reason.because.value}"
-    return StrokeRow(_arrow(causal, bond), names[effort], names[1 - effort], why, place_of(ends.span))
+    return StrokeRow(_arrow(causal, bond), names[effort], names[1 - effort], why, ends.span.file_and_line)
 
 
 def _arrow(causal: CausalGraph, bond: int) -> str:
@@ -169,9 +169,9 @@ def _derivative(causal: CausalGraph, item: Dependence) -> DerivativeRow:
     name = end_name(graph, item.port)
     why, advice = _dependence(name, node, forcing, item.because)
     return DerivativeRow(
-        name, place_of(node.span), None if forcing is None else forcing.name,
-        None if forcing is None else place_of(forcing.span), why,
-        tuple((_arrow(causal, b), place_of(graph.bonds[b].span)) for b in item.bonds), advice,
+        name, node.span.file_and_line, None if forcing is None else forcing.name,
+        None if forcing is None else forcing.span.file_and_line, why,
+        tuple((_arrow(causal, b), graph.bonds[b].span.file_and_line) for b in item.bonds), advice,
     )  # fmt: skip
 
 
@@ -207,7 +207,7 @@ def _dependence(name: str, node: Any, forcing: Any, because: StrokeReason) -> tu
     if forcing is None:
         ring = "the ring of junctions around it leaves no other strokes"
         return ring, f"put a small {parting} between `{name}` and the ring."
-    other = f"`{forcing.name}` ({place_of(forcing.span)})"
+    other = f"`{forcing.name}` ({forcing.span.file_and_line})"
     if because not in CAUSES:
         return f"{other} has a `{word}` that stands against it", f"leave out the `{word}` of `{forcing.name}`."
     words = {
@@ -237,11 +237,11 @@ def _loops(causal: CausalGraph, system: EquationSystem) -> Iterator[LoopRow]:
             if first is not None and first.implicit:
                 name = system.variables[first.target].name
                 yield LoopRow(
-                    (first.owner,), ((name, first.owner, place_of(first.span)),), 1, _implicit(first.owner, name)
+                    (first.owner,), ((name, first.owner, first.span.file_and_line),), 1, _implicit(first.owner, name)
                 )
             continue
         cycle = _shortest_cycle(sorted(block), inputs)
-        rows = tuple((system.variables[v].name, assigned[v].owner, place_of(assigned[v].span)) for v in cycle)
+        rows = tuple((system.variables[v].name, assigned[v].owner, assigned[v].span.file_and_line) for v in cycle)
         members = tuple(dict.fromkeys(owner for _, owner, _ in rows))
         yield LoopRow(members, rows, len(block), _loop_advice(_junctions(causal, numbers, members)))
 

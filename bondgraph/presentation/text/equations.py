@@ -7,7 +7,7 @@ from typing import Any
 
 from compiler.api import LinearLoop, StateSpace, Unknown, to_sympy
 
-from .tables import place_of, visible
+from .tables import visible
 
 
 def equations_text(space: StateSpace, latex: bool) -> str:
@@ -24,7 +24,7 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
     unknowns = {u.residual: u for u in space.unknowns}
     rows: list[tuple[str, str]] = []
     for step in space.steps:
-        place = place_of(step.span)
+        place = step.span.file_and_line
         if isinstance(step, LinearLoop):
             names = ", ".join(space.variables[t].name for t in step.targets)
             matrix = "; ".join(" ".join(str(symbol(e)) for e in row) for row in step.matrix)
@@ -39,7 +39,7 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
     for state in space.states:
         rate = space.variables[state.rate].name
         start = f"{state.start:.12g}" if isinstance(state.start, float) else space.variables[state.start].name
-        place = place_of(state.span)
+        place = state.span.file_and_line
         rows.append((f"d/dt {space.variables[state.variable].name} = {rate}", f"{place} starts at {start}"))
     width = min(72, max((len(r[0]) for r in rows), default=0))
     for text, place in rows:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from compiler.api import Compilation, cost
 
 from ...results.truncation import frequency_text
-from .tables import columns, counted, place_of, short, some_of, visible
+from .tables import columns, counted, short, some_of, visible
 
 if TYPE_CHECKING:
     from compiler.api import Certificate, Cost, Lowered
@@ -57,7 +57,7 @@ class RunExplanation:
             },
             "functions": dict(count.functions), "conditions": list(self.conditions), "bends": self.bends,
             "bandwidth": self.bandwidth,
-            "lines": [{"place": place_of(x.span), "owners": list(x.owners), "operations": x.operations} for x in count.lines],
+            "lines": [{"place": x.span.file_and_line, "owners": list(x.owners), "operations": x.operations} for x in count.lines],
         }  # fmt: skip
 
     def text(self) -> str:
@@ -111,7 +111,7 @@ class RunExplanation:
     def _expensive(self) -> Iterator[str]:
         whole = max(1, self.cost.rates)
         rows = [
-            (f"{100 * x.operations / whole:3.0f} %", f"{place_of(x.span)}", _some(x.owners))
+            (f"{100 * x.operations / whole:3.0f} %", f"{x.span.file_and_line}", _some(x.owners))
             for x in self.cost.lines[:SHOWN]
         ]
         yield from (f"  {line}" for line in columns(rows))
@@ -133,7 +133,9 @@ def _conditions(lowered: Lowered) -> dict[str, None]:
     """Return the lines of conditions on states, each once; those of `when` are reported as events."""
     told = {(e.span.source.name, e.span.line) for e in lowered.space.events}
     notes = (item.note for item in lowered.events.located)
-    return {f"`{n.owner}` ({place_of(n.span)})": None for n in notes if (n.span.source.name, n.span.line) not in told}
+    return {
+        f"`{n.owner}` ({n.span.file_and_line})": None for n in notes if (n.span.source.name, n.span.line) not in told
+    }
 
 
 def _left_out(compilation: Compilation) -> Iterator[OmittedNode]:
@@ -141,7 +143,7 @@ def _left_out(compilation: Compilation) -> Iterator[OmittedNode]:
     for node in compilation.whole_graph.nodes:
         if node.name not in kept:
             yield OmittedNode(
-                node.name, place_of(node.span), tuple(_zeros_behind(compilation, getattr(node, "arguments", ())))
+                node.name, node.span.file_and_line, tuple(_zeros_behind(compilation, getattr(node, "arguments", ())))
             )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from compiler.api import Compilation, Mechanism, MechanismNode, write_text
 
-from .tables import end_name, place_of, visible
+from .tables import end_name, visible
 
 
 def stage_text(compilation: Compilation, stage: str) -> str:
@@ -57,38 +57,38 @@ def _graph(compilation: Compilation) -> Iterator[str]:
         listed = ", ".join(f"{p.name}: {p.domain}" if p.name else p.domain for p in ports) or getattr(
             node, "domain", ""
         )
-        yield f"  {node.kind.value} {node.name} ({listed})  # {place_of(node.span)} {node.definition}"
+        yield f"  {node.kind.value} {node.name} ({listed})  # {node.span.file_and_line} {node.definition}"
         if isinstance(node, MechanismNode):
             yield from _parts(node.mechanism)
     for bond in graph.bonds:
-        yield f"  {end_name(graph, bond.tail)} -> {end_name(graph, bond.head)} : {bond.domain}  # {place_of(bond.span)}"
+        yield f"  {end_name(graph, bond.tail)} -> {end_name(graph, bond.head)} : {bond.domain}  # {bond.span.file_and_line}"
     for named in graph.quantities.values():
         value = f" = {named.value!r}" if named.value is not None else ""
-        yield f"  {named.role} {named.name} [{named.unit}]{value}  # {place_of(named.span)}"
+        yield f"  {named.role} {named.name} [{named.unit}]{value}  # {named.span.file_and_line}"
     for named in graph.outputs.values():
-        yield f"  reported {named.name} [{named.unit}]  # {place_of(named.span)}"
+        yield f"  reported {named.name} [{named.unit}]  # {named.span.file_and_line}"
     for required in graph.requirements:
         owner = f" of {required.name}" if required.name else ""
-        yield f"  required{owner}: {required.words}  # {place_of(required.span)} {required.text}".rstrip()
+        yield f"  required{owner}: {required.words}  # {required.span.file_and_line} {required.text}".rstrip()
     for event in graph.events:
         word, owner = "when" if event.period is None else "every", f" of {event.name}" if event.name else ""
         sets = ", ".join(action.words for action in event.actions)
-        yield f"  {word} {event.words}{owner}: sets {sets}  # {place_of(event.span)}"
+        yield f"  {word} {event.words}{owner}: sets {sets}  # {event.span.file_and_line}"
     for switch in graph.switches:
-        yield f"  switched {switch.junction}  # {place_of(switch.span)}"
+        yield f"  switched {switch.junction}  # {switch.span.file_and_line}"
 
 
 def _parts(mechanism: Mechanism) -> Iterator[str]:
     """Yield bodies, frames and joints, with the degrees of freedom of each joint."""
     yield f"    {'planar' if mechanism.planar else 'spatial'}: {len(mechanism.bodies)} bodies, {len(mechanism.joints)} joints"
     for body in mechanism.bodies:
-        yield f"    body {body.name}  # {place_of(body.span)}"
+        yield f"    body {body.name}  # {body.span.file_and_line}"
     for frame in mechanism.frames:
-        yield f"    frame {frame.name} : {frame.body}  # {place_of(frame.span)}"
+        yield f"    frame {frame.name} : {frame.body}  # {frame.span.file_and_line}"
     for joint in mechanism.joints:
         leaves = f" ({', '.join(joint.freedoms)})" if joint.freedoms else ""
         locked = " locked" if joint.locked else ""
-        yield f"    {joint.kind} {joint.name} : {joint.first} to {joint.second}{leaves}{locked}  # {place_of(joint.span)}"
+        yield f"    {joint.kind} {joint.name} : {joint.first} to {joint.second}{leaves}{locked}  # {joint.span.file_and_line}"
 
 
 def _causality(compilation: Compilation) -> Iterator[str]:
@@ -117,13 +117,13 @@ def _equations(compilation: Compilation) -> Iterator[str]:
         right = to_sympy(assignment.expression, symbol)
         if assignment.implicit:
             solved_for = f"solved for {system.variables[assignment.target].name}"
-            yield f"  0 = {right}  # {place_of(assignment.span)} {assignment.owner}, {solved_for}"
+            yield f"  0 = {right}  # {assignment.span.file_and_line} {assignment.owner}, {solved_for}"
             continue
-        yield f"  {system.variables[assignment.target].name} = {right}  # {place_of(assignment.span)} {assignment.owner}"
+        yield f"  {system.variables[assignment.target].name} = {right}  # {assignment.span.file_and_line} {assignment.owner}"
     for item in system.derivatives:
-        yield f"  {system.variables[item.target].name} = d/dt {system.variables[item.of].name}  # {place_of(item.span)} {item.owner}"
+        yield f"  {system.variables[item.target].name} = d/dt {system.variables[item.of].name}  # {item.span.file_and_line} {item.owner}"
     for state in system.states:
-        yield f"  d/dt {system.variables[state.variable].name} = {system.variables[state.rate].name}  # {place_of(state.span)}"
+        yield f"  d/dt {system.variables[state.variable].name} = {system.variables[state.rate].name}  # {state.span.file_and_line}"
 
 
 def _reduction(compilation: Compilation) -> Iterator[str]:

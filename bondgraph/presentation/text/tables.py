@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterator, Sequence
-from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from ...results.result import extremes
 
 if TYPE_CHECKING:
-    from compiler.api import Array, BondEnd, BondGraph, Span
+    from compiler.api import Array, BondEnd, BondGraph
 
     from ...results.records import EnergyBalance
     from ...results.result import Result
@@ -58,11 +57,6 @@ def short(name: str, longest: int = LONGEST_NAME) -> str:
         return name
     half = (longest - 5) // 2
     return f"{name[:half]} ... {name[-half:]}"
-
-
-def place_of(span: Span) -> str:
-    """Return `file:line`."""
-    return f"{PurePath(span.source.name).name}:{span.line}"
 
 
 def end_name(graph: BondGraph, end: BondEnd) -> str:

@@ -1,8 +1,8 @@
 """Projection of states on their invariants: residuals of loop joints, norms of quaternions, and the rates of the residuals.
 
 Positions first: the least change, in units of the magnitudes of the states, that makes the residuals vanish (Gauss-Newton to round-off); then
-the least change of the speeds that makes their rates vanish, which is linear. Small systems use the Cholesky factors of J J', large ones a
-sparse augmented matrix, both the singular values where rows are dependent.
+the least change of the speeds that makes their rates vanish, which is linear. Both use the Cholesky factors of J J', or the singular values where
+rows are dependent.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ..integrators.projection.limits import ITERATIONS, NOISE, ROUNDING, WEAK
+from ..loops.loops import LoopSolver
 
 if TYPE_CHECKING:
     from ..integrators.compiled.constraint_functions import CompiledConstraints
 
-DENSE = 60  # rows up to which the linear algebra is dense
 RANK = 1e-8  # relative to the largest singular value: smaller ones count as lost rank at this pose
 NO_SLOPE = 1e-9  # relative to an angle: smaller derivatives are rounding
 
@@ -75,6 +75,10 @@ class Constraints:
     def taking_rates(self) -> Any:
         """Mask of the active rows among the rates of the residuals."""
         return self.rate_rows[self.taking & (self.rate_rows >= 0)] - self.gaps
+
+    def loops(self, magnitude: Array) -> LoopSolver:
+        """Return the solver of the program's loops with these inputs and parameters; `magnitude`: of states and unknowns."""
+        return LoopSolver(self.program, self.constants, self.inputs, magnitude, self.parameters)
 
     def leave_out(self, taking: Any) -> None:
         """Deactivate redundant rows, here and, through the program's own parameters, in its equations."""
@@ -216,7 +220,7 @@ class Least:
 
     def __init__(self, slopes: Array) -> None:
         self.slopes = slopes
-        self.factor = self._sparse() if len(slopes) > DENSE else self._cholesky()
+        self.factor = self._cholesky()
 
     def _cholesky(self) -> Any:
         from scipy.linalg import lapack
@@ -229,23 +233,6 @@ class Least:
         if info != 0 or np.diag(factor).min(initial=1.0) < WEAK:
             return None
         return lambda gap: scaled.T @ lapack.dpotrs(factor, gap / rows, lower=True)[0]
-
-    def _sparse(self) -> Any:
-        from scipy.sparse import block_array, csc_array, eye_array
-        from scipy.sparse.linalg import splu
-
-        count = self.slopes.shape[1]
-        rows = np.linalg.norm(self.slopes, axis=1)
-        if not (rows > 0).all():
-            return None
-        scaled = csc_array(self.slopes / rows[:, None])
-        try:
-            factor = splu(block_array([[eye_array(count), scaled.T], [scaled, None]], format="csc"))
-        except RuntimeError:
-            return None
-        if np.abs(factor.U.diagonal()).min() < WEAK**2:
-            return None
-        return lambda gap: factor.solve(np.concatenate([np.zeros(count), gap / rows]))[:count]
 
     def solve(self, gap: Array) -> Any:
         """Return the step for a residual."""

@@ -56,11 +56,6 @@ class OnConstraints:
         self.constraints, self.loops, self.mode, self.unknowns = constraints, loops, mode, unknowns
         self.reach, self.rates = constraints.reach, Eliminated(constraints.program).rates
 
-    def projected(self, time: float, scaled: Array) -> Any:
-        """Return the full projected state, with the unknowns."""
-        state = np.concatenate([scaled * self.reach, self.unknowns])
-        return self.loops.solve(time, self.constraints.project(time, state, self.mode), self.mode)
-
     def __call__(self, time: float, scaled: Array) -> Any:
         return self.all(np.array([time]), scaled[None])[0]
 

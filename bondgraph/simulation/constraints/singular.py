@@ -15,6 +15,7 @@ import numpy as np
 from compiler.api import Array
 
 from ...errors import RunFailed
+from ...quantities import listed
 from ...results.records import ToleranceDoubt
 from ..integrators.projection.limits import APART, FINE, LOOK, NEVER, NOISE
 from ..loops.loops import LoopSolver
@@ -272,22 +273,20 @@ def doubts_of(poses: list[SingularPose]) -> tuple[ToleranceDoubt, ...]:
 
 def told_of(assembled: Assembled | None, poses: list[SingularPose]) -> tuple[str, ...]:
     """Return notes of a run on its constraints: the redundant ones, and the singular poses that it passed."""
-    told = []
+    notes = []
     if assembled is not None and assembled.redundant:
-        names = ", ".join(f"`{n}`" for n in assembled.redundant[:SHOWN]) + (
-            "…" if len(assembled.redundant) > SHOWN else ""
-        )
+        names = listed(assembled.redundant, SHOWN)
         count = len(assembled.redundant)
-        told.append(
+        notes.append(
             f"{count} constraint{'s' * (count != 1)} of closing joints follow{'s' * (count == 1)} from the others and take{'s' * (count == 1)} "
             f"no part ({names}); mobility {assembled.mobility}"
         )
     if poses:
         times = ", ".join(f"{p.time:.6g} s" for p in poses[:SHOWN]) + (", …" if len(poses) > SHOWN else "")
         joints = list(dict.fromkeys(j for p in poses for j in p.joints))
-        named = ", ".join(f"`{j}`" for j in joints[:SHOWN]) + ("…" if len(joints) > SHOWN else "")
-        told.append(
+        named = listed(joints, SHOWN)
+        notes.append(
             f"{len(poses)} singular pose{'s' * (len(poses) != 1)} passed on the branch that goes on with a continuous tangent, at t = {times}: "
             f"there {named} lose{'s' * (len(joints) == 1)} hold of up to {max(p.lost for p in poses)} motions"
         )
-    return tuple(told)
+    return tuple(notes)

@@ -9,8 +9,8 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ...errors import RunFailed
+from ...numerics.scales import equilibrated, group_numbers, largest_of_group, nonzero
 from ..constraints.constraints import Constraints
-from ..loops.loops import LoopSolver
 from ..monitors.step_failure import not_finite
 from ..segments.timeline import Segment
 from .steady import CANCELLED, drivers, given_terms, unread_states
@@ -33,11 +33,10 @@ class EquilibriumSearch:
         self.program, self.count = program, len(program.states.names)
         self.time, self.fixed = first.start, (inputs, constants, first.mode)
         magnitude = np.ones(self.count + len(program.unknowns.names))
-        self.loops, self.mode = LoopSolver(program, constants, inputs, magnitude, constraints.parameters), first.mode
+        self.loops, self.mode = constraints.loops(magnitude), first.mode
         self.largest = np.zeros(self.count)
         self.names, units = program.states.names, program.states.units
-        kinds = {unit: i for i, unit in enumerate(dict.fromkeys(units))}
-        self.kind = np.array([kinds[unit] for unit in units], dtype=int)  # one index per unit
+        self.kind = group_numbers(units)
         self.basis: Any = None  # basis of the directions that loop joints allow at the current state
         self.farthest = LARGEST
         self.loop_terms: Any = 0.0  # terms of the loop unknowns in each rate at the current state
@@ -82,9 +81,7 @@ class EquilibriumSearch:
     def scale(self, change: Array) -> Any:
         """Return magnitudes of the states, as far as they are known: states of one unit share the largest."""
         seen = np.maximum(self.largest, np.where(np.isfinite(change), np.abs(change), 0.0))
-        largest = np.zeros(self.kind.max(initial=0) + 1)
-        np.maximum.at(largest, self.kind, seen)
-        return np.where(largest > 0, largest, 1.0)[self.kind]
+        return nonzero(largest_of_group(seen, self.kind))
 
     def step(self, full: Array, slope: Array, jacobian: Any, size: float) -> tuple[Any, Any, Any] | None:
         """Make one implicit Euler step; None if its result is not finite."""
@@ -118,11 +115,8 @@ class EquilibriumSearch:
         rows = np.abs(jacobian).max(axis=1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
             return np.full(len(slope), np.inf)
-        rows = np.where(rows > 0, rows, 1.0)
-        matrix = jacobian / rows[:, None]
-        columns = np.abs(matrix).max(axis=0)
-        columns = np.where(columns > 0, columns, 1.0)
-        left, sizes, right = np.linalg.svd(matrix / columns)
+        matrix, rows, columns = equilibrated(jacobian)
+        left, sizes, right = np.linalg.svd(matrix)
         rank = int((sizes > SINGULAR * sizes[0]).sum())
         needed = -slope / rows
         if rank < len(slope):  # part of the rates that no change of the states can cancel
@@ -132,7 +126,7 @@ class EquilibriumSearch:
                 return np.full(len(slope), np.inf)
             kept = lost / rows / columns  # conserved quantities (w with w J = 0) stay unchanged
             kept = kept / np.linalg.norm(kept, axis=1, keepdims=True)
-            whole, wanted = np.concatenate([matrix / columns, kept]), np.concatenate([needed, np.zeros(len(kept))])
+            whole, wanted = np.concatenate([matrix, kept]), np.concatenate([needed, np.zeros(len(kept))])
             change = np.linalg.lstsq(whole, wanted, rcond=SINGULAR)[0]
             # a conserved quantity may drive the rates: then there is no equilibrium
             beside = np.abs(whole @ change - wanted)
@@ -202,9 +196,9 @@ class EquilibriumSearch:
         """Return the state, if all its rates vanish at its scales. Raises `RunFailed` otherwise."""
         full, slope, jacobian = self.at(full)
         terms = np.abs(jacobian) @ self.moved(self.scale(np.zeros(self.count)), jacobian) + self.loop_terms
-        shared = np.zeros(self.kind.max(initial=0) + 1)
-        np.maximum.at(shared, self.kind, terms)  # accelerations are solved for together: rounding of one affects all
-        resting = np.abs(slope) <= np.maximum(RESTING * terms, CANCELLED * shared[self.kind])
+        # accelerations are solved for together: rounding of one affects all
+        shared = largest_of_group(terms, self.kind)
+        resting = np.abs(slope) <= np.maximum(RESTING * terms, CANCELLED * shared)
         if not resting.all() and not self.cancels(full, np.where(resting, 0.0, slope)):
             raise self.no_rest(slope)
         return full

@@ -15,6 +15,7 @@ import numpy as np
 from compiler.api import Array
 
 from ...errors import RunFailed
+from ...numerics.scales import nonzero
 from .dense import CLOSE, SINGULAR, EquilibriumSearch
 from .steady import unread_states
 
@@ -88,10 +89,9 @@ class SparseSearch(EquilibriumSearch):
         rows = _largest(jacobian, 1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
             return np.full(len(slope), np.inf)
-        rows = np.where(rows > 0, rows, 1.0)
+        rows = nonzero(rows)
         matrix = _scaled(jacobian, 1 / rows, 1)
-        columns = _largest(matrix, 0)
-        columns = np.where(columns > 0, columns, 1.0)
+        columns = nonzero(_largest(matrix, 0))
         matrix = _scaled(matrix, 1 / columns, 0)
         needed = -slope / rows
         try:

@@ -9,6 +9,7 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ...errors import RunFailed
+from ...numerics.scales import group_numbers, largest_of_group
 from ...quantities import behind
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def unread_states(program: Program, time: float, state: Array, inputs: Array, co
 def drivers(program: Program, place: int) -> str:
     """Return the states that the rate of a state reads, for messages."""
     rows, columns = (np.asarray(part, dtype=int) for part in program.pattern)
-    names = (*program.states.names, *program.unknowns.names)
+    names = program.variables.names
     read = [f"`{names[j]}`" for j in columns[rows == place]]
     return f"its rate reads {', '.join(read[:4])}{' …' if len(read) > 4 else ''}" if read else "its rate reads no state"
 
@@ -89,19 +90,14 @@ def steady_rates(
     entries = np.abs(np.asarray(program.jacobian_entries(time, state, inputs, constants, mode), dtype=float))
     size = len(np.asarray(state))
     jacobian = coo_array((entries, program.pattern), shape=(size, size)).tocsr()
-    scale = _magnitudes(program, np.abs(np.asarray(state, dtype=float)))
+    units = group_numbers(program.variables.units)
+    scale = largest_of_group(np.abs(np.asarray(state, dtype=float)), units)
     fastest = float(jacobian.max()) if jacobian.nnz else 0.0
     terms = jacobian @ (np.maximum(scale, jacobian @ scale / fastest) if fastest > 0 else scale)
     terms = np.maximum(
         ROUNDING * terms[:count], CANCELLED * given_terms(program, constraints.parameters, time, state, inputs, mode)
     )
     return {names[i]: float(rates[i]) for i in moving if abs(rates[i]) > terms[i]}
-
-
-def _magnitudes(program: Program, sizes: Array) -> Any:
-    """Return sizes of states and unknowns: those of one unit share the largest."""
-    units = np.array([*program.states.units, *program.unknowns.units])
-    return np.array([sizes[units == unit].max() for unit in units])
 
 
 def check_steady(made: Prepared, program: Program, moving: dict[str, float]) -> None:

@@ -11,12 +11,13 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ...errors import RunFailed
+from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
 from ..initialization.assembly import choose_rows
 from ..initialization.consistent_start import consistent_start
 from ..integrators.pilot.schedule import Conditions
 from ..monitors.state_selection import Choice
-from ..segments.timeline import Segment
+from ..segments.timeline import Segment, with_discrete_variables
 from ..segments.transition import PhaseTransition
 from .complementarity import Companion, Instant
 from .events import Events, Moment
@@ -50,15 +51,12 @@ class UntilEvent:
 def with_modes(program: Program, first: Segment, modes: Mapping[str, float]) -> Segment:
     """Return a segment with initial values of some discrete variables."""
     assert program.hybrid is not None
-    mode = np.array(first.mode, dtype=float)
-    for place, name in enumerate(program.hybrid.modes.names):
-        mode[place] = modes.get(name, mode[place])
-    return replace(first, mode=mode)
+    return replace(first, mode=with_discrete_variables(program.hybrid, first.mode, modes))
 
 
 def with_mode(space: Prepared, constraints: Constraints, state: Array, first: Segment, horizon: float) -> Segment:
     """Return the first segment with the mode that fits the consistent initial state. Raises `RunFailed` if there is none."""
-    events = Events(constraints, _size(state), horizon)
+    events = Events(constraints, nonzero(np.abs(state)), horizon)
     mode = events.guess(Moment(first.start, state, first.mode))
     seen = set()
     for _ in range(MOST_MODES):
@@ -66,7 +64,7 @@ def with_mode(space: Prepared, constraints: Constraints, state: Array, first: Se
         full, _ = consistent_start(
             constraints.program, space, constraints.constants, constraints.inputs, state, first, constraints
         )
-        events.measure(_size(full))
+        events.measure(nonzero(np.abs(full)))
         found = events.settled(Moment(first.start, full, mode)).mode
         if (found == mode).all():
             return first
@@ -81,14 +79,14 @@ def with_mode(space: Prepared, constraints: Constraints, state: Array, first: Se
 
 def off_in(constraints: Constraints, full: Array, first: Segment) -> tuple[str, ...]:
     """Return the junctions that are off before any event acts."""
-    return Events(constraints, _size(full), 1.0).actives(Moment(first.start, full, first.mode))
+    return Events(constraints, nonzero(np.abs(full)), 1.0).actives(Moment(first.start, full, first.mode))
 
 
 def begun(
     constraints: Constraints, full: Array, first: Segment, horizon: float, companion: Companion | None
 ) -> tuple[Events, Moment]:
     """Return the events of a run, and the hybrid state after all events at its beginning."""
-    events = Events(constraints, _size(full), horizon, companion=companion)
+    events = Events(constraints, nonzero(np.abs(full)), horizon, companion=companion)
     moment = events.happen(Moment(first.start, full, first.mode), due=events.due(first.start))
     events.tell_valves(first.mode)
     return events, moment
@@ -101,14 +99,9 @@ def continued(
     program = constraints.program
     names, hybrid = program.states.names, program.hybrid
     assert hybrid is not None
-    full = np.array([*(begin.stored[n] for n in names), *unknowns_in(program, begin, state)])
-    if constraints:
-        constraints.assembled = choose_rows(constraints, first.start, full, first.mode)
-        full = constraints.project(first.start, full, first.mode)
-    mode = np.array(first.mode, dtype=float)
-    for place, name in enumerate(hybrid.modes.names):
-        mode[place] = begin.modes.get(name, mode[place])
-    events = Events(constraints, _size(full), horizon, dict(begin.on), companion=companion)
+    full = carried_over(constraints, state, first, begin)
+    mode = with_discrete_variables(hybrid, first.mode, begin.modes)
+    events = Events(constraints, nonzero(np.abs(full)), horizon, dict(begin.on), companion=companion)
     known = np.array([begin.magnitudes.get(n) or begin.peaks.get(n, 0.0) for n in (*names, *program.unknowns.names)])
     events.measure(np.where(known > 0, known, events.magnitude))
     mode = events.guess(Moment(first.start, full, mode))
@@ -142,13 +135,15 @@ def _through_integrals(
     return full, tuple(jumps)
 
 
-def unknowns_in(program: Program, begin: PhaseTransition, state: Array) -> list[float]:
-    """Return the unknowns of loops as they were, where their names are known; this preserves the branch among several solutions."""
-    return [
-        begin.unknowns.get(n, float(x))
-        for n, x in zip(program.unknowns.names, state[len(program.states.names) :], strict=True)
-    ]
+def carried_over(constraints: Constraints, state: Array, first: Segment, begin: PhaseTransition) -> Any:
+    """Return the stored quantities of a transition as a state on the constraints, whose independent rows are chosen again.
 
-
-def _size(state: Array) -> Any:
-    return np.where(state != 0, np.abs(state), 1.0)
+    Unknowns of loops stay as they were where their names are known, which preserves the branch among several solutions; else as in `state`.
+    """
+    states, unknowns = (names.names for names in (constraints.program.states, constraints.program.unknowns))
+    followed = (begin.unknowns.get(n, float(x)) for n, x in zip(unknowns, state[len(states) :], strict=True))
+    full = np.array([*(begin.stored[n] for n in states), *followed])
+    if not constraints:
+        return full
+    constraints.assembled = choose_rows(constraints, first.start, full, first.mode)
+    return constraints.project(first.start, full, first.mode)

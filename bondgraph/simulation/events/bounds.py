@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, pi
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -99,7 +98,7 @@ def notes_on_bounds(program: Program, crowded: BoolArray) -> tuple[str, ...]:
         return ()
     blind = [hybrid.conditions[c.number] for c in functions.conditions if c.place < 0 or crowded[c.number]]
     return tuple(
-        f"a condition on states of `{c.owner}` ({PurePath(c.span.source.name).name}:{c.span.line}) has no bounds within a step: a change that lasts "
+        f"a condition on states of `{c.owner}` ({c.span.file_and_line}) has no bounds within a step: a change that lasts "
         "for a small part of a step may have been missed"
         for c in blind
     )

@@ -21,20 +21,15 @@ import numpy as np
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
 from ..loops.loops import LoopSolver
+from ..segments.timeline import with_discrete_variables
 
 if TYPE_CHECKING:
     from compiler.api import Array, BoolArray, Program, RunMetadata
 
     from ...prepared import Prepared
 
-STEPS = (
-    1e-5,
-    1e-6,
-    1e-4,
-    1e-7,
-    1e-3,
-    1e-9,
-)  # fractions of the time between switching instants: the steps h in the order of their trial
+# fractions of the time between switching instants: the steps h in the order of their trial
+STEPS = (1e-5, 1e-6, 1e-4, 1e-7, 1e-3, 1e-9)
 RECENT = 8  # number of last switching instants from which their distance is estimated
 OPEN = 1e-13  # relative singular value below which a combination is undetermined
 MET = 1e-9  # relative to the waves: largest misfit of an undetermined combination
@@ -46,10 +41,8 @@ SETTLED = 1e-6  # relative to the waves: end of the iteration for nonlinear laws
 NEWTON = 30  # iterations for networks with nonlinear laws
 IMPEDANCES = 6  # rounds in which the impedance of the waves is chosen
 STEP, IMPEDANCE = "step of the companion", "impedance of the valves"  # its inputs, besides the waves
-JUMP, PASSED = (
-    "jump of ",
-    "rate of what passes to ",
-)  # of stored quantities: an input where a law is nonlinear, and an output
+# of stored quantities: an input where a law is nonlinear, and an output
+JUMP, PASSED = "jump of ", "rate of what passes to "
 BALANCED = 1e-6  # relative to a jump: largest misfit of the impulse that passes
 IMPULSES = (1e-7, 1e-8)  # as `STEPS`: the two steps that reveal an impulse
 
@@ -104,21 +97,20 @@ class Companion:
     def another(self, at: Instant, guess: BoolArray) -> Any:
         """Return a conducting set for a longer or shorter step, where this set was refuted by its own program; None if all steps lead to refuted sets."""
         self.against = at.time, self._refused(at.time) | {guess.tobytes()}
-        refused = self._refused(at.time)
-        for step in self.steps(at.time):
-            found = self._solved(at, guess, step)
-            if found is not None and found[0].tobytes() not in refused:
-                return found[0]
-        return None
+        return self._not_refused(at, guess)
 
     def conducting(self, at: Instant, guess: BoolArray) -> Any:
         """Return a mask of the valves that conduct just after an instant. Raises `RunFailed`."""
+        conducting = self._not_refused(at, guess)
+        if conducting is None:
+            raise self.without_a_set(at.time)
+        return conducting
+
+    def _not_refused(self, at: Instant, guess: BoolArray) -> Any:
+        """Return the first conducting set, over the steps to try, that was not refuted at this instant; None if there is none."""
         refused = self._refused(at.time)
-        for step in self.steps(at.time):
-            found = self._solved(at, guess, step)
-            if found is not None and found[0].tobytes() not in refused:
-                return found[0]
-        raise self.without_a_set(at.time)
+        solved = (self._solved(at, guess, step) for step in self.steps(at.time))
+        return next((found[0] for found in solved if found is not None and found[0].tobytes() not in refused), None)
 
     def without_a_set(self, time: float) -> RunFailed:
         """Return the error that no conducting set is consistent."""
@@ -353,8 +345,7 @@ class Companion:
             state[place] = at.stored.get(name, state[place])
         mode = np.array(program.mode_at(at.time + step, state, constraints.inputs, constraints.constants), dtype=float)
         if program.hybrid is not None:
-            for place, name in enumerate(program.hybrid.modes.names):
-                mode[place] = at.modes.get(name, mode[place])
+            mode = with_discrete_variables(program.hybrid, mode, at.modes)
             mode = self.conditioned(constraints, at.time + step, state, mode)
         return state, mode
 

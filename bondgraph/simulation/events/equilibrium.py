@@ -16,6 +16,7 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ...errors import RunFailed
+from ...numerics.scales import group_numbers, nonzero
 from ..constraints.constraints import Constraints
 from ..equilibrium.dense import EquilibriumSearch
 from ..equilibrium.search import equilibrium, found_by
@@ -30,7 +31,7 @@ STEP = 2.0**-13  # relative to a magnitude: difference step for sampled values, 
 
 def rest_with_events(constraints: Constraints, state: Array, first: Segment, events: Events) -> Moment:
     """Return the hybrid state at the equilibrium, with its mode. Raises `RunFailed` if there is none."""
-    program, seen = constraints.program, []
+    program, visited = constraints.program, []
     at, sampled = (
         Moment(first.start, np.asarray(state, dtype=float), np.array(first.mode)),
         sampled_settings(program, constraints),
@@ -43,7 +44,7 @@ def rest_with_events(constraints: Constraints, state: Array, first: Segment, eve
             at = Moment(at.time, search.split(full)[0], search.split(full)[1])
         else:
             at = Moment(at.time, equilibrium(program, constraints, constraints.inputs, at.state, segment), at.mode)
-        events.measure(np.where(at.state != 0, np.abs(at.state), 1.0))
+        events.measure(nonzero(np.abs(at.state)))
         events.log.clear()
         after = events.happen(at, due=events.due(at.time))
         moved = np.abs(after.state - at.state) > SAME * np.maximum(np.abs(after.state), np.abs(at.state))
@@ -51,9 +52,9 @@ def rest_with_events(constraints: Constraints, state: Array, first: Segment, eve
         if not moved[: events.count].any() and not other.any():
             return after
         key = (after.mode.tobytes(), after.state.round(12).tobytes())
-        if key in seen:
+        if key in visited:
             break
-        seen.append(key)
+        visited.append(key)
         at = after
     acted = ", ".join(dict.fromkeys(str(events.hybrid.events[i]) for h in events.log for i in h.events))
     raise RunFailed(
@@ -99,8 +100,7 @@ class SampledSearch(EquilibriumSearch):
         modes = program.hybrid.modes
         self.names = (*program.states.names, *(modes.names[p] for p in self.places))
         units = (*program.states.units, *(modes.units[p] for p in self.places))
-        kinds = {unit: i for i, unit in enumerate(dict.fromkeys(units))}
-        self.kind = np.array([kinds[unit] for unit in units], dtype=int)
+        self.kind = group_numbers(units)
         self.count, self.largest = len(self.names), np.zeros(len(self.names))
 
     def joined(self, state: Array, mode: Array) -> Any:
@@ -115,7 +115,8 @@ class SampledSearch(EquilibriumSearch):
 
     def at(self, full: Array) -> tuple[Any, Any, Any]:
         """Return the same as `EquilibriumSearch.at`, by differences."""
-        full = self._kept(full)
+        state, mode = self.split(full)
+        full = self._solved(self.joined(self.constraints.project(self.time, state, mode), mode))
         state, mode = self.split(full)
         if self.unread is None:
             from ..equilibrium.steady import unread_states
@@ -163,10 +164,6 @@ class SampledSearch(EquilibriumSearch):
     def cancels(self, full: Array, slope: Array) -> bool:
         """Return False: `EquilibriumSearch.cancels` is not applied to samples."""
         return False
-
-    def _kept(self, full: Array) -> Any:
-        state, mode = self.split(full)
-        return self._solved(self.joined(self.constraints.project(self.time, state, mode), mode))
 
     def _solved(self, full: Array) -> Any:
         state, mode = self.split(full)

@@ -11,17 +11,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, BoolArray, EventNote, Hybrid, IntArray, Span
+from compiler.api import Array, BoolArray, EventNote, Hybrid, IntArray
 
 from ...errors import RunFailed
+from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
 from ..initialization.initial_equations import fulfil
-from ..loops.loops import LoopSolver
+from ..segments.timeline import discrete_variables
 from .bounds import bounds_of
 from .complementarity import Companion, Instant
 
@@ -104,7 +104,7 @@ class Events:
     def measure(self, magnitude: Array) -> None:
         """Set the magnitudes of states and unknowns."""
         self.magnitude = magnitude
-        self.loops = LoopSolver(self.program, self.constants, self.inputs, magnitude, self.constraints.parameters)
+        self.loops = self.constraints.loops(magnitude)
 
     def with_values(self, constraints: Constraints, magnitude: Array) -> Events:
         """Return the same conditions for other inputs, parameters and magnitudes: for `guess`, not for a search, whose bounds stay those of the first."""
@@ -228,7 +228,7 @@ class Events:
         )
         valves = {v.junction for v in self.companion.valves}
         off = tuple(name for name in self.actives(at) if name not in valves)
-        return Instant(at.time, stored, dict(zip(self.hybrid.modes.names, map(float, at.mode), strict=False)), off)
+        return Instant(at.time, stored, discrete_variables(self.hybrid, at.mode), off)
 
     def _contradicted(self, at: Moment) -> bool:
         """Return True if the switching condition of a conducting or blocking valve holds just after this hybrid state."""
@@ -455,7 +455,7 @@ class Events:
         size = np.maximum(np.abs(wanted), np.abs(before))
         bad = [i for i, r, s in zip(computed, rest, size, strict=True) if not r <= CLOSE * max(s, 1e-300)]
         if bad:
-            names = ", ".join(f"`{self.settings[i].words}` ({_place(self.settings[i].span)})" for i in bad)
+            names = ", ".join(f"`{self.settings[i].words}` ({self.settings[i].span.file_and_line})" for i in bad)
             raise RunFailed(
                 "BR775", f"at t = {at.time:.9g} s events cannot set {names}: the model ties it to what stays as it is"
             )
@@ -468,7 +468,7 @@ class Events:
             setting = self.settings[i]
             if not np.isfinite(values[i]):
                 raise RunFailed(
-                    "BR776", f"at t = {time:.9g} s the new value of `{setting.words}` ({_place(setting.span)}) is not finite",
+                    "BR776", f"at t = {time:.9g} s the new value of `{setting.words}` ({setting.span.file_and_line}) is not finite",
                 )  # fmt: skip
             before = owner.setdefault((setting.kind, setting.position), i)
             if before != i:
@@ -514,24 +514,20 @@ class Events:
 
     def listed_conditions(self, numbers: Iterable[int]) -> str:
         notes = [self.hybrid.conditions[i] for i in numbers]
-        listed = dict.fromkeys(f"`{n.owner}` ({_place(n.span)})" for n in notes)
+        listed = dict.fromkeys(f"`{n.owner}` ({n.span.file_and_line})" for n in notes)
         return f"the condition{'s' * (len(listed) > 1)} in {', '.join(listed)}"
 
     @staticmethod
     def _listed(events: Sequence[EventNote]) -> str:
-        return " and ".join(dict.fromkeys(f"`{e}` ({_place(e.span)})" for e in events))
+        return " and ".join(dict.fromkeys(f"`{e}` ({e.span.file_and_line})" for e in events))
 
 
 def conditioned(constraints: Constraints, time: float, state: Array, mode: Array) -> Any:
     """Return a mode with the conditions on states as evaluated."""
-    return Events(constraints, np.where(state != 0, np.abs(state), 1.0), 1.0).guess(Moment(time, state, mode))
+    return Events(constraints, nonzero(np.abs(state)), 1.0).guess(Moment(time, state, mode))
 
 
 def _shrinks(intervals: Array) -> bool:
     """Return True if intervals between events get shorter each time, and are much shorter than the longest one."""
     last = intervals[-LEFT:]
     return len(last) == LEFT and bool((np.diff(last) < 0).all()) and last[-1] < SHRUNK * intervals.max()
-
-
-def _place(span: Span) -> str:
-    return f"{PurePath(span.source.name).name}:{span.line}"

@@ -17,9 +17,9 @@ import numpy as np
 from compiler.api import Array
 
 from ...errors import RunFailed
+from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
 from ..initialization.initial_equations import slopes_of
-from ..loops.loops import LoopSolver
 
 ITERATIONS = 100
 HALVES = 20  # of a step that leaves the domain of a law
@@ -48,7 +48,7 @@ def after_impulse(
     count = len(program.states.names)
     old = np.array([stored.get(n, np.nan) for n in names])
     size = np.array([max(abs(stored.get(n, 0.0)), peaks.get(n, 0.0)) for n in names])
-    size = np.where(size > 0, size, 1.0)
+    size = nonzero(size)
     held = _Held(constraints, time, full, mode)
     x = full[:count]
     known = np.isfinite(old)
@@ -73,8 +73,7 @@ class _Held:
 
     def full(self, x: Array) -> Any:
         """Return the state with the unknowns of loops."""
-        held = self.constraints
-        loops = LoopSolver(held.program, held.constants, held.inputs, np.ones(len(self.start)), held.parameters)
+        loops = self.constraints.loops(np.ones(len(self.start)))
         return loops.solve(self.time, np.concatenate([x, self.start[len(x) :]]), self.mode)
 
     def stored(self, x: Array) -> Any:

@@ -16,12 +16,13 @@ import numpy as np
 from compiler.api import Array, IntArray
 
 from ...errors import RunFailed
+from ...quantities import listed
 from ..constraints.constraints import Assembled, Constraints
+from .initial_equations import damped_step, differences
 
 ITERATIONS = 50
 RANK = 1e-7  # relative to the largest singular value, for derivatives by differences
 FULL = 1e-9  # the same, for exact derivatives
-DIFFERENCE = 1e-6
 CLOSE = 1e-6  # relative change that a given start value may undergo
 TRIES = 4
 QUIET = 1e-6  # 1/s: rates below it, written from a computed equilibrium, are compared with this instead of themselves
@@ -55,7 +56,7 @@ def rates_closed(
             given = np.flatnonzero(~movable[:count] & ~poses[:count])
             rates = [constraints.program.states.names[i].rpartition(".")[0] for i in given]
             raise RunFailed(
-                "BR736", f"the starts of rates of {_told(tuple(dict.fromkeys((*rates, *claimed))))} cannot hold together: in this pose `{opening}` would not "
+                "BR736", f"the starts of rates of {listed(tuple(dict.fromkeys((*rates, *claimed))))} cannot hold together: in this pose `{opening}` would not "
                 "stay closed;", "leave one of them out",
             )  # fmt: skip
         found = loose
@@ -90,18 +91,11 @@ def sizes(constraints: Constraints, time: float, state: Array, mode: Array) -> A
     return np.array([length if u in ("m", "m/s") else 1.0 for u in units])
 
 
-def _slopes(missed: Missed, state: Array, places: IntArray, size: Array) -> tuple[Any, Any]:
-    """Return the unit of change at the places, and central differences by these; shape (rows, places)."""
-    shifts = np.zeros((len(places), len(state)))
-    shifts[np.arange(len(places)), places] = DIFFERENCE * size[places]
-    return size[places], ((missed(state + shifts) - missed(state - shifts)) / (2 * DIFFERENCE)).T
-
-
 def _search(missed: Missed, state: Array, places: IntArray, size: Array) -> Any:
     """Solve by Gauss-Newton, damped where a step brings no progress (Levenberg-Marquardt)."""
     state, value, damping = np.array(state), missed(state), 0.0
     for _ in range(ITERATIONS if len(places) else 0):
-        reach, slopes = _slopes(missed, state, places, size)
+        slopes = differences(missed, state, places, size[places]).T
         bound = np.abs(slopes).max(axis=1, initial=0.0)
         told = bound > 0
         if not told.any():
@@ -109,9 +103,9 @@ def _search(missed: Missed, state: Array, places: IntArray, size: Array) -> Any:
         scaled, miss = slopes[told] / bound[told, None], value[told] / bound[told]
         if np.abs(miss).max() < 1e-15:
             break
-        step = _step(scaled, miss, damping)
+        step = damped_step(scaled, miss, damping, RANK)
         trial = state.copy()
-        trial[places] += reach * step
+        trial[places] += size[places] * step
         new = missed(trial)
         if np.linalg.norm(new[told] / bound[told]) < np.linalg.norm(miss):
             state, value = trial, new
@@ -121,15 +115,6 @@ def _search(missed: Missed, state: Array, places: IntArray, size: Array) -> Any:
         else:
             damping = 10 * damping or 1e-3
     return state
-
-
-def _step(slopes: Array, miss: Array, damping: float) -> Any:
-    if damping:
-        count = slopes.shape[1]
-        slopes = np.vstack([slopes, np.sqrt(damping) * np.eye(count)])
-        miss = np.concatenate([miss, np.zeros(count)])
-    step, *_ = np.linalg.lstsq(slopes, -miss, rcond=RANK)
-    return step
 
 
 # ---------------------------------------------------------------- rank
@@ -142,14 +127,15 @@ def choose_rows(constraints: Constraints, time: float, state: Array, mode: Array
         return Assembled(positions - rank, ())
     beside = _moved_aside(constraints, time, state, mode, here)
     if beside is None and rank < positions:
+        joints = listed(_lost(constraints, here))
         raise RunFailed(
-            "BR737", f"at t = {time:.9g} s the mechanism is drawn in a pose from which it cannot move although {_told(_lost(constraints, here))} would let it: "
+            "BR737", f"at t = {time:.9g} s the mechanism is drawn in a pose from which it cannot move although {joints} would let it: "
             "its bars are stretched out;", "draw it a little beside, or leave a joint out",
         )  # fmt: skip
     _, order, generic = _rank(constraints, time, state if beside is None else beside, mode)
     if generic > rank:
         raise RunFailed(
-            "BR738", f"at t = {time:.9g} s the mechanism starts in a singular pose: {_told(_lost(constraints, here))} let it go on in several ways "
+            "BR738", f"at t = {time:.9g} s the mechanism starts in a singular pose: {listed(_lost(constraints, here))} let it go on in several ways "
             f"there ({positions - rank} motions instead of {positions - generic}), and nothing says in which;", "start it a little beside",
         )  # fmt: skip
     taking = np.zeros(constraints.gaps, dtype=bool)
@@ -158,10 +144,6 @@ def choose_rows(constraints: Constraints, time: float, state: Array, mode: Array
     constraints.leave_out(taking)
     names = np.array(constraints.program.invariants.names[: constraints.gaps])
     return Assembled(positions - generic, tuple(str(n) for n in names[~taking]))
-
-
-def _told(names: tuple[str, ...]) -> str:
-    return ", ".join(f"`{n}`" for n in names[:6]) + ("…" if len(names) > 6 else "")
 
 
 def _rank(constraints: Constraints, time: float, state: Array, mode: Array) -> tuple[Any, Any, int]:

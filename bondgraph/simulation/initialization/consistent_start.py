@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunFailed
+from ...numerics.scales import nonzero
 from ...quantities import behind
 from ..constraints.constraints import Constraints
 from ..loops.loops import LoopSolver
@@ -37,8 +38,7 @@ def consistent_start(
 
     Raises `RunFailed` if initial equations contradict each other or the start values of states, or if a loop has no solution.
     """
-    magnitude = np.where(state != 0, np.abs(state), 1.0)
-    loops = LoopSolver(program, constants, inputs, magnitude, constraints.parameters)
+    loops = constraints.loops(nonzero(np.abs(state)))
     time, mode, count = first.start, first.mode, len(program.states.names)
     if not made.facts.claims and not constraints:
         full = loops.solve(time, state, mode)
@@ -67,7 +67,9 @@ def consistent_start(
 
     x = fulfil(lambda y: missed(y)[0][rows], state[:count], movable & ~poses) if rows else state[:count]
     value, full = missed(x)
-    reach = _reach(lambda y: missed(y)[0], x) if value.any() else np.abs(value)
+    reach = np.abs(value)
+    if value.any():  # the size of the terms that an initial equation adds up: a value of zero has no size of its own
+        reach = np.abs(slopes_of(lambda y: missed(y)[0], x, np.ones(len(x), dtype=bool))) @ np.abs(x)
     _check(program, space, constants, value, reach, full, (time, inputs, mode))
     _check_unique(loops, made, full, (time, mode))
     return full, notes
@@ -91,7 +93,7 @@ def _assembled(
     from .assembly import choose_rows, rates_closed, sizes
 
     time, mode, space = first.start, first.mode, made.state_space
-    loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(state)), constraints.parameters)
+    loops = constraints.loops(np.ones(len(state)))
     loose = len(program.unknowns.names) > 0 and not loops.affine  # initial equations may depend on other loops
     rows = [i for i, c in enumerate(space.claims) if not c.on_pose]
 
@@ -110,7 +112,7 @@ def _assembled(
     size[: constraints.count] += ROUNDING * sizes(constraints, time, x, mode)
     reach = np.abs(slopes_of(claims, x, np.ones(len(x), dtype=bool))) @ size if value.any() else np.abs(value)
     _check(program, made.state_space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
-    loops = LoopSolver(program, constraints.constants, constraints.inputs, np.ones(len(x)), constraints.parameters)
+    loops = constraints.loops(np.ones(len(x)))  # with the rows that were chosen
     full = loops.solve(time, x, mode)
     if loose:
         _check_unique(loops, made, full, (time, mode))
@@ -145,11 +147,6 @@ def _check_unique(loops: LoopSolver, made: Prepared, full: Array, at: Any) -> No
         "Nothing in the model chooses between them: put a small storage into the loop (a C beside what gives the flow, an I in line with what gives "
         "the effort) and start it near the one that you mean, or write the law so that only one is left",
     )  # fmt: skip
-
-
-def _reach(function: Any, x: Array) -> Any:
-    """Return the size of the terms that an initial equation adds up: a value of zero has no size of its own."""
-    return np.abs(slopes_of(function, x, np.ones(len(x), dtype=bool))) @ np.abs(x)
 
 
 def _check(program: Program, space: StateSpace, constants: Array, value: Array, reach: Array, full: Array, at: Any) -> None:  # fmt: skip

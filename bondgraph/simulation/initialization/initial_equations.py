@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, BoolArray
+from compiler.api import Array, BoolArray, IntArray
 
 ITERATIONS = 100
+DIFFERENCE = 1e-6  # step of differences, in units of the mechanism
 PRECISION = 1e-13  # size of the last step, relative to the states
 NOISE = 1e-9  # error of central differences where a derivative is zero, relative to the equation's value
+SINGULAR = 1e-12  # relative to the largest singular value
 STRONGEST = 1e8  # damping beyond which nothing moves any more
 Missed = Callable[[Any], Any]  # states -> residuals of the initial equations
 
@@ -31,7 +33,7 @@ def fulfil(missed: Missed, x: Array, movable: BoolArray) -> Any:
             return x
         scaled, miss = slopes[told] / bound[told, None], value[told] / bound[told]
         while True:
-            step = _step(scaled, miss, damping)
+            step = damped_step(scaled, miss, damping, SINGULAR)
             trial = x.copy()
             trial[movable] += step
             new = missed(trial)
@@ -42,6 +44,16 @@ def fulfil(missed: Missed, x: Array, movable: BoolArray) -> Any:
             damping = 10 * damping or 1e-3
         x, value, damping = trial, new, damping / 10 if damping > 1e-6 else 0.0
     return x
+
+
+def differences(function: Missed, state: Array, places: IntArray, size: Array | float) -> Any:
+    """Return central differences by the entries of a state at some places, in units of `size` (places,); shape (places, values).
+
+    The function takes several states at once.
+    """
+    shifts = np.zeros((len(places), len(state)))
+    shifts[np.arange(len(places)), places] = DIFFERENCE * size
+    return (function(state + shifts) - function(state - shifts)) / (2 * DIFFERENCE)
 
 
 def slopes_of(function: Missed, x: Array, movable: BoolArray) -> Any:
@@ -61,11 +73,11 @@ def _noiseless(slopes: Array, x: Array, value: Array) -> Any:
     return np.where(reach > NOISE * np.abs(value)[:, None], slopes, 0.0)
 
 
-def _step(slopes: Array, miss: Array, damping: float) -> Any:
-    """Return the minimum-norm step that cancels the residual, or a shorter one if damped."""
+def damped_step(slopes: Array, miss: Array, damping: float, rank: float) -> Any:
+    """Return the minimum-norm step that cancels the residual, or a shorter one if damped; `rank`: relative singular value that counts as zero."""
     if damping:
         count = slopes.shape[1]
         slopes = np.vstack([slopes, np.sqrt(damping) * np.eye(count)])
         miss = np.concatenate([miss, np.zeros(count)])
-    step, *_ = np.linalg.lstsq(slopes, -miss, rcond=1e-12)
+    step, *_ = np.linalg.lstsq(slopes, -miss, rcond=rank)
     return step

@@ -19,13 +19,13 @@ from compiler.api import Array
 
 from ...errors import RunFailed
 from ...numerics.continuation import Followed, SolutionPath, follow, newton, split
-from ...quantities import behind
+from ...quantities import behind, listed
 from ..constraints.constraints import Constraints
+from .initial_equations import DIFFERENCE, differences
 
 if TYPE_CHECKING:
     from compiler.api import Array, IntArray, StateSpace
 
-DIFFERENCE = 1e-6
 INDEPENDENT = 1e-6  # least part of a unit derivative that is independent of earlier start values
 CLOSE = 1e-6  # relative error of a dependent coordinate: start values have few digits
 CLOSED = 1e-9  # relative size of a residual that counts as closed
@@ -101,9 +101,7 @@ class PoseProblem:
             scale = self.size[columns] / constraints.reach[constraints.positions]
             result[: self.gaps, columns] = by * scale / self._gap_units()[:, None]
         if any(g.claim >= 0 for g in self.given):
-            shifts = np.zeros((count, len(state)))
-            shifts[np.arange(count), self.places] = DIFFERENCE * self.size
-            claims = (self.claims(state + shifts) - self.claims(state - shifts)).T / (2 * DIFFERENCE)
+            claims = differences(self.claims, state, self.places, self.size).T
         for row, (item, unit) in enumerate(zip(self.given, self.units(), strict=True), self.gaps):
             if item.claim >= 0:
                 result[row] = claims[item.claim] / unit
@@ -308,7 +306,7 @@ def _names(given: Sequence[GivenCoordinates]) -> str:
             g.name.rpartition(".attitude.")[0] + ".attitude" if ".attitude." in g.name else g.name for g in given
         )
     )
-    return ", ".join(f"`{n}`" for n in names[:6]) + ("…" if len(names) > 6 else "")
+    return listed(names)
 
 
 def _shown(item: GivenCoordinates, value: float) -> str:
@@ -428,15 +426,12 @@ def _sizes(
     The length of the mechanism is its longest lever arm.
     """
     time, mode, state = at
-    turns = [p for p in places if constraints.program.states.units[p] == "1"]
+    turns = places[[constraints.program.states.units[p] == "1" for p in places]]
     lengths = [g for g in given if g.unit == "m"]
     arms = [constraints.length(time, state, mode)] if constraints else []
     claimed = [g.claim for g in lengths if g.claim >= 0]
-    if claimed and turns:
-        shifts = np.zeros((len(turns), len(state)))
-        shifts[np.arange(len(turns)), turns] = DIFFERENCE
-        slopes = (claims(state + shifts) - claims(state - shifts)) / (2 * DIFFERENCE)
-        arms.append(float(np.abs(slopes[:, claimed]).max()))
+    if claimed and len(turns):
+        arms.append(float(np.abs(differences(claims, state, turns, 1.0)[:, claimed]).max()))
     longest = float(max(arms, default=0.0))
     if not longest > 0:
         there = claims(state)

@@ -14,7 +14,7 @@ from ...errors import RunFailed, StepsCollapsed
 from ..events.events import Moment
 from ..events.locate import Flip, RootsAt, StateAt, first_flip
 from ..monitors.validity import ValidityMonitor
-from ..segments.timeline import Segment, mode_after, with_time_of
+from ..segments.timeline import Segment, discrete_variables, mode_after, with_time_of
 from ..segments.trajectory import Tolerances, Trajectory
 from ..segments.transition import PhaseTransition
 from .integration_state import PhaseProblem
@@ -35,22 +35,10 @@ class EventIntegrator(SegmentIntegrator):
         self.events, self.off = problem.events, problem.off
         self.switched = False  # True if other junctions are off now
         self.most_events = MOST_EVENTS
-        self.linear = problem.is_exact and not len(problem.events.places)
-        self.remember(problem.history)
+        self.linear = self.linear and not len(problem.events.places)
 
-    def through(self, state: Array, stretches: Sequence[Segment]) -> Trajectory:
-        """Integrate as `integrate`, from event to event."""
-        x = np.array(state, dtype=float)
-        for number, stretch in enumerate(stretches):
-            if number:
-                self.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
-            x = self.run_with_events(stretch, x, not number)
-            if self.result.handover is not None:
-                return self.done(x, self.mode)
-        return self.done(self.finish(stretches[-1], x), self.mode)
-
-    def run_with_events(self, stretch: Segment, x: Array, first: bool) -> Any:
-        """Integrate one segment, from event to event; return the state at its end. `first`: its mode is that of the start."""
+    def run_to_end(self, stretch: Segment, x: Array, first: bool) -> Any:
+        """Integrate one segment, from event to event; return the state at its end."""
         events, result = self.events, self.result
         now = Moment(stretch.start, x, stretch.mode)
         if not first:
@@ -77,16 +65,16 @@ class EventIntegrator(SegmentIntegrator):
                 raise RunFailed("BR764", f"more than {self.most_events} events act before t = {stop:.9g} s")
             now = self._happen(Moment(flip.time, flip.state, self.mode), flip.conditions)
 
-    def finish(self, last: Segment, x: Array) -> Any:
-        """Return the state after the events at the very end of a run: values hold from a jump on."""
+    def finish(self, last: Segment, x: Array) -> tuple[Any, Any]:
+        """Return the state and the mode after the events at the very end of a run: values hold from a jump on."""
         events, stop = self.events, last.stop
         mode = mode_after(self.program, self.constants, stop, replace(last, mode=self.mode))
-        if (mode == self.mode).all() and not events.due(stop):
-            return x
+        if self.result.handover is not None or ((mode == self.mode).all() and not events.due(stop)):
+            return x, self.mode
         now = self._happen(Moment(stop, x, mode), None)
         self.result.pieces.append(Segment(stop, stop, now.mode))
         self.mode = now.mode
-        return now.state
+        return now.state, now.mode
 
     @property
     def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
@@ -118,8 +106,7 @@ class EventIntegrator(SegmentIntegrator):
         events = self.events
         if handover.off is None:
             handover = replace(handover, off=self.off)
-        modes = dict(zip(events.hybrid.modes.names, map(float, self.mode), strict=False))
-        return replace(handover, modes=modes, on=dict(events.on))
+        return replace(handover, modes=discrete_variables(events.hybrid, self.mode), on=dict(events.on))
 
     def grow(self, x: Array) -> None:
         """Update the largest magnitudes."""
@@ -263,7 +250,7 @@ def pilot(problem: PhaseProblem, state: Array, stretches: Sequence[Segment], mag
     x = np.array(state, dtype=float)
     try:
         for number, stretch in enumerate(stretches):
-            x = stepper.run_with_events(stretch, x, not number)
+            x = stepper.run_to_end(stretch, x, not number)
             if stepper.switched:
                 break
     except RunFailed:

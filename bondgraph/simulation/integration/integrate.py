@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from compiler.api import Array
 
 from ..segments.timeline import Segment
@@ -20,14 +18,4 @@ def integrate(problem: PhaseProblem, state: Array, stretches: Sequence[Segment],
         from .event_integrator import EventIntegrator
 
         return EventIntegrator(problem, into).through(state, stretches)
-    stepper = SegmentIntegrator(problem, into)
-    stepper.linear = problem.is_exact
-    stepper.remember(problem.history)
-    x = np.array(state, dtype=float)
-    for number, stretch in enumerate(stretches):
-        if number:
-            stepper.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
-        x = stepper.run_to_end(stretch, x)
-        if stepper.result.handover is not None:
-            break
-    return stepper.done(x, stretches[-1].mode)
+    return SegmentIntegrator(problem, into).through(state, stretches)

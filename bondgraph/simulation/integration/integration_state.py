@@ -21,10 +21,9 @@ from ..constraints.constraints import Constraints
 from ..integrators.methods import METHODS
 from ..integrators.radau import INNER
 from ..loops.loops import LoopSolver
-from ..monitors.growth_warning import notes_of_beyond
 from ..monitors.state_selection import Choice
 from ..monitors.step_failure import MOST_COMPILED, MOST_STEPS, failure, not_finite
-from ..monitors.step_size_diagnosis import notes_of
+from ..monitors.step_size_diagnosis import growth_notes, notes_of
 from ..monitors.validity import ValidityMonitor
 from ..segments.context import SegmentContext
 from ..segments.timeline import Segment, Signals, signals_on, with_time_of
@@ -94,15 +93,17 @@ class IntegrationState:
         program, constants, instants = problem.program, problem.constants, problem.instants
         self.watch, self.constraints = problem.watch, problem.constraints
         self.choice, self.leaving, self.solver = problem.choice, problem.leaving, problem.solver
-        self.linear = False
+        self.linear = problem.is_exact  # True if the matrix exponential is tried
         self.steps, self.most_steps = 0, MOST_STEPS  # steps in all segments
         self.mode: Any = None  # mode at the end of the last segment
-        self.history: History | None = None  # history of delayed signals
+        self.history = problem.history  # of delayed signals
         self.followed = (-np.inf, -np.inf)  # the step that is examined
         self.repeated = (-np.inf, np.inf)  # start of the last repeated step, and its size then
         self.reached = -np.inf  # end of the last call of `run`
         self.flip: Flip | None = None  # zero crossing that ended the last segment early
-        self.longest = float(min(np.abs(program.periods(constants)), default=np.inf))
+        lags = () if problem.history is None else problem.history.lags
+        # no step is longer than a period of a noise, or the shortest delay
+        self.longest = float(min((*np.abs(program.periods(constants)), *lags), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, problem.inputs
         self.instants, self.powers, self._tolerances = instants, problem.powers, problem.tolerances
         self.whole = float(instants[-1] - instants[0])  # length of the run, s
@@ -133,7 +134,7 @@ class IntegrationState:
     def loops(self) -> LoopSolver:
         unknowns = len(self.program.unknowns.names)
         magnitude = self.tolerances.magnitude if unknowns else np.ones(len(self.program.states.names))
-        return LoopSolver(self.program, self.constants, self.inputs, magnitude, self.constraints.parameters)
+        return self.constraints.loops(magnitude)
 
     @cached_property
     def singular(self) -> SingularPoseMonitor:
@@ -188,12 +189,6 @@ class IntegrationState:
         """Rounding errors of the roots of conditions; None if there are none."""
         return None
 
-    def remember(self, history: History | None) -> None:
-        """Store the future values of delayed signals; no step is longer than the shortest delay."""
-        self.history = history
-        if history is not None:
-            self.longest = min(self.longest, float(history.lags.min()))
-
     def held(self, time: float, x: Array, mode: Array) -> Any:
         """Return a state projected on its invariants, with the unknowns that belong to it."""
         return self.loops.solve(time, self.constraints.project(time, x, mode), mode)
@@ -206,7 +201,7 @@ class IntegrationState:
         """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
         self.result.notes += [
             *notes_of(self.context, solver, steps, mode, self.solver == "explicit"),
-            *notes_of_beyond(self.context, solver, self.result.notes),
+            *growth_notes(self.context, solver, self.result.notes),
         ]
 
     def name(self, method: int, target: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from .integration_state import IntegrationState
 from .stateless import without_states
 
 if TYPE_CHECKING:
+    from ..segments.trajectory import Trajectory
     from .native_integrator import NativeIntegrator
 
 
@@ -27,8 +29,23 @@ class SegmentIntegrator(IntegrationState):
         """Release the integrator of steps, which refers to this object, so that memory is freed at once, without the garbage collector."""
         self.machine = None
 
-    def run_to_end(self, stretch: Segment, x: Array) -> Any:
-        """Integrate one segment; it is cut where a delayed signal jumps, and where fast modes are removed."""
+    def through(self, state: Array, stretches: Sequence[Segment]) -> Trajectory:
+        """Integrate over the segments, to the end or to a transition. Raises `RunFailed`."""
+        x = np.array(state, dtype=float)
+        for number, stretch in enumerate(stretches):
+            if number:
+                self.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
+            x = self.run_to_end(stretch, x, not number)
+            if self.result.handover is not None:
+                break
+        return self.done(*self.finish(stretches[-1], x))
+
+    def finish(self, last: Segment, x: Array) -> tuple[Any, Any]:
+        """Return the state and the mode at the very end."""
+        return x, last.mode
+
+    def run_to_end(self, stretch: Segment, x: Array, first: bool) -> Any:
+        """Integrate one segment; it is cut where a delayed signal jumps, and where fast modes are removed. `first`: its mode is that of the start."""
         start = stretch.start
         while True:
             stop = stretch.stop if self.history is None else self.history.next_cut(start, stretch.stop)

@@ -18,7 +18,7 @@ from numpy.polynomial import chebyshev
 
 from compiler.api import Array, Program
 
-from ..segments.timeline import ROUNDING, Segment, signals_on
+from ..segments.timeline import Segment, inside, signals_on
 
 DEGREE = 10  # degree of the polynomials
 LARGEST = 200  # most states; and largest size of the augmented matrix
@@ -83,9 +83,9 @@ class Linear:
 
     def forcing(self, times: Array) -> Any:
         """Return b for the balanced states; shape (…, active)."""
-        inside = np.clip(times, *_inside(self.stretch)).reshape(-1)
-        zero = np.zeros((len(inside), len(self.scale)))
-        rates = self.program.derivative(inside, zero, *self.fixed, self.stretch.mode)
+        instants = np.clip(times, *inside(self.stretch)).reshape(-1)
+        zero = np.zeros((len(instants), len(self.scale)))
+        rates = self.program.derivative(instants, zero, *self.fixed, self.stretch.mode)
         return (rates / self.scale)[:, self.active].reshape((*np.shape(times), -1))
 
     def matrices(self, length: float) -> tuple[Any, Any]:
@@ -134,7 +134,7 @@ def linear_form(program: Program, inputs: Array, constants: Array, stretch: Segm
     count = len(program.states.names)
     if not 0 < count <= LARGEST or program.unknowns.names or np.size(program.periods(constants)):
         return None
-    fixed, (low, high) = (inputs, constants), _inside(stretch)
+    fixed, (low, high) = (inputs, constants), inside(stretch)
     matrix: Any = np.asarray(program.jacobian(low, np.zeros(count), *fixed, stretch.mode), dtype=float)
     if not np.isfinite(matrix).all():
         return None
@@ -283,12 +283,6 @@ def at(form: Linear, cut: Intervals, states: Array) -> Callable[[Any], Any]:
         return np.array([form.moved(start, float(time - start), state) for start, state, time in rows]) * form.scale
 
     return state_at
-
-
-def _inside(stretch: Segment) -> tuple[float, float]:
-    """Return the ends of a segment, moved inwards by their rounding error."""
-    margin = ROUNDING * np.spacing(max(abs(stretch.start), abs(stretch.stop)))
-    return stretch.start + margin, stretch.stop - margin
 
 
 def _few(lengths: Array) -> Any:

@@ -25,13 +25,13 @@ BETWEEN = np.arange(1, 20) / 20
 
 def other_solutions(loops: LoopSolver, time: float, state: Array, mode: Array) -> list[Any]:
     """Return solutions for the unknowns that differ from the one in `state`, each of shape (unknowns,): loop by loop, smallest first."""
-    known = state[loops.count :]
-    if not 0 < len(known) <= LARGEST:
+    unknowns = state[loops.count :]
+    if not 0 < len(unknowns) <= LARGEST:
         return []
     others: list[Any] = []
     for places in loops.separate():
-        loop = SeparateLoop(loops, (time, state, mode), known, places)
-        found = _collect(loop, [known[places]], guesses(known[places]))
+        loop = SeparateLoop(loops, (time, state, mode), unknowns, places)
+        found = _collect(loop, [unknowns[places]], guesses(unknowns[places]))
         if len(found) > 1:  # between two solutions often lies a third one that Newton's method avoids
             between = [a + t * (b - a) for a, b in combinations(found[:4], 2) for t in BETWEEN]
             found = _collect(loop, found, np.array(between))

@@ -7,6 +7,7 @@ fails from the last solution, `numerics/homotopy.py` reduces the residual gradua
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -95,11 +96,12 @@ class LoopSolver:
             return None
         constants = program.constants(self.parameters)
         fitting = self._mode_of(program, constants, np.asarray(mode))
-        return (
-            None
-            if fitting is None
-            else OpenedLoops(program, laws, (time, self.inputs, constants, fitting), state[: self.count])
-        )
+        if fitting is None:
+            return None
+        names = program.unknowns.names
+        opened = LoopSolver(program, constants, self.inputs, np.ones(self.count + len(names)))
+        at = time, state, fitting
+        return OpenedLoops(names, partial(opened.residual, *at), partial(opened.matrix, *at), laws)
 
     def _mode_of(self, opened: Program, constants: Array, mode: Array) -> Any:
         """Mode of the opened program: what only events change, then the conditions on time, whose order may differ there. None if
@@ -118,8 +120,7 @@ class LoopSolver:
         """Return the unknowns by an iteration in wave variables; None if it does not converge."""
         from .waves import solve_opened
 
-        names = {name: i for i, name in enumerate(waves.program.unknowns.names)}
-        places = [names[name] for name in self.program.unknowns.names]
+        places = [waves.unknowns.index(name) for name in self.program.unknowns.names]
         guess = np.zeros(waves.size)
         guess[places] = state[self.count :]
         for end in solve_opened(waves, guess):
@@ -170,20 +171,19 @@ class LoopSolver:
         found = (self._homotopy(time, state, mode, start, places) for start in starts)
         return next((z for z in found if z is not None), None)
 
-    def _multipliers(self, time: float, state: Array, mode: Array) -> Any:
-        """Return the state with the multipliers of loop joints, which the program computes directly."""
+    def _multipliers(self, time: Array | float, state: Array, mode: Array) -> Any:
+        """Return states at one or several instants with the multipliers of loop joints, which the program computes directly."""
         assert self.program.solved is not None
-        found = np.asarray(self.program.solved(time, state, self.inputs, self.constants, mode))
-        return np.concatenate([state[: self.count], found[len(state) :][self._order]])
+        solved = np.asarray(self.program.solved(time, state, self.inputs, self.constants, mode))
+        multipliers = solved[..., state.shape[-1] :][..., self._order]
+        return np.concatenate([state[..., : self.count], multipliers], axis=-1)
 
     def solve_all(self, times: Array, states: Array, mode: Array) -> Any:
         """Return the states with their unknowns at several instants; shape (times, n)."""
         if not len(self.magnitude):
             return states
         if self.affine:
-            assert self.program.solved is not None
-            found = np.asarray(self.program.solved(times, states, self.inputs, self.constants, mode))
-            return np.concatenate([states[:, : self.count], found[:, states.shape[1] :][:, self._order]], axis=1)
+            return self._multipliers(times, states, mode)
         found, known = self._together(times, states, mode)
         for k in np.flatnonzero(~known):
             guess = states[k]
@@ -194,12 +194,12 @@ class LoopSolver:
 
     def _together(self, times: Array, states: Array, mode: Array) -> tuple[Any, Any]:
         """Solve all instants at once by undamped Newton iterations; return the states and a mask of the instants that converged as in `newton`."""
-        times, found = np.asarray(times, dtype=float), np.array(states, dtype=float)
-        known, going = np.zeros(len(times), dtype=bool), np.arange(len(times))
+        times, results = np.asarray(times, dtype=float), np.array(states, dtype=float)
+        solved, going = np.zeros(len(times), dtype=bool), np.arange(len(times))
         before, fixed = np.full(len(times), np.inf), (self.inputs, self.constants, mode)
-        value = self.program.derivative(times, found, *fixed)[:, self.count :]
+        value = self.program.derivative(times, results, *fixed)[:, self.count :]
         for _ in range(TOGETHER):
-            matrix = self._matrices(times[going], found[going], fixed)
+            matrix = self._matrices(times[going], results[going], fixed)
             scale = np.abs(matrix).max(axis=2)
             usable = np.isfinite(scale).all(axis=1) & (scale > 0).all(axis=1) & np.isfinite(value).all(axis=1)
             going, matrix, scale, value = going[usable], matrix[usable], scale[usable], value[usable]
@@ -207,20 +207,20 @@ class LoopSolver:
                 step = np.linalg.solve(matrix / scale[..., None], (-value / scale)[..., None])[..., 0] * self.magnitude
             except np.linalg.LinAlgError:
                 break
-            there = found[going]
+            there = results[going]
             size = np.abs(step / np.maximum(np.abs(there[:, self.count :]), 1e-3 * self.magnitude)).max(axis=1)
             there[:, self.count :] += step
             after = self.program.derivative(times[going], there, *fixed)[:, self.count :]
             norm, left = (np.linalg.norm(v / scale, axis=1) for v in (value, after))
             good = (left <= (1 - 1e-4) * norm) | ((size < 1e-9) & np.isfinite(after).all(axis=1))
             ended = good & ((size <= 4e-16) | ((size < 1e-9) & (size >= 0.25 * before[going])))
-            found[going[good]] = there[good]
-            known[going[ended]], before[going] = True, size
+            results[going[good]] = there[good]
+            solved[going[ended]], before[going] = True, size
             going, value = going[good & ~ended], after[good & ~ended]
             if not len(going):
                 break
-        found[~known] = np.asarray(states)[~known]
-        return found, known
+        results[~solved] = np.asarray(states)[~solved]
+        return results, solved
 
     def _matrices(self, times: Array, states: Array, fixed: tuple[Any, ...]) -> Any:
         """Return the derivatives of the residuals by the unknowns, in units of the magnitudes, at several instants."""

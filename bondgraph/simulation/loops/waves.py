@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Program
+from compiler.api import Array
 
 RESISTANCES = (1e3, 1.0, 1e6, 1e-3)  # tried one after the other as the reference resistance, in SI units
 LARGEST = 400  # unknowns
@@ -35,36 +35,17 @@ MOST = 1e150  # largest residual in the search for an argument
 
 # row, indices of argument and value among the unknowns; True if the argument is an effort
 Law = tuple[int, int, int, bool]
-At = tuple[float, Any, Any, Any]  # time, inputs, constants, mode
+Function = Callable[[Any], Any]
 
 
 class OpenedLoops:
-    """Opened loops of a program at one instant. `states`: shape (n,)."""
+    """Opened loops of a program at one instant: `residual` (unknowns,) and its derivatives `matrix` (unknowns, unknowns) as functions of the unknowns."""
 
-    def __init__(self, program: Program, laws: Sequence[Law], at: At, states: Array) -> None:
-        self.program, self.at, self.states = program, at, states
-        self.size = len(program.unknowns.names)
+    def __init__(self, unknowns: Sequence[str], residual: Function, matrix: Function, laws: Sequence[Law]) -> None:
+        self.unknowns, self.residual, self.matrix, self.size = unknowns, residual, matrix, len(unknowns)
         self.rows, self.arguments, self.values = (np.array([law[i] for law in laws], dtype=int) for i in range(3))
         self.efforts = np.array([law[3] for law in laws], dtype=bool)
         self.others = np.setdiff1d(np.arange(self.size), self.rows)
-        count = len(states)
-        rows, columns = program.pattern
-        self._chosen = np.flatnonzero((rows >= count) & (columns >= count))
-        self._place = rows[self._chosen] - count, columns[self._chosen] - count
-
-    def residual(self, z: Array) -> Any:
-        """Return the residuals of all equations of the loops, shape (unknowns,)."""
-        time, inputs, constants, mode = self.at
-        state = np.concatenate([self.states, z])
-        return self.program.derivative(time, state, inputs, constants, mode)[len(self.states) :]
-
-    def matrix(self, z: Array) -> Any:
-        """Return the derivatives of the residuals by the unknowns, shape (unknowns, unknowns)."""
-        time, inputs, constants, mode = self.at
-        state = np.concatenate([self.states, z])
-        result = np.zeros((self.size, self.size))
-        result[self._place] = self.program.jacobian_entries(time, state, inputs, constants, mode)[self._chosen]
-        return result
 
     @cached_property
     def factors(self) -> Any:
@@ -238,7 +219,7 @@ class _Iteration:
         return None
 
 
-def _arguments(law: Callable[[Any], Any], waves: Array, per_value: Array, near: Array) -> Any:
+def _arguments(law: Function, waves: Array, per_value: Array, near: Array) -> Any:
     """Return the arguments a with a + r g(a) = w, shape (laws,): bracketed from nearby, then narrowed, all laws at once."""
 
     def beyond(a: Array) -> Any:
@@ -263,7 +244,7 @@ def _arguments(law: Callable[[Any], Any], waves: Array, per_value: Array, near: 
     return np.where(np.isinf(low), high, low)
 
 
-def _narrowed(beyond: Callable[[Any], Any], low: Array, high: Array, at_low: Array, at_high: Array) -> Any:
+def _narrowed(beyond: Function, low: Array, high: Array, at_low: Array, at_high: Array) -> Any:
     """Return the zeros of rising functions between places of different sign, by inverse quadratic interpolation where it helps, else bisection.
 
     Method of Chandrupatla, Advances in Engineering Software 28, 1997.

@@ -10,14 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Array, Program
 
+from ...numerics.scales import group_numbers, largest_of_group
+from ...quantities import listed
 from ...results.records import ToleranceDoubt
 from ..constraints.constraints import Constraints
+from ..integrators.pilot.schedule import unit_numbers
 from ..segments.timeline import Segment
 from .pilot_horizon import trusted
 from .pilot_run import SMALLEST_ANGLE, PilotObservation, PilotObserver, PilotRun, smallest_angles
@@ -46,9 +49,8 @@ class Magnitudes:
         """Warning for the user, or none."""
         if self.stopped is None or not self.unknown:
             return ()
-        names = ", ".join(f"`{n}`" for n in self.unknown[:6]) + ("…" if len(self.unknown) > 6 else "")
         text = (
-            f"the magnitude of {names} is not known: the pilot run ended at t = {self.stopped:.6g} s; the absolute tolerance there begins at "
+            f"the magnitude of {listed(self.unknown)} is not known: the pilot run ended at t = {self.stopped:.6g} s; the absolute tolerance there begins at "
             f"rtol times {CAUTIOUS:g} of what the sources could charge in the whole run, and grows with what is reached; give `nominal`, or compare with "
             "a tolerance that is ten times tighter"
         )
@@ -78,41 +80,31 @@ def nominal_magnitudes(
         )
         peak, stopped = np.maximum(peak, look.largest), look.stopped
     result = np.where(given > 0, given, peak)
-    for (members, count), share in zip(_alike(program, tuple(mechanisms)), (SHARE, SLIGHT), strict=True):
-        most = np.zeros(count)
-        np.maximum.at(most, members, result)
-        result = np.maximum(result, share * most[members])
+    for members, share in ((_owned_units(program, tuple(mechanisms)), SHARE), (unit_numbers(program), SLIGHT)):
+        result = np.maximum(result, share * largest_of_group(result, members))
     result = np.maximum(result, _smallest(program, mechanisms, constraints, state, stretches[0]))
     unknown = (result == 0) | ~np.isfinite(result)
     if unknown.any():
         charged = chargeable(program, constants, inputs, state, stretches, np.where(unknown, 0.0, result))
         result[unknown] = (1.0 if stopped is None else CAUTIOUS) * charged[unknown]
-    names = (*program.states.names, *program.unknowns.names)
-    return Magnitudes(result, stopped, () if stopped is None else tuple(names[i] for i in np.flatnonzero(unknown)))
+    names = () if stopped is None else tuple(program.variables.names[i] for i in np.flatnonzero(unknown))
+    return Magnitudes(result, stopped, names)
 
 
-def _alike(program: Program, mechanisms: tuple[str, ...]) -> list[tuple[Any, int]]:
-    """Return the group index of each state and unknown and the number of groups, twice: by mechanism and unit, and by unit."""
-    key = "alike", mechanisms
+def _owned_units(program: Program, mechanisms: tuple[str, ...]) -> Any:
+    """Return the number of the group of each state and unknown, by mechanism (or name) and unit."""
+    key = "owned units", mechanisms
     if key not in program.kept:
-        units = (*program.states.units, *program.unknowns.units)
-        names = (*program.states.names, *program.unknowns.names)
-        owners = [next((m for m in mechanisms if n.startswith(f"{m}.")), n) for n in names]
-        program.kept[key] = [_numbered(list(zip(units, owners, strict=True))), _numbered(list(units))]
-    return cast("list[tuple[Any, int]]", program.kept[key])
-
-
-def _numbered(groups: Sequence[object]) -> tuple[Any, int]:
-    """Return the index of each group, in the order of first use, and the number of groups."""
-    numbers = {group: number for number, group in enumerate(dict.fromkeys(groups))}
-    return np.array([numbers[group] for group in groups], dtype=int), len(numbers)
+        owners = [next((m for m in mechanisms if n.startswith(f"{m}.")), n) for n in program.variables.names]
+        program.kept[key] = group_numbers(list(zip(program.variables.units, owners, strict=True)))
+    return program.kept[key]
 
 
 def _smallest(program: Program, mechanisms: Sequence[str], constraints: Constraints | None, state: Array, first: Segment) -> Any:  # fmt: skip
     """Return the rounding level of angles, and of lengths of mechanisms with closed loops, that symmetry leaves."""
     result = smallest_angles(program, mechanisms)
     if constraints:
-        units = np.array([*program.states.units, *program.unknowns.units])
+        units = np.array(program.variables.units)
         result = result.copy()
         places = np.concatenate([constraints.positions, constraints.speeds])
         length = constraints.length(first.start, state, first.mode)

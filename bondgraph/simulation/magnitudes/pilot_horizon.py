@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...numerics.scales import largest_of_group
+from ..integrators.pilot.schedule import unit_numbers
 from ..segments.timeline import Segment
 
 if TYPE_CHECKING:
@@ -61,5 +63,4 @@ def _follows_from(program: Program, found: Array, before: Array, times: float) -
 
 def _most_alike(program: Program, values: Array) -> Any:
     """Return for every state and unknown the largest value of its unit."""
-    units = np.array([*program.states.units, *program.unknowns.units])
-    return np.array([values[units == unit].max() for unit in units])
+    return largest_of_group(values, unit_numbers(program))

@@ -10,6 +10,7 @@ import numpy as np
 
 from compiler.api import Array, Program
 
+from ...numerics.scales import largest_of_group
 from ..constraints.constraints import Constraints
 from ..integrators.compiled.pilot_run import CompiledPilotRun, CompiledPilotStep
 from ..integrators.pilot import schedule as pilot
@@ -52,12 +53,10 @@ def smallest_angles(program: Program, mechanisms: Sequence[str] = ()) -> Any:
     """
     kept, key = program.kept, ("angles", tuple(mechanisms))
     if key not in kept:
-        units = (*program.states.units, *program.unknowns.units)
-        names = (*program.states.names, *program.unknowns.names)
+        names, units = program.variables.names, program.variables.units
         owned = [any(name.startswith(f"{m}.") for m in mechanisms) for name in names]
-        kept[key] = np.array(
-            [SMALLEST_ANGLE if o and unit in ("1", "1/s") else 0.0 for o, unit in zip(owned, units, strict=True)]
-        )
+        angles = [o and unit in ("1", "1/s") for o, unit in zip(owned, units, strict=True)]
+        kept[key] = np.where(angles, SMALLEST_ANGLE, 0.0)
     return kept[key]
 
 
@@ -223,7 +222,8 @@ class PilotRun:
             return found
         # A state that stays within its earlier magnitude needs no check.
         beyond = np.maximum(pilot.GROWN * np.abs(self.state), pilot.SAME * self.largest)
-        peers = pilot.SLIGHT * self._peers(np.where(self.differential, np.maximum(np.abs(found), self.largest), 0.0))
+        sizes = np.where(self.differential, np.maximum(np.abs(found), self.largest), 0.0)
+        peers = pilot.SLIGHT * largest_of_group(sizes, self.kinds)
         grows = self.differential & (np.abs(found) > np.maximum(beyond, peers)) & (self.state != 0)
         if not grows.any():
             return found
@@ -247,9 +247,3 @@ class PilotRun:
             return loops.solve(time, begin, mode)
         found = loops.newton(time, begin, mode, begin[loops.count :])
         return begin if found is None else np.concatenate([begin[: loops.count], found])
-
-    def _peers(self, sizes: Array) -> Any:
-        """Return for every state and unknown the largest value of its unit; shape (n,)."""
-        most = np.zeros(int(self.kinds.max(initial=-1)) + 1)
-        np.maximum.at(most, self.kinds, sizes)
-        return most[self.kinds]

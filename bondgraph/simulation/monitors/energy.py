@@ -6,7 +6,7 @@ independent measure of the error of the run.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -47,22 +47,16 @@ def energy_balance(
             elements.append(ElementEnergy(name, kind, 0.0, 0.0, joules))
         elif kind in letters("transducer"):
             elements.append(ElementEnergy(name, kind, 0.0, 0.0, 0.0, joules))
-    jumped = _jumped(space, [*jumps, *left], arguments)
-    offset = len(space.ports)
-    for i, name in enumerate(space.stored):
-        change = float(after[offset + i] - before[offset + i])
-        elements.append(ElementEnergy(name, "multibody", change, 0.0, 0.0))
-    offset += len(space.stored)
-    for storage in space.storages:
-        count = len(storage.stored)
-        change = stored_change(storage, before[offset : offset + count], after[offset : offset + count], arguments)
+    jumped: dict[str, float] = {}  # change of each storage's energy by events, which its bonds do not carry
+    for pair in (*jumps, *left):
+        for storage, change in _changes(space, *pair, arguments):
+            jumped[storage.element] = jumped.get(storage.element, 0.0) + change
+    for place, name in enumerate(space.stored, len(space.ports)):
+        elements.append(ElementEnergy(name, "multibody", float(after[place] - before[place]), 0.0, 0.0))
+    for storage, change in _changes(space, before, after, arguments):
         brought = by_element.get(storage.element, (storage.kind, change))[1]
-        elements.append(
-            ElementEnergy(
-                storage.element, storage.kind, change, 0.0, 0.0, brought - change + jumped.get(storage.element, 0.0)
-            )
-        )
-        offset += count
+        residual = brought - change + jumped.get(storage.element, 0.0)
+        elements.append(ElementEnergy(storage.element, storage.kind, change, 0.0, 0.0, residual))
     for name, (kind, joules) in by_element.items():  # storages in derivative form: their work is their stored energy
         if kind in letters("storage") and not any(s.element == name for s in space.storages):
             elements.append(ElementEnergy(name, kind, joules, 0.0, 0.0))
@@ -83,17 +77,18 @@ def energy_balance(
     return EnergyBalance(tuple(elements), stored, supplied, dissipated, residual)
 
 
-def _jumped(space: StateSpace, jumps: Sequence[tuple[Any, Any]], arguments: dict[int, float]) -> dict[str, float]:
-    """Return the change of each storage's energy by events, which its bonds do not carry; by element."""
-    found: dict[str, float] = {}
-    for before, after in jumps:
-        offset = len(space.ports) + len(space.stored)
-        for storage in space.storages:
-            stop = offset + len(storage.stored)
-            change = stored_change(storage, before[offset:stop], after[offset:stop], arguments)
-            found[storage.element] = found.get(storage.element, 0.0) + change
-            offset = stop
-    return found
+def _contents(space: StateSpace) -> Iterator[tuple[Storage, slice]]:
+    """Yield each storage with the places of its content among the values of the program's `powers`."""
+    stop = len(space.ports) + len(space.stored)
+    for storage in space.storages:
+        start, stop = stop, stop + len(storage.stored)
+        yield storage, slice(start, stop)
+
+
+def _changes(space: StateSpace, before: Array, after: Array, arguments: dict[int, float]) -> Iterator[tuple[Storage, float]]:  # fmt: skip
+    """Yield each storage with the change of its energy in J."""
+    for storage, places in _contents(space):
+        yield storage, stored_change(storage, before[places], after[places], arguments)
 
 
 def givers(space: StateSpace, instants: Array, powers: Array, turnover: float) -> list[str]:
@@ -106,16 +101,16 @@ def givers(space: StateSpace, instants: Array, powers: Array, turnover: float) -
         if port.kind in letters("loss"):
             by_element[port.element] = by_element.get(port.element, 0.0) + powers[:, column]
     span = float(instants[-1] - instants[0]) if len(instants) > 1 else 1.0
-    told = []
+    sentences = []
     for name, watts in by_element.items():
         worst = int(np.argmin(watts))
         if watts[worst] < -GIVEN * max(float(np.abs(watts).max()), turnover / max(span, 1e-300)):
             first = int(np.flatnonzero(watts < -GIVEN * np.abs(watts).max())[0])
-            told.append(
+            sentences.append(
                 f"`{name}` gives energy where a resistor takes it: from t = {instants[first]:.9g} s on, most of it "
                 f"({-watts[worst]:.6g} W) at t = {instants[worst]:.9g} s"
             )
-    return told
+    return sentences
 
 
 def unexplained(balance: EnergyBalance, turnover: float, rtol: float) -> list[str]:
@@ -130,42 +125,29 @@ def unexplained(balance: EnergyBalance, turnover: float, rtol: float) -> list[st
 
 def _change(space: StateSpace, before: Array, after: Array, arguments: dict[int, float]) -> float:
     """Return the change of all stored energy, in J."""
-    first = len(space.ports)
-    offset = first + len(space.stored)
-    total = float(np.sum(after[first:offset] - before[first:offset]))
-    for storage in space.storages:
-        stop = offset + len(storage.stored)
-        total += stored_change(storage, before[offset:stop], after[offset:stop], arguments)
-        offset = stop
-    return total
+    mechanisms = slice(len(space.ports), len(space.ports) + len(space.stored))
+    changes = (change for _, change in _changes(space, before, after, arguments))
+    return sum(changes, start=float(np.sum(after[mechanisms] - before[mechanisms])))
 
 
 def impulse_loss(
     space: StateSpace, held: Mapping[str, Any], after: Array, arguments: dict[int, float]
 ) -> EnergyBalance | None:  # fmt: skip
     """Return the energy dissipated by impulses where junctions switch; None if it is zero. `held`: content of each storage before, by its name."""
-    offset = len(space.ports) + len(space.stored)
-    lost = []
-    for storage in space.storages:
-        stop = offset + len(storage.stored)
-        if storage.element in held:
-            change = stored_change(storage, held[storage.element], after[offset:stop], arguments)
-            lost.append((ElementEnergy(storage.element, storage.kind, change, 0.0, 0.0), change))
-        offset = stop
-    total = sum(change for _, change in lost)
+    elements = [
+        ElementEnergy(s.element, s.kind, stored_change(s, held[s.element], after[places], arguments), 0.0, 0.0)
+        for s, places in _contents(space)
+        if s.element in held
+    ]
+    total = sum(element.stored for element in elements)
     if total == 0:
         return None
-    elements = (*(element for element, _ in lost), ElementEnergy("active", "event", 0.0, 0.0, -total))
-    return EnergyBalance(elements, total, 0.0, -total, 0.0)
+    return EnergyBalance((*elements, ElementEnergy("active", "event", 0.0, 0.0, -total)), total, 0.0, -total, 0.0)
 
 
 def held_in(space: StateSpace, powers: Array) -> dict[str, Any]:
     """Return the content of each storage, by its name, from the program's `powers`."""
-    held, offset = {}, len(space.ports) + len(space.stored)
-    for storage in space.storages:
-        held[storage.element] = powers[offset : offset + len(storage.stored)]
-        offset += len(storage.stored)
-    return held
+    return {storage.element: powers[places] for storage, places in _contents(space)}
 
 
 def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:
@@ -174,9 +156,9 @@ def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:
         return balances[0] if balances else None
     sums: dict[tuple[str, str], Any] = {}
     for element in (e for balance in balances for e in balance.elements):
-        known = sums.get((element.name, element.kind), np.zeros(4))
-        told = (element.stored, element.supplied, element.dissipated, element.residual)
-        sums[element.name, element.kind] = np.add(known, told)
+        earlier = sums.get((element.name, element.kind), np.zeros(4))
+        energies = (element.stored, element.supplied, element.dissipated, element.residual)
+        sums[element.name, element.kind] = np.add(earlier, energies)
     elements = tuple(ElementEnergy(name, kind, *map(float, total)) for (name, kind), total in sums.items())
     totals = (sum(getattr(b, word) for b in balances) for word in ("stored", "supplied", "dissipated", "residual"))
     return EnergyBalance(elements, *totals)

@@ -51,21 +51,26 @@ def cause_ahead(
 
 def _known(
     program: Program, space: StateSpace, time: float, state: Array, parameters: Array, modes: Mapping[str, float]
-) -> dict[Any, float]:
+) -> dict[int, float]:
     """Return the values of the variables that are not computed, by variable."""
     given = dict(zip(program.parameters.names, parameters, strict=True))
     given |= dict(zip(program.inputs.names, program.input_defaults, strict=True)) | dict(modes)
+    return given_values(space, given, time, state)
+
+
+def given_values(space: StateSpace, given: Mapping[str, float], time: float, state: Array) -> dict[int, float]:
+    """Return the values of the variables that are not computed: time, states, unknowns, and what is `given` by name (else as in the text)."""
     numbers = [*(s.variable for s in space.states), *(u.variable for u in space.unknowns)]
-    known: dict[Any, float] = {v: float(x) for v, x in zip(numbers, state, strict=True)}
+    values = {v: float(x) for v, x in zip(numbers, state, strict=True)}
     for number, variable in enumerate(space.variables):
         if variable.role == "time":
-            known[number] = time
+            values[number] = time
         elif variable.role in ("parameter", "input", "mode", "delayed"):
-            known[number] = float(given.get(variable.name, variable.value or 0.0))
-    return known
+            values[number] = float(given.get(variable.name, variable.value or 0.0))
+    return values
 
 
-def _trouble(space: StateSpace, now: dict[Any, float], ahead: dict[Any, float]) -> str | None:
+def _trouble(space: StateSpace, now: dict[int, float], ahead: dict[int, float]) -> str | None:
     """Return the first computation that makes a finite value not finite ahead, or divides by a value that passes zero on the way."""
     for step in space.steps:
         if isinstance(step, Assignment):
@@ -86,32 +91,32 @@ def _trouble(space: StateSpace, now: dict[Any, float], ahead: dict[Any, float]) 
     return None
 
 
-def _with(space: StateSpace, about: Expression | None, known: dict[Any, float]) -> str:
+def _with(space: StateSpace, about: Expression | None, known: dict[int, float]) -> str:
     """Return the values of the variables that an expression reads, as text."""
     read = [] if about is None else sorted({s.key for s in symbols(about)})
     said = ", ".join(f"`{space.variables[v].name}` = {known[v]:.6g}" for v in read[:SHOWN] if v in known)
     return f" with {said}" if said else ""
 
 
-def _value(x: Expression, known: dict[Any, float]) -> float:
+def _value(x: Expression, known: dict[int, float]) -> float:
     try:
         return evaluate(x, known.__getitem__)
     except (ArithmeticError, ValueError):
         return math.nan
 
 
-def _matrix(loop: LinearLoop, known: dict[Any, float]) -> tuple[Any, Any]:
+def linear_loop(loop: LinearLoop, values: Mapping[int, float]) -> tuple[Any, Any]:
     """Return the matrix and the right-hand side of a linear loop."""
 
     def number(entry: int | float) -> float:
-        return entry if isinstance(entry, float) else known[entry]
+        return entry if isinstance(entry, float) else values[entry]
 
     return np.array([[number(x) for x in row] for row in loop.matrix]), np.array([number(x) for x in loop.right])
 
 
-def _solutions(loop: LinearLoop, now: dict[Any, float], ahead: dict[Any, float]) -> tuple[Any, Any] | None:
+def _solutions(loop: LinearLoop, now: dict[int, float], ahead: dict[int, float]) -> tuple[Any, Any] | None:
     """Return the solution of a linear loop now and ahead; None if one does not exist, or ceases to exist in between."""
-    (first, start), (last, end) = _matrix(loop, now), _matrix(loop, ahead)
+    (first, start), (last, end) = linear_loop(loop, now), linear_loop(loop, ahead)
     if not (np.isfinite(first).all() and np.isfinite(last).all()):
         return None
     signs = np.linalg.slogdet(first)[0] * np.linalg.slogdet(last)[0]

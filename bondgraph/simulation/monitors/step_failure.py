@@ -19,10 +19,6 @@ HUGE = 1e280  # near the largest number there is
 MOST_COMPILED = 30_000_000  # the same for steps in machine code: about the same computing time
 
 
-def _names(program: Program) -> tuple[str, ...]:
-    return (*program.states.names, *program.unknowns.names)
-
-
 # Distances to look ahead for the cause of collapsed steps: fractions of the time that moves a state by its magnitude, and of the run.
 REACHES = (1e-15, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1e-1, 1.0)
 SHARES = (1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-4)
@@ -41,7 +37,7 @@ def ahead(
 
 
 def not_finite(program: Program, time: float, slope: Array, state: Array, mode: Array) -> RateNotFinite:
-    names = _names(program)
+    names = program.variables.names
     bad = [names[i] for i in np.flatnonzero(~np.isfinite(slope))[:4]]
     values = ", ".join(f"{n} = {v:.6g}" for n, v in list(zip(names, state, strict=True))[:6])
     rates = " and ".join(f"`{b}`" for b in bad)
@@ -72,7 +68,7 @@ def failure(context: SegmentContext, solver: LastStep, what: str, mode: Array, e
 def _cause(context: SegmentContext, solver: LastStep, what: str, here: tuple[Any, Any], most: str, limit: str) -> StepsCollapsed:  # fmt: skip
     """Return the error by the part that failed last, at a state with its slope `here`; `limit`: words on the mode that limits the steps."""
     program, tolerances, (state, slope) = context.program, context.tolerances, here
-    names, units = _names(program), (*program.states.units, *program.unknowns.units)
+    names, units = program.variables.names, program.variables.units
     share = np.abs(solver.error)
     worst = (
         int(np.argmax(np.where(np.isfinite(share), share, np.inf))) if share.any() else int(np.argmax(np.abs(slope)))

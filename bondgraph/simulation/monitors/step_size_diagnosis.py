@@ -1,4 +1,4 @@
-"""Step-size diagnosis: the mode that limits the steps of a very long run, with its frequency and the elements that hold its energy.
+"""Step-size diagnosis: the mode that limits the steps of a very long run, with its frequency and the elements that hold its energy; and growth.
 
 The share of a mode in a state is the product of its right and left eigenvectors there (participation factor: Pérez-Arriaga, Verghese and
 Schweppe, IEEE Trans. PAS 101, 1982), a number without unit. For a lossless model it is the share of the mode's energy in the storage.
@@ -21,6 +21,9 @@ LEAST_TURNS = 0.003  # least phase of the limiting mode per step, in radians: th
 MOST_TURNS = 30.0  # largest phase per step, in radians, of a mode that the steps follow
 NAMED = 3  # most elements named
 APART = 30.0  # ratio of two rates: the slower mode could be followed with much longer steps
+BEYOND = (
+    1e4  # factor on the largest value in the pilot run; no other check sees a motion made unstable by loose tolerances
+)
 SHARE = 0.05  # least share of an element, relative to the largest
 
 
@@ -80,6 +83,26 @@ def notes_of(context: SegmentContext, solver: LastStep, steps: int, mode: Array,
     if found is None or found.alone:
         return []
     return [f"most of the {steps} steps follow {found}; {advice(found, explicit)}"]
+
+
+def growth_notes(context: SegmentContext, solver: LastStep, notes: Sequence[str]) -> list[str]:
+    """Return a note on the state farthest beyond its magnitude at the end of a segment; none if its magnitude was given, or after a first note in `notes`."""
+    names, units = context.program.states.names, context.program.states.units
+    tolerances = context.tolerances
+    count = len(names)
+    far = np.where(tolerances.held[:count], 0.0, np.abs(np.asarray(solver.state)[:count]))
+    if not (far > BEYOND).any():
+        return []
+    worst = int(np.argmax(far))
+    begin = f"`{names[worst]}` has got "
+    if any(note.startswith(begin) for note in notes):
+        return []
+    value = solver.state[worst] * tolerances.magnitude[worst]
+    return [
+        f"{begin}to {value:.4g} {units[worst]} at t = {float(solver.time):.6g} s, {far[worst]:.2g} times what a look ahead saw: it grows without bound, "
+        "or the tolerance let it beyond a value from which there is no way back, as zero is for a concentration; compare with a tolerance that is ten "
+        "times tighter, or give its own (`tolerance`)"
+    ]
 
 
 def elements_of(names: Sequence[str], shares: Array) -> tuple[str, ...]:

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, LimitNote, Program, Span
+from compiler.api import Array, LimitNote, Program
 
 from ...errors import RunFailed
 from ...quantities import behind
@@ -88,8 +87,8 @@ class ValidityMonitor:
         shown = tuple((name, float(v), unit) for (name, unit), v in zip(note.values, values, strict=True))
         if note.kind == "table":
             raise _outside(note, time, shown)
-        stands = _place(note.stands) if note.stands is not None else ""
-        left = LimitLeft(time, note.owner, note.words, note.text, shown, _place(note.span), stands)
+        stands = note.stands.file_and_line if note.stands is not None else ""
+        left = LimitLeft(time, note.owner, note.words, note.text, shown, note.span.file_and_line, stands)
         self.left[number] = left
 
 
@@ -99,10 +98,6 @@ def _outside(note: LimitNote, time: float, values: tuple[tuple[str, float, str],
     asked = f"at {name} = {value:.9g}{suffix}" if unit else f"at {value:.9g} (SI)"
     kind = "a table" if note.words == "inverse" else f"the table `{note.words}(…)`"
     return RunFailed(
-        "BR747", f"at t = {time:.9g} s {kind} of `{note.owner}` ({_place(note.span)}) is asked {asked}, but it goes from "
+        "BR747", f"at t = {time:.9g} s {kind} of `{note.owner}` ({note.span.file_and_line}) is asked {asked}, but it goes from "
         f"{low:.9g} to {high:.9g}{suffix};", "give it more points, or keep what it is asked at within its ends (min, max)",
     )  # fmt: skip
-
-
-def _place(span: Span) -> str:
-    return f"{PurePath(span.source.name).name}:{span.line}"

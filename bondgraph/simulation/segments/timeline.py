@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from compiler.api import Array, Program, Ranges, TimeFunction, TimeFunctions
+from compiler.api import Array, Hybrid, Program, Ranges, TimeFunction, TimeFunctions
 
 from ...errors import RunFailed
 from ...numerics.roots import crossing
@@ -188,9 +187,7 @@ def _notes(program: Program, function: TimeFunction, found: Zeros) -> Iterator[s
 
 def _named(function: TimeFunction) -> str:
     """Return the name of a condition or kink in messages: its owner and its line."""
-    return (
-        f"a condition on time of `{function.owner}` ({PurePath(function.span.source.name).name}:{function.span.line})"
-    )
+    return f"a condition on time of `{function.owner}` ({function.span.file_and_line})"
 
 
 def timeline_in_parts(program: Program, constants: Array, ends: tuple[float, float], parts: int) -> Timeline:
@@ -322,8 +319,11 @@ def inside(stretch: Segment) -> tuple[float, float]:
 
 
 def mode_size(program: Program, constants: Array) -> int:
-    """Return the number of entries of a program's mode."""
-    return len(program.switches(0.0, constants)) if program.hybrid is None else program.hybrid.size
+    """Return the number of entries of a program's mode, the same for all constants."""
+    if "mode size" not in program.kept:
+        hybrid = program.hybrid
+        program.kept["mode size"] = np.shape(program.switches(0.0, constants))[-1] if hybrid is None else hybrid.size
+    return cast("int", program.kept["mode size"])
 
 
 def mode_after(program: Program, constants: Array, instant: float, last: Segment) -> Any:
@@ -341,6 +341,17 @@ def with_time_of(program: Program, mode: Array, before: Array) -> Any:
     return result
 
 
+def discrete_variables(hybrid: Hybrid, mode: Array) -> dict[str, float]:
+    """Return the discrete variables of a mode, which come first, by name."""
+    return dict(zip(hybrid.modes.names, map(float, mode), strict=False))
+
+
+def with_discrete_variables(hybrid: Hybrid, mode: Array, values: Mapping[str, float]) -> Any:
+    """Return a mode with other values of some discrete variables, by name."""
+    named = [values.get(name, x) for name, x in zip(hybrid.modes.names, mode, strict=False)]
+    return np.concatenate([named, mode[len(named) :]])
+
+
 def _modes(program: Program, constants: Array, edges: Array) -> Any:
     """Return the modes between the edges, shape (segments, mode); (0,) where there is none."""
     mode = _mode(program, constants, edges[:-1] + GOLDEN * np.diff(edges))  # a place at which no periods meet
@@ -350,7 +361,7 @@ def _modes(program: Program, constants: Array, edges: Array) -> Any:
 def _mode(program: Program, constants: Array, time: Array | float) -> Any:
     """Return the conditions on time; with events, the entries that only events change are as at the start. Shape (…, mode)."""
     hybrid = program.hybrid
-    if hybrid is None and not _count(program, "switches", lambda: program.switches(0.0, constants)):
+    if hybrid is None and not mode_size(program, constants):
         return np.empty((*np.shape(time), 0))
     switches = program.switches(time, constants)
     if hybrid is None:
@@ -360,14 +371,6 @@ def _mode(program: Program, constants: Array, time: Array | float) -> Any:
     mode[..., : len(start)] = start
     mode[..., list(hybrid.timed)] = switches
     return mode
-
-
-def _count(program: Program, name: str, values: Callable[[], Any]) -> int:
-    """Return the number of values of a function of a program, cached by name."""
-    kept = program.kept
-    if name not in kept:
-        kept[name] = int(np.shape(values())[-1])
-    return cast("int", kept[name])
 
 
 def _distinct(edges: Array) -> Any:

@@ -17,6 +17,7 @@ import numpy as np
 
 from compiler.api import Array, BoolArray, ComplexArray
 
+from ...numerics.scales import nonzero
 from ..loops.loops import Eliminated
 
 if TYPE_CHECKING:
@@ -168,7 +169,7 @@ class ScaledDynamics:
         found = whole[:, :n, :n]
         if size > n:
             rows = np.abs(whole[:, n:]).max(axis=2, keepdims=True)
-            below = whole[:, n:] / np.where(rows > 0, rows, 1.0)
+            below = whole[:, n:] / nonzero(rows)
             found = found - whole[:, :n, n:] @ np.linalg.solve(below[:, :, n:], below[:, :, :n])
         return found * self.magnitude / self.magnitude[:, None]
 

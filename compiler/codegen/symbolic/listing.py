@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import PurePath
 from typing import Any
 
 from sympy import Basic
@@ -78,4 +77,4 @@ def _line(line: Line, printer: PythonPrinter) -> str:
 def _row(text: str, span: Span | None, owner: str = "") -> str:
     if span is None:
         return f"  {text}"
-    return f"  {text.ljust(MARGIN)}  # {PurePath(span.source.name).name}:{span.line} {owner}".rstrip()
+    return f"  {text.ljust(MARGIN)}  # {span.file_and_line} {owner}".rstrip()

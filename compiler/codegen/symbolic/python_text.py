@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import PurePath
 
 import sympy
 from sympy import Basic, Symbol
@@ -217,4 +216,4 @@ def cited(span: Span | None, owner: str) -> str:
     owner = owner if len(owner) <= LONGEST_LAW else f"{owner[:LONGEST_LAW]}…"
     if not law or len(law) > LONGEST_LAW or owner.split(".")[-1].split("[")[0] not in law:
         law = owner
-    return printable(f"{PurePath(span.source.name).name}:{span.line}  {law}".rstrip())
+    return printable(f"{span.file_and_line}  {law}".rstrip())

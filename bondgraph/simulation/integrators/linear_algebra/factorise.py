@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +13,12 @@ from compiler.api import Array, BoolArray, IntArray
 DENSE = 100  # states up to which the linear algebra is dense
 
 
-class Factorised(Protocol):
-    """A factorised matrix."""
+@dataclass(frozen=True, slots=True)
+class Factorised:
+    """A factorised matrix: the function from right-hand sides to solutions; `negative`: a real matrix has a negative determinant."""
 
-    def solve(self, right: Array) -> Any: ...
-
-
-Shifted = Callable[[complex, Any], Factorised]
+    solve: Callable[[Array], Any]
+    negative: bool = False
 
 
 def is_large(states: int, entries: int) -> bool:
@@ -27,51 +26,27 @@ def is_large(states: int, entries: int) -> bool:
     return states > DENSE and entries < 0.2 * states**2
 
 
-@dataclass(frozen=True, slots=True)
-class Dense:
-    """Factors of a dense matrix."""
-
-    factors: Any
-    pivots: Any
-    scale: Any
-    back: Any
-
-    def solve(self, right: Array) -> Any:
-        solution, _ = self.back(self.factors, self.pivots, right * self.scale)
-        return solution
-
-    @property
-    def negative(self) -> bool:
-        """True if a real determinant is negative, from the signs of the pivots and the exchanges of rows."""
-        exchanged = np.count_nonzero(self.pivots != np.arange(len(self.pivots)))
-        return bool((np.count_nonzero(np.diagonal(self.factors) < 0) + exchanged) % 2)
-
-
-@dataclass(frozen=True, slots=True)
-class _Sparse:
-    factors: Any
-    scale: Any
-
-    def solve(self, right: Array) -> Any:
-        return self.factors.solve(right * self.scale)
-
-
-def _row_scale(matrix: Array) -> Any:
-    largest = np.abs(matrix).max(axis=1, initial=0.0)
+def _inverse(largest: Array) -> Any:
+    """Return factors that scale rows by their largest entries; 1 where there is none."""
     return np.divide(1.0, largest, out=np.ones(len(largest)), where=(largest > 0) & np.isfinite(largest))
 
 
-def dense(matrix: Array) -> Dense | None:
+def dense(matrix: Array) -> Factorised | None:
     """Return the factors of a real or complex matrix; None if it is singular."""
     from scipy.linalg import lapack
 
-    scale = _row_scale(matrix)
-    factor, back = (lapack.zgetrf, lapack.zgetrs) if np.iscomplexobj(matrix) else (lapack.dgetrf, lapack.dgetrs)
+    scale, real = _inverse(np.abs(matrix).max(axis=1, initial=0.0)), not np.iscomplexobj(matrix)
+    factor, back = (lapack.dgetrf, lapack.dgetrs) if real else (lapack.zgetrf, lapack.zgetrs)
     factors, pivots, info = factor(matrix * scale[:, None], overwrite_a=True)
-    return None if info != 0 or not np.isfinite(factors).all() else Dense(factors, pivots, scale, back)
+    if info != 0 or not np.isfinite(factors).all():
+        return None
+    # the sign of the determinant: pivots and exchanges of rows
+    exchanged = np.count_nonzero(pivots != np.arange(len(pivots)))
+    negative = real and bool((np.count_nonzero(np.diagonal(factors) < 0) + exchanged) % 2)
+    return Factorised(lambda right: back(factors, pivots, right * scale)[0], negative)
 
 
-def sparse(rows: IntArray, columns: IntArray, differential: BoolArray) -> Shifted:
+def sparse(rows: IntArray, columns: IntArray, differential: BoolArray) -> Callable[[complex, Array], Factorised]:
     """Return a function from shift and entries to the factors of a large matrix with few entries. It raises RuntimeError if the matrix is singular."""
     count = len(differential)
     numbers = np.flatnonzero(differential)
@@ -86,8 +61,9 @@ def sparse(rows: IntArray, columns: IntArray, differential: BoolArray) -> Shifte
         matrix.sum_duplicates()
         largest = np.zeros(count)
         np.maximum.at(largest, matrix.indices, np.abs(matrix.data))
-        scale = np.divide(1.0, largest, out=np.ones(count), where=(largest > 0) & np.isfinite(largest))
+        scale = _inverse(largest)
         matrix.data = matrix.data * scale[matrix.indices]
-        return _Sparse(splu(matrix), scale)
+        factors = splu(matrix)
+        return Factorised(lambda right: factors.solve(right * scale))
 
     return shifted

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
+from ....numerics.scales import group_numbers
 
 if TYPE_CHECKING:
     from compiler.api import Program
@@ -52,7 +52,5 @@ def unit_numbers(program: Program) -> Any:
     """Return the index of the unit of each state and unknown, in the order of first use; shape (n,)."""
     kept = program.kept
     if "units" not in kept:
-        units = (*program.states.units, *program.unknowns.units)
-        numbers = {unit: number for number, unit in enumerate(dict.fromkeys(units))}
-        kept["units"] = np.array([numbers[unit] for unit in units], dtype=int)
+        kept["units"] = group_numbers(program.variables.units)
     return kept["units"]
