@@ -87,7 +87,11 @@ def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6])
 def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ends of steps and error estimates, one by one."""
+    """Ends of steps and error estimates, one by one.
+
+    The first step behind an instant is so short that its estimate is 1e-4 tolerances. Stiff springs make 1e-5 tolerances of it from states that differ by
+    1e-13, by the order of sums: 7 %, but nothing beside the tolerance.
+    """
     seen: dict[str, list[tuple[float, Any]]] = {"native": [], "numpy": []}
     original = compiled.CompiledRadau.advance
 
@@ -101,7 +105,7 @@ def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPa
     assert len(seen["native"]) == len(seen["numpy"]) > 30
     for (here, error), (there, expected) in zip(seen["native"], seen["numpy"], strict=True):
         assert here == pytest.approx(there, rel=1e-5)
-        np.testing.assert_allclose(error, expected, atol=2e-3 * max(1e-2, np.abs(expected).max()))
+        np.testing.assert_allclose(error, expected, atol=4e-4 * max(5e-2, np.abs(expected).max()))
 
 
 @pytest.mark.parametrize("method", ["radau", "explicit", "rodas"])

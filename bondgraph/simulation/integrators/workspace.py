@@ -99,6 +99,8 @@ class IntegratorWorkspace(Record):
     jacobian: Floats  # entry_count
     inner_jacobian: Floats  # entry_count: at an instant within a step
     inner: Factors
+    apart: Ints  # n: how the two polynomials of the last step agree, see `polynomials.py`
+    differs: int  # the largest of them
     steepness: Floats  # n: step size times the sum of the absolute values in a row of it
     # factorised matrices: sparse on a pattern, or dense
     sparse: int

@@ -89,7 +89,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "second": pair(order if row.stages > 3 else 0), "third": pair(order if row.stages > 3 else 0),
         "stage_count": 0, "smoothed_contraction": 0.0, "since_order": 0,
         "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
-        "coefficients": room(6 * n), "node_count": 0, "si": room(n), "z": room(stages), "w": room(stages), "f": room(stages),
+        "coefficients": room(6 * n), "node_count": 0, "apart": whole(n), "differs": 0, "si": room(n), "z": room(stages), "w": room(stages), "f": room(stages),
         "change": room(stages), "last_change": room(stages), "scale": room(n), "per_tolerance": room(n), "new": room(n), "error": room(n),
         "rest": room(n), "terms": room(n), "norms": room(STUBBORN), "sizes": room(STUBBORN),
         "instants": room(0), "instant_count": 0, "position": 0, "reported": room(0), "limit_count": limits, "left": whole(limits),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import TYPE_CHECKING
 
 from .. import dop853, radau
@@ -10,8 +9,8 @@ from ..methods import CONSERVING, THROUGH_ENDS
 from ..projection.projection import hold
 from ..steps.energy_step import sample_step
 from ..workspace import IntegratorWorkspace
-from .polynomials import collocation, quintic
-from .stiff_interpolation import bring_back, has_steep_states, is_unsure
+from .polynomials import interpolated
+from .stiff_interpolation import bring_back, is_off, misses_stiff_states
 
 if TYPE_CHECKING:
     from compiler.api import Floats
@@ -22,16 +21,18 @@ INNER, C = dop853.INNER, tuple(radau.C.tolist())
 def sample(s: IntegratorWorkspace) -> bool:
     """Store states at the reported instants within the last step; return True if the caller should check the limits of the model."""
     first = s.position
-    steep = 0
-    if s.position < s.instant_count and s.instants[s.position] <= s.time:
-        steep = has_steep_states(s)
+    looked = False
+    missing = False
     while s.position < s.instant_count:
         at = s.instants[s.position]
         if at > s.time or at >= s.until:
             break
         state_at(s, at, s.reported[s.position * s.n :])
-        if steep != 0 and at < s.time and is_unsure(s, at):
-            bring_back(s, at, s.reported[s.position * s.n :])
+        if not looked and at < s.time:
+            missing = misses_stiff_states(s)
+            looked = True
+        if missing and at < s.time and (THROUGH_ENDS[s.method] != 0 or is_off(s, at)):
+            missing = bring_back(s, at, s.reported[s.position * s.n :])
         s.position += 1
     if s.always != 0:
         return True
@@ -64,18 +65,11 @@ def leaves(s: IntegratorWorkspace, time: float) -> bool:
 
 
 def scaled_at(s: IntegratorWorkspace, time: float, out: Floats) -> None:
-    """Compute the scaled state within the last step: the quintic, unless it differs from the collocation polynomial by more than that one's error."""
-    n = s.n
+    """Compute the scaled state within the last step."""
     if CONSERVING[s.method] != 0:
         sample_step(s, time, out)
     else:
-        collocation(s, time, out)
-    if s.ends == 3 and THROUGH_ENDS[s.method] != 0:
-        quintic(s, time, s.w)
-        for i in range(n):
-            limit = 10.0 * (s.absolute[i] + s.relative * abs(s.end_state[2 * n + i]))
-            if abs(s.w[i] - out[i]) <= limit and isfinite(limit):
-                out[i] = s.w[i]
+        interpolated(s, time, out)
 
 
 def state_at(s: IntegratorWorkspace, time: float, out: Floats) -> None:

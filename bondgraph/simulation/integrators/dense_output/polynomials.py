@@ -13,13 +13,29 @@ from ..workspace import IntegratorWorkspace
 if TYPE_CHECKING:
     from compiler.api import Floats
 
-P = tuple(radau.P.ravel().tolist())
+P, SURE = tuple(radau.P.ravel().tolist()), radau.SURE
+COMPARED = (1 / 3, 2 / 3)  # fractions of a step
+FOLLOWING = 1 / 2  # of the error estimate: largest difference of the two where the solution is smooth
+ALIKE, APART, BROKEN = 0, 1, 2  # they agree; they differ as where the solution is smooth; by more
+
+
+def interpolated(s: IntegratorWorkspace, time: float, out: Floats) -> None:
+    """Compute the scaled state: by the quintic, but by the collocation polynomial for states in which `compare` trusts that one."""
+    if s.ends < 3 or THROUGH_ENDS[s.method] == 0:
+        collocation(s, time, out)
+        return
+    if s.node_count == 0:
+        interpolate(s)
+    quintic(s, time, out)
+    if s.differs == BROKEN:
+        collocation(s, time, s.w)
+        for i in range(s.n):
+            if s.apart[i] == BROKEN:
+                out[i] = s.w[i]
 
 
 def quintic(s: IntegratorWorkspace, time: float, out: Floats) -> None:
-    """Put the polynomial through the last step ends, scaled states, into `out`."""
-    if s.node_count == 0:
-        interpolate(s)
+    """Put the polynomial through the last step ends, scaled states, into `out`; its coefficients are known."""
     n = s.n
     top = s.node_count - 1
     for i in range(n):
@@ -69,3 +85,28 @@ def interpolate(s: IntegratorWorkspace) -> None:
             for i in range(n):
                 s.coefficients[j * n + i] = (s.coefficients[j * n + i] - s.coefficients[(j - 1) * n + i]) * by
     s.node_count = m
+    compare(s)
+
+
+def compare(s: IntegratorWorkspace) -> None:
+    """Mark the states in which the two polynomials of the last step differ at one of two places; nearer to its ends they agree even where both are wrong.
+
+    Where the solution is smooth they differ by the error of the collocation polynomial, about a fifth of the estimate. By more, the quintic is the wrong one:
+    the steps before have another solution, as in front of a kink.
+    """
+    n = s.n
+    s.differs = 0
+    usual = 0.0
+    for i in range(n):
+        s.apart[i] = ALIKE
+        usual = max(usual, FOLLOWING * s.allowed_estimate * abs(s.error[i]))
+    start = s.end_time[s.ends - 2]
+    for k in range(2):
+        time = start + COMPARED[k] * (s.time - start)
+        quintic(s, time, s.w)
+        collocation(s, time, s.rest)
+        for i in range(n):
+            gap = abs(s.w[i] - s.rest[i]) / (s.absolute[i] + s.relative * abs(s.end_state[2 * n + i]))
+            if not gap <= SURE:
+                s.apart[i] = max(s.apart[i], APART if gap <= usual else BROKEN)
+                s.differs = max(s.differs, s.apart[i])

@@ -15,7 +15,7 @@ from ..methods import STIFF as STEEP
 from ..methods import THROUGH_ENDS
 from ..steps.evaluation import rates
 from ..workspace import IntegratorWorkspace
-from .polynomials import collocation, quintic
+from .polynomials import ALIKE, BROKEN, collocation, interpolated
 
 if TYPE_CHECKING:
     from compiler.api import Floats
@@ -25,34 +25,50 @@ ITERATIONS, LEFT, PATIENT = radau.BACK_ITERATIONS, radau.LEFT, radau.BACK_PATIEN
 MU_REAL = float(radau.MU_REAL)
 
 
-def has_steep_states(s: IntegratorWorkspace) -> int:
-    """Return 1 if a method for stiff equations has stiff states in the last step, and store their steepness."""
+def misses_stiff_states(s: IntegratorWorkspace) -> bool:
+    """Return True if the last step of a method for stiff equations has stiff states that its polynomials may miss.
+
+    Its two polynomials differ in them, or it has only one. A state may be stiff at the end of the step alone, as behind a diode that begins to conduct.
+    """
     if STEEP[s.method] == 0 or s.closed.gaps > 0 or s.sparse != 0:
-        return 0
+        return False
+    has_stiff_states(s, s.jacobian)
+    has_quintic = s.ends == 3 and THROUGH_ENDS[s.method] != 0
+    for i in range(s.differential):
+        if s.steepness[i] > STIFF and (not has_quintic or s.apart[i] != ALIKE):
+            return True
+    if not has_quintic or s.differs != BROKEN:
+        return False
+    entries_at(s, s.time, s.state)
+    size = s.time - s.end_time[s.ends - 2]
+    for k in range(s.entry_count):
+        i = s.rows[k]
+        if i == s.columns[k] and i < s.differential and -s.inner_jacobian[k] * size > STIFF and s.apart[i] != ALIKE:
+            return True
+    return False
+
+
+def has_stiff_states(s: IntegratorWorkspace, entries: Floats) -> bool:
+    """Return True if there are stiff states in the last step, by the entries of a Jacobian, and store the steepness of all."""
     size = s.time - s.end_time[s.ends - 2]
     for i in range(s.n):
         s.steepness[i] = 0.0
     for k in range(s.entry_count):
-        s.steepness[s.rows[k]] += abs(s.jacobian[k]) * size
+        s.steepness[s.rows[k]] += abs(entries[k]) * size
     for i in range(s.differential):
         if s.steepness[i] > STIFF:
-            return 1
-    return 0
-
-
-def is_unsure(s: IntegratorWorkspace, time: float) -> bool:
-    """Return True if the two polynomials differ in stiff states, or if there is only one; for a method with one, if it misses its equations."""
-    if THROUGH_ENDS[s.method] == 0:
-        return is_off(s, time)
-    if s.ends < 3:
-        return True
-    collocation(s, time, s.si)
-    quintic(s, time, s.w)
-    for i in range(s.differential):
-        limit = SURE * (s.absolute[i] + s.relative * abs(s.end_state[2 * s.n + i]))
-        if s.steepness[i] > STIFF and abs(s.w[i] - s.si[i]) > limit:
             return True
     return False
+
+
+def entries_at(s: IntegratorWorkspace, time: float, y: Floats) -> None:
+    """Compute the entries of the Jacobian at a scaled state within the step."""
+    for i in range(s.n):
+        s.si[i] = y[i] * s.magnitude[i]
+    s.entries(time, s.si, s.inputs, s.constants, s.mode, s.inner_jacobian)
+    s.jacobians += 1
+    for k in range(s.entry_count):
+        s.inner_jacobian[k] *= s.ratio[k]
 
 
 def is_off(s: IntegratorWorkspace, time: float) -> bool:
@@ -67,14 +83,15 @@ def is_off(s: IntegratorWorkspace, time: float) -> bool:
     return False
 
 
-def bring_back(s: IntegratorWorkspace, time: float, out: Floats) -> None:
-    """Correct the stiff states of a state in SI by Newton's method, if it converges: with the factors of the step, else with new ones."""
+def bring_back(s: IntegratorWorkspace, time: float, out: Floats) -> bool:
+    """Correct the stiff states of a state in SI by Newton's method, with the factors of the step, else with new ones; return True if it converges."""
     size = s.time - s.end_time[s.ends - 2]
     slopes(s, time, size)
     for i in range(s.n):
         s.scale[i] = s.absolute[i] + s.relative * abs(out[i] / s.magnitude[i])
-    if not brings_back(s, s.real, 0, time, size, out):
-        brings_back(s, s.inner, 1, time, size, out)
+    if has_stiff_states(s, s.jacobian) and brings_back(s, s.real, 0, time, size, out):
+        return True
+    return brings_back(s, s.inner, 1, time, size, out)
 
 
 def brings_back(s: IntegratorWorkspace, factors: Factors, own: int, time: float, size: float, out: Floats) -> bool:
@@ -112,12 +129,8 @@ def slopes(s: IntegratorWorkspace, time: float, size: float) -> None:
     n = s.n
     late = s.f
     early = s.f[n:]
-    if s.ends == 3 and THROUGH_ENDS[s.method] != 0:
-        quintic(s, time + NEAR * size, late)
-        quintic(s, time - NEAR * size, early)
-    else:
-        collocation(s, time + NEAR * size, late)
-        collocation(s, time - NEAR * size, early)
+    interpolated(s, time + NEAR * size, late)
+    interpolated(s, time - NEAR * size, early)
     for i in range(n):
         s.rest[i] = (late[i] - early[i]) / (2.0 * NEAR * size) if i < s.differential else 0.0
 
@@ -125,10 +138,8 @@ def slopes(s: IntegratorWorkspace, time: float, size: float) -> None:
 def renewed(s: IntegratorWorkspace, time: float, size: float) -> bool:
     """Compute the factors for Newton's method at the state in `w`; return False if the matrix is singular."""
     n = s.n
-    for i in range(n):
-        s.si[i] = s.w[i] * s.magnitude[i]
-    s.entries(time, s.si, s.inputs, s.constants, s.mode, s.inner_jacobian)
-    s.jacobians += 1
+    entries_at(s, time, s.w)
+    has_stiff_states(s, s.inner_jacobian)
     s.factorisations += 1
     matrix = s.inner.matrix
     for i in range(n * n):
@@ -136,7 +147,7 @@ def renewed(s: IntegratorWorkspace, time: float, size: float) -> bool:
     for i in range(s.differential):
         matrix[i * n + i] = MU_REAL / size
     for k in range(s.entry_count):
-        matrix[s.rows[k] * n + s.columns[k]] -= s.inner_jacobian[k] * s.ratio[k]
+        matrix[s.rows[k] * n + s.columns[k]] -= s.inner_jacobian[k]
     return eliminate(s.inner)
 
 
