@@ -12,12 +12,7 @@ space, or if its left vector is conserved for all states.
 
 from __future__ import annotations
 
-<<<<<<< HEAD
 from collections.abc import Container, Sequence
-=======
-import math
-from collections.abc import Sequence
->>>>>>> 0000cc0 (No linear model is told exactly at a kink or jump of a law: refused by name, and an equilibrium there has no verdict)
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +78,6 @@ class Verdict:
     undecided: tuple[complex, ...] = ()
     undamped: tuple[complex, ...] = ()
     neutral: int = 0
-    kink: str = ""  # name of a state or unknown whose equation has a kink or a jump there: then it is not decided
 
     @property
     def word(self) -> str:
@@ -93,9 +87,7 @@ class Verdict:
 
 def verdict(point: OperatingPoint) -> Verdict:
     """Return the verdict of a point at equilibrium."""
-    point = point.one_sided()
-    A = state_matrix(point)
-    return Verdict(math.nan, math.nan, None, kink=point.kinks[0]) if point.kinks else verdict_of(*decisive(point, A))
+    return verdict_of(*decisive(point, state_matrix(point)))
 
 
 def decisive(point: OperatingPoint, A: Array, known: int = 0) -> tuple[Eigenvalues, int]:
@@ -103,10 +95,6 @@ def decisive(point: OperatingPoint, A: Array, known: int = 0) -> tuple[Eigenvalu
 
     `known`: number of eigenvalues shown to be neutral at another point of the same branch.
     """
-    if point.kinks:
-        return Eigenvalues(
-            np.linalg.eigvals(A).astype(complex), np.full(len(A), np.inf), np.zeros(len(A), dtype=bool)
-        ), known
     active, sizes, neutral = _without_neutral(point, A, known)
     return bounded_eigenvalues(active, sizes, lossless(point)), neutral
 

@@ -20,11 +20,7 @@ from ...errors import RunFailed, UsageError
 from ...numerics.scales import equilibrated
 from ...rendering import Summarised
 from ..equilibrium import units_of
-<<<<<<< HEAD
 from ..json_values import head, named, with_units
-=======
-from ..json_values import named, with_units
->>>>>>> 0000cc0 (No linear model is told exactly at a kink or jump of a law: refused by name, and an equilibrium there has no verdict)
 from ..operating_point import OperatingPoint
 from ..sensitivity import balanced_step
 from ..verdict import verdict
@@ -97,8 +93,8 @@ class Search:
     """States and strengths, moved until the outputs have their target values."""
 
     def __init__(self, point: OperatingPoint, rows: Sequence[int], drives: Sequence[Drive]) -> None:
-        self.point, self.rows = point.one_sided(), list(rows)
-        self.drives = [self._with_power(self.point, d) for d in drives]
+        self.point, self.rows = point, list(rows)
+        self.drives = [self._with_power(point, d) for d in drives]
         self.strengths = np.array([self._strength(point, d) for d in self.drives])
         self.conserved = point.conserved  # conserved sums of the states, which stay constant
         self.held = self.conserved @ point.state[: point.count]
