@@ -93,6 +93,9 @@ class Running:
         self.constants = self.program.constants(self.parameters)
         self.inputs = np.array(self.program.input_defaults, dtype=float)
         self.start = np.array(self.program.start(self.constants), dtype=float)
+        self.constraints = Constraints(
+            self.program, self.parameters, self.inputs, np.ones(len(self.program.states.names))
+        )
 
     def arguments(
         self, time: float, state: Mapping[str, float] | None, inputs: Mapping[str, float] | None
@@ -167,9 +170,5 @@ def _end(graph: BondGraph, bond: Bond, which: str) -> str:
 
 def magnitudes(running: Running, stretches: Sequence[Segment]) -> Any:
     """Magnitudes of the states and unknowns of a program that a run finds, from its start on; shape (n,)."""
-    program, constants, inputs = running.program, running.constants, running.inputs
-    closed = None
-    if program.invariants.names:
-        closed = Constraints(program, running.parameters, inputs, np.ones(len(program.states.names)))
     with np.errstate(all="ignore"):
-        return nominal_magnitudes(program, (), constants, running.start, inputs, stretches, None, closed).values
+        return nominal_magnitudes(running.constraints, (), running.start, stretches).values

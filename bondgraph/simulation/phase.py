@@ -265,10 +265,7 @@ class Phase:
         mechanisms = self.compilation.facts.mechanisms
 
         def found_with(choice: PilotObservation, largest: Array | float = 0.0) -> Magnitudes:
-            return nominal_magnitudes(
-                self.program, mechanisms, self.constants, self.looked_from, self.inputs, self.stretches, choice,
-                self.constraints, largest,
-            )  # fmt: skip
+            return nominal_magnitudes(self.constraints, mechanisms, self.looked_from, self.stretches, choice, largest)
 
         names = self.program.variables.names
         if self.events is not None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from bondgraph.model import Model
+from bondgraph.simulation.constraints.constraints import Constraints
 from bondgraph.simulation.magnitudes.nominal_magnitudes import nominal_magnitudes
 from bondgraph.simulation.segments.timeline import segments
 from compiler.compilation import Compilation
@@ -133,7 +134,10 @@ class Text:
     def magnitudes(self) -> Any:
         """Of the states, as a run would take them."""
         stretches = segments(self.program, self.constants, 0.0, self.horizon)
-        return nominal_magnitudes(self.program, (), self.constants, self.start, self.inputs, stretches).values
+        constraints = Constraints(
+            self.program, self.program.defaults, self.inputs, np.ones(len(self.program.states.names))
+        )
+        return nominal_magnitudes(constraints, (), self.start, stretches).values
 
     def at(self, times: Any, states: Any) -> tuple[Any, Any]:
         """Rates and outputs at instants and states; (samples, n) and (samples, m)."""

@@ -28,7 +28,7 @@ def test_what_is_pulled_by_a_square_has_its_own_size() -> None:
     running = Running(compiled(TEXT))
     program = running.program
     stretches = segments(program, running.constants, 0.0, 12e-3)
-    found = nominal_magnitudes(program, (), running.constants, running.start, running.inputs, stretches).values
+    found = nominal_magnitudes(running.constraints, (), running.start, stretches).values
     size = dict(zip(program.states.names, found.tolist(), strict=True))
     x = 8e-20 / (2 * 2e-6**2)
     assert x < size["plates.x"] < 10 * x
@@ -56,7 +56,7 @@ def test_what_the_first_look_ahead_did_not_see_is_told() -> None:
         running = Running(compiled(text))
         stretches = segments(running.program, running.constants, 0.0, 1.0)
         with np.errstate(all="ignore"):
-            found = nominal_magnitudes(running.program, (), running.constants, running.start, running.inputs, stretches)
+            found = nominal_magnitudes(running.constraints, (), running.start, stretches)
         assert found.stopped is not None and abs(found.stopped - 10e-3) < 1e-4
         assert found.unknown == unknown
         assert len(found.doubts) == len(unknown)

@@ -260,7 +260,7 @@ def test_an_unknown_magnitude_is_a_warning_and_small(tmp_path: Path) -> None:
     running = Running(compiled(UNKNOWN))
     stretches = segments(running.program, running.constants, 0.0, 1.0)
     with np.errstate(all="ignore"):
-        found = nominal_magnitudes(running.program, (), running.constants, running.start, running.inputs, stretches)
+        found = nominal_magnitudes(running.constraints, (), running.start, stretches)
     assert found.unknown == ("second.x",) and found.values[1] <= 1e-6 * 1e-6
     result = replace(model(chain(3, 1e-3)).simulate(), warnings=found.doubts)
     assert isinstance(result.warnings[0], ToleranceDoubt)

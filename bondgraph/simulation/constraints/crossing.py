@@ -102,12 +102,37 @@ def _crossed(
 ) -> Crossed | None:  # fmt: skip
     """A step with the first number of stages, compared with one that has the second."""
     stages, fewer = order
-    found = _collocation(function, time, scaled, size, stages, slopes, basis, None)
+
+    def stage_rates(stages: int, guess: Array | None) -> Any:
+        """Return the rates at the stages of a Gauss step, by the simplified Newton iteration.
+
+        The Jacobian is `slopes @ basis.T`, so the factorised matrix has only as many columns per stage as the motion has degrees of freedom.
+        """
+        places, matrix = _method(stages)
+        inner = np.linalg.inv(np.eye(stages * basis.shape[1]) - size * np.kron(matrix, basis.T @ slopes))
+        moved, last = guess, np.inf  # difference between the states at the stages and at the start
+        if moved is None:
+            moved = size * places[:, None] * function(time, scaled)
+        for _ in range(ITERATIONS):
+            rates = function.all(time + size * places, scaled + moved)
+            rest = size * matrix @ rates - moved
+            known = (inner @ (rest @ basis).ravel()).reshape(stages, -1)
+            change = rest + size * matrix @ (known @ slopes.T)
+            norm = float(np.abs(change).max())
+            if not np.isfinite(norm) or norm > 1e3:
+                return None
+            moved = moved + change
+            if norm < CLOSE or (norm < STALLED and norm > SLOWEST * last):
+                return rates
+            last = norm
+        return None
+
+    found = stage_rates(stages, None)
     if found is None:
         return None
     crossed = Crossed(time, size, scaled, found, 0.0)
     guess = crossed.at(time + size * _method(fewer)[0]) - scaled
-    found = _collocation(function, time, scaled, size, fewer, slopes, basis, guess)
+    found = stage_rates(fewer, guess)
     if found is None:
         return None
     other = Crossed(time, size, scaled, found, 0.0)
@@ -120,33 +145,6 @@ def _slopes(function: OnConstraints, time: float, scaled: Array, basis: Array) -
     steps = DIFFERENCE * basis.T
     rates = function.all(np.full(2 * len(steps), time), np.concatenate([scaled + steps, scaled - steps]))
     return ((rates[: len(steps)] - rates[len(steps) :]) / (2 * DIFFERENCE)).T
-
-
-def _collocation(
-    function: OnConstraints, time: float, scaled: Array, size: float, stages: int, slopes: Array, basis: Array, guess: Array | None
-) -> Any:  # fmt: skip
-    """Return the rates at the stages of a Gauss step, by the simplified Newton iteration.
-
-    The Jacobian is `slopes @ basis.T`, so the factorised matrix has only as many columns per stage as the motion has degrees of freedom.
-    """
-    places, matrix = _method(stages)
-    inner = np.linalg.inv(np.eye(stages * basis.shape[1]) - size * np.kron(matrix, basis.T @ slopes))
-    moved, last = guess, np.inf  # difference between the states at the stages and at the start
-    if moved is None:
-        moved = size * places[:, None] * function(time, scaled)
-    for _ in range(ITERATIONS):
-        rates = function.all(time + size * places, scaled + moved)
-        rest = size * matrix @ rates - moved
-        known = (inner @ (rest @ basis).ravel()).reshape(stages, -1)
-        change = rest + size * matrix @ (known @ slopes.T)
-        norm = float(np.abs(change).max())
-        if not np.isfinite(norm) or norm > 1e3:
-            return None
-        moved = moved + change
-        if norm < CLOSE or (norm < STALLED and norm > SLOWEST * last):
-            return rates
-        last = norm
-    return None
 
 
 @lru_cache(maxsize=8)

@@ -63,8 +63,7 @@ def _solver(stepper: IntegrationState, stretch: Segment, x: Array, method: int) 
     """Return a solver for a segment with steps only: no events, limits or outputs attached yet."""
     native = not obstacle(stepper.program)
     solver = CompiledRadau(
-        stepper.program, stepper.inputs, stepper.constants, stepper.tolerances, stretch, x, stepper.longest,
-        stepper.constraints.always_compiled(native), stepper.signals(stretch), method,
+        stepper.context, stretch, x, stepper.longest, stepper.constraints.always_compiled(native), stepper.signals(stretch), method
     )  # fmt: skip
     solver.values["automatic"] = _automatic(stepper, method)
     return solver

@@ -58,13 +58,14 @@ class Magnitudes:
 
 
 def nominal_magnitudes(
-    program: Program, mechanisms: Sequence[str], constants: Array, state: Array, inputs: Array, stretches: Sequence[Segment],
-    choice: PilotObservation | None = None, constraints: Constraints | None = None, largest: Array | float = 0.0,
+    constraints: Constraints, mechanisms: Sequence[str], state: Array, stretches: Sequence[Segment], choice: PilotObservation | None = None,
+    largest: Array | float = 0.0,
 ) -> Magnitudes:  # fmt: skip
     """Return a positive magnitude for every state and unknown.
 
     `mechanisms`: their names; `choice`: monitor of the state selection; `largest`: magnitudes known from elsewhere.
     """
+    program, constants, inputs = constraints.program, constraints.constants, constraints.inputs
     given = np.asarray(program.nominal(constants), dtype=float)
     peak = np.maximum(np.abs(state), largest)
     stopped = None
@@ -100,7 +101,7 @@ def _owned_units(program: Program, mechanisms: tuple[str, ...]) -> Any:
     return program.kept[key]
 
 
-def _smallest(program: Program, mechanisms: Sequence[str], constraints: Constraints | None, state: Array, first: Segment) -> Any:  # fmt: skip
+def _smallest(program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment) -> Any:  # fmt: skip
     """Return the rounding level of angles, and of lengths of mechanisms with closed loops, that symmetry leaves."""
     result = smallest_angles(program, mechanisms)
     if constraints:

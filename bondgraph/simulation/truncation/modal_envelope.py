@@ -170,7 +170,7 @@ def followed(flow: ScaledDynamics, removal: Removal, way: Way, part: float = 1.0
     while ahead:
         to, span = ahead[-1], way.times[ahead[-1]] - way.times[reached[-1]]
         gone = sizes + 0.5 * span * values.real < LOG_SMALL
-        new = _recognised(flow, removal.rate, way, to, known.get(to), vectors, duals, gone)
+        new = _recognised(flow, removal.rate, way[[to]], known.get(to), vectors, duals, gone)
         if new is None and to - reached[-1] > 1 and len(known) < len(places) + HALVINGS:
             ahead.append((reached[-1] + to) // 2)
             known[ahead[-1]] = None
@@ -206,15 +206,14 @@ def _with(removal: Removal, before: Ringing) -> Split | None:
 
 
 def _recognised(
-    flow: ScaledDynamics, rate: float, way: Way, place: int, usual: Split | str | None, vectors: ComplexArray, duals: ComplexArray, gone: BoolArray
+    flow: ScaledDynamics, rate: float, there: Way, usual: Split | str | None, vectors: ComplexArray, duals: ComplexArray, gone: BoolArray
 ) -> Split | None:  # fmt: skip
-    """Return the split at a place of a way if it contains all modes that still ring; None otherwise.
+    """Return the split at the one place `there` if it contains all modes that still ring; None otherwise.
 
     The modes are searched among the fast modes first, then wherever their eigenvalues have moved to.
     """
     if isinstance(usual, Split) and (gone | _found(usual, vectors, duals)).all():
         return usual
-    there = way[[place]]
     try:
         (other,) = split(flow.matrices(there.times, there.modes, there.states), rate, (vectors, duals))
     except np.linalg.LinAlgError:

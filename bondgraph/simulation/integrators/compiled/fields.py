@@ -21,7 +21,7 @@ from ..radau import STUBBORN
 from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance, stagnation_tolerance
 
 if TYPE_CHECKING:
-    from ...segments.trajectory import Tolerances
+    from ...segments.context import SegmentContext
 
 LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with a sparse ordering
 
@@ -33,9 +33,10 @@ def is_sparse(program: Program) -> bool:
 
 
 def given_at(
-    program: Program, inputs: Array, constants: Array, tolerances: Tolerances, stretch: Segment, state: Array, longest: float, signals: Signals
-) -> dict[str, Any]:  # fmt: skip
+    context: SegmentContext, stretch: Segment, state: Array, longest: float, signals: Signals
+) -> dict[str, Any]:
     """Return the fields that depend on the run and on its current state."""
+    program, tolerances = context.program, context.tolerances
     rows, columns = program.pattern
     differential = len(program.states.names)
     magnitude = np.asarray(tolerances.magnitude, dtype=float)
@@ -45,7 +46,7 @@ def given_at(
     relative = tolerances.relative
     earliest, latest = inside(stretch)
     return {
-        "inputs": inputs, "constants": constants, "mode": np.array(stretch.mode, dtype=float),
+        "inputs": context.inputs, "constants": context.constants, "mode": np.array(stretch.mode, dtype=float),
         "rows": rows, "columns": columns, "magnitude": magnitude, "per_unit": 1.0 / unit,
         "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(resting, dtype=float), "resting": resting,
         "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),

@@ -8,6 +8,7 @@ not small.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,17 @@ MOST = 6  # most rows per column of L for which an unsymmetric pattern is treate
 Columns = tuple[Any, Any]  # starts, and rows in rising order, without the diagonal
 
 
+@dataclass(frozen=True, slots=True)
+class Elimination:
+    """Places of rows and columns in an order, patterns of L and U, and for each column of L the number of adjacent columns with its pattern."""
+
+    row_place: IntArray
+    column_place: IntArray
+    lower: Columns
+    upper: Columns
+    wide: IntArray
+
+
 def on_diagonal(rows: IntArray, columns: IntArray, differential: int, count: int, compiled: bool = True) -> dict[str, Any] | None:  # fmt: skip
     """Return the fields of a `Pattern` for shift M - J, M = diag(1 … 1, 0 … 0), with all pivots on the diagonal.
 
@@ -37,10 +49,10 @@ def on_diagonal(rows: IntArray, columns: IntArray, differential: int, count: int
     if not present.all():
         return None
     start, neighbours, symmetric = _neighbours(rows, columns, count)
-    place, lower, upper, wide = _eliminated(start, neighbours, _least_degree(start, neighbours, compiled), compiled)
-    if not symmetric and np.diff(lower[0]).max(initial=0) > MOST:
+    elimination = _eliminated(start, neighbours, _least_degree(start, neighbours, compiled), compiled)
+    if not symmetric and np.diff(elimination.lower[0]).max(initial=0) > MOST:
         return None
-    return _fields(place, place, lower, upper, wide, rows, columns, differential, count)
+    return _fields(elimination, rows, columns, differential)
 
 
 def _neighbours(rows: IntArray, columns: IntArray, count: int) -> tuple[Any, Any, bool]:
@@ -72,8 +84,7 @@ def _least_degree(start: IntArray, neighbours: IntArray, compiled: bool) -> Any:
     return given["order"]
 
 
-def _eliminated(start: IntArray, neighbours: IntArray, order: IntArray, compiled: bool) -> tuple[Any, Columns, Columns, Any]:  # fmt: skip
-    """Return the places of the nodes, the patterns of L and U, and for each column of L the number of adjacent columns with its pattern."""
+def _eliminated(start: IntArray, neighbours: IntArray, order: IntArray, compiled: bool) -> Elimination:
     names = ("place", "above", "reached", "child", "sibling", "stack", "count", "number", "wide")
     given: dict[str, Any] = {name: np.zeros(len(order), dtype=np.int64) for name in names}
     given |= {"n": len(order), "start": start, "neighbours": neighbours, "order": order}
@@ -83,7 +94,8 @@ def _eliminated(start: IntArray, neighbours: IntArray, order: IntArray, compiled
     lower, upper = (np.zeros(found[-1], dtype=np.int64) for found in starts.values())
     given |= {"lower": lower, "upper": upper} | {name: found[:-1].copy() for name, found in starts.items()}
     _work(put_rows, Eliminations, given, compiled)
-    return given["place"], (starts["count"], lower), (starts["number"], upper), given["wide"]
+    place = given["place"]
+    return Elimination(place, place, (starts["count"], lower), (starts["number"], upper), given["wide"])
 
 
 def _work(function: Callable[[Any], None], noun: type[Record], given: Mapping[str, Any], compiled: bool) -> None:
@@ -137,7 +149,7 @@ def _by_library(matrix: Any, rows: IntArray, columns: IntArray, differential: in
         return None
     places = np.asarray(factors.perm_r), np.asarray(factors.perm_c)
     lower, upper = _without_diagonal(factors.L, count), _without_diagonal(factors.U, count)
-    return _fields(*places, lower, upper, _wide(*lower), rows, columns, differential, count)
+    return _fields(Elimination(*places, lower, upper, _wide(*lower)), rows, columns, differential)
 
 
 def _is_symmetric(matrix: Any) -> bool:
@@ -148,10 +160,8 @@ def _is_symmetric(matrix: Any) -> bool:
     return np.array_equal(matrix.indptr, turned.indptr) and np.array_equal(matrix.indices, turned.indices)
 
 
-def _fields(
-    row_place: IntArray, column_place: IntArray,
-    lower: Columns, upper: Columns, wide: IntArray, rows: IntArray, columns: IntArray, differential: int, count: int
-) -> dict[str, Any]:  # fmt: skip
+def _fields(elimination: Elimination, rows: IntArray, columns: IntArray, differential: int) -> dict[str, Any]:
+    row_place, column_place, count = elimination.row_place, elimination.column_place, len(elimination.row_place)
     # One slot for each place of the matrix: an entry of the Jacobian, the shift, or both.
     slots = np.full(count, -1)
     entry_rows, entry_columns = row_place[rows], column_place[columns]
@@ -167,8 +177,8 @@ def _fields(
     order = np.argsort(column, kind="stable")
     found: dict[str, Any] = {
         "start": np.searchsorted(column[order], np.arange(count + 1)), "row": row[order], "entry": entry[order], "shifted": shifted[order],
-        "l_start": lower[0], "l_row": lower[1], "u_start": upper[0], "u_row": upper[1], "row_place": row_place, "column_place": column_place,
-        "wide": wide,
+        "l_start": elimination.lower[0], "l_row": elimination.lower[1], "u_start": elimination.upper[0], "u_row": elimination.upper[1],
+        "row_place": row_place, "column_place": column_place, "wide": elimination.wide,
     }  # fmt: skip
     return {name: np.ascontiguousarray(array, dtype=np.int64) for name, array in found.items()} | room_in(found)
 

@@ -19,7 +19,7 @@ from ...monitors.state_selection import Choice
 from ...segments.timeline import Segment, Signals, inside
 from .. import dop853, radau, rodas
 from ..linear_algebra.sparse import FINE, Pattern
-from ..methods import METHODS, RADAU, THROUGH_ENDS
+from ..methods import METHODS, THROUGH_ENDS
 from ..outcomes import FAILURES, LOOK, MORE, NEWTON, ORDER
 from ..radau import StepFailed
 from ..workspace import IntegratorWorkspace
@@ -30,7 +30,7 @@ from .plain import Unordered, record_for
 from .record_layout import RecordArray, form_of
 
 if TYPE_CHECKING:
-    from ...segments.trajectory import Tolerances
+    from ...segments.context import SegmentContext
     from .constraint_functions import CompiledConstraints
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
@@ -99,16 +99,16 @@ class CompiledRadau:
     """Steps of a method over one segment, in machine code if `native`."""
 
     def __init__(
-        self, program: Program, inputs: Array, constants: Array, tolerances: Tolerances, stretch: Segment, state: Array, longest: float,
-        constraints: CompiledConstraints, signals: Signals, method: int = RADAU,
+        self, context: SegmentContext, stretch: Segment, state: Array, longest: float, constraints: CompiledConstraints, signals: Signals, method: int
     ) -> None:  # fmt: skip
+        program = context.program
         self.program, self.constraints, self.native = program, constraints, constraints.native
         self.order = Ordered(program, SMALL) if self.native else Unordered(program)
-        given = given_at(program, inputs, constants, tolerances, stretch, state, longest, signals)
+        given = given_at(context, stretch, state, longest, signals)
         given |= {"closed": constraints.values, "redundant": int(constraints.redundant), "pattern": self.order.values}
 
         def room() -> dict[str, Any]:
-            at = stretch.start, state, inputs, constants, stretch.mode
+            at = stretch.start, state, context.inputs, context.constants, stretch.mode
             bends = 0 if program.bends is None else len(program.bends(*at))
             return room_of(program, method, len(signals.allowed), bends)
 

@@ -190,7 +190,7 @@ def take_columns(p: Pattern, j: int) -> None:
     while q < end:
         k = p.u_row[q]
         if q + 1 < end and p.wide[k] >= 2 and p.u_row[q + 1] == k + 1:
-            two_columns(x, xi, lr, li, l_start, l_row, p.upper_re[q:], p.upper_im[q:], k)
+            two_columns(p, k, q)
             q += 2
         else:
             a = x[k]
@@ -235,10 +235,16 @@ def close_column(p: Pattern, j: int) -> int:
     return FINE
 
 
-def two_columns(
-    x: Floats, xi: Floats, lr: Floats, li: Floats, l_start: Ints, l_row: Ints, ur: Floats, ui: Floats, k: int
-) -> None:
-    """Subtract two columns of complex numbers, as `four_columns`."""
+def two_columns(p: Pattern, k: int, q: int) -> None:
+    """Subtract two columns of complex numbers from `k` on, as `four_columns`; their entries of U are at `q`."""
+    x = p.x
+    xi = p.xi
+    lr = p.lower_re
+    li = p.lower_im
+    l_start = p.l_start
+    l_row = p.l_row
+    ur = p.upper_re[q:]
+    ui = p.upper_im[q:]
     r0 = l_start[k]
     r1 = l_start[k + 1]
     a = x[k]

@@ -35,7 +35,7 @@ def explicit_step(s: IntegratorWorkspace) -> int:
     if s.since_looked >= LOOK_AGAIN:
         look_for_fastest(s)
     longest = min(s.size, STABLE / s.fastest) if s.fastest > 0.0 else s.size
-    size = first_size(s, longest, least, SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH)
+    size = first_size(s, longest, SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH)
     rejected = 0
     bent = 0
     share = 1.0

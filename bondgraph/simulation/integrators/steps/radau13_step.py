@@ -51,7 +51,7 @@ def radau13_step(s: IntegratorWorkspace) -> int:
     """Make one accepted step; return 0, or the reason why there is none."""
     n = s.n
     least = 10.0 * ulp(s.time)
-    size = first_try(s, least)
+    size = first_try(s)
     reason = ERROR
     rejected = 0
     bent = 0

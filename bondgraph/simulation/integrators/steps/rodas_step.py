@@ -28,7 +28,7 @@ CAREFUL, MOST_BENDS, BENT = rodas.CAREFUL, rodas.MOST_BENDS, radau.BENT
 def rodas_step(s: IntegratorWorkspace) -> int:
     """Make one accepted step; return 0, or the reason why there is none."""
     least = 10.0 * ulp(s.time)
-    size = first_size(s, s.size, least, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC)
+    size = first_size(s, s.size, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC)
     reason = ERROR
     rejected = 0
     bent = 0

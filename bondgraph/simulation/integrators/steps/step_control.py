@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
+from math import isfinite, sqrt, ulp
 from typing import TYPE_CHECKING
 
 from ...segments import timeline
@@ -25,35 +25,37 @@ CUBIC = tuple(timeline.CUBIC.ravel().tolist())
 SEEN, UNSEEN = len(timeline.SEEN), len(timeline.LOOKS) - len(timeline.SEEN)
 
 
-def first_try(s: IntegratorWorkspace, least: float) -> float:
+def first_try(s: IntegratorWorkspace) -> float:
     """Return the size of the first try of a step with a Jacobian; the Jacobian and the scales of the norms are ready then."""
     if s.known == 0:
         renew(s)
     for i in range(s.n):
         s.per_tolerance[i] = 1.0 / (s.absolute[i] + abs(s.state[i]) * s.relative)
-    return first_size(s, s.size, least, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC)
+    return first_size(s, s.size, SEEN, UNSEEN, LOOKS, BETWEEN, CUBIC)
 
 
 def first_size(
-    s: IntegratorWorkspace, size: float, least: float, seen: int, unseen: int, looks: Numbers, between: Numbers, through: Numbers
-) -> float:  # fmt: skip
+    s: IntegratorWorkspace, size: float, seen: int, unseen: int, looks: Numbers, between: Numbers, through: Numbers
+) -> float:
     """Return the size of the first try of a step, at most `size`: up to the end if that is near, and short enough to resolve the signals of time."""
     size = min(size, s.stop - s.time, s.longest)
     if s.time + 1.01 * size >= s.stop:
         size = s.stop - s.time
-    while size > 2.0 * least and not follows(s, s.time, s.time + size, seen, unseen, looks, between, through):
+    least = 10.0 * ulp(s.time)
+    while size > 2.0 * least and not follows(s, s.time + size, seen, unseen, looks, between, through):
         size *= 0.5
     return size
 
 
 def follows(
-    s: IntegratorWorkspace, start: float, end: float, seen: int, unseen: int, looks: Numbers, between: Numbers, through: Numbers
-) -> bool:  # fmt: skip
-    """Return True if a step between two times resolves the signals of time (see `timeline.follower`).
+    s: IntegratorWorkspace, end: float, seen: int, unseen: int, looks: Numbers, between: Numbers, through: Numbers
+) -> bool:
+    """Return True if a step from the present time to `end` resolves the signals of time (see `timeline.follower`).
 
     `looks`: the nodes of the step, and then the places where the polynomial through them (weights in `between`) must fit; `through`: matrix from the
     values at the nodes to the coefficients of that polynomial, highest degree first.
     """
+    start = s.time
     m = s.signal_count
     if m == 0:
         return True
