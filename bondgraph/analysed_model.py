@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from .compiled_model import CompiledModel, names_of
+from .keywords import AnalysisKeywords, ExperimentKeywords, PathKeywords, PointKeywords, check_keywords
 
 if TYPE_CHECKING:
     from .analysis.branch import Branch
@@ -69,27 +70,29 @@ class AnalysedModel(CompiledModel):
         return equilibrium(self.operating_point(AnalysisRequest(experiment, settings, names_of(outputs), time=time)))
 
     def linearize(
-        self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
-        experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
-        state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
+        self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, **options: Unpack[PointKeywords],
     ) -> Linearization:  # fmt: skip
         """Return A, B, C, D by exact derivatives of the equations, at the equilibrium, the "start", or given states (by name, in SI).
 
-        From `inputs` (None: the model's; parameters and signals are allowed too) to `outputs` (None: all). Raises as `operating_point`.
+        From `inputs` (None: the model's; parameters and signals are allowed too) to `outputs` (None: all). `options`: `experiment`, `settings`, `state`,
+        `time` as for `modes`. Raises as `operating_point`.
         """
         from .analysis.linear import linearization
         from .analysis.operating_point import AnalysisRequest
 
+        check_keywords(self.linearize, options, PointKeywords.__optional_keys__)
         by = self.inputs if inputs is None else tuple(inputs)
-        return linearization(
-            self.operating_point(AnalysisRequest(experiment, settings, names_of(outputs), by, state, time))
-        )
+        return linearization(self.operating_point(AnalysisRequest(outputs=names_of(outputs), by=by, **options)))
 
     def modes(
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
         state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
     ) -> Modes:  # fmt: skip
-        """Return frequencies (Hz), damping, shapes and the energy of each element, at the equilibrium, the "start" or given states."""
+        """Return frequencies (Hz), damping, shapes and the energy of each element, at the equilibrium, the "start" or given states (`state`).
+
+        `experiment`: its settings and start values are used (None: none, "": the first). `settings`: parameters and inputs by name. `time`: the instant at
+        which inputs are held (s; None: begin of the experiment).
+        """
         from .analysis.modes import modes
         from .analysis.operating_point import AnalysisRequest
 
@@ -97,64 +100,60 @@ class AnalysedModel(CompiledModel):
 
     def sensitivity(
         self, parameters: Sequence[str] | None = None, of: str | tuple[str, ...] = ("equilibrium", "modes"),
-        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, outputs: Sequence[str] | None = None,
-        time: float | None = None,
+        outputs: Sequence[str] | None = None, **options: Unpack[AnalysisKeywords],
     ) -> Sensitivity:  # fmt: skip
         """Return exact derivatives of outputs at equilibrium, frequencies and damping by parameters or inputs (None: all independent parameters).
 
-        A dependent parameter is treated as independent, with the others fixed. Raises as `operating_point`.
+        A dependent parameter is treated as independent, with the others fixed. `options`: `experiment`, `settings`, `time` as for `modes`. Raises as
+        `operating_point`.
         """
-        from .analysis.operating_point import AnalysisRequest
-        from .analysis.sensitivity import independent, sensitivity
+        from .analysis.sensitivity import sensitivity
 
-        by, fixed = independent(self, names_of(parameters), experiment, settings or {})
-        point = self.operating_point(AnalysisRequest(experiment, fixed, names_of(outputs), by, time=time))
+        check_keywords(self.sensitivity, options, AnalysisKeywords.__optional_keys__)
+        point, _, _ = self._moved(names_of(parameters), (), names_of(outputs), options)
         return sensitivity(point, (of,) if isinstance(of, str) else of)
 
     def sensitivity_of_response(
         self, parameters: Sequence[str] | None = None, inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None, low: float | None = None, high: float | None = None, points: int = 400,
-        experiment: str | None = None, settings: Mapping[str, str | float] | None = None, time: float | None = None,
+        **options: Unpack[AnalysisKeywords],
     ) -> ResponseSensitivity:  # fmt: skip
         """Return exact derivatives of the frequency response at equilibrium by parameters (None: all independent ones), from `low` to `high` in Hz.
 
-        Raises as `response`.
+        `options`: `experiment`, `settings`, `time` as for `modes`. Raises as `response`.
         """
         from .analysis.linear_sensitivity import response_sensitivity
 
-        point, given, by = self._moved_linear(
-            names_of(parameters), names_of(inputs), names_of(outputs), experiment, settings, time
-        )
+        check_keywords(self.sensitivity_of_response, options, AnalysisKeywords.__optional_keys__)
+        point, given, by = self._moved(names_of(parameters), names_of(inputs), names_of(outputs), options)
         return response_sensitivity(point, given, by, low, high, points)
 
     def sensitivity_of_linearization(
-        self, parameters: Sequence[str] | None = None, inputs: Sequence[str] | None = None,
-        outputs: Sequence[str] | None = None, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
-        time: float | None = None,
+        self, parameters: Sequence[str] | None = None, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
+        **options: Unpack[AnalysisKeywords],
     ) -> Sensitivity:  # fmt: skip
         """Return exact derivatives of the entries of A, B, C and D at equilibrium, named `A[row, column]`, by parameters (None: all independent ones).
 
-        Raises as `linearize`, and `UsageError` where loop joints tie coordinates.
+        `options`: `experiment`, `settings`, `time` as for `modes`. Raises as `linearize`, and `UsageError` where loop joints tie coordinates.
         """
         from .analysis.linear_sensitivity import linear_sensitivity
 
-        point, given, by = self._moved_linear(
-            names_of(parameters), names_of(inputs), names_of(outputs), experiment, settings, time
-        )
+        check_keywords(self.sensitivity_of_linearization, options, AnalysisKeywords.__optional_keys__)
+        point, given, by = self._moved(names_of(parameters), names_of(inputs), names_of(outputs), options)
         return linear_sensitivity(point, given, by)
 
-    def _moved_linear(
-        self, parameters: tuple[str, ...] | None, inputs: tuple[str, ...] | None, outputs: tuple[str, ...] | None, experiment: str | None,
-        settings: Mapping[str, str | float] | None, time: float | None,
+    def _moved(
+        self, parameters: tuple[str, ...] | None, inputs: tuple[str, ...] | None, outputs: tuple[str, ...] | None, options: AnalysisKeywords
     ) -> tuple[OperatingPoint, tuple[str, ...], tuple[str, ...]]:  # fmt: skip
         """Return the model at equilibrium with the derivatives by inputs and parameters, and the names of both."""
         from .analysis.operating_point import AnalysisRequest
         from .analysis.sensitivity import independent
 
         given = self.inputs if inputs is None else inputs
-        by, fixed = independent(self, parameters, experiment, settings or {})
+        by, fixed = independent(self, parameters, options.get("experiment"), options.get("settings") or {})
         both = tuple(dict.fromkeys((*given, *by)))
-        return self.operating_point(AnalysisRequest(experiment, fixed, outputs, both, time=time)), given, by
+        asked = AnalysisRequest(options.get("experiment"), fixed, outputs, both, time=options.get("time"))
+        return self.operating_point(asked), given, by
 
     def sensitivity_of_run(
         self, parameters: Sequence[str] | None = None, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
@@ -164,26 +163,29 @@ class AnalysedModel(CompiledModel):
 
         Steps at instants that depend on a parameter are included. Raises as `simulate`, and `UsageError` for events and delays.
         """
+        from .analysis.operating_point import AnalysisRequest
         from .analysis.run_sensitivity import run_sensitivity
 
-        return run_sensitivity(
-            self, names_of(parameters), experiment, settings or {}, names_of(outputs), None, to, points, rtol
-        )
+        asked = AnalysisRequest(experiment, settings, names_of(outputs))
+        return run_sensitivity(self, names_of(parameters), asked, (to, points), rtol)
 
     def continuation(
-        self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, experiment: str | None = None,
-        settings: Mapping[str, str | float] | None = None, outputs: Sequence[str] | None = None, branches: bool = False,
+        self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, outputs: Sequence[str] | None = None,
+        branches: bool = False, **options: Unpack[ExperimentKeywords],
     ) -> Branch:  # fmt: skip
         """Follow the branch of equilibria from `low` towards `high` of a parameter or input, through its folds, until it leaves the range.
 
-        `most`: largest number of points; `points`: the range over the first step. `branches`: also the branches that cross it. Raises as `operating_point`.
+        `most`: largest number of points; `points`: the range over the first step. `branches`: also the branches that cross it. `options`: `experiment`,
+        `settings` as for `modes`. Raises as `operating_point`.
         """
         from .analysis.branch import follow
         from .analysis.operating_point import AnalysisRequest
         from .analysis.sensitivity import independent
         from .quantities import quantity
 
-        _, fixed = independent(self, (parameter,), experiment, settings or {})
+        check_keywords(self.continuation, options, ExperimentKeywords.__optional_keys__)
+        experiment, settings = options.get("experiment"), options.get("settings") or {}
+        _, fixed = independent(self, (parameter,), experiment, settings)
         unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
         first, last = (quantity(v, unit, parameter) for v in (low, high))
         asked = AnalysisRequest(experiment, {**fixed, parameter: first}, names_of(outputs), (parameter,))
@@ -198,43 +200,42 @@ class AnalysedModel(CompiledModel):
     @overload
     def invert(
         self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = None,
-        settings: Mapping[str, str | float] | None = None, *, to: str | float, start: str | float = 0.0, points: int = 501,
-        moving: bool = False, limits: Mapping[str, str | float] | None = None,
+        settings: Mapping[str, str | float] | None = None, *, to: str | float, **options: Unpack[PathKeywords],
     ) -> FeedForward: ...  # fmt: skip
 
     def invert(
         self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = None,
-        settings: Mapping[str, str | float] | None = None, *, to: str | float | None = None, start: str | float = 0.0, points: int = 501,
-        moving: bool = False, limits: Mapping[str, str | float] | None = None,
+        settings: Mapping[str, str | float] | None = None, *, to: str | float | None = None, **options: Unpack[PathKeywords],
     ) -> Inversion | FeedForward:  # fmt: skip
         """Return inputs for given outputs. In `inputs`, `push1/pull1` is a pair with one of them zero; there are as many inputs or pairs as targets.
 
-        Without `to`: inputs that hold outputs at their `targets` (texts with units, or SI), at equilibrium. With it: inputs over time, from `start` to `to`,
-        with which outputs follow `targets`: expressions of time such as "8 um*smoothstep9(time, 0 s, 5 ms)", or points (times, values); from rest, unless
-        the model is `moving`. `limits`: largest inputs. Raises as `operating_point`, `RunFailed` if there are none, and `UsageError` where a path is not
-        smooth enough.
+        Without `to`: inputs that hold outputs at their `targets` (texts with units, or SI), at equilibrium. With it: inputs over time, from `start` (0 s) to
+        `to`, at `points` (501) instants, with which outputs follow `targets`: expressions of time such as "8 um*smoothstep9(time, 0 s, 5 ms)", or points
+        (times, values); from rest, unless the model is `moving`. `limits`: largest inputs. Raises as `operating_point`, `RunFailed` if there are none, and
+        `UsageError` where a path is not smooth enough.
         """
         from .analysis.inversion.request import inverted
+        from .analysis.operating_point import AnalysisRequest
 
-        along = None if to is None else (start, to, points, moving, limits or {})
-        return inverted(self, targets, inputs, experiment, dict(settings or {}), along)
+        check_keywords(self.invert, options, PathKeywords.__optional_keys__)
+        return inverted(self, targets, inputs, AnalysisRequest(experiment, dict(settings or {})), to, options)
 
     def response(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
-        low: float | None = None, high: float | None = None, points: int = 400, experiment: str | None = None,
-        settings: Mapping[str, str | float] | None = None, state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
+        low: float | None = None, high: float | None = None, points: int = 400, **options: Unpack[PointKeywords],
     ) -> Response:  # fmt: skip
         """Return the frequency response, exact from the linear model, from `low` to `high` in Hz (None: a decade around its modes).
 
-        For a sampled loop (`every`) with its hold, up to half the sampling rate.
+        For a sampled loop (`every`) with its hold, up to half the sampling rate. `options`: `experiment`, `settings`, `state`, `time` as for `modes`.
         """
         from .analysis.linear import linearization
         from .analysis.operating_point import AnalysisRequest
         from .analysis.response import response
         from .analysis.sampled import is_sampled, sampled_response
 
+        check_keywords(self.response, options, PointKeywords.__optional_keys__)
         by = self.inputs if inputs is None else names_of(inputs) or ()
-        point = self.operating_point(AnalysisRequest(experiment, settings, names_of(outputs), by, state, time))
+        point = self.operating_point(AnalysisRequest(outputs=names_of(outputs), by=by, **options))
         if is_sampled(point):
             return sampled_response(point, low, high, points)
         return response(linearization(point), low, high, points)
@@ -248,5 +249,7 @@ class AnalysedModel(CompiledModel):
         Then `seen` is decomposed into harmonics. Raises as `simulate`, and `UsageError` if it never settles.
         """
         from .analysis.excitation import excite
+        from .analysis.operating_point import AnalysisRequest
 
-        return excite(self, given, seen, frequency, amplitude, experiment, dict(settings or {}), rtol)
+        asked = AnalysisRequest(experiment, dict(settings or {}), (seen,), (given,))
+        return excite(self, asked, frequency, amplitude, rtol)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any
 
 from compiler import api
 
@@ -28,23 +28,6 @@ class Parameter:
     value: float
     unit: str
     description: str
-
-
-class RunKeywords(TypedDict, total=False):
-    """Options of a call that runs a model, beside experiment, settings, end and instants; each overrides the experiment.
-
-    `rtol`, `atol`: tolerances. `energy` adds the energy balance. `outputs`: only these. `target`: native (machine code) or numpy; by default the first
-    that this machine has. `solver`: a word of `compiler.solvers.SOLVERS`.
-    `bandwidth`: a frequency as text or in Hz; faster modes need not be followed, and the result's `left_out` reports the truncated ones.
-    """
-
-    rtol: float | None
-    atol: float | None
-    energy: bool
-    outputs: Sequence[str] | None
-    target: str | None
-    solver: str | None
-    bandwidth: str | float | None
 
 
 class CompiledModel:
@@ -161,12 +144,9 @@ class CompiledModel:
             return self.compilation(everything=True)
 
     def scene(
-        self,
-        experiment: str | None = "",
-        settings: Mapping[str, str | float] | None = None,
-        free: tuple[str, ...] = (),
+        self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, free: tuple[str, ...] = (),
         outputs: Sequence[str] | None = None,
-    ) -> Scene:
+    ) -> Scene:  # fmt: skip
         """Return a run's scene: an experiment ("": the first, None: none), settings (texts are expressions with units, numbers SI)."""
         overrides = tuple(_override(name, value) for name, value in (settings or {}).items())
         return api.Scene(

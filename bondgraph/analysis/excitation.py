@@ -19,14 +19,12 @@ SAMPLES = 64  # samples per period
 MOST_PERIODS = 100_000
 
 
-def excite(
-    model: CompiledModel, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None,
-    settings: dict[str, str | float], rtol: float,
-) -> Measured:  # fmt: skip
-    """Measure the response to a harmonic motion of the input `given` about its value at the equilibrium."""
+def excite(model: CompiledModel, asked: AnalysisRequest, frequency: float, amplitude: float, rtol: float) -> Measured:
+    """Measure the response of the requested output to a harmonic motion of the requested input about its value at the equilibrium."""
+    (given,), (seen,) = asked.by, asked.outputs or ()
     if given not in model.inputs:
         raise UsageError("BR205", f"`{given}` is no input of the model; inputs are {', '.join(model.inputs) or 'none'}")
-    linear = linearization(operating_point(model, AnalysisRequest(experiment, settings, (seen,), (given,))))
+    linear = linearization(operating_point(model, asked))
     waited = math.ceil(settling_time(linear, given, seen, frequency) * frequency) + 1
     if waited > MOST_PERIODS:
         raise UsageError("BR206", f"it takes {waited} periods until `{seen}` has settled:", "`bode` gives its response exactly")  # fmt: skip
@@ -35,7 +33,8 @@ def excite(
     swing = f"{amplitude!r} [{unit}]*sin(2*pi*{frequency!r}*time/(1 [s]))"
     periods = waited + PERIODS
     wanted = RunOptions(periods / frequency, periods * SAMPLES + 1, rtol)
-    result = simulate(model, experiment, {**settings, given: f"{mean} + {swing}"}, (seen,), wanted)
+    settings = {**(asked.settings or {}), given: f"{mean} + {swing}"}
+    result = simulate(model, asked.experiment, settings, (seen,), wanted)
     last = slice(waited * SAMPLES, periods * SAMPLES)
     value, rest = first_harmonic(result.time[last], result[seen][last], frequency)
     return Measured(frequency, value / amplitude, rest, waited / frequency)

@@ -70,25 +70,27 @@ class RunSensitivity(Summarised):
 
 
 def run_sensitivity(
-    model: CompiledModel, parameters: tuple[str, ...] | None, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None,
-    instants: Array | None, to: str | float | None, points: int, rtol: float = RTOL, moved: Mapping[str, float] | None = None,
+    model: CompiledModel, parameters: tuple[str, ...] | None, asked: AnalysisRequest, instants: Array | tuple[str | float | None, int],
+    rtol: float = RTOL, moved: Mapping[str, float] | None = None,
 ) -> RunSensitivity:  # fmt: skip
-    """Return the sensitivity of a run that ends at time `to`, at `points` instants or at the given `instants`.
+    """Return the sensitivity of a run by parameters (None: all independent ones), at `instants` (t,).
 
+    `instants` may also be the time at which the run ends (None: that of the experiment) and the number of instants.
     `moved`: values of the parameters, as for `operating_point`. Raises `CompilationFailed`, `UsageError` for models that jump with states, `RunFailed`.
     """
     from ..simulation.run import _stop
     from ..simulation.settings import settle
 
-    by, fixed = independent(model, parameters, experiment, settings)
-    settled = settle(model, experiment, fixed, outputs, True, "numpy")
+    by, fixed = independent(model, parameters, asked.experiment, asked.settings or {})
+    settled = settle(model, asked.experiment, fixed, asked.outputs, True, "numpy")
     made = model.prepared(replace(settled.scene, free=frozenset(by), by=by), True, "numpy")
     plan = made.plan
-    if instants is None:
+    if isinstance(instants, tuple):
+        to, points = instants
         instants = np.linspace(plan.start, _stop(plan, to), points)
     if instants[0] < plan.start:
         raise UsageError("BR238", f"a run begins at {plan.start:g} s: nothing is known of t = {instants[0]:g} s")
-    asked = AnalysisRequest(experiment, fixed, outputs, by)
+    asked = replace(asked, settings=fixed, by=by)
     flow = Flow(made, asked, instants, {**settled.values, **(moved or {})}, rtol)
     with np.errstate(all="ignore"):
         values, slopes = flow.go()

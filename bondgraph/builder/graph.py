@@ -18,12 +18,13 @@ import os
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from compiler.api import Diagnostic, Source, bond_lines, braces, check_source
 
 from ..compiled_model import LIBRARY, CompiledModel
 from ..errors import UsageError
+from ..keywords import check_keywords
 from ..model import Model
 from ..simulation.integrators.methods import chosen_solver
 from .argument_checks import Value, description_of, is_one_number, literal_of, mapping_of, path_of, unit_of, value_of
@@ -31,6 +32,15 @@ from .elements import Elements
 from .mechanism import Multibody
 from .names import model_name_of, name_of
 from .parts import NamedQuantity, Part
+
+
+class SimulationOptions(TypedDict, total=False):
+    """Options of the run that an experiment has."""
+
+    points: int | None
+    rtol: float | None
+    solver: str | None
+    bandwidth: Value | None
 
 
 class Graph(Elements):
@@ -230,13 +240,14 @@ class Graph(Elements):
     # ------------------------------------------------------------ experiments
     def experiment(
         self, name: str, to: Value, *, settings: Mapping[Any, Value] | None = None,
-        report: Mapping[Any, str] | Sequence[Any] | NamedQuantity = (), points: int | None = None, rtol: float | None = None,
-        solver: str | None = None, bandwidth: Value | None = None,
+        report: Mapping[Any, str] | Sequence[Any] | NamedQuantity = (), **options: Unpack[SimulationOptions],
     ) -> None:  # fmt: skip
         """Add a run from 0 to `to` (a number is in s) with `settings`; `report={"position": "mm"}` names outputs and their units.
 
-        `bandwidth` (a number is in Hz): faster modes need not be followed.
+        `options`: `points`, `rtol`, `solver`, and `bandwidth` (a number is in Hz): faster modes need not be followed.
         """
+        check_keywords(self.experiment, options, SimulationOptions.__optional_keys__)
+        solver, bandwidth = options.get("solver"), options.get("bandwidth")
         own = name_of(name)
         if own in self._experiments:
             raise UsageError("BR526", f"`{self.name}` already has an experiment `{own}`")
@@ -244,7 +255,7 @@ class Graph(Elements):
             f"set {path_of(n)} = {value_of(v, f'`{n}` in `{own}`')}"
             for n, v in mapping_of(settings or {}, "`settings`").items()
         ]
-        given = {"points": points, "rtol": rtol}
+        given = {"points": options.get("points"), "rtol": options.get("rtol")}
         inner = [f"{word} = {value_of(v, f'`{word}` of `{own}`')}" for word, v in given.items() if v is not None]
         if solver is not None:
             inner.append(f"solver = {chosen_solver(solver)}")

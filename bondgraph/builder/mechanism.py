@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TypedDict, Unpack
 
 from compiler.api import braces, freedoms_of
 
 from ..errors import UsageError
+from ..keywords import check_keywords
 from .argument_checks import Value, expression_of, is_number, mapping_of, path_of, value_of
 from .names import name_of
 from .parts import Bonding, Part
@@ -24,22 +26,22 @@ Starts = Mapping[str, Value] | None
 End = Part | str
 
 
-@dataclass(frozen=True, slots=True)
-class _Coordinates:
-    """Properties of the coordinates of a joint."""
+class JointOptions(TypedDict, total=False):
+    """Options of a joint: the place where it is drawn (m), and properties of its coordinates."""
 
-    start: Starts = None
-    limits: ByCoordinate = None
-    rest: ByCoordinate = None
-    locked: str | bool = False
+    at: Value
+    start: Starts
+    limits: ByCoordinate
+    rest: ByCoordinate
+    locked: str | bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Multibody:
     """A planar or spatial mechanism. Numbers are in SI, angles in rad; texts have their own units.
 
-    A position or direction has two components in the plane, three in space. All joints accept `start={"phi": 0.1}`; those with degrees of freedom also
-    `limits=(low, high)` (for several coordinates `limits={"x": (low, high)}`), `rest=0.1` (the value of a coordinate in the drawing) and `locked=True`,
+    A position or direction has two components in the plane, three in space. All joints accept `at` and `start={"phi": 0.1}`; those with degrees of freedom
+    also `limits=(low, high)` (for several coordinates `limits={"x": (low, high)}`), `rest=0.1` (the value of a coordinate in the drawing) and `locked=True`,
     or a condition of parameters as text.
     """
 
@@ -67,110 +69,84 @@ class Multibody:
         given = {
             "mass": (mass, "kg"), "inertia": (inertia, "kg*m^2"), "at": (at, "m"), "angle": (angle, ""), "turn": (turn, ""),
         }  # fmt: skip
-        return self._part("body", name, "", given, _Coordinates(start))
+        return self._part("body", name, "", given, {"start": start})
 
     def frame(self, name: str, body: End, *, at: Value, axes: str = "world", start: Starts = None) -> Part:
         """Add a point fixed to a body or the ground; its force, torque and pose in axes of the `world` or the `body`."""
         more = _axes(axes, ("world", "body"))
-        return self._part("frame", name, f" : {self._local(body)}", {"at": (at, "m")}, _Coordinates(start), more)
+        return self._part("frame", name, f" : {self._local(body)}", {"at": (at, "m")}, {"start": start}, more)
 
     # ------------------------------------------------------------ joints
-    def slide(
-        self, name: str, first: End, second: End, *, along: Value, at: Value = None, start: Starts = None,
-        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
-    ) -> Part:  # fmt: skip
+    def slide(self, name: str, first: End, second: End, *, along: Value, **options: Unpack[JointOptions]) -> Part:
         """Add a joint with one translation of `second` relative to `first`; `"ground"` is the world."""
-        given = {"along": (along, ""), "at": (at, "m")}
-        return self._joint("slide", name, first, second, given, _Coordinates(start, limits, rest, locked))
+        return self._joint("slide", name, first, second, {"along": (along, "")}, options)
 
-    def hinge(
-        self, name: str, first: End, second: End, *, about: Value = None, at: Value = None, start: Starts = None,
-        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
-    ) -> Part:  # fmt: skip
+    def hinge(self, name: str, first: End, second: End, *, about: Value = None, **options: Unpack[JointOptions]) -> Part:  # fmt: skip
         """Add a joint with one rotation, in space `about` an axis."""
-        given = {"about": (about, ""), "at": (at, "m")}
-        return self._joint("hinge", name, first, second, given, _Coordinates(start, limits, rest, locked))
+        return self._joint("hinge", name, first, second, {"about": (about, "")}, options)
 
-    def planar(
-        self, name: str, first: End, second: End, *, turn: Value = None, at: Value = None, start: Starts = None,
-        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
-    ) -> Part:  # fmt: skip
+    def planar(self, name: str, first: End, second: End, *, turn: Value = None, **options: Unpack[JointOptions]) -> Part:  # fmt: skip
         """Add a joint in space with two translations and a rotation in the plane x y, rotated by a rotation vector."""
-        given = {"turn": (turn, ""), "at": (at, "m")}
-        return self._joint("planar", name, first, second, given, _Coordinates(start, limits, rest, locked))
+        return self._joint("planar", name, first, second, {"turn": (turn, "")}, options)
 
-    def cylinder(
-        self, name: str, first: End, second: End, *, along: Value, at: Value = None, start: Starts = None,
-        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
-    ) -> Part:  # fmt: skip
+    def cylinder(self, name: str, first: End, second: End, *, along: Value, **options: Unpack[JointOptions]) -> Part:
         """Add a joint in space with a translation along an axis and a rotation about it."""
-        given = {"along": (along, ""), "at": (at, "m")}
-        return self._joint("cylinder", name, first, second, given, _Coordinates(start, limits, rest, locked))
+        return self._joint("cylinder", name, first, second, {"along": (along, "")}, options)
 
-    def screw(
-        self, name: str, first: End, second: End, *, along: Value, lead: Value, at: Value = None, start: Starts = None,
-        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
-    ) -> Part:  # fmt: skip
+    def screw(self, name: str, first: End, second: End, *, along: Value, lead: Value, **options: Unpack[JointOptions]) -> Part:  # fmt: skip
         """Add a joint in space with a rotation about an axis and a translation along it, by the lead (m) per turn."""
-        given = {"along": (along, ""), "lead": (lead, "m"), "at": (at, "m")}
-        return self._joint("screw", name, first, second, given, _Coordinates(start, limits, rest, locked))
+        return self._joint("screw", name, first, second, {"along": (along, ""), "lead": (lead, "m")}, options)
 
-    def universal(
-        self, name: str, first: End, second: End, *, about: Value, then: Value, at: Value = None, start: Starts = None,
-        limits: ByCoordinate = None, rest: ByCoordinate = None, locked: str | bool = False,
-    ) -> Part:  # fmt: skip
+    def universal(self, name: str, first: End, second: End, *, about: Value, then: Value, **options: Unpack[JointOptions]) -> Part:  # fmt: skip
         """Add a joint in space with a rotation about an axis of `first`, then about one of `second`."""
-        given = {"about": (about, ""), "then": (then, ""), "at": (at, "m")}
-        return self._joint("universal", name, first, second, given, _Coordinates(start, limits, rest, locked))
+        return self._joint("universal", name, first, second, {"about": (about, ""), "then": (then, "")}, options)
 
     def ball(
         self, name: str, first: End, second: End, *, at: Value = None, start: Starts = None,
         limits: ByCoordinate = None, locked: str | bool = False,
     ) -> Part:  # fmt: skip
         """Add a joint in space with all rotations, measured by a rotation vector."""
-        return self._joint("ball", name, first, second, {"at": (at, "m")}, _Coordinates(start, limits, None, locked))
+        options: JointOptions = {"at": at, "start": start, "limits": limits, "locked": locked}
+        return self._joint("ball", name, first, second, {}, options)
 
     def free(
-        self, name: str, first: End, second: End, *, at: Value = None, angle: Value = None, turn: Value = None,
-        axes: str = "from", start: Starts = None, limits: ByCoordinate = None, rest: ByCoordinate = None,
-        locked: str | bool = False,
+        self, name: str, first: End, second: End, *, angle: Value = None, turn: Value = None, axes: str = "from", **options: Unpack[JointOptions]
     ) -> Part:  # fmt: skip
         """Add a joint with all motions, measured in the axes of a body (`from`, `to`), between them (`middle`), or of the `world`."""
-        given = {"at": (at, "m"), "angle": (angle, ""), "turn": (turn, "")}
-        told = _Coordinates(start, limits, rest, locked)
-        return self._joint("free", name, first, second, given, told, _axes(axes, AXES))
+        given = {"at": (options.get("at"), "m"), "angle": (angle, ""), "turn": (turn, "")}
+        return self._joint("free", name, first, second, given, options, _axes(axes, AXES))
 
     def weld(self, name: str, first: End, second: End, *, at: Value = None) -> Part:
         """Add a joint without motion."""
-        return self._joint("weld", name, first, second, {"at": (at, "m")}, _Coordinates())
+        return self._joint("weld", name, first, second, {}, {"at": at})
 
-    def distance(
-        self, name: str, first: End, second: End, *, start: Starts = None, limits: ByCoordinate = None
-    ) -> Part:  # fmt: skip
+    def distance(self, name: str, first: End, second: End, *, start: Starts = None, limits: ByCoordinate = None) -> Part:  # fmt: skip
         """Add a measured distance between two points of bodies: it is no constraint, springs can be attached to it."""
-        return self._joint("distance", name, first, second, {}, _Coordinates(start, limits))
+        return self._joint("distance", name, first, second, {}, {"start": start, "limits": limits})
 
     def rod(self, name: str, first: End, second: End) -> Part:
         """Add a rod without mass between two points: their distance stays as drawn."""
-        return self._joint("rod", name, first, second, {}, _Coordinates())
+        return self._joint("rod", name, first, second, {}, {})
 
     def gear(self, name: str, first: End, second: End, *, ratio: Value) -> Part:
         """Couple two hinges: the second rotates by `ratio` times the first."""
-        return self._joint("gear", name, first, second, {"ratio": (ratio, "")}, _Coordinates())
+        return self._joint("gear", name, first, second, {"ratio": (ratio, "")}, {})
 
     def rack(self, name: str, first: End, second: End, *, radius: Value) -> Part:
         """Couple a hinge and a slide, which moves by `radius` (m) per radian."""
-        return self._joint("rack", name, first, second, {"radius": (radius, "m")}, _Coordinates())
+        return self._joint("rack", name, first, second, {"radius": (radius, "m")}, {})
 
     # ------------------------------------------------------------ writing
     def _joint(
-        self, kind: str, name: str, first: End, second: End, given: ElementOptions, told: _Coordinates, more: list[str] | None = None
+        self, kind: str, name: str, first: End, second: End, given: ElementOptions, options: JointOptions, more: list[str] | None = None
     ) -> Part:  # fmt: skip
+        check_keywords(getattr(self, kind), options, JointOptions.__optional_keys__)
+        given = {**given, "at": (options.get("at"), "m")}
         link = f" : {self._local(first)} to {self._local(second)}"
-        return self._part(kind, name, link, given, told, more)
+        return self._part(kind, name, link, given, options, more)
 
     def _part(
-        self, kind: str, name: str, definition: str, given: ElementOptions, told: _Coordinates, more: list[str] | None = None
+        self, kind: str, name: str, definition: str, given: ElementOptions, options: JointOptions, more: list[str] | None = None
     ) -> Part:  # fmt: skip
         own = name_of(name)
         if own in self._taken:
@@ -181,7 +157,7 @@ class Multibody:
             if value is not None
         ]
         ports = freedoms_of(kind, not self.spatial)
-        inner += [*(more or ()), *_coordinates(own, ports, told)]
+        inner += [*(more or ()), *_coordinates(own, ports, options)]
         self._taken.add(own)
         self.lines.append(f"{kind} {own}{definition}{braces(inner)}")
         return Part(self.graph, f"{self.path}.{own}", ports)
@@ -207,19 +183,19 @@ def _axes(axes: str, allowed: tuple[str, ...]) -> list[str]:
     return [] if axes == allowed[0] else [f"axes = {axes}"]
 
 
-def _coordinates(owner: str, ports: tuple[str, ...], told: _Coordinates) -> Iterator[str]:
+def _coordinates(owner: str, ports: tuple[str, ...], options: JointOptions) -> Iterator[str]:
     """Yield the attributes of a joint's coordinates."""
-    for word, given in (("limits", told.limits), ("rest", told.rest)):
+    for word, given in (("limits", options.get("limits")), ("rest", options.get("rest"))):
         if given is not None:
             by_name = given if isinstance(given, Mapping) else dict.fromkeys(ports[:1], given)
             if by_name is not given and len(ports) != 1:
                 raise UsageError("BR533", f"`{owner}` has several coordinates: {word}={{{ports[0]!r}: …}}")
             for key, value in by_name.items():
                 yield _assigned(owner, word, key, value)
-    if told.locked:
-        what = f"`locked` of `{owner}`"
-        yield f"locked = {'true' if told.locked is True else expression_of(told.locked, what)}"
-    for key, value in mapping_of(told.start or {}, f"the start of `{owner}`").items():
+    locked = options.get("locked", False)
+    if locked:
+        yield f"locked = {'true' if locked is True else expression_of(locked, f'`locked` of `{owner}`')}"
+    for key, value in mapping_of(options.get("start") or {}, f"the start of `{owner}`").items():
         yield _assigned(owner, "start", key, value)
 
 

@@ -11,8 +11,9 @@ import click
 
 from .error_reporting import problems_told
 from .options import (
+    Command,
+    OutputFiles,
     analysed_option,
-    check_target,
     echo,
     file_argument,
     json_option,
@@ -22,15 +23,12 @@ from .options import (
     outputs_option,
     settings_by_name,
     settings_option,
+    taken,
 )
 
 if TYPE_CHECKING:
     from .. import Model
-
-PICTURES = (".png", ".svg", ".pdf")
-
-Command = Callable[..., None]
-Write = Callable[[str], Any]
+    from ..keywords import ExperimentKeywords
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,32 +40,48 @@ class AnalysisCall:
     experiment: str | None
     settings: Mapping[str, str]
     outputs: tuple[str, ...] | None  # None: all
-    as_json: bool
+    files: OutputFiles
 
     @property
     def model(self) -> Model:
         """Read the model again and return it."""
         return load(self.file, self.name)
 
+    @property
+    def keywords(self) -> ExperimentKeywords:
+        """Experiment and settings as keywords of an analysis."""
+        return {"experiment": self.experiment, "settings": self.settings}
+
     def answer(self, found: Any) -> None:
+        """Write the files of a result, and print it."""
+        for path, write in ((self.files.out, "write"), (self.files.plot, "plot"), (self.files.tornado, "plot_tornado")):
+            if path is not None:
+                getattr(found, write)(path)
+        self.print(found)
+
+    def print(self, found: Any) -> None:
         """Print a result."""
-        echo(found, self.as_json)
+        echo(found, self.files.as_json)
 
 
-def analysis(name: str, of_outputs: bool = True) -> Callable[[Command], click.Command]:
+def analysis(name: str, of_outputs: bool = True, checked: bool = True) -> Callable[[Command], click.Command]:
     """Return a command with a file, `-e`, `--set`, `--output` (if `of_outputs`), `--json`, `--model`, and its own options, which come first in its help.
 
-    It is called with `Asked` and its own options; its errors are reported.
+    It is called with an `AnalysisCall`, whose files can be written (if `checked`), and its own options; its errors are reported.
     """
 
     def decorate(function: Command) -> click.Command:
         @wraps(function)
         def command(
-            file: str, experiment: str, settings: Sequence[str], as_json: bool, model: str | None, outputs: Sequence[str] = (), **own: Any
+            file: str, experiment: str, settings: Sequence[str], model: str | None, outputs: Sequence[str] = (), **own: Any
         ) -> None:  # fmt: skip
             with problems_told():
-                given = settings_by_name(settings)
-                function(AnalysisCall(file, model, named(experiment), given, tuple(outputs) or None, as_json), **own)
+                assignments, files = settings_by_name(settings), taken(OutputFiles, own)
+                if checked:
+                    files.check()
+                function(
+                    AnalysisCall(file, model, named(experiment), assignments, tuple(outputs) or None, files), **own
+                )
 
         own = vars(command).pop("__click_params__", [])
         shared = [analysed_option, settings_option, json_option, model_option]
@@ -82,20 +96,6 @@ def analysis(name: str, of_outputs: bool = True) -> Callable[[Command], click.Co
 def picture_option(metavar: str, words: str) -> Callable[[Command], Command]:
     """Return the option `--plot`, which draws the result."""
     return click.option("--plot", metavar=metavar, help=f"{words} (.png, .svg or .pdf).")
-
-
-def check_targets(*targets: tuple[str | None, tuple[str, ...], str]) -> None:
-    """Check before any computation that files can be written: paths, their endings, the options that name them."""
-    for path, endings, option in targets:
-        if path is not None:
-            check_target(path, endings, option)
-
-
-def write_all(*targets: tuple[str | None, Write]) -> None:
-    """Write the requested files."""
-    for path, write in targets:
-        if path is not None:
-            write(path)
 
 
 def bounds(text: str, option: str, example: str) -> tuple[str, str]:

@@ -6,16 +6,7 @@ from collections.abc import Sequence
 
 import click
 
-from .analysis import (
-    PICTURES,
-    AnalysisCall,
-    analysis,
-    check_targets,
-    frequencies_of,
-    over_option,
-    picture_option,
-    write_all,
-)  # fmt: skip
+from .analysis import AnalysisCall, analysis, frequencies_of, over_option, picture_option
 from .options import inputs_option, seconds_of, state_option, time_option
 
 
@@ -27,19 +18,11 @@ from .options import inputs_option, seconds_of, state_option, time_option
 @time_option
 @picture_option("B.png", "Draw magnitude and phase")
 def command(
-    asked: AnalysisCall,
-    inputs: Sequence[str],
-    over: str | None,
-    points: int,
-    state: str,
-    time: str | None,
-    plot: str | None,
+    asked: AnalysisCall, inputs: Sequence[str], over: str | None, points: int, state: str, time: str | None
 ) -> None:
     """Print the frequency response of the linear model at rest or at the start."""
-    check_targets((plot, PICTURES, "--plot"))
     low, high = frequencies_of(over)
     found = asked.model.response(
-        tuple(inputs) or None, asked.outputs, low, high, points, asked.experiment, asked.settings, state, seconds_of(time)
+        tuple(inputs) or None, asked.outputs, low, high, points, state=state, time=seconds_of(time), **asked.keywords
     )  # fmt: skip
-    write_all((plot, found.plot))
     asked.answer(found)

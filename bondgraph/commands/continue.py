@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from .analysis import PICTURES, AnalysisCall, analysis, bounds, check_targets, picture_option, write_all
+from .analysis import AnalysisCall, analysis, bounds, picture_option
 from .options import setting
 
 
@@ -16,13 +16,9 @@ from .options import setting
 @click.option("--most", type=click.IntRange(2), default=2000, metavar="N", help="Points after which it ends (2000).")
 @click.option("--branch", "branches", is_flag=True, help="Follow the branches that cross it, too.")
 @picture_option("B.png", "Draw the branch over the parameter")
-def command(asked: AnalysisCall, along: str, points: int, most: int, branches: bool, plot: str | None) -> None:
+def command(asked: AnalysisCall, along: str, points: int, most: int, branches: bool) -> None:
     """Follow a branch of states of rest against a parameter, round its folds: pull-in, snap-through, buckling."""
-    check_targets((plot, PICTURES, "--plot"))
     name, value = setting(along, "--along", "k=1 N/m .. 2 N/m")
     low, high = bounds(value, "--along", "`NAME = A .. B`")
-    found = asked.model.continuation(
-        name, low, high, points, most, asked.experiment, asked.settings, asked.outputs, branches
-    )
-    write_all((plot, found.plot))
+    found = asked.model.continuation(name, low, high, points, most, asked.outputs, branches, **asked.keywords)
     asked.answer(found)

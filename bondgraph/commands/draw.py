@@ -22,8 +22,8 @@ WIDE = 5000  # px: what no screen and no paper shows
 @click.option("--at", metavar="TIME", help="The mechanism at this time of a run; else as it is described.")
 @model_option
 def command(
-    file: str, out: str, experiment: str | None, closed: bool, numbers: bool, mechanism: str | None, at: str | None, model: str | None
-) -> None:  # fmt: skip
+    file: str, out: str, experiment: str | None, mechanism: str | None, at: str | None, model: str | None, **shown: bool
+) -> None:
     """Draw the bond graph (half arrows, causal strokes, signals), or a mechanism in a pose."""
     with problems_told():
         from ..presentation.diagram.picture import ENDINGS
@@ -34,7 +34,7 @@ def command(
         if mechanism is not None:
             load(file, model).draw_mechanism(out, mechanism, None if experiment == "none" else experiment or "", at)
         else:
-            figure = load(file, model).draw(out, experiment, closed, numbers)
+            figure = load(file, model).draw(out, experiment, **shown)
             if max(figure.width, figure.height) > WIDE:
-                told = "" if closed else "; with --closed instances are boxes"
+                told = "" if shown["closed"] else "; with --closed instances are boxes"
                 click.echo(f"note: the picture has {figure.width:g} x {figure.height:g} px{told}", err=True)

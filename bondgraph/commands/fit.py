@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import click
 
-from .analysis import PICTURES, AnalysisCall, analysis, check_targets, picture_option, write_all
-from .options import TABLES, setting
+from .analysis import AnalysisCall, analysis, picture_option
+from .options import setting
 
 
 @analysis("fit", of_outputs=False)
@@ -22,16 +22,11 @@ from .options import TABLES, setting
 @click.option("--explain/--no-explain", default=None, help="Tell which few parameters would explain the data alone.")
 @click.option("--out", metavar="F.csv|.npz|.nc|.mat", help="Write measured and computed.")
 @picture_option("F.png", "Draw measured and computed")
-def command(
-    asked: AnalysisCall, data: Sequence[str], parameters: Sequence[str], explain: bool | None, out: str | None, plot: str | None
-) -> None:  # fmt: skip
+def command(asked: AnalysisCall, data: Sequence[str], parameters: Sequence[str], explain: bool | None) -> None:
     """Find the parameters that explain measured data, and how sure they are."""
-    check_targets((out, TABLES, "--out"), (plot, PICTURES, "--plot"))
     names = [p.partition("=")[0].strip() for p in parameters]
     for name in names:
         if names.count(name) > 1:
             raise click.UsageError(f"--parameter has `{name}` twice: leave one out")
     sought = dict(setting(p, "--parameter", "k=1 N/m .. 2 N/m") if "=" in p else (p.strip(), "") for p in parameters)
-    found = asked.model.fit(list(data), sought, asked.experiment, asked.settings, explain)
-    write_all((out, found.write), (plot, found.plot))
-    asked.answer(found)
+    asked.answer(asked.model.fit(list(data), sought, asked.experiment, asked.settings, explain))

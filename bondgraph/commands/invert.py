@@ -7,11 +7,11 @@ from typing import Any
 
 import click
 
-from .analysis import PICTURES, AnalysisCall, analysis, check_targets, picture_option
-from .options import TABLES, settings_by_name
+from .analysis import AnalysisCall, analysis, picture_option
+from .options import PICTURES, TABLES, check_targets, settings_by_name
 
 
-@analysis("invert", of_outputs=False)
+@analysis("invert", of_outputs=False, checked=False)
 @click.option(
     "--want", "targets", multiple=True, metavar="OUTPUT=VALUE",
     help="An output at rest, `x=8 um`; with --to along a path, `x=8 um*smoothstep9(time, 0 s, 5 ms)`.",
@@ -38,37 +38,31 @@ from .options import TABLES, settings_by_name
 )
 @picture_option("F.png", "Draw inputs and outputs along the path")
 def command(
-    asked: AnalysisCall, targets: Sequence[str], setpoints: str | None, inputs: Sequence[str], to: str | None, start: str | None, points: int,
-    moving: bool, limits: Sequence[str], out: str | None, controller: str | None, plot: str | None,
+    asked: AnalysisCall, targets: Sequence[str], setpoints: str | None, inputs: Sequence[str], limits: Sequence[str], controller: str | None, **path: Any
 ) -> None:  # fmt: skip
     """Find inputs that give outputs: held at rest, or along a path in time."""
     if bool(targets) == (setpoints is not None):
         raise click.UsageError("say what is wanted by --want, or by --setpoints")
     written = (
-        (out, (".csv",) if setpoints is None else TABLES, "--out"),
+        (asked.files.out, (".csv",) if setpoints is None else TABLES, "--out"),
         (controller, (".bg",), "--controller"),
-        (plot, PICTURES, "--plot"),
+        (asked.files.plot, PICTURES, "--plot"),
     )
     check_targets(*written)
-    if to is None and setpoints is None:
-        for path, _, option in written:
-            if path is not None:
+    if path["to"] is None and setpoints is None:
+        for file, _, option in written:
+            if file is not None:
                 raise click.UsageError(f"{option} is for inputs along a path: say with --to until when")
     wanted = settings_by_name(targets, "--want", "x=1 um")
-    model, most = asked.model, settings_by_name(limits, "--limit", "volt=10 V")
+    model, path["limits"] = asked.model, settings_by_name(limits, "--limit", "volt=10 V")
     if setpoints is not None:
-        found: Any = model.invert_file(
-            setpoints, inputs, asked.experiment, asked.settings, to=to, start=start, points=points, moving=moving, limits=most
-        )  # fmt: skip
-    elif to is not None:
-        found = model.invert(
-            wanted, inputs, asked.experiment, asked.settings, to=to, start=start or "0 s", points=points,
-            moving=moving, limits=most,
-        )  # fmt: skip
+        found: Any = model.invert_file(setpoints, inputs, **asked.keywords, **path)
+    elif path["to"] is not None:
+        found = model.invert(wanted, inputs, **asked.keywords, **path)
     else:
-        found = model.invert(wanted, inputs, asked.experiment, asked.settings)
+        found = model.invert(wanted, inputs, **asked.keywords)
     _write(found, written)
-    asked.answer(found)
+    asked.print(found)
 
 
 def _write(found: Any, written: Sequence[tuple[str | None, tuple[str, ...], str]]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..keywords import PointKeywords
 from .analysis import AnalysisCall, analysis
 from .options import inputs_option, seconds_of, state_option, time_option
 
@@ -14,8 +15,5 @@ from .options import inputs_option, seconds_of, state_option, time_option
 @time_option
 def command(asked: AnalysisCall, inputs: Sequence[str], state: str, time: str | None) -> None:
     """Print A, B, C, D of the linear model at rest or at the start."""
-    asked.answer(
-        asked.model.linearize(
-            tuple(inputs) or None, asked.outputs, asked.experiment, asked.settings, state, seconds_of(time)
-        )
-    )
+    options: PointKeywords = {"state": state, "time": seconds_of(time), **asked.keywords}
+    asked.answer(asked.model.linearize(tuple(inputs) or None, asked.outputs, **options))

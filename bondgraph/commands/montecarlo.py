@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import click
 
-from .analysis import PICTURES, AnalysisCall, analysis, check_targets, picture_option, write_all
-from .options import TABLES, jobs_option, journal_option, settings_by_name, shared_out
+from .analysis import AnalysisCall, analysis, picture_option
+from .options import jobs_option, journal_option, settings_by_name, shared_out
 
 
 @analysis("montecarlo")
@@ -33,17 +34,14 @@ from .options import TABLES, jobs_option, journal_option, settings_by_name, shar
 @picture_option("H.png", "Draw histograms")
 @click.option("--tornado", metavar="T.png", help="Draw what moves each quantity, and how far.")
 def command(
-    asked: AnalysisCall, vary: Sequence[str], correlations: Sequence[str], of: Sequence[str], samples: int, seed: int, indices: int | None,
-    to: str | None, jobs: int | None, journal: str | None, out: str | None, plot: str | None, tornado: str | None,
+    asked: AnalysisCall, vary: Sequence[str], correlations: Sequence[str], of: Sequence[str], jobs: int | None, journal: str | None, **options: Any
 ) -> None:  # fmt: skip
     """Tell what tolerances of parameters do to rest, frequencies or runs: statistics, Sobol indices, swings."""
-    check_targets((out, TABLES, "--out"), (plot, PICTURES, "--plot"), (tornado, PICTURES, "--tornado"))
-    with shared_out(jobs, journal, "points") as workers:
+    with shared_out(jobs, journal) as workers:
         found = asked.model.montecarlo(
-            settings_by_name(vary, "--vary", "d=normal(2 um, 50 nm)"), tuple(of) or "modes", samples, asked.experiment, asked.settings, workers,
-            correlations=dict(map(_correlation, correlations)), seed=seed, indices=indices, outputs=asked.outputs, to=to,
+            settings_by_name(vary, "--vary", "d=normal(2 um, 50 nm)"), tuple(of) or "modes", workers=workers,
+            correlations=dict(map(_correlation, correlations)), outputs=asked.outputs, **asked.keywords, **options,
         )  # fmt: skip
-    write_all((out, found.write), (plot, found.plot), (tornado, found.plot_tornado))
     asked.answer(found)
 
 

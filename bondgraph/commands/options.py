@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.core import ParameterSource
@@ -17,16 +18,16 @@ if TYPE_CHECKING:
     from ..studies.workers import Workers
 
 TABLES = (".csv", ".npz", ".nc", ".mat")  # endings of files for tables
+PICTURES = (".png", ".svg", ".pdf")
+
+Command = Callable[..., None]
+Noun = TypeVar("Noun")
 
 model_option = click.option("--model", metavar="NAME", help="The model to use, if the file has several.")
 file_argument = click.argument("file", metavar="FILE")
 outputs_option = click.option(
-    "--output",
-    "outputs",
-    multiple=True,
-    metavar="NAME",
-    help="Only this output (several times: these); what they do not need is left out.",
-)
+    "--output", "outputs", multiple=True, metavar="NAME", help="Only this output (several times: these); what they do not need is left out."
+)  # fmt: skip
 
 
 def _a_name(context: click.Context, parameter: click.Parameter, value: str) -> str:
@@ -37,13 +38,8 @@ def _a_name(context: click.Context, parameter: click.Parameter, value: str) -> s
 
 
 experiment_option = click.option(
-    "-e",
-    "--experiment",
-    default="",
-    callback=_a_name,
-    metavar="NAME",
-    help="Which experiment (`none` for none); the first if left out.",
-)
+    "-e", "--experiment", default="", callback=_a_name, metavar="NAME", help="Which experiment (`none` for none); the first if left out."
+)  # fmt: skip
 analysed_option = click.option(
     "-e", "--experiment", default="none", callback=_a_name, metavar="NAME", help="With what this experiment sets and starts; none if left out."
 )  # fmt: skip
@@ -67,6 +63,28 @@ journal_option = click.option(
 jobs_option = click.option(
     "--jobs", type=click.IntRange(1, 1024), metavar="N", help="How many processes make the points (as many as cores)."
 )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class OutputFiles:
+    """Files that a command writes, and the form of what it prints."""
+
+    out: str | None = None
+    plot: str | None = None
+    plot_energy: str | None = None
+    tornado: str | None = None
+    as_json: bool = False
+
+    def check(self) -> None:
+        """Check before any computation that they can be written."""
+        pictures = (self.plot, "--plot"), (self.plot_energy, "--plot-energy"), (self.tornado, "--tornado")
+        check_targets((self.out, TABLES, "--out"), *((path, PICTURES, option) for path, option in pictures))
+
+
+def taken(kind: type[Noun], options: dict[str, Any]) -> Noun:
+    """Return a record of those of the options that are its fields, and remove them."""
+    names = [f.name for f in fields(kind) if f.name in options]  # type: ignore[arg-type]
+    return kind(**{n: options.pop(n) for n in names})
 
 
 def load(file: str, model: str | None) -> Model:
@@ -102,8 +120,15 @@ def check_target(path: str, endings: tuple[str, ...], option: str) -> None:
     check_writable(path)
 
 
+def check_targets(*targets: tuple[str | None, tuple[str, ...], str]) -> None:
+    """Check before any computation that files can be written: paths, their endings, the options that name them."""
+    for path, endings, option in targets:
+        if path is not None:
+            check_target(path, endings, option)
+
+
 @contextmanager
-def shared_out(jobs: int | None, journal: str | None, words: str) -> Iterator[Workers]:
+def shared_out(jobs: int | None, journal: str | None) -> Iterator[Workers]:
     """Provide processes for many points (None: one for each core), with a progress bar on the terminal, and a journal to go on from."""
     from ..studies.journal import Journal
     from ..studies.progress import bar
@@ -112,7 +137,7 @@ def shared_out(jobs: int | None, journal: str | None, words: str) -> Iterator[Wo
     count = cores() if jobs is None else jobs
     book = None if journal is None else Journal(journal)
     try:
-        with bar(words) as progress:
+        with bar("points") as progress:
             if count == 1 or sys.platform == "linux":
                 yield Workers(count, None, progress, book)
                 return

@@ -16,6 +16,7 @@ from compiler.api import SOLVERS
 from .error_reporting import FAILED, harmless, problems_told
 from .options import (
     TABLES,
+    OutputFiles,
     check_target,
     experiment_option,
     file_argument,
@@ -23,9 +24,11 @@ from .options import (
     journal_option,
     load,
     model_option,
+    named,
     outputs_option,
     settings_by_name,
     shared_out,
+    taken,
 )
 
 if TYPE_CHECKING:
@@ -39,35 +42,22 @@ if TYPE_CHECKING:
 @outputs_option
 @model_option
 @click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Set a parameter (`a=171 um`) or an input (any expression of time).",
-)
+    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Set a parameter (`a=171 um`) or an input (any expression of time)."
+)  # fmt: skip
 @click.option("--to", metavar="TIME", help="Where the run ends: `20 ms`, or a number of seconds.")
-@click.option(
-    "--points", type=int, metavar="N", help="How many equally spaced instants to report, both ends included (501)."
-)
+@click.option("--points", type=int, metavar="N", help="How many equally spaced instants to report, both ends included (501).")  # fmt: skip
 @click.option("--rtol", type=float, metavar="X", help="Relative tolerance (1e-6).")
+@click.option("--atol", type=float, metavar="X", help="Absolute tolerance of every state in SI; from magnitudes if left out.")  # fmt: skip
 @click.option(
-    "--atol", type=float, metavar="X", help="Absolute tolerance of every state in SI; from magnitudes if left out."
-)
-@click.option(
-    "--solver",
-    metavar="SOLVER",
-    help=", ".join(s.word + f" ({s.purpose})" * bool(s.purpose) for s in SOLVERS.values()) + ".",
-)
-@click.option(
-    "--bandwidth", metavar="FREQUENCY", help="What is faster need not be followed: `50 kHz`, or a number of Hz."
-)
+    "--solver", metavar="SOLVER", help=", ".join(s.word + f" ({s.purpose})" * bool(s.purpose) for s in SOLVERS.values()) + "."
+)  # fmt: skip
+@click.option("--bandwidth", metavar="FREQUENCY", help="What is faster need not be followed: `50 kHz`, or a number of Hz.")  # fmt: skip
 @click.option("--target", metavar="TARGET", help="native (machine code) or numpy; the first that this machine has.")
 @click.option("--energy", is_flag=True, help="Add the energy balance; then all states are computed.")
 @click.option(
-    "--check",
-    is_flag=True,
+    "--check", is_flag=True,
     help="Repeat the run by another method, more tightly, and tell what differs; exit code 3 if the tolerance does not cover it.",
-)
+)  # fmt: skip
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
 @click.option("--out", metavar="R.csv|.npz|.nc|.mat", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
@@ -77,67 +67,57 @@ if TYPE_CHECKING:
 @journal_option
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def command(
-    file: str, experiment: str, outputs: Sequence[str], model: str | None, settings: Sequence[str], to: str | None, points: int | None, rtol: float | None,
-    atol: float | None, solver: str | None, bandwidth: str | None, target: str | None, energy: bool, check: bool, start: str | None, out: str | None,
-    plot: str | None, over: str | None, plot_energy: str | None, jobs: int | None, journal: str | None, as_json: bool,
+    file: str, experiment: str, model: str | None, settings: Sequence[str], over: str | None, jobs: int | None, journal: str | None, **options: Any
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
     from ..errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
 
+    files = taken(OutputFiles, options)
     with problems_told():
-        if out is not None:
-            check_target(out, TABLES, "--out")
-        if plot is not None:
-            check_target(plot, (".png", ".svg", ".pdf"), "--plot")
-        if over is not None and plot is None:
+        files.check()
+        if over is not None and files.plot is None:
             raise click.UsageError("--over says over which output --plot draws: name a file with --plot")
-        if plot_energy is not None:
-            check_target(plot_energy, (".png", ".svg", ".pdf"), "--plot-energy")
         from .. import native
 
         native.announce = lambda text: click.echo(f"note: {text}", err=True)
-        chosen, asked = load(file, model), None if experiment == "none" else experiment
-        given = settings_by_name(settings)
-        analyses = _make_ready(chosen, asked, given, tuple(outputs) or None, energy, target, journal)
-        arguments: dict[str, Any] = {
-            "settings": given, "to": to, "points": points, "rtol": rtol, "atol": atol,
-            "energy": energy, "outputs": tuple(outputs) or None, "target": target, "solver": solver, "bandwidth": bandwidth,
-        }  # fmt: skip
+        chosen, experiment_name, assignments = load(file, model), named(experiment), settings_by_name(settings)
+        options["outputs"] = tuple(options["outputs"]) or None
+        analyses = _make_ready(chosen, experiment_name, assignments, journal, options)
+        many = options["start"] is None and over is None and files.plot_energy is None
         try:
-            if analyses and start is None and over is None and plot_energy is None:
+            if analyses and many:
                 raise ManyRuns("BR610", "the experiment has analyses besides its simulation")
-            result = chosen.simulate(asked, start=start, check=check, **arguments)
+            result = chosen.simulate(experiment_name, assignments, **options)
         except ManyRuns:
-            if start is not None:
+            if options.pop("check") or not many:
                 raise
-            if over is not None or plot_energy is not None or check:
-                raise
-            _run_all(chosen, experiment, arguments, (jobs, journal), (out, plot, as_json))
+            del options["start"]
+            _run_all(chosen, experiment, {"settings": assignments, **options}, (jobs, journal), files)
             return
         except (RunFailed, RunInterrupted, RunBroken) as stopped:
             if stopped.result is not None:
-                _show(stopped.result, out, plot, over, as_json, isinstance(stopped, RunInterrupted))
-                click.echo(harmless(_how_to_go_on(stopped.result, file, out)), err=True)
+                _show(stopped.result, files, over, isinstance(stopped, RunInterrupted))
+                click.echo(harmless(_how_to_go_on(stopped.result, file, files.out)), err=True)
             raise
-        _show(result, out, plot, over, as_json, True)
-        if plot_energy is not None:
+        _show(result, files, over, True)
+        if files.plot_energy is not None:
             from ..analysis.energies import energies
 
-            energies(chosen, asked, given, to, points, rtol).plot(plot_energy)
+            run = options["to"], options["points"], options["rtol"]
+            energies(chosen, experiment_name, assignments, *run).plot(files.plot_energy)
         if result.check is not None and not result.check.holds:
             raise click.exceptions.Exit(FAILED)
 
 
 def _make_ready(
-    model: Model, experiment: str | None, given: dict[str, str], outputs: tuple[str, ...] | None, energy: bool, target: str | None,
-    journal: str | None,
-) -> bool:  # fmt: skip
+    model: Model, experiment: str | None, settings: dict[str, str], journal: str | None, options: dict[str, Any]
+) -> bool:
     """Compile before the run, and turn on garbage collection for later objects; return True if the experiment also has analyses."""
     from ..prepared import chosen_target, many_runs
     from ..simulation.settings import settle
 
-    chosen = chosen_target(target)
-    scene = settle(model, experiment, given, outputs, energy, chosen).scene
+    chosen, energy = chosen_target(options["target"]), options["energy"]
+    scene = settle(model, experiment, settings, options["outputs"], energy, chosen).scene
     plan = model.prepared(scene, energy, chosen).plan
     if journal is not None and not plan.studies and many_runs(plan, scene) is None:
         raise click.UsageError(
@@ -149,17 +129,17 @@ def _make_ready(
     return bool(plan.studies)
 
 
-def _show(result: Result, out: str | None, plot: str | None, over: str | None, as_json: bool, summary: bool) -> None:
+def _show(result: Result, files: OutputFiles, over: str | None, summary: bool) -> None:
     """Write and print the result of a run."""
     for left in result.warnings:
         click.echo(f"warning: {left}", err=True)
     for note in result.notes:
         click.echo(f"note: {note}", err=True)
-    if out is not None:
-        result.write(out)
-    if plot is not None and len(result.time) > 1:
-        result.plot(plot, over)
-    if as_json:
+    if files.out is not None:
+        result.write(files.out)
+    if files.plot is not None and len(result.time) > 1:
+        result.plot(files.plot, over)
+    if files.as_json:
         click.echo(json.dumps(result.to_json(), indent=2))
     elif summary and len(result.time):
         click.echo(result.summary(_has_bars()))
@@ -188,20 +168,15 @@ def _has_bars() -> bool:
 
 
 def _run_all(
-    model: Model,
-    experiment: str,
-    arguments: dict[str, Any],
-    by: tuple[int | None, str | None],
-    shown: tuple[Any, Any, bool],
+    model: Model, experiment: str, options: dict[str, Any], by: tuple[int | None, str | None], files: OutputFiles
 ) -> None:
     """Execute an experiment with sweeps, or with analyses instead of a simulation."""
-    out, plot, as_json = shown
-    if out is not None:
-        check_target(out, TABLES, "--out (of an experiment with a sweep or an analysis)")
-    with shared_out(*by, "points") as workers:
-        found = model.run(experiment, workers=workers, **arguments)
-    if out is not None:
-        found.write(out)
-    if plot is not None:
-        found.plot(plot)
-    click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
+    if files.out is not None:
+        check_target(files.out, TABLES, "--out (of an experiment with a sweep or an analysis)")
+    with shared_out(*by) as workers:
+        found = model.run(experiment, workers=workers, **options)
+    if files.out is not None:
+        found.write(files.out)
+    if files.plot is not None:
+        found.plot(files.plot)
+    click.echo(json.dumps(found.to_json(), indent=2) if files.as_json else found.summary())

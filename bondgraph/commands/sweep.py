@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import click
 
-from .analysis import PICTURES, AnalysisCall, analysis, check_targets, picture_option, write_all
-from .options import TABLES, jobs_option, journal_option, settings_by_name, shared_out
+from .analysis import AnalysisCall, analysis, picture_option
+from .options import jobs_option, journal_option, settings_by_name, shared_out
 
 
 @analysis("sweep")
@@ -25,15 +25,12 @@ from .options import TABLES, jobs_option, journal_option, settings_by_name, shar
 @click.option("--out", metavar="S.csv|.npz|.nc|.mat", help="Write the table.")
 @picture_option("S.png", "Draw what was found over what was swept last")
 def command(
-    asked: AnalysisCall, over: Sequence[str], of: Sequence[str], together: bool, to: str | None, jobs: int | None, journal: str | None,
-    out: str | None, plot: str | None,
+    asked: AnalysisCall, over: Sequence[str], of: Sequence[str], together: bool, to: str | None, jobs: int | None, journal: str | None
 ) -> None:  # fmt: skip
     """Make equilibria, modes or runs at many values of parameters and inputs."""
-    check_targets((out, TABLES, "--out"), (plot, PICTURES, "--plot"))
     values = settings_by_name(over, "--over", "k=1 N/m, 2 N/m")
-    with shared_out(jobs, journal, "points") as workers:
+    with shared_out(jobs, journal) as workers:
         found = asked.model.sweep(
-            values, tuple(of) or "simulate", together, asked.experiment, asked.settings, workers, to=to, outputs=asked.outputs
+            values, tuple(of) or "simulate", together, workers=workers, to=to, outputs=asked.outputs, **asked.keywords
         )  # fmt: skip
-    write_all((out, found.write), (plot, found.plot))
     asked.answer(found)

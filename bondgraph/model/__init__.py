@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 from ..analysed_model import AnalysedModel
-from ..compiled_model import RunKeywords, names_of, source_of
+from ..compiled_model import names_of, source_of
+from ..keywords import MonteCarloKeywords, PathKeywords, RunKeywords, SweepKeywords, check_keywords
 from .shown import STAGES, Shown
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from ..studies.fitted import Fit
     from ..studies.measured import Measurements
     from ..studies.options import Options
+    from ..studies.scalar_study import ScalarStudy
     from ..studies.tolerances import MonteCarlo
     from ..studies.workers import Submitting, Workers
 
@@ -33,24 +35,6 @@ def load(path_or_text: str | Path, model: str | None = None) -> Model:
     cannot be read, `CompilationFailed` if it is not UTF-8.
     """
     return Model(source_of(path_or_text), model)
-
-
-class SweepKeywords(RunKeywords, total=False):
-    """Options of a sweep: those of its runs."""
-
-    to: str | float | None
-    points: int | None
-
-
-class MonteCarloKeywords(TypedDict, total=False):
-    """Options of a Monte Carlo study."""
-
-    correlations: Mapping[tuple[str, str], float] | None
-    seed: int
-    indices: int | None
-    outputs: Sequence[str] | None
-    to: str | float | None
-    rtol: float | None
 
 
 class Model(Shown, AnalysedModel):
@@ -68,7 +52,8 @@ class Model(Shown, AnalysedModel):
         from ..studies.experiment import run
         from ..studies.workers import ALONE, workers_of
 
-        return run(self, experiment, settings or {}, _options(to, points, options), workers_of(workers, ALONE))
+        wanted = _options(self.run, {**options, "to": to, "points": points})
+        return run(self, experiment, settings or {}, wanted, workers_of(workers, ALONE))
 
     def sweep(
         self, values: Mapping[str, str | Sequence[str | float]], of: str | tuple[str, ...] = "simulate", together: bool = False,
@@ -84,9 +69,8 @@ class Model(Shown, AnalysedModel):
         from ..studies.sweep import sweep
         from ..studies.workers import ALONE, workers_of
 
-        steps = (of,) if isinstance(of, str) else tuple(of)
-        wanted = _options(options.pop("to", None), options.pop("points", None), options)
-        return sweep(self, values, steps, together, experiment, settings or {}, wanted, workers_of(workers, ALONE))
+        study = _study(of, experiment, settings, _options(self.sweep, options))
+        return sweep(self, values, study, together, workers_of(workers, ALONE))
 
     def montecarlo(
         self, vary: Mapping[str, str | Distribution], of: str | tuple[str, ...] = "modes", samples: int = 1000,
@@ -99,24 +83,20 @@ class Model(Shown, AnalysedModel):
         `normal(1.95 um, 50 nm)`, `lognormal(mean, standard deviation)`, `uniform(low, high)`, `triangular(low, most likely, high)`,
         `truncated(one of these, low, high)`. `correlations`: by pairs of names, of a Gaussian copula. `seed` of the sample. `indices`: number of rows for
         Sobol indices, a power of two (None: up to 1024; 0: none). `workers` as in `run` (None: all cores).
+        `outputs`: only these; `to`: where runs end; `rtol`: their tolerance.
         Failed points are reported and not in the statistics. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if all fail.
         """
-        from ..simulation.run import RunOptions
         from ..studies.montecarlo import Chance, montecarlo
+        from ..studies.options import Options
         from ..studies.workers import Workers, workers_of
 
-        unknown = sorted(options.keys() - MonteCarloKeywords.__annotations__.keys())
-        if unknown:
-            raise TypeError(f"montecarlo() got an unexpected keyword argument {unknown[0]!r}")
+        check_keywords(self.montecarlo, options, MonteCarloKeywords.__optional_keys__)
         chance = Chance(
             vary, options.get("correlations") or {}, samples, options.get("seed", 0), options.get("indices")
         )
-        steps = (of,) if isinstance(of, str) else tuple(of)
-        wanted = RunOptions(options.get("to"), 2 if "simulate" in steps else None, options.get("rtol"))
-        outputs = names_of(options.get("outputs"))
-        return montecarlo(
-            self, chance, steps, experiment, settings or {}, outputs, wanted, workers_of(workers, Workers())
-        )
+        points, outputs = 2 if "simulate" in of else None, names_of(options.get("outputs"))
+        wanted = Options(options.get("to"), points, options.get("rtol"), outputs=outputs)
+        return montecarlo(self, chance, _study(of, experiment, settings, wanted), workers_of(workers, Workers()))
 
     def fit(
         self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | BoundedParameter],
@@ -140,19 +120,19 @@ class Model(Shown, AnalysedModel):
 
     def invert_file(
         self, file: str | Path, inputs: Sequence[str], experiment: str | None = None, settings: Mapping[str, str | float] | None = None, *,
-        to: str | float | None = None, start: str | float | None = None, points: int = 501, moving: bool = False,
-        limits: Mapping[str, str | float] | None = None, workers: Workers | Submitting | int | None = None,
+        to: str | float | None = None, workers: Workers | Submitting | int | None = None, **options: Unpack[PathKeywords],
     ) -> Outcome | FeedForward:  # fmt: skip
         """Apply `invert` to setpoints of a CSV file, whose headings are outputs with units: `x [um],phi [deg]`.
 
         Each line is held at equilibrium: an `Outcome` with a row of inputs for each; columns of parameters or inputs are settings of their line. With a
         column `time [s]` outputs follow the path through the lines (a spline, at rest at both ends), from the first to the last unless `start` and `to` are
-        given. Raises as `invert`, and OSError.
+        given. `start`, `points`, `moving`, `limits` as for `invert`. Raises as that, and OSError.
         """
         from ..studies.setpoints import invert_file
         from ..studies.workers import ALONE, workers_of
 
-        along = {"to": to, "start": start, "points": points, "moving": moving, "limits": limits or {}}
+        check_keywords(self.invert_file, options, PathKeywords.__optional_keys__)
+        along = {"to": to, **options}
         return invert_file(self, file, inputs, experiment, dict(settings or {}), along, workers_of(workers, ALONE))
 
     def simulate(
@@ -176,8 +156,8 @@ class Model(Shown, AnalysedModel):
         before = read_result(start) if isinstance(start, str | Path) else start
         if check and before is not None:
             raise UsageError("BR608", "a run that goes on from a result cannot be checked:", "check the whole run")
-        outputs = names_of(options.get("outputs"))
-        wanted = _options(to, points, options).wanted
+        given = _options(self.simulate, {**options, "to": to, "points": points})
+        outputs, wanted = given.outputs, given.wanted
         result = simulate(self, experiment, settings or {}, outputs, wanted, before)
         if not check:
             return result
@@ -203,12 +183,22 @@ class Model(Shown, AnalysedModel):
         from ..studies.runs import simulate_many
         from ..studies.workers import Workers, workers_of
 
-        wanted = _options(to, points, options)
+        wanted = _options(self.simulate_many, {**options, "to": to, "points": points})
         return simulate_many(self, experiment, settings, wanted.outputs, wanted.wanted, workers_of(workers, Workers()))
 
 
-def _options(to: str | float | None, points: int | None, keywords: Mapping[str, Any]) -> Options:
-    """Return the options of a call. Raises TypeError for a keyword that there is not."""
+def _options(call: Callable[..., object], keywords: Mapping[str, Any]) -> Options:
+    """Return the options of a call. Raises `UsageError` for one that there is not."""
     from ..studies.options import Options
 
-    return Options(to, points, **{**keywords, "outputs": names_of(keywords.get("outputs"))})
+    check_keywords(call, keywords, SweepKeywords.__optional_keys__)
+    return Options(**{**keywords, "outputs": names_of(keywords.get("outputs"))})
+
+
+def _study(
+    of: str | tuple[str, ...], experiment: str | None, settings: Mapping[str, str | float] | None, options: Options
+) -> ScalarStudy:
+    from ..studies.scalar_study import ScalarStudy
+
+    steps = (of,) if isinstance(of, str) else tuple(of)
+    return ScalarStudy(steps, experiment, tuple((settings or {}).items()), options.outputs, options.wanted)

@@ -39,13 +39,8 @@ class Shown(AnalysedModel):
         return figure
 
     def draw_mechanism(
-        self,
-        path: str | Path | None = None,
-        name: str | None = None,
-        experiment: str | None = "",
-        at: str | float | None = None,
-        modes: int = 0,
-    ) -> Figure:
+        self, path: str | Path | None = None, name: str | None = None, experiment: str | None = "", at: str | float | None = None, modes: int = 0,
+    ) -> Figure:  # fmt: skip
         """Draw a mechanism of the model (by name, if there are several), into a .svg, .png or .pdf file if a path is given.
 
         It is drawn in the reference configuration, or with `at` at that time of an experiment (text with a unit, or s), or as displaced from equilibrium by

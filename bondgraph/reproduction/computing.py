@@ -39,6 +39,7 @@ class Computing:
         """Return the outcome of an experiment; "": of the model at equilibrium."""
         from ..studies.experiment import run
         from ..studies.options import Options
+        from ..studies.scalar_study import ScalarStudy
         from ..studies.sweep import sweep
 
         key = file, experiment
@@ -47,7 +48,7 @@ class Computing:
             self._outcomes[key] = (
                 run(model, experiment, {}, Options())
                 if experiment
-                else sweep(model, {}, ("equilibrium",), False, None, {}, Options())
+                else sweep(model, {}, ScalarStudy(("equilibrium",), None, (), None, Options()), False)
             )
         return self._outcomes[key]
 

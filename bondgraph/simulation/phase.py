@@ -61,15 +61,9 @@ class Phase:
     """State of one phase of a run: one program with one choice of states."""
 
     def __init__(
-        self,
-        compilation: Prepared,
-        instants: Array,
-        options: PhaseOptions,
-        begin: PhaseTransition | None = None,
-        companion: Companion | None = None,
-        modes: Mapping[str, float] | None = None,
-        smooth: dict[Program, Timeline] | None = None,
-    ) -> None:
+        self, compilation: Prepared, instants: Array, options: PhaseOptions, begin: PhaseTransition | None = None, companion: Companion | None = None,
+        modes: Mapping[str, float] | None = None, smooth: dict[Program, Timeline] | None = None,
+    ) -> None:  # fmt: skip
         """`companion`, `modes`: of the ideal valves; `smooth`: segments of the programs of the run so far."""
         self.solver, self.parts = options.solver, options.parts
         self.bandwidth = options.bandwidth

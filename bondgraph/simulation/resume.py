@@ -24,14 +24,9 @@ SHOWN = 4  # most names in a message
 
 
 def resumed(
-    before: Result,
-    made: Callable[[Scene, bool], Prepared],
-    scene: Scene,
-    values: Mapping[str, float],
-    prepared: Prepared,
-    energy: bool,
+    before: Result, made: Callable[[Scene, bool], Prepared], scene: Scene, values: Mapping[str, float], prepared: Prepared, energy: bool,
     instants: Array,
-) -> tuple[Scene, PhaseTransition, Any]:
+) -> tuple[Scene, PhaseTransition, Any]:  # fmt: skip
     """Return the scene and the handover from which the run goes on, and its remaining output instants. Raises `UsageError`."""
     end = before.checkpoint
     if end is None:

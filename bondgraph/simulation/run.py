@@ -76,13 +76,8 @@ def check_run_options(wanted: RunOptions) -> None:
 
 
 def simulate(
-    model: CompiledModel,
-    experiment: str | None,
-    settings: Settings,
-    outputs: tuple[str, ...] | None,
-    wanted: RunOptions,
-    start: Result | None = None,
-) -> Result:
+    model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, wanted: RunOptions, start: Result | None = None
+) -> Result:  # fmt: skip
     """Run a model with some settings. `start`: a result from which the run goes on.
 
     A `RunFailed` or `RunInterrupted` carries the result up to the instant at which it was raised.

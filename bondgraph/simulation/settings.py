@@ -30,13 +30,8 @@ class Settled:
 
 
 def settle(
-    model: CompiledModel,
-    experiment: str | None,
-    settings: Settings,
-    outputs: tuple[str, ...] | None,
-    everything: bool,
-    target: str,
-) -> Settled:
+    model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, everything: bool, target: str
+) -> Settled:  # fmt: skip
     """Return the scene and the numbers for a run of a model with some settings. Raises `CompilationFailed` for settings that are not possible."""
     numbers = {name.replace(" ", ""): found for name, x in settings.items() if (found := _number(name, x)) is not None}
     later = frozenset(numbers)

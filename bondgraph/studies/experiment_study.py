@@ -11,7 +11,7 @@ from compiler.api import Analysis, Differentiating, MonteCarloRequest, Study
 from ..analysis.outcome import Point
 from ..simulation.run import RunOptions, simulate
 from .point_failure import kept
-from .scalar_study import STEPS
+from .scalar_study import STEPS, ScalarStudy
 from .steps import RESULTS, differentiated, varied
 from .workers import ALONE, Workers
 
@@ -44,10 +44,10 @@ class ExperimentStudy:
         studies = self._at(model, settings) if point else self.studies
         chance = next((s for s in studies if isinstance(s, MonteCarloRequest)), None)
         of = tuple(dict.fromkeys(s.role for s in studies if s.role in STEPS)) + ("simulate",) * self.simulates
+        study = ScalarStudy(of, self.experiment, tuple(settings.items()), self.outputs, self.wanted)
         if chance is not None:  # Monte Carlo evaluates all other steps
-            found = varied(model, chance, of, self.experiment, settings, self.outputs, self.wanted, workers)
-            return Point(point, analyses=((chance.role, found),))
-        return self._point(model, Point(point), studies, of, settings)
+            return Point(point, analyses=((chance.role, varied(model, chance, study, workers)),))
+        return self._point(model, Point(point), studies, study, settings)
 
     def _at(self, model: AnalysedModel, settings: Settings) -> tuple[Analysis, ...]:
         """Return the steps, whose numbers may depend on swept values."""
@@ -56,21 +56,20 @@ class ExperimentStudy:
         return model.compilation(model.scene(self.experiment, settings, outputs=self.outputs)).plan.studies
 
     def _point(
-        self, model: AnalysedModel, found: Point, studies: Sequence[Analysis], of: tuple[str, ...], settings: Settings
+        self, model: AnalysedModel, found: Point, studies: Sequence[Analysis], study: ScalarStudy, settings: Settings
     ) -> Point:
-        for study in studies:
-            if isinstance(study, Differentiating):
-                some = differentiated(model, study, of, studies, self.experiment, settings, self.outputs, self.wanted)
-                found = replace(found, analyses=(*found.analyses, *some))
+        for step in studies:
+            if isinstance(step, Differentiating):
+                found = replace(found, analyses=(*found.analyses, *differentiated(model, step, studies, study)))
             else:
-                one = RESULTS[study.role](model, study, self.experiment, settings, self.outputs)
-                match study.role:
+                one = RESULTS[step.role](model, step, self.experiment, settings, self.outputs)
+                match step.role:
                     case "equilibrium" | "modes":
-                        found = replace(found, **{study.role: one})
+                        found = replace(found, **{step.role: one})
                     case "response" | "bode":
                         found = replace(found, responses=(*found.responses, one))
                     case _:
-                        found = replace(found, analyses=(*found.analyses, (study.role, one)))
+                        found = replace(found, analyses=(*found.analyses, (step.role, one)))
         if self.simulates:
             found = replace(found, run=simulate(model, self.experiment, settings, self.outputs, self.wanted))
         return found

@@ -61,13 +61,8 @@ class Problem:
     """Least-squares problem: residuals over their sigmas, (n,), and their derivatives (n, k). Failed points have infinite residuals."""
 
     def __init__(
-        self,
-        model: CompiledModel,
-        data: Sequence[Measurements],
-        given: Sequence[BoundedParameter],
-        experiment: str | None,
-        settings: Settings,
-    ) -> None:
+        self, model: CompiledModel, data: Sequence[Measurements], given: Sequence[BoundedParameter], experiment: str | None, settings: Settings,
+    ) -> None:  # fmt: skip
         self.model, self.data, self.experiment, self.settings = model, tuple(data), experiment, dict(settings)
         self.sought, self.names = tuple(given), tuple(s.name for s in given)
         self.logarithmic = np.array([s.logarithmic for s in given])
@@ -213,9 +208,8 @@ class Problem:
 
     def _over_time(self, data: Measurements, time: Array, values: Mapping[str, float]) -> list[tuple[Array, Array]]:
         settings, moved = self._given({}, values)
-        told = run_sensitivity(
-            self.model, self.names, self.experiment, settings, tuple(sorted(data.found)), time, None, 0, moved=moved
-        )  # fmt: skip
+        asked = AnalysisRequest(self.experiment, settings, tuple(sorted(data.found)))
+        told = run_sensitivity(self.model, self.names, asked, time, moved=moved)
         places = {n: told.outputs.index(n) for n in data.found}
         return [(told.values[:, i], told.slopes[:, i]) for i in places.values()]
 

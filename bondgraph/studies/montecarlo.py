@@ -15,7 +15,7 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import RunFailed, UsageError
-from ..simulation.run import DEFAULT_RTOL, RunOptions, check_run_options
+from ..simulation.run import DEFAULT_RTOL, check_run_options
 from ..simulation.settings import Settings
 from .distributions import Distribution, distribution
 from .indices import Indices, indices, mixed
@@ -47,13 +47,11 @@ class Chance:
     rows: int | None
 
 
-def montecarlo(
-    model: AnalysedModel, chance: Chance, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
-    wanted: RunOptions, workers: Workers,
-) -> MonteCarlo:  # fmt: skip
+def montecarlo(model: AnalysedModel, chance: Chance, study: ScalarStudy, workers: Workers) -> MonteCarlo:
     """Run the study. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if no point of the sample has a result."""
-    check_steps(of, "a study with chance")
-    check_run_options(wanted)
+    check_steps(study.of, "a study with chance")
+    check_run_options(study.wanted)
+    experiment, settings, outputs = study.experiment, dict(study.settings), study.outputs
     _check(chance, settings)
     units = units_of(model, tuple(chance.vary), experiment, settings)
     names = tuple(chance.vary)
@@ -67,9 +65,8 @@ def montecarlo(
         other = values_of(shares[:rows, len(names) :], given, None)
         parts += [other, mixed(sample[:rows], other)]
     parts.append(_tornado_points(given))
-    asked = ScalarStudy(of, experiment, tuple(settings.items()), outputs, wanted)
     points = [dict(zip(names, map(float, row), strict=True)) for part in parts for row in part]
-    found = answers(model, asked, points, workers)
+    found = answers(model, study, points, workers)
     quantities = tuple(dict.fromkeys(n for x in found if not isinstance(x, Failed) for n in x))
     bounds = np.cumsum([len(p) for p in parts])[:-1]
     failures = {i: x.why for i, x in enumerate(found[: len(sample)]) if isinstance(x, Failed)}
@@ -79,7 +76,7 @@ def montecarlo(
     told: Indices | None = None
     notes = [*_notes(tables[0], quantities, failures), *compilation_notes(model, experiment, settings, points)]
     if rows:
-        told, lost = indices(tables[0][:rows], tables[1], tables[2], chance.seed, _noise(of, wanted, quantities))
+        told, lost = indices(tables[0][:rows], tables[1], tables[2], chance.seed, _noise(study, quantities))
         notes += [*_index_notes(told, lost, rows), *_vague_notes(told, names, quantities)]
     elif correlation is not None:
         notes.append(
@@ -87,7 +84,7 @@ def montecarlo(
         )
     compilation = model.compilation(model.scene(experiment, settings, outputs=outputs))
     return MonteCarlo(
-        compilation.whole_graph.name, compilation.plan.experiment, of, chance.seed, {n: _text(d) for n, d in zip(names, given, strict=True)},
+        compilation.whole_graph.name, compilation.plan.experiment, study.of, chance.seed, {n: _text(d) for n, d in zip(names, given, strict=True)},
         dict(chance.correlations), _units(model, experiment, settings, outputs, units, quantities), names, quantities, sample,
         tables[0], failures, told, _swing(tables[-1], len(names)), tuple(notes),
         {r.name: (r.unit, r.scale, r.offset) for r in compilation.plan.report},
@@ -177,9 +174,9 @@ def _index_notes(told: Indices | None, lost: int, rows: int) -> list[str]:
     return []
 
 
-def _noise(of: tuple[str, ...], wanted: RunOptions, quantities: Sequence[str]) -> Array:
+def _noise(study: ScalarStudy, quantities: Sequence[str]) -> Array:
     """Return the relative errors of quantities (m,): the tolerance for the end of a run, else 0."""
-    rtol = (wanted.rtol or DEFAULT_RTOL) if "simulate" in of else 0.0
+    rtol = (study.wanted.rtol or DEFAULT_RTOL) if "simulate" in study.of else 0.0
     return np.array([0.0 if n.startswith("frequency ") else rtol for n in quantities])
 
 

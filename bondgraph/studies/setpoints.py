@@ -56,15 +56,15 @@ def invert_file(
     outputs = {n: o.unit for n, o in model.compilation(model.scene(None)).whole_graph.outputs.items()}
     columns = read_columns(name, units | outputs)
     wanted = _checked(name, columns, outputs, units, settings, inputs)
+    held = SetpointStudy(tuple(inputs), wanted, experiment, tuple(settings.items()))
     if "time" in columns:
-        return _along(model, name, columns, wanted, inputs, experiment, settings, along)
+        return _along(model, name, columns, held, along)
     asked_for = [w for w in ("to", "start", "moving", "limits") if along.get(w)]
     if asked_for:
         raise UsageError(
             "BR451", f"{name}: without a column `time [s]` each line is held at rest: there is no path to go along"
         )
     points = [dict(zip(columns, map(float, row), strict=True)) for row in np.array(list(columns.values())).T]
-    held = SetpointStudy(tuple(inputs), wanted, experiment, tuple(settings.items()))
     found = made(model, held, points, workers or ALONE)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in compilation.plan.report}
     swept = {n: (units | outputs)[n] for n in columns}
@@ -99,15 +99,14 @@ def _checked(
 
 
 def _along(
-    model: AnalysedModel, file: str, columns: Mapping[str, Any], wanted: Sequence[str], inputs: Sequence[str], experiment: str | None,
-    settings: Settings, along: Mapping[str, Any],
-) -> FeedForward:  # fmt: skip
+    model: AnalysedModel, file: str, columns: Mapping[str, Any], held: SetpointStudy, along: Mapping[str, Any]
+) -> FeedForward:
     time = columns["time"]
     if len(time) < 2:
         raise UsageError("BR456", f"{file}: a path has two instants or more")
-    paths = {n: (time, columns[n]) for n in wanted}
+    paths = {n: (time, columns[n]) for n in held.outputs}
     start, stop = along.get("start"), along.get("to")
     return model.invert(
-        paths, inputs, experiment, settings, to=float(time[-1]) if stop is None else stop, start=float(time[0]) if start is None else start,
-        points=along.get("points") or 501, moving=bool(along.get("moving")), limits=along.get("limits") or {},
+        paths, held.inputs, held.experiment, dict(held.settings), to=float(time[-1]) if stop is None else stop,
+        start=float(time[0]) if start is None else start, points=along.get("points") or 501, moving=bool(along.get("moving")), limits=along.get("limits") or {},
     )  # fmt: skip

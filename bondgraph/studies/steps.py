@@ -14,9 +14,11 @@ if TYPE_CHECKING:
     from compiler.api import Analysis, RandomParameter
 
     from ..analysed_model import AnalysedModel
-    from ..simulation.run import RunOptions
+    from ..keywords import ExperimentKeywords
     from ..simulation.settings import Settings
     from .fitted import Fit
+    from .scalar_study import ScalarStudy
+    from .tolerances import MonteCarlo
     from .workers import Workers
 
 
@@ -43,49 +45,49 @@ def _inverted(model: AnalysedModel, step: Inverting, experiment: str | None, set
 RESULTS: dict[str, Callable[[AnalysedModel, Any, str | None, Settings, tuple[str, ...] | None], Any]] = {
     "equilibrium": lambda m, s, *given: m.equilibrium(*given),
     "modes": lambda m, s, e, at, o: m.modes(e, at),
-    "bode": lambda m, s, e, at, o: m.response(None, o, None, None, s.points or 400, e, at),
-    "response": lambda m, s, e, at, o: m.response(s.given, s.seen, s.low, s.high, s.points, e, at),
-    "linearize": lambda m, s, e, at, o: m.linearize(s.inputs or None, s.outputs or o, e, at),
-    "continue": lambda m, s, e, at, o: m.continuation(s.name, s.low, s.high, s.points, s.most, e, at, o, s.branches),
+    "bode": lambda m, s, e, at, o: m.response(None, o, points=s.points or 400, experiment=e, settings=at),
+    "response": lambda m, s, e, at, o: m.response(s.given, s.seen, s.low, s.high, s.points, experiment=e, settings=at),
+    "linearize": lambda m, s, e, at, o: m.linearize(s.inputs or None, s.outputs or o, experiment=e, settings=at),
+    "continue": lambda m, s, e, at, o: m.continuation(
+        s.name, s.low, s.high, s.points, s.most, o, s.branches, experiment=e, settings=at
+    ),
     "invert": lambda m, s, e, at, o: _inverted(m, s, e, at),
     "fit": lambda m, s, e, at, o: _fitted(m, s, e, at),
 }
 
 
 def differentiated(
-    model: AnalysedModel, step: Differentiating, of: Sequence[str], beside: Sequence[Analysis], experiment: str | None, settings: Settings,
-    outputs: tuple[str, ...] | None, wanted: RunOptions,
-) -> list[tuple[str, Any]]:  # fmt: skip
+    model: AnalysedModel, step: Differentiating, beside: Sequence[Analysis], study: ScalarStudy
+) -> list[tuple[str, Any]]:
     """Return derivatives of the results of the other steps, each with its word: at equilibrium, along the run, of linear models and responses."""
-    by, given, word = step.by or None, (experiment, settings), step.role
+    by, of, outputs, word = step.by or None, study.of, study.outputs, step.role
+    given: ExperimentKeywords = {"experiment": study.experiment, "settings": dict(study.settings)}
     linear: list[tuple[str, Any]] = []
     for other in beside:
         match other:
             case Linearizing():
                 some = other.inputs or None, other.outputs or outputs
-                linear.append((f"{word} of {other.role}", model.sensitivity_of_linearization(by, *some, *given)))
+                linear.append((f"{word} of {other.role}", model.sensitivity_of_linearization(by, *some, **given)))
             case Study(role="response"):
                 over = other.given, other.seen, other.low, other.high, other.points
-                linear.append((f"{word} of {other.role}", model.sensitivity_of_response(by, *over, *given)))
+                linear.append((f"{word} of {other.role}", model.sensitivity_of_response(by, *over, **given)))
     found: list[tuple[str, Any]] = []
     at_rest = tuple(s for s in of if s in ("equilibrium", "modes"))
     if at_rest or not (linear or "simulate" in of):
-        found.append((word, model.sensitivity(by, at_rest or ("equilibrium", "modes"), *given, outputs)))
+        found.append((word, model.sensitivity(by, at_rest or ("equilibrium", "modes"), outputs, **given)))
     if "simulate" in of:
-        found.append((word, model.sensitivity_of_run(by, *given, wanted.to, wanted.points or 101, outputs)))
+        end, points = study.wanted.to, study.wanted.points or 101
+        found.append((word, model.sensitivity_of_run(by, to=end, points=points, outputs=outputs, **given)))
     return [*found, *linear]
 
 
-def varied(
-    model: AnalysedModel, step: MonteCarloRequest, of: tuple[str, ...], experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None,
-    wanted: RunOptions, workers: Workers,
-) -> Any:  # fmt: skip
+def varied(model: AnalysedModel, step: MonteCarloRequest, study: ScalarStudy, workers: Workers) -> MonteCarlo:
     """Return the Monte Carlo study of the results of the other steps."""
     from .montecarlo import Chance, montecarlo
 
     vary: Mapping[str, str | Distribution] = {d.name: _distribution(d) for d in step.vary}
     chance = Chance(vary, dict(step.correlations), step.samples, step.seed, step.indices)
-    return montecarlo(model, chance, of, experiment, settings, outputs, wanted, workers)
+    return montecarlo(model, chance, study, workers)
 
 
 def _distribution(drawn: RandomParameter) -> Distribution:

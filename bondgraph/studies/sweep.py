@@ -10,11 +10,9 @@ from compiler.api import Study
 
 from ..analysis.outcome import Outcome
 from ..errors import UsageError
-from ..simulation.settings import Settings
 from .experiment import made
 from .experiment_study import ExperimentStudy
-from .options import Options
-from .scalar_study import check_steps, compilation_notes, units_of
+from .scalar_study import ScalarStudy, check_steps, compilation_notes, units_of
 from .workers import ALONE, Workers
 
 if TYPE_CHECKING:
@@ -24,12 +22,12 @@ MOST_POINTS = 1_000_000
 
 
 def sweep(
-    model: AnalysedModel, values: Mapping[str, str | Sequence[str | float]], of: tuple[str, ...], together: bool, experiment: str | None,
-    settings: Settings, options: Options, workers: Workers | None = None,
+    model: AnalysedModel, values: Mapping[str, str | Sequence[str | float]], study: ScalarStudy, together: bool, workers: Workers | None = None
 ) -> Outcome:  # fmt: skip
-    """Compute a grid of values, or (`together`) the first of each name, the second of each and so on."""
-    check_steps(of, "a sweep")
-    compilation = model.compilation(model.scene(experiment, settings, outputs=options.outputs))
+    """Compute the steps of a study at a grid of values, or (`together`) at the first of each name, the second of each and so on."""
+    check_steps(study.of, "a sweep")
+    experiment, settings, outputs = study.experiment, dict(study.settings), study.outputs
+    compilation = model.compilation(model.scene(experiment, settings, outputs=outputs))
     units, plan = units_of(model, tuple(values), experiment, settings), compilation.plan
     numbers = {name: _numbers(some, units[name], name) for name, some in values.items()}
     lengths = {len(some) for some in numbers.values()}
@@ -40,10 +38,8 @@ def sweep(
         if together
         else itertools.islice(itertools.product(*numbers.values()), MOST_POINTS)
     )
-    studies = tuple(Study(step) for step in of if step != "simulate")
-    asked = ExperimentStudy(
-        experiment, tuple(settings.items()), studies, "simulate" in of, options.outputs, options.wanted
-    )
+    studies = tuple(Study(step) for step in study.of if step != "simulate")
+    asked = ExperimentStudy(experiment, study.settings, studies, "simulate" in study.of, outputs, study.wanted)
     grid = [dict(zip(numbers, row, strict=True)) for row in rows]
     points = made(model, asked, grid, workers or ALONE)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}

@@ -24,7 +24,7 @@ from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.advance import advance, begin
 from bondgraph.simulation.integrators.pilot.step import euler
 from compiler.codegen.c.write import write_c
-from compiler.codegen.llvm.evaluate import _Many
+from compiler.codegen.llvm.evaluate import _arrays, _Many
 from compiler.jit.c_source import BEGINNING, c_source
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -86,7 +86,7 @@ def evaluations(prepared: Prepared, library: ctypes.CDLL) -> list[tuple[str, flo
         both = []
         for place in (program.native.addresses[name], address(library, f"{program.name}_{name}")):
             both.append(
-                least(lambda place=place: many(place, CALLS, *(a.ctypes.data for a in arrays), *([0] * 6)))
+                least(lambda place=place: many(place, CALLS, _arrays(*(a.ctypes.data for a in arrays), *([0] * 6))))
                 / CALLS
                 * 1e9
             )  # type: ignore[misc]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -101,3 +101,22 @@ def test_an_error_has_code_sentence_and_advice() -> None:
     error = caught.value
     assert (error.sentence, error.advice) == ("nothing varies", "name a parameter and its distribution")
     assert str(error) == f"{error.sentence}: {error.advice}" and error.code in rows()
+
+
+@pytest.mark.parametrize(
+    ("call", "hint"),
+    [
+        (lambda m: m.simulate(experimnt=""), "`simulate` has no option `experimnt`; did you mean `experiment`?"),
+        (lambda m: m.sweep({"a": "1, 2"}, tol=1e-3), "`sweep` has no option `tol`; did you mean `rtol`?"),
+        (lambda m: m.montecarlo({}, sede=1), "`montecarlo` has no option `sede`; did you mean `seed`?"),
+        (lambda m: m.response(stat="start"), "`response` has no option `stat`; did you mean `state`?"),
+        (lambda m: m.continuation("a", 0.0, 1.0, branch=True), "`continuation` has no option `branch`; did you mean `branches`?"),
+        (lambda m: m.invert({}, (), limit={}), "`invert` has no option `limit`; did you mean `limits`?"),
+        (lambda m: bondgraph.Graph("A").experiment("go", 1, xyz=1), "`experiment` has no option `xyz`; it has bandwidth, name, points"),
+        (lambda m: bondgraph.Graph("A").multibody("b").slide("s", "ground", "c", along=(1, 0), locks=True), "did you mean `locked`?"),
+    ],
+)  # fmt: skip
+def test_an_unknown_option_is_named_with_the_nearest(call: Callable[[bondgraph.Model], object], hint: str) -> None:
+    with pytest.raises(bondgraph.UsageError) as caught:
+        call(bondgraph.load("plain model A { parameter a = 1\nSe s { e = a }\nR r { e = f }\ns -> r }"))
+    assert caught.value.code == "BR614" and hint in str(caught.value)

@@ -33,51 +33,52 @@ HELD = 1e-6  # relative to the largest of its unit: distance of a start from res
 
 
 @dataclass(frozen=True, slots=True)
-class Along:
-    """Time interval from `start` to `stop` (s) with `points` instants.
+class PathRequest:
+    """Request for inputs with which outputs of a model follow their targets from `start` to `stop` (s), at `points` instants.
 
-    `moving`: the model need not be at rest at the beginning. `limits`: largest absolute values, in SI.
+    `asked`: experiment and settings. `moving`: the model need not be at rest at the beginning. `limits`: largest absolute values, in SI.
     """
 
+    model: CompiledModel
+    targets: Mapping[str, Any]
+    asked: AnalysisRequest
     start: float
     stop: float
-    points: int = 501
-    moving: bool = False
-    limits: Mapping[str, float] | None = None
+    points: int
+    moving: bool
+    limits: Mapping[str, float]
 
 
-def invert_along(
-    model: CompiledModel, wanted: Mapping[str, Any], inputs: Sequence[str], asked: AnalysisRequest, along: Along
-) -> FeedForward:  # fmt: skip
+def invert_along(request: PathRequest, inputs: Sequence[str]) -> FeedForward:
     """Return the inputs over time. Raises `UsageError` for impossible requests or paths that are not smooth enough, `RunFailed`, `CompilationFailed`."""
-    if not along.stop > along.start or not 2 <= along.points <= MOST_POINTS:
+    if not request.stop > request.start or not 2 <= request.points <= MOST_POINTS:
         raise UsageError("BR301", f"a path goes from one instant to a later one, at 2 to {MOST_POINTS} points")
-    path = path_of(model, wanted, along.start, along.stop)
+    path = path_of(request.model, request.targets, request.start, request.stop)
     drives = drives_of(inputs)
     if len(drives) != len(path.names):
         raise UsageError("BR302", f"{len(path.names)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}")  # fmt: skip
     names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
-    state = "start" if along.moving else "equilibrium"
-    asked = replace(asked, outputs=path.names, by=names, time=along.start, state=state)
-    point = operating_point(model, asked)
-    _refuse_jumps(point, along)
+    state = "start" if request.moving else "equilibrium"
+    asked = replace(request.asked, outputs=path.names, by=names, time=request.start, state=state)
+    point = operating_point(request.model, asked)
+    _refuse_jumps(point, request)
     search = Search(point, [point.program.outputs.names.index(n) for n in path.names], drives)
-    if not along.moving:
+    if not request.moving:
         search = rest_with(point, path.first, drives)
     equations = InversionEquations(search.point, path.names, search.drives)
-    notes = _smooth_enough(path, equations, along)
-    times = np.linspace(along.start, along.stop, along.points)
+    notes = _smooth_enough(path, equations, request)
+    times = np.linspace(request.start, request.stop, request.points)
     degree = max(equations.degrees)
-    found = motion(equations, times, lambda t: path.derivatives(t, degree), _ends(search, path, equations, along))
-    return _told(search, equations, path, wanted, asked, found, along, notes, model)
+    found = motion(equations, times, lambda t: path.derivatives(t, degree), _ends(search, path, equations, request))
+    return _feed_forward(request, search, equations, path, found, notes)
 
 
-def _refuse_jumps(point: OperatingPoint, along: Along) -> None:
+def _refuse_jumps(point: OperatingPoint, request: PathRequest) -> None:
     """Raise an error if the model itself changes on the way."""
     from ...simulation.segments.timeline import segments
 
     with np.errstate(all="ignore"):
-        stretches = segments(point.program, point.constants, along.start, along.stop)
+        stretches = segments(point.program, point.constants, request.start, request.stop)
     for before, after in pairwise(stretches):
         if (np.asarray(before.mode) != np.asarray(after.mode)).any():
             raise UsageError(
@@ -85,10 +86,10 @@ def _refuse_jumps(point: OperatingPoint, along: Along) -> None:
             )  # fmt: skip
 
 
-def _smooth_enough(path: Path, equations: InversionEquations, along: Along) -> list[str]:
+def _smooth_enough(path: Path, equations: InversionEquations, request: PathRequest) -> list[str]:
     """Return notes on jumps of the path. Raises `UsageError` where an inverse would need impulses."""
     notes = []
-    for jump in path.jumps(equations.degrees, along.moving):
+    for jump in path.jumps(equations.degrees, request.moving):
         degree = equations.degrees[path.names.index(jump.output)]
         if jump.order < degree:
             way = ", or say that the model begins in motion" if jump.time == path.start else ""
@@ -101,12 +102,12 @@ def _smooth_enough(path: Path, equations: InversionEquations, along: Along) -> l
     return notes
 
 
-def _ends(search: Search, path: Path, equations: InversionEquations, along: Along) -> Ends:
+def _ends(search: Search, path: Path, equations: InversionEquations, request: PathRequest) -> Ends:
     first = np.concatenate([search.point.state, search.strengths])
     if not equations.free:
         return Ends(first, None)
-    end = path.derivatives(np.array([along.stop]), max(equations.degrees))[:, 1:, 0]
-    largest = np.abs(path.derivatives(np.linspace(along.start, along.stop, 65), max(equations.degrees)))[:, 1:].max(
+    end = path.derivatives(np.array([request.stop]), max(equations.degrees))[:, 1:, 0]
+    largest = np.abs(path.derivatives(np.linspace(request.start, request.stop, 65), max(equations.degrees)))[:, 1:].max(
         axis=2
     )
     if (np.abs(end) > HELD * largest).any():
@@ -118,26 +119,25 @@ def _ends(search: Search, path: Path, equations: InversionEquations, along: Alon
     return Ends(first, np.concatenate([last.point.state, last.strengths]))
 
 
-def _told(
-    search: Search, equations: InversionEquations, path: Path, wanted: Mapping[str, Any], asked: AnalysisRequest, found: Motion, along: Along,
-    notes: list[str], model: CompiledModel,
-) -> FeedForward:  # fmt: skip
+def _feed_forward(
+    request: PathRequest, search: Search, equations: InversionEquations, path: Path, found: Motion, notes: list[str]
+) -> FeedForward:
     point, program = search.point, search.point.program
     n, size, times, drives = equations.count, equations.all, found.times, search.drives
     units, strengths = units_of(point), found.unknowns[size:]
     inputs = _inputs(drives, strengths)
-    within_limits(inputs, times, along.limits or {}, units)
+    within_limits(inputs, times, request.limits, units)
     notes += _left(point, found.unknowns[:size], times, inputs)
     start, begins = _start(point, found.unknowns[:n, 0]), point.program.name
     if len(found.internal):
         notes += _inside(found.internal, search, found.unknowns[:n, 0], units)
-    settings = {k: _number(model, asked, k, v) for k, v in (asked.settings or {}).items() if k not in inputs}
+    settings = {k: _number(request, k, v) for k, v in (request.asked.settings or {}).items() if k not in inputs}
     return FeedForward(
-        begins, point.made.plan.experiment, {n: v if isinstance(v, str) else _told_of(v) for n, v in wanted.items()}, settings, times, inputs,
+        begins, point.made.plan.experiment, {n: v if isinstance(v, str) else _told_of(v) for n, v in request.targets.items()}, settings, times, inputs,
         dict(zip(path.names, path.derivatives(times, 0)[:, 0], strict=True)), dict(zip(program.states.names, found.unknowns[:n], strict=True)),
         {d.push if d.pull is None else f"{d.push}/{d.pull}": s for d, s in zip(drives, strengths, strict=True)}, tuple(drives),
         dict(zip(path.names, equations.degrees, strict=True)), tuple(complex(v) for v in found.internal), start, units, tuple(notes),
-        model.source.path, is_plain(model),
+        request.model.source.path, is_plain(request.model),
     )  # fmt: skip
 
 
@@ -145,9 +145,10 @@ def _told_of(value: Any) -> str:
     return repr(float(value)) if isinstance(value, float | int) else f"{len(value[0])} points"
 
 
-def _number(model: CompiledModel, asked: AnalysisRequest, name: str, value: str | float) -> float:
+def _number(request: PathRequest, name: str, value: str | float) -> float:
     if not isinstance(value, str):
         return float(value)
+    model, asked = request.model, request.asked
     known = model.compilation(model.scene(asked.experiment, asked.settings)).whole_graph.quantities[name]
     if known.value is None:
         raise UsageError("BR305", f"`{name}` moves with time; a path is found with values that hold")

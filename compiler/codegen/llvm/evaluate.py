@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from math import prod
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,8 @@ from ..program_image import KernelRows
 ROLES = ("time", "state", "inputs", "constants", "mode")
 _POINTER = ctypes.c_void_p
 _One = ctypes.CFUNCTYPE(None, ctypes.c_double, *([_POINTER] * 5))
-_Many = ctypes.CFUNCTYPE(None, _POINTER, ctypes.c_int64, *([_POINTER] * 6), *([ctypes.c_int64] * 6))
+_Many = ctypes.CFUNCTYPE(None, _POINTER, ctypes.c_int64, _POINTER)
+_arrays = Struct("=12q").pack  # the record `runtime.BatchArrays`: addresses of the arrays, strides
 _NONE = np.zeros(1)
 _NOWHERE = address_of(_NONE)  # address of an array without items
 _DOUBLE = np.dtype(float)
@@ -137,7 +139,7 @@ def _at_once(address: int, many: Any, otherwise: Function, size: int) -> Functio
             if single:
                 one(time, *places)
             else:
-                many(address, len(time), at(view(time)), *places, 1, state.shape[1], 0, 0, 0, size)
+                many(address, len(time), _arrays(at(view(time)), *places, 1, state.shape[1], 0, 0, 0, size))
         except TypeError:  # not contiguous, or not to be written
             return otherwise(time, state, inputs, constants, mode)
         return out
@@ -163,5 +165,5 @@ def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
         flat = [np.ascontiguousarray(np.broadcast_to(a, (*shape, a.shape[-1])) if a.ndim > 1 else a) for a in arrays]
     strides = [a.shape[-1] if a.ndim > 1 else 0 for a in arrays]
     out = np.empty((*shape, size))
-    many(address, prod(shape), *map(address_of, flat), address_of(out), *strides, size)
+    many(address, prod(shape), _arrays(*map(address_of, flat), address_of(out), *strides, size))
     return out

@@ -11,6 +11,7 @@ from math import floor, isfinite, log, nan, pow
 from typing import TYPE_CHECKING, Any
 
 from ...algebra.interpolate import hermite, inverse, linear, monotone_slope, natural_slope, noise
+from ...jit.arrays import Record
 
 if TYPE_CHECKING:
     from ...jit.arrays import Floats
@@ -23,32 +24,41 @@ WELL, ENOUGH = 1e-11, 1e-3  # by how much the solution 1 … 1 may be missed
 MEANS = 12  # rounds of means of magnitudes
 
 
-def batch(
-    function: Function,
-    count: int,
-    times: Floats,
-    states: Floats,
-    inputs: Floats,
-    constants: Floats,
-    modes: Floats,
-    out: Floats,
-    by_time: int,
-    by_state: int,
-    by_inputs: int,
-    by_constants: int,
-    by_mode: int,
-    size: int,
-) -> None:
-    """Call a function at `count` points. The last arguments are the strides between points in each array (0: the same for all)."""
+class BatchArrays(Record):
+    """Arguments and results of a function at many points, and the stride between points in each array (0: the same for all)."""
+
+    times: Floats
+    states: Floats
+    inputs: Floats
+    constants: Floats
+    modes: Floats
+    out: Floats
+    by_time: int
+    by_state: int
+    by_inputs: int
+    by_constants: int
+    by_mode: int
+    size: int
+
+
+def batch(function: Function, count: int, arrays: BatchArrays) -> None:
+    """Call a function at `count` points."""
+    times = arrays.times
+    states = arrays.states
+    inputs = arrays.inputs
+    constants = arrays.constants
+    modes = arrays.modes
+    out = arrays.out
+    by_time = arrays.by_time
+    by_state = arrays.by_state
+    by_inputs = arrays.by_inputs
+    by_constants = arrays.by_constants
+    by_mode = arrays.by_mode
+    size = arrays.size
     for i in range(count):
         function(
-            times[i * by_time],
-            states[i * by_state :],
-            inputs[i * by_inputs :],
-            constants[i * by_constants :],
-            modes[i * by_mode :],
-            out[i * size :],
-        )
+            times[i * by_time], states[i * by_state :], inputs[i * by_inputs :], constants[i * by_constants :], modes[i * by_mode :], out[i * size :]
+        )  # fmt: skip
 
 
 # ---------------------------------------------------------------- linear systems

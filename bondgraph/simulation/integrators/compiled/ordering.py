@@ -29,7 +29,7 @@ Columns = tuple[Any, Any]  # starts, and rows in rising order, without the diago
 
 
 @dataclass(frozen=True, slots=True)
-class Elimination:
+class EliminationPattern:
     """Places of rows and columns in an order, patterns of L and U, and for each column of L the number of adjacent columns with its pattern."""
 
     row_place: IntArray
@@ -84,7 +84,7 @@ def _least_degree(start: IntArray, neighbours: IntArray, compiled: bool) -> Any:
     return given["order"]
 
 
-def _eliminated(start: IntArray, neighbours: IntArray, order: IntArray, compiled: bool) -> Elimination:
+def _eliminated(start: IntArray, neighbours: IntArray, order: IntArray, compiled: bool) -> EliminationPattern:
     names = ("place", "above", "reached", "child", "sibling", "stack", "count", "number", "wide")
     given: dict[str, Any] = {name: np.zeros(len(order), dtype=np.int64) for name in names}
     given |= {"n": len(order), "start": start, "neighbours": neighbours, "order": order}
@@ -95,7 +95,7 @@ def _eliminated(start: IntArray, neighbours: IntArray, order: IntArray, compiled
     given |= {"lower": lower, "upper": upper} | {name: found[:-1].copy() for name, found in starts.items()}
     _work(put_rows, Eliminations, given, compiled)
     place = given["place"]
-    return Elimination(place, place, (starts["count"], lower), (starts["number"], upper), given["wide"])
+    return EliminationPattern(place, place, (starts["count"], lower), (starts["number"], upper), given["wide"])
 
 
 def _work(function: Callable[[Any], None], noun: type[Record], given: Mapping[str, Any], compiled: bool) -> None:
@@ -149,7 +149,7 @@ def _by_library(matrix: Any, rows: IntArray, columns: IntArray, differential: in
         return None
     places = np.asarray(factors.perm_r), np.asarray(factors.perm_c)
     lower, upper = _without_diagonal(factors.L, count), _without_diagonal(factors.U, count)
-    return _fields(Elimination(*places, lower, upper, _wide(*lower)), rows, columns, differential)
+    return _fields(EliminationPattern(*places, lower, upper, _wide(*lower)), rows, columns, differential)
 
 
 def _is_symmetric(matrix: Any) -> bool:
@@ -160,7 +160,7 @@ def _is_symmetric(matrix: Any) -> bool:
     return np.array_equal(matrix.indptr, turned.indptr) and np.array_equal(matrix.indices, turned.indices)
 
 
-def _fields(elimination: Elimination, rows: IntArray, columns: IntArray, differential: int) -> dict[str, Any]:
+def _fields(elimination: EliminationPattern, rows: IntArray, columns: IntArray, differential: int) -> dict[str, Any]:
     row_place, column_place, count = elimination.row_place, elimination.column_place, len(elimination.row_place)
     # One slot for each place of the matrix: an entry of the Jacobian, the shift, or both.
     slots = np.full(count, -1)
