@@ -64,8 +64,7 @@ def kernel(name: str, text: Callable[[], str], level: int) -> bytes:
     finally:
         if cache.has_changed():  # a mixture of two versions
             raise CannotCompile(
-                "BR601",
-                "machine code could not be made: this package has changed since the process started; start it again",
+                "BR615", "no machine code is made: this package has changed since the process started", "start it again"
             )
     code = in_child(source, level)
     cache.keep(key, code)
