@@ -103,6 +103,7 @@ def follow(first: OperatingPoint, name: str, low: float, high: float, points: in
     """
     if not points >= 2 or low == high:
         raise UsageError("BR201", "a branch goes from one value to another, in 2 steps or more")
+    first = first.one_sided()  # rests at kinks are followed, their stability is not decided
     follower = BranchFollower(first, name, low, high)
     towards = np.zeros(first.count + 1)
     towards[-1] = 1.0

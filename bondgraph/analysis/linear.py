@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from compiler.api import Array
 
 from ..errors import MissingPackage
@@ -71,12 +73,20 @@ class Linearization(Summarised):
         return {**entries, "rates": rows_of([self.rates])[0]}
 
 
-def linearization(point: OperatingPoint) -> Linearization:
-    """Return the linear model at a point; its inputs are the quantities by which the point's derivatives are taken (`by`)."""
+def linearization(point: OperatingPoint, partial: bool = False) -> Linearization:
+    """Return the linear model at a point; its inputs are the quantities by which the point's derivatives are taken (`by`).
+
+    `partial`: the slopes of an output that has a kink or a jump there are NaN; otherwise that is refused. Raises `RunFailed`.
+    """
     space, reduced, program = point.compilation.state_space, point.reduced, point.program
     chosen = reduced.chosen
     state_slopes, by_slopes = reduced.through(point.rate_slopes(chosen))
-    output_slopes, through = point.of_states(list(space.outputs.values()))
+    names, jumping = list(space.outputs), point.jumping()
+    point.refuse_kinks([n for n in jumping if n not in names or not partial], "jumps at")
+    sided = point.one_sided() if partial else point
+    output_slopes, through = sided.of_states(list(space.outputs.values()))
+    bent = {*jumping, *(sided.kinks or ())}
+    output_slopes[[n in bent or space.variables[v].name in bent for n, v in space.outputs.items()]] = np.nan
     return Linearization(
         program.name, point.made.plan.experiment, point.time, tuple(program.states.names[i] for i in chosen), point.by,
         program.outputs.names, linear_units(point), state_slopes, by_slopes, output_slopes, through, point.state[chosen],

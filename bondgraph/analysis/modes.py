@@ -43,7 +43,8 @@ class Names:
 class Mode:
     """One mode; for a conjugate pair the eigenvalue (1/s) with the positive imaginary part.
 
-    `shape` and `outputs`: complex amplitudes of states and outputs in SI, for an energy of 1 J (without energy: a norm of 1).
+    `shape` and `outputs`: complex amplitudes of states and outputs in SI, for an energy of 1 J (without energy: a norm of 1); NaN for an output with a
+    kink or a jump there.
     `energy`: the share of each element that stores some, sum 1, the largest first; a spring with negative stiffness has a negative one.
     """
 
@@ -139,7 +140,7 @@ class Modes(Sequence[Mode], Summarised):
 
 def modes(point: OperatingPoint) -> Modes:
     """Return all modes at a point, slowest first."""
-    linear = linearization(point)
+    linear = linearization(point, partial=True)
     found = spectrum(linear.A)
     chosen = _slowest_first(found.values)
     values, shapes = found.values[chosen], point.reduced.whole(found.shapes)[:, chosen]

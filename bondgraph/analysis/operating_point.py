@@ -8,19 +8,31 @@ Both are exact: the rates satisfy the constraints, so the Jacobian preserves the
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, ComplexArray, IntArray, Leaf, NoSlope, Tape
+from compiler.api import Array, IntArray, Leaf, NoSlope, Tape
 
 from ..errors import RunFailed, UsageError
 from ..numerics.scales import nonzero
 from ..prepared import Prepared
 from .json_values import named
-from .singular_slopes import departure, slopes_from_beside
+from .reduced import Reduced, tied_coordinates
+from .singular_slopes import (
+    CLOSEST,
+    SIGNS,
+    Beside,
+    Slopes,
+    departure,
+    jumps,
+    known_magnitudes,
+    magnitudes,
+    slopes_from_beside,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from compiler.api import Compilation, Expression, Lowered, Program
@@ -31,7 +43,8 @@ if TYPE_CHECKING:
     from ..simulation.events.events import Events
     from .following import Follower
 
-RANK = 1e-9  # relative to the largest: a smaller pivot shows a dependent constraint
+JUMP = 1e-9  # relative to the terms of a rate: a smaller change at a condition is rounding
+Lookup = Callable[[Leaf], float]
 LIMITS = 1e-9  # relative to a table's range: rounding beyond its ends
 AHEAD = 1.0  # s: length of the timeline that is searched for a single instant
 
@@ -52,16 +65,6 @@ class AnalysisRequest:
     time: float | None = None  # None: where the experiment begins
 
 
-@dataclass(frozen=True, slots=True)
-class Slopes:
-    """Nonzero derivatives of some variables: their tape, and their places."""
-
-    tape: Tape
-    rows: Any
-    columns: Any
-    guarded: bool  # one of them has conditions of its own, as at a root of zero and at a kink
-
-
 class OperatingPoint:
     """States (n,) and unknowns (m,) of a model at an instant. Derivatives have a column for each of them and for each of `by`."""
 
@@ -75,6 +78,7 @@ class OperatingPoint:
         self.state, self.by = np.asarray(state, dtype=float), by
         self.count, self.all = len(self.program.states.names), len(self.state)
         self.inputs, self.constants = constraints.inputs, constraints.constants
+        self.kinks: list[str] | None = None  # variables that bend or jump here; None: these are refused
 
     @property
     def compilation(self) -> Compilation:
@@ -108,7 +112,14 @@ class OperatingPoint:
             constraints.leave_out(old.taking)
         state = constraints.project(self.time, np.asarray(state, dtype=float), self.mode)
         state = constraints.loops(nonzero(np.abs(state))).solve(self.time, state, self.mode)
-        return OperatingPoint(self.made, constraints, state, self.mode, self.time, self.by, self.values)
+        point = OperatingPoint(self.made, constraints, state, self.mode, self.time, self.by, self.values)
+        return point if self.kinks is None else point.one_sided()
+
+    def one_sided(self) -> OperatingPoint:
+        """Return the same point for Newton's method: at a kink it has the slopes of one side, and `kinks` has the name."""
+        point = copy(self)
+        point.kinks = []
+        return point
 
     # ------------------------------------------------------------ values
     def lookup(self, leaf: Leaf) -> float:
@@ -203,19 +214,69 @@ class OperatingPoint:
         bad = np.flatnonzero(~np.isfinite(found).all(axis=1))
         if len(bad):
             raise self._without_slope(self.program.variables.names[bad[0]])
-        known, infinite = slopes_from_beside(self._jacobian_beside, found)
-        if len(infinite):
-            raise self._without_slope(self.program.variables.names[infinite[0] // self.all])
-        return known
+        names = self.program.variables.names
+        at, modes = (self.time, self.state, self.inputs, self.constants), self._sides if self._changes else [self.mode]
+        rates = [self.program.derivative(*at, mode) for mode in modes]  # with both truths of conditions
+        jumping = np.flatnonzero(np.ptp(rates, axis=0) > JUMP * (np.abs(found) @ np.abs(self.state)))
+        self.refuse_kinks([names[int(i)] for i in jumping], "jumps at")
+        return self.smoothed(self._jacobian_beside, found, lambda place: names[place // self.all])
 
-    def _jacobian_beside(self, side: float, distance: float) -> Any:
-        state, mode = self._beside(side, distance)
+    def smoothed(self, beside: Beside, found: Array, name: Callable[[int], str]) -> Array:
+        """Return slopes that hold on both sides; `beside` has those at a distance along a direction, `name` that of the variable at a flat index."""
+        ways = range(len(SIGNS) if self._changes or self.program.bends is not None else 1)
+        smooth, infinite, kinks = slopes_from_beside(beside, found, ways)
+        if len(infinite):
+            raise self._without_slope(name(int(infinite[0])))
+        self.refuse_kinks([name(int(place)) for place in kinks], "has another slope on each side of")
+        return smooth
+
+    def refuse_kinks(self, names: Sequence[str], words: str) -> None:
+        """Raise `RunFailed` if there are names, or keep them at a one-sided point."""
+        if self.kinks is not None:
+            self.kinks += names
+        if self.kinks is not None or not names:
+            return
+        places = dict.fromkeys(f"`{law.owner}` (line {law.span.line})" for law in self._bent_laws())
+        law = f", by the law of {', '.join(places)}" if places else ""
+        raise RunFailed(
+            "BR263", f"the equation of `{names[0]}` {words} this state (t = {self.time:.9g} s){law}: there is no linear model;",
+            'start the model beside it and analyse that (`--at start`), or smooth the law, as `tanh(x/w)` does `sign(x)`',
+        )  # fmt: skip
+
+    def _bent_laws(self) -> list[Any]:
+        """Return the conditions that change here, else the first equation with a kink in the order of computation."""
+        if self.program.hybrid is not None and self._changes:
+            return [self.program.hybrid.conditions[k] for k in self._changes]
+        from compiler.api import Assignment
+
+        sided = self.one_sided()
+        for step in self.compilation.state_space.steps:
+            if isinstance(step, Assignment):
+                sided.sparse_slopes([step.target])
+                if sided.kinks:
+                    return [step]
+        return []
+
+    @cached_property
+    def _sides(self) -> list[Array]:
+        """Modes at the point, and on both sides along each direction."""
+        return [self.mode, *(self._beside(side, CLOSEST, way)[1] for way in range(len(SIGNS)) for side in (1.0, -1.0))]
+
+    @cached_property
+    def _changes(self) -> tuple[int, ...]:
+        """Conditions, by index, that are true on one side of the point only."""
+        conditions = () if self.program.hybrid is None else self.program.hybrid.conditions
+        return tuple(k for k, c in enumerate(conditions) if c.steers and np.ptp([m[c.position] for m in self._sides]))
+
+    def _jacobian_beside(self, side: float, distance: float, way: int) -> Any:
+        state, mode = self._beside(side, distance, way)
         return self.program.jacobian(self.time, state, self.inputs, self.constants, mode)
 
-    def _beside(self, side: float, distance: float) -> tuple[Any, Any]:
+    def _beside(self, side: float, distance: float, way: int = 0) -> tuple[Any, Any]:
         """State at a distance from the point, and its mode."""
         size = magnitudes(self.constraints, self.state)
-        state = self.state + side * departure(size, distance)
+        size = np.minimum(size, known_magnitudes(self.program, self.state)) if distance <= CLOSEST else size
+        state = self.state + side * departure(size, distance, way)
         if self.program.hybrid is None or not self.program.hybrid.conditions:
             return state, self.mode
         from ..simulation.events.events import Moment
@@ -245,25 +306,45 @@ class OperatingPoint:
         slopes = self.slopes_of(tuple(variables))
         values, numbers = np.array(slopes.tape.values(self.lookup), dtype=float), slopes.rows
         bad: IntArray = np.flatnonzero(~np.isfinite(values))
-        if slopes.guarded and not len(bad):
-            values, bad = slopes_from_beside(lambda side, distance: self._slopes_beside(slopes, side, distance), values)
         if len(bad):
             raise self._without_slope(self.compilation.state_space.variables[variables[numbers[bad[0]]]].name)
+        if self._changes:
+            _ = self.jacobian  # refuses rates that jump
+        if slopes.guarded:
+            name, at = [self.compilation.state_space.variables[v].name for v in variables], self.lookup_beside
+            values = self.smoothed(lambda *to: slopes.tape.values(at(*to)), values, lambda place: name[numbers[place]])
         return csr_array((values, (numbers, slopes.columns)), shape=(len(variables), self.all + len(self.by)))
 
-    def _slopes_beside(self, slopes: Slopes, side: float, distance: float) -> list[float]:
-        """Return the slopes at a distance from the point, with inputs and parameters moved as well."""
-        state, mode = self._beside(side, distance)
+    def lookup_beside(self, side: float, distance: float, way: int, held: Sequence[int] = ()) -> Lookup:
+        """Return `lookup` at a distance from the point, with `by` and held values (by their places in the mode) moved as well."""
+        state, mode = self._beside(side, distance, way)
+        mode, places = np.array(mode, dtype=float), list(held)
+        mode[places] += side * departure(np.where(mode[places] != 0, np.abs(mode[places]), 1.0), distance, way)
+        values = {"state": state, "mode": mode, **self._settings_beside(side, distance)}
+        return lambda leaf: float(values[leaf.role][leaf.position]) if leaf.role in values else self.lookup(leaf)
 
-        def moved(leaf: Leaf) -> float:
-            if leaf.role == "state":
-                return float(state[leaf.position])
-            if leaf.role == "mode":
-                return float(mode[leaf.position])
-            here = self.lookup(leaf)
-            return here + side * distance * (abs(here) or 1.0) if leaf.role in ("input", "parameter") else here
+    def _settings_beside(self, side: float, distance: float) -> dict[str, Array]:
+        """Return the parameters and inputs, with those of `by` at a distance."""
+        values = {"parameter": np.array(self.constraints.parameters), "input": np.array(self.inputs, dtype=float)}
+        steps = departure(np.ones(len(self.by)), side * distance)
+        for name, step in zip(self.by, steps, strict=True):
+            if name in self.program.parameters.names or name in self.program.inputs.names:
+                role, place = self.set_at(name)
+                values[role][place] += step * (abs(values[role][place]) or 1.0)
+        return values
 
-        return slopes.tape.values(moved)
+    def jumping(self) -> tuple[str, ...]:
+        """Return states whose rates, and outputs that are not continuous at this point along states and `by`."""
+        program = self.program
+
+        def beside(side: float, distance: float, way: int) -> Any:
+            state, mode = self._beside(side, distance, way)
+            moved = self._settings_beside(side, distance)
+            at = self.time, state, moved["input"], program.constants(moved["parameter"]), mode
+            return np.concatenate([np.ravel(program.derivative(*at))[: self.count], np.ravel(program.output(*at))])
+
+        places = jumps(beside, np.concatenate([self.rates, self.outputs]))
+        return tuple((*program.states.names, *program.outputs.names)[i] for i in places)
 
     def slopes_of(self, variables: tuple[int, ...]) -> Slopes:
         """Return the same as expressions, with their places."""
@@ -312,47 +393,6 @@ class OperatingPoint:
         return reduced.through(slopes)
 
 
-@dataclass(frozen=True, eq=False)
-class Reduced:
-    """Free coordinates (r,) of the states.
-
-    `chosen`: their indices; `directions` (n, r): derivatives of all states by them; `following` (n, k): derivatives of all states by `by` with the
-    free ones fixed; `unknowns` (m, n + k): derivatives of the unknowns by states and `by`.
-    """
-
-    chosen: Any
-    directions: Any
-    following: Any
-    unknowns: Any
-
-    @property
-    def tied(self) -> bool:
-        """True if some coordinates follow others."""
-        return len(self.chosen) < len(self.directions)
-
-    def whole(self, amplitudes: Array | ComplexArray) -> Any:
-        """Return all states from the free coordinates."""
-        return self.directions @ amplitudes if self.tied else amplitudes
-
-    def by_states(self, slopes: Array) -> tuple[Any, Any]:
-        """Convert columns for states, unknowns and `by` to columns for all states, taken as independent, and for `by`."""
-        n, (m, width) = len(self.directions), self.unknowns.shape
-        whole = np.concatenate([slopes[:, :n], slopes[:, n + m :]], axis=1)
-        whole = whole + slopes[:, n : n + m] @ self.unknowns if m else whole
-        return whole[:, :n], whole[:, n:width]
-
-    def through(self, slopes: Array) -> tuple[Any, Any]:
-        """Convert columns for states, unknowns and `by` to columns for free coordinates, and for `by`."""
-        states, moved = self.by_states(slopes)
-        if not self.tied:
-            return states, moved
-        return states @ self.directions, states @ self.following + moved
-
-    def held(self, moved: Array) -> Any:
-        """Return derivatives of the states (n, k) by `by`, with tied coordinates determined by the free ones."""
-        return self.directions @ moved[self.chosen] + self.following if self.tied else moved
-
-
 def reduction(point: OperatingPoint) -> Reduced:
     """Return the reduction with unknowns and tied coordinates eliminated. Raises `RunFailed`."""
     n, size, k = point.count, point.all, len(point.by)
@@ -371,26 +411,8 @@ def reduction(point: OperatingPoint) -> Reduced:
     space = point.compilation.state_space
     values = [i.position for i in space.invariants] + [i.velocity for i in space.invariants if i.velocity is not None]
     slopes = point.slopes(values)
-    chosen, directions, following = _tied(slopes[:, :n], slopes[:, size:])
+    chosen, directions, following = tied_coordinates(slopes[:, :n], slopes[:, size:])
     return Reduced(chosen, directions, following, follow)
-
-
-def _tied(slopes: Array, moved: Array) -> tuple[Any, Any, Any]:
-    """Return coordinates that stay free where slopes @ x + moved @ p = 0, and the derivatives of all by them and by p."""
-    from scipy.linalg import qr
-
-    n = slopes.shape[1]
-    rows = nonzero(np.abs(slopes).max(axis=1, initial=0.0))[:, None]
-    slopes, moved = slopes / rows, moved / rows
-    _, triangle, order = qr(slopes, mode="economic", pivoting=True)
-    sizes = np.abs(np.diag(triangle))
-    rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
-    tied, chosen = np.sort(order[:rank]), np.sort(order[rank:])
-    directions, following = np.zeros((n, n - rank)), np.zeros((n, moved.shape[1]))
-    directions[chosen, np.arange(n - rank)] = 1.0
-    solved = np.linalg.lstsq(slopes[:, tied], np.concatenate([slopes[:, chosen], moved], axis=1), rcond=None)[0]
-    directions[tied], following[tied] = -solved[:, : n - rank], -solved[:, n - rank :]
-    return chosen, directions, following
 
 
 # ---------------------------------------------------------------- finding one
@@ -459,14 +481,6 @@ def placed(made: Prepared, asked: AnalysisRequest, values: Mapping[str, float] |
         elif asked.state not in ("equilibrium", "start"):
             raise UsageError("BR220", f"a state is `equilibrium`, `start` or values by name; not `{asked.state}`")
     return OperatingPoint(made, leg.constraints, state, mode, begins, asked.by, values).check_limits()
-
-
-def magnitudes(constraints: Constraints, state: Array) -> Any:
-    """Return magnitudes of states and unknowns, (n + m,); 1 where none is known."""
-    count = len(constraints.program.states.names)
-    sizes = np.abs(state)
-    sizes[:count] = np.maximum(sizes[:count], constraints.magnitude[:count])
-    return nonzero(sizes)
 
 
 def _given(leg: Any, given: Mapping[str, float], time: float, mode: Array) -> Any:

@@ -8,18 +8,22 @@ m = M z^k with z = exp(i w T), whose part at w is M (1 - exp(-i w T))/(i w T): w
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Leaf
+from compiler.api import Array, Leaf, Tape
 
 from ..errors import RunFailed, UsageError
 from .linear import Linearization, linear_units
-from .operating_point import OperatingPoint, Reduced, reduction
+from .operating_point import Lookup, OperatingPoint, reduction
+from .reduced import Reduced
 from .response import POINTS, Response, frequencies_between, transfer, with_extrema
 from .sensitivity import unit_directions
+from .singular_slopes import jumps
 from .verdict import EPS, Verdict
 
 ERROR = 64.0  # units in the last place, of a period's solution
@@ -84,22 +88,41 @@ def sampled_loop(point: OperatingPoint) -> SampledLoop:
     rates = [values[space.states[i].rate] for i in reduced.chosen]
     outputs = [values[v] for v in space.outputs.values()]
     new = [point.lowered.events.values[s] for s, _, _ in settings]
-    directions, width = _directions(point, reduced, [p for _, p, _ in settings])
+    modes, places = program.hybrid.modes.names if program.hybrid is not None else (), [p for _, p, _ in settings]
+    directions, width = _directions(point, reduced, places)
     tape = point.tape("sampled loop", lambda: [*rates, *outputs, *new])
-    _, found = tape.slopes(point.lookup, directions, width)
-    table = np.array([np.zeros(width) if row is None else row for row in found]).reshape(len(found), width)
-    if not np.isfinite(table).all():
-        raise RunFailed("BR247", "something in the sampled loop has no finite slope at its rest")
+    states = tuple(np.take(program.states.names, reduced.chosen))
+    table = _smooth_table(
+        point, tape, directions, width, places, (*states, *space.outputs, *(modes[p] for p in places))
+    )
     r, k = len(reduced.chosen), len(settings)
-    above, middle, held = np.split(table, [r, r + len(outputs)])
-    modes = program.hybrid.modes.names if program.hybrid is not None else ()
-    inputs = (*(modes[p] for _, p, _ in settings), *point.by)
+    above, middle, sampled = np.split(table, [r, r + len(outputs)])
+    inputs = (*(modes[p] for p in places), *point.by)
     linear = Linearization(
-        program.name, point.made.plan.experiment, point.time, tuple(program.states.names[i] for i in reduced.chosen), inputs,
+        program.name, point.made.plan.experiment, point.time, states, inputs,
         program.outputs.names, linear_units(point), above[:, :r], above[:, r:], middle[:, :r], middle[:, r:], point.state[reduced.chosen],
         np.zeros(k + len(point.by)), point.outputs, point.rates[reduced.chosen],
     )  # fmt: skip
-    return SampledLoop(linear, held, periods[0])
+    return SampledLoop(linear, sampled, periods[0])
+
+
+def _smooth_table(
+    point: OperatingPoint, tape: Tape, directions: Mapping[Leaf, Any], width: int, held: Sequence[int], names: Sequence[str]
+) -> Array:  # fmt: skip
+    """Return the slopes (len(names), width) of a tape's roots along directions. Raises `RunFailed` for infinite ones, kinks and jumps."""
+
+    def at(lookup: Lookup) -> tuple[Array, Array]:
+        values, slopes = tape.slopes(lookup, directions, width)
+        rows = [np.zeros(width) if row is None else row for row in slopes]
+        return np.array(values), np.reshape(rows, (len(slopes), width))
+
+    here, table = at(point.lookup)
+    if not np.isfinite(table).all():
+        raise RunFailed("BR247", "something in the sampled loop has no finite slope at its rest")
+    places = jumps(lambda side, far, way: at(point.lookup_beside(side, far, way, held))[0], here)
+    point.refuse_kinks([names[i] for i in places], "jumps at")
+    beside = lambda side, far, way: at(point.lookup_beside(side, far, way, held))[1]  # noqa: E731
+    return point.smoothed(beside, table, lambda place: names[place // width])
 
 
 def _directions(point: OperatingPoint, reduced: Reduced, modes: list[int]) -> tuple[dict[Leaf, Any], int]:
@@ -129,7 +152,10 @@ def sampled_verdict(point: OperatingPoint) -> Verdict:
     """Return the verdict of a sampled loop: `growth` is log(abs(z))/T of the largest eigenvalue z of a period. Raises `UsageError` for several periods."""
     from scipy.linalg import eig, matrix_balance
 
+    point = point.one_sided()
     loop = sampled_loop(point)
+    if point.kinks:
+        return Verdict(math.nan, math.nan, None, kink=point.kinks[0])
     r, _ = loop.sizes
     read = loop.continuous.A.any(axis=0) | loop.held[:, :r].any(axis=0)  # an angle that nothing reads does not count
     keep = np.concatenate([read, np.ones(len(loop.held), dtype=bool)])

@@ -8,15 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
+
+import numpy as np
 
 from compiler.api import (
     DOMAINS,
     Assignment,
     Compilation,
     Element,
+    Expression,
     Junction,
     Kind,
+    Number,
     PowerPort,
     Symbol,
     affine_parts,
@@ -24,9 +29,11 @@ from compiler.api import (
     depends_on,
     derivative,
     letters,
-)
+    substitute,
+)  # fmt: skip
 
 from ..errors import UsageError
+from .singular_slopes import jumps, slopes_from_beside
 
 Row = dict[int, Any]  # variable -> coefficient
 Coefficient = Callable[[Any], Any]  # an expression over variables -> its value, in numbers or sympy
@@ -186,13 +193,25 @@ def _resistive(
             raise UsageError(
                 "BR260", f"`{name}` gives something without being given anything: it is a source as well, no port-Hamiltonian form is made",
             )  # fmt: skip
-        return {other: _slope_at_rest(assignment, target, other, value)}
+        slope = _two_sided(assignment, other, value)
+        return {other: -slope / _two_sided(assignment, target, value) if assignment.implicit else slope}
     return {other: values[target] / values[other]}
 
 
-def _slope_at_rest(assignment: Assignment, target: int, other: int, value: Coefficient) -> Any:
-    slope = value(derivative(assignment.expression, Symbol(other)))
-    return -slope / value(derivative(assignment.expression, Symbol(target))) if assignment.implicit else slope
+def _two_sided(assignment: Assignment, variable: int, value: Coefficient) -> float:
+    """Return the derivative of a law by a variable that is zero. Raises `UsageError` at a kink or a jump."""
+    law, symbol = assignment.expression, Symbol(variable)
+
+    def beside(x: Expression, side: float, distance: float, _: int) -> Any:
+        return np.array([value(substitute(x, lambda s: Number(side * distance) if s == symbol else s))])
+
+    slope = derivative(law, symbol)
+    (two_sided,), infinite, kinks = slopes_from_beside(partial(beside, slope), np.array([value(slope)]))
+    if len(infinite) or len(kinks) or len(jumps(partial(beside, law), np.array([value(law)]))):
+        raise UsageError(
+            "BR264", f"the law of `{assignment.owner}` has no slope, or one on each side of this state: no port-Hamiltonian form is made"
+        )  # fmt: skip
+    return float(two_sided)
 
 
 def _eliminated(rows: dict[int, Row]) -> dict[int, Row]:

@@ -12,6 +12,7 @@ space, or if its left vector is conserved for all states.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -78,6 +79,7 @@ class Verdict:
     undecided: tuple[complex, ...] = ()
     undamped: tuple[complex, ...] = ()
     neutral: int = 0
+    kink: str = ""  # name of a state or unknown whose equation has a kink or a jump there: then it is not decided
 
     @property
     def word(self) -> str:
@@ -87,7 +89,9 @@ class Verdict:
 
 def verdict(point: OperatingPoint) -> Verdict:
     """Return the verdict of a point at equilibrium."""
-    return verdict_of(*decisive(point, state_matrix(point)))
+    point = point.one_sided()
+    A = state_matrix(point)
+    return Verdict(math.nan, math.nan, None, kink=point.kinks[0]) if point.kinks else verdict_of(*decisive(point, A))
 
 
 def decisive(point: OperatingPoint, A: Array, known: int = 0) -> tuple[Eigenvalues, int]:
@@ -95,6 +99,10 @@ def decisive(point: OperatingPoint, A: Array, known: int = 0) -> tuple[Eigenvalu
 
     `known`: number of eigenvalues shown to be neutral at another point of the same branch.
     """
+    if point.kinks:
+        return Eigenvalues(
+            np.linalg.eigvals(A).astype(complex), np.full(len(A), np.inf), np.zeros(len(A), dtype=bool)
+        ), known
     active, sizes, neutral = _without_neutral(point, A, known)
     return bounded_eigenvalues(active, sizes, lossless(point)), neutral
 

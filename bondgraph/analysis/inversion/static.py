@@ -93,8 +93,8 @@ class Search:
     """States and strengths, moved until the outputs have their target values."""
 
     def __init__(self, point: OperatingPoint, rows: Sequence[int], drives: Sequence[Drive]) -> None:
-        self.point, self.rows = point, list(rows)
-        self.drives = [self._with_power(point, d) for d in drives]
+        self.point, self.rows = point.one_sided(), list(rows)
+        self.drives = [self._with_power(self.point, d) for d in drives]
         self.strengths = np.array([self._strength(point, d) for d in self.drives])
         self.conserved = point.conserved  # conserved sums of the states, which stay constant
         self.held = self.conserved @ point.state[: point.count]
