@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from .expression import ONE, ZERO, Apply, Expression, Symbol, add, depends_on, divide, multiply, negate
 
 
@@ -34,6 +36,18 @@ def affine_parts(x: Expression, symbol: Symbol) -> tuple[Expression, Expression]
             return None
         return divide(part[0], x.operands[1]), divide(part[1], x.operands[1])
     return None
+
+
+def jointly_affine(x: Expression, unknowns: Sequence[Symbol]) -> tuple[list[Expression], Expression] | None:
+    """Slopes by some symbols, and the rest, none of which contains them; None if x is not affine in all of them together."""
+    slopes, rest = [], x
+    for symbol in unknowns:
+        parts = affine_parts(rest, symbol)
+        if parts is None or any(depends_on(parts[0], other) for other in unknowns):
+            return None
+        slopes.append(parts[0])
+        rest = parts[1]
+    return slopes, rest
 
 
 def solve_affine(left: Expression, right: Expression, symbol: Symbol) -> Expression | None:

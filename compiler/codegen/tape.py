@@ -99,14 +99,14 @@ class Tape:
                 steps.append(_Moved(slot, node.operator, operands, along, self._factors(node, along)))
         return steps
 
-    def _factors(self, node: Apply, along: Sequence[int]) -> list[tuple[list[Step], int]]:
-        """For each operand that varies, the steps to the partial derivative by it, and the place of that."""
+    def _factors(self, node: Apply, along: Sequence[int]) -> list[int]:
+        """For each operand that varies, the place of the partial derivative by it."""
         if node.operator in ("add", "multiply", "select", "item") or node.operator in SYSTEMS:
             return []
         slopes = [partial(node, i) for i in along]
         for slope in slopes:
             self._between += self._appended((slope,))
-        return [([], self._slots[slope]) for slope in slopes]
+        return [self._slots[slope] for slope in slopes]
 
 
 class _Moved:
@@ -114,9 +114,7 @@ class _Moved:
 
     __slots__ = ("along", "factors", "operands", "operator", "slot")
 
-    def __init__(
-        self, slot: int, operator: str, operands: tuple[int, ...], along: tuple[int, ...], factors: list[tuple[list[Step], int]]
-    ) -> None:  # fmt: skip
+    def __init__(self, slot: int, operator: str, operands: tuple[int, ...], along: tuple[int, ...], factors: list[int]) -> None:  # fmt: skip
         self.slot, self.operator, self.operands, self.along, self.factors = slot, operator, operands, along, factors
 
     def moved(self, known: list[Any], moved: list[Any], count: int) -> Any:
@@ -146,9 +144,7 @@ class _Moved:
         """Partial derivative of the operator by its operand i."""
         if self.operator == "multiply":
             return float(math.prod(known[o] for j, o in enumerate(self.operands) if j != i))
-        steps, place = self.factors[number]
-        _taken(steps, known)
-        return float(known[place])
+        return float(known[self.factors[number]])
 
 
 def _taken(steps: Sequence[Step], known: list[Any]) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from ..algebra.affine import affine_parts
-from ..algebra.expression import ZERO, Expression, Number, Symbol, add, depends_on, multiply, symbols
+from ..algebra.affine import jointly_affine
+from ..algebra.expression import ZERO, Expression, Number, Symbol, add, multiply, symbols
 from ..algebra.formula import Bound, Formula, bind, leaf, over
 from ..errors import Diagnostic
 from ..graph.network import (
@@ -397,18 +397,12 @@ class EquationBuilder:
     def _linear_integral(self, flow: int) -> int | None:
         """Integral of a flow that is a sum of integrable flows with constant factors: the same sum over their integrals."""
         assignment = self.assigned[flow]
-        rest = assignment.expression
-        parts = []
-        moving = [s for s in symbols(rest) if not self._is_static(s.key)]
-        for symbol in moving:
-            found = affine_parts(rest, symbol)
-            inner = self._integrals[self.root(symbol.key)]
-            if found is None or inner is None or any(depends_on(found[0], other) for other in moving):
-                return None
-            parts.append(multiply(found[0], Symbol(inner)))
-            rest = found[1]
-        if rest != ZERO:
+        moving = [s for s in symbols(assignment.expression) if not self._is_static(s.key)]
+        slopes = jointly_affine(assignment.expression, moving)
+        if slopes is None or slopes[1] != ZERO:
             return None
+        integrals = [self._integrals[self.root(symbol.key)] for symbol in moving]
+        parts = [multiply(slope, Symbol(integral)) for slope, integral in zip(slopes[0], integrals, strict=True)]
         variable = self.variable(f"{self.variables[flow].name} integrated", "computed")
         self.assign(variable, add(*parts), assignment.span, assignment.owner)
         return variable

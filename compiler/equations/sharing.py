@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import cache
 
-from ..algebra.affine import affine_parts
+from ..algebra.affine import jointly_affine
 from ..algebra.expression import (
     ONE,
     ZERO,
@@ -25,7 +25,6 @@ from ..algebra.expression import (
     Number,
     Symbol,
     add,
-    depends_on,
     divide,
     evaluate,
     multiply,
@@ -107,14 +106,11 @@ class Rates:
             and not any(isinstance(v, float) or self.is_static(v) for v in places)
         ):
             return dict(zip((v for v in places if isinstance(v, int)), factors, strict=True))
-        rest, row = assignment.expression, Row()
-        moving = [s for s in symbols(rest) if not self.is_static(s.key)]
-        for symbol in moving:
-            parts = affine_parts(rest, symbol)
-            if parts is None or any(depends_on(parts[0], other) for other in moving):
-                return None
-            row[symbol.key], rest = parts
-        return row if rest == ZERO else None
+        moving = [s for s in symbols(assignment.expression) if not self.is_static(s.key)]
+        parts = jointly_affine(assignment.expression, moving)
+        if parts is None or parts[1] != ZERO:
+            return None
+        return {symbol.key: slope for symbol, slope in zip(moving, parts[0], strict=True)}
 
     def is_static(self, variable: int) -> bool:
         """Return True if a variable is computed from parameters alone, and is not on a bond."""
@@ -140,14 +136,10 @@ def _moving(variables: Sequence[Variable], assigned: Mapping[int, Assignment], o
 @cache
 def _factors(formula: Formula) -> tuple[Expression, ...] | None:
     """Numbers of a sum of numbers times its slots. Junctions have one formula for many assignments."""
-    rest, found = formula.expression, list[Expression]()
-    for slot in range(formula.arity):
-        parts = affine_parts(rest, Symbol(slot))
-        if parts is None or not isinstance(parts[0], Number) or parts[0] == ZERO:
-            return None
-        rest = parts[1]
-        found.append(parts[0])
-    return tuple(found) if rest == ZERO else None
+    parts = jointly_affine(formula.expression, [Symbol(slot) for slot in range(formula.arity)])
+    if parts is None or parts[1] != ZERO or not all(isinstance(slope, Number) and slope != ZERO for slope in parts[0]):
+        return None
+    return tuple(parts[0])
 
 
 def share_states(system: EquationSystem, signals: frozenset[int], elements: frozenset[str]) -> EquationSystem:

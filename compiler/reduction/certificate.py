@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
-from ..algebra.affine import affine_parts
-from ..algebra.expression import Apply, Expression, Symbol, depends_on, symbols
+from ..algebra.affine import jointly_affine
+from ..algebra.expression import Apply, Expression, Symbol, symbols
 from ..certificate import Certificate, LoopSummary
 from ..equations.system import Assignment, EquationSystem
 from .mobility import redundant_constraints
@@ -142,15 +142,8 @@ def _slopes(x: Expression, moving: frozenset[Symbol]) -> list[Expression] | None
                 return None
             slopes += found
         return slopes
-    rest = x
-    inside = [s for s in symbols(x) if s in moving]
-    for symbol in inside:
-        parts = affine_parts(rest, symbol)
-        if parts is None or any(depends_on(parts[0], other) for other in inside):
-            return None
-        slopes.append(parts[0])
-        rest = parts[1]
-    return slopes
+    parts = jointly_affine(x, [s for s in symbols(x) if s in moving])
+    return None if parts is None else parts[0]
 
 
 def _behind_the_rates(space: StateSpace) -> Iterator[Assignment | LinearLoop]:

@@ -157,15 +157,8 @@ def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diag
     if not own:
         if diagnostics:
             raise CompilationFailed(diagnostics)
-        raise CompilationFailed(
-            [
-                NoSingleModel(
-                    span,
-                    "The file defines no model",
-                    "Write `model Name { … }`, or begin with what `bondgraph new` writes.",
-                )
-            ]
-        )
+        hint = "Write `model Name { … }`, or begin with what `bondgraph new` writes."
+        raise CompilationFailed([NoSingleModel(span, "The file defines no model", hint)])
     if not free:  # all use each other: opening one finds the cycle
         return next(iter(own.values()))
     what = f"The file has several models to run: {', '.join(free)}"
@@ -251,14 +244,9 @@ def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
         if path in elaborator.used_overrides:
             continue
         if path in roles and roles[path] not in ("parameter", "input"):
-            elaborator.tell(
-                UnknownName(
-                    override.span,
-                    path,
-                    "what can be set",
-                    f"It is {'an' if roles[path][:1] in 'aeiou' else 'a'} {roles[path]}; only parameters and inputs are set from outside.",
-                )
-            )
+            article = "an" if roles[path][:1] in "aeiou" else "a"
+            hint = f"It is {article} {roles[path]}; only parameters and inputs are set from outside."
+            elaborator.tell(UnknownName(override.span, path, "what can be set", hint))
         elif not isinstance(elaborator.root.entries.get(path.split("[")[0].split(".")[0]), Broken):
             hint = suggestion(path, [*settable, *lists], known)
             elaborator.tell(UnknownName(override.span, path, f"`{elaborator.root.definition.name}`", hint))

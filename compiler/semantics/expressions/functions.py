@@ -85,20 +85,13 @@ def _rise(shape: Callable[[Expression], Expression]) -> Builder:
     return build
 
 
-def _smooth3(u: Expression) -> Expression:
-    return multiply(u, u, 3 - 2 * u)
-
-
-def _smooth5(u: Expression) -> Expression:
-    return multiply(u, u, u, 10 + u * (6 * u - 15))
-
-
-def _smooth7(u: Expression) -> Expression:
-    return multiply(u, u, u, u, 35 + u * (u * (70 - 20 * u) - 84))
-
-
-def _smooth9(u: Expression) -> Expression:
-    return multiply(u, u, u, u, u, 126 + u * (u * (540 + u * (70 * u - 315)) - 420))
+# Smooth steps from 0 to 1, by their degrees.
+_SMOOTH: dict[int, Callable[[Expression], Expression]] = {
+    3: lambda u: multiply(u, u, 3 - 2 * u),
+    5: lambda u: multiply(u, u, u, 10 + u * (6 * u - 15)),
+    7: lambda u: multiply(u, u, u, u, 35 + u * (u * (70 - 20 * u) - 84)),
+    9: lambda u: multiply(u, u, u, u, u, 126 + u * (u * (540 + u * (70 * u - 315)) - 420)),
+}
 
 
 def _chirp(node: tree.Call, arguments: list[Typed]) -> Typed:
@@ -136,10 +129,7 @@ FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
     "step": (1, "step(time - 1 s)", _step),
     "pulse": (3, "pulse(time, 1 s, 2 s)", _pulse),
     "ramp": (3, "ramp(time, 1 s, 2 s)", _rise(lambda u: u)),
-    "smoothstep3": (3, "smoothstep3(time, 1 s, 2 s)", _rise(_smooth3)),
-    "smoothstep5": (3, "smoothstep5(time, 1 s, 2 s)", _rise(_smooth5)),
-    "smoothstep7": (3, "smoothstep7(time, 1 s, 2 s)", _rise(_smooth7)),
-    "smoothstep9": (3, "smoothstep9(time, 1 s, 2 s)", _rise(_smooth9)),
+    **{f"smoothstep{n}": (3, f"smoothstep{n}(time, 1 s, 2 s)", _rise(shape)) for n, shape in _SMOOTH.items()},
     "chirp": (4, "chirp(time, 1 Hz, 20 Hz, 10 s)", _chirp),
     "polar": (2, "polar(radius, angle)", _polar),
     "rotate": (2, "rotate((x, y), angle)", _polar),

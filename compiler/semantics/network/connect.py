@@ -309,14 +309,8 @@ class Connector:
         for side, segments in sides.items():
             if len(segments) > 1:
                 hint = "A port passes one bond on each side; put a junction there for more."
-                self.elaborator.tell(
-                    WrongConnection(
-                        segments[1].span,
-                        f"Two bonds on one side of `{name}`",
-                        hint,
-                        ((segments[0].span, "the other one"),),
-                    )
-                )
+                what, other = f"Two bonds on one side of `{name}`", (segments[0].span, "the other one")
+                self.elaborator.tell(WrongConnection(segments[1].span, what, hint, (other,)))
             if side in ("inside", "outside") and len(sides) < 2 and not self.elaborator.part:
                 where = "inside its model" if side == "outside" else "outside"
                 hint = "Connect it on both sides; a port that is not needed is left out."
@@ -327,25 +321,16 @@ class Connector:
                 self.elaborator.tell(WrongConnection(place or inner, what, hint, others))
             if side in ("single", "many") and len(sides) < 2:
                 hint = "A splitter passes every bond through: `name =>` on one side, `name.x` on the other."
-                self.elaborator.tell(
-                    WrongConnection(
-                        segments[0].span, f"The splitter's port `{name}` is connected on one side only", hint
-                    )
-                )
+                what = f"The splitter's port `{name}` is connected on one side only"
+                self.elaborator.tell(WrongConnection(segments[0].span, what, hint))
         if len(sides) == 2 and all(len(s) == 1 for s in sides.values()):
             (first,), (second,) = sides.values()
             arrives = [s for s in (first, second) if s.head.side and _name(s.head) == name]
             if len(arrives) != 1:
                 how = "head-on" if len(arrives) == 2 else "tail to tail"
-                other = ((first.span, "the other arrow"),)
-                self.elaborator.tell(
-                    WrongConnection(
-                        second.span,
-                        f"Two arrows meet {how} in `{name}`",
-                        "The arrows on both sides of a port must agree: turn one of them.",
-                        other,
-                    )
-                )
+                what, other = f"Two arrows meet {how} in `{name}`", (first.span, "the other arrow")
+                hint = "The arrows on both sides of a port must agree: turn one of them."
+                self.elaborator.tell(WrongConnection(second.span, what, hint, (other,)))
 
     def _follow(
         self, segment: DrawnBond, holes: dict[tuple[str, str], dict[str, list[DrawnBond]]]

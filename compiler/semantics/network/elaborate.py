@@ -190,14 +190,11 @@ class Elaborator(Declarations):
             bindings: dict[str, tuple[tree.Attribute, Scope]] = {}
             for attribute in statement.attributes:
                 if attribute.target is not None or attribute.name in bindings:
-                    self.tell(
-                        UnknownAttribute(
-                            attribute.span,
-                            declared.name,
-                            attribute.span.text.split("=")[0].strip(),
-                            "Parameters and inputs are set once, as `name = value`.",
-                        )
+                    words, hint = (
+                        attribute.span.text.split("=")[0].strip(),
+                        "Parameters and inputs are set once, as `name = value`.",
                     )
+                    self.tell(UnknownAttribute(attribute.span, declared.name, words, hint))
                     continue
                 bindings[attribute.name] = (attribute, scope)
             inner = self.instantiate(definition, scope.full(local) + ".", bindings, chain, declared.span)

@@ -61,13 +61,8 @@ class QuantityResolver(Resolver):
                 else "These depend on each other"
             )
             busy = [p.name for p in self.pending if p.state == "busy"]
-            self.tell(
-                Cycle(
-                    pending.item.span,
-                    what,
-                    " -> ".join([pending.name, *[name for name in busy if name != pending.name], pending.name]),
-                )
-            )
+            chain = [pending.name, *(name for name in busy if name != pending.name), pending.name]
+            self.tell(Cycle(pending.item.span, what, " -> ".join(chain)))
             raise AlreadyTold
         if not self._inferring:
             self._resolve_what_it_reads(pending)
