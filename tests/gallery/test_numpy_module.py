@@ -57,7 +57,7 @@ def sizes(path: Path, name: str) -> dict[str, tuple[float, float]]:
     running = Running(compilation)
     program = running.program
     if stop is None:
-        running.inputs = np.full(len(running.inputs), 1e-9)
+        running.inputs[:] = 1e-9
     magnitude = magnitudes(running, segments(program, running.constants, 0.0, stop or 1.0))
     names = (*program.states.names, *program.unknowns.names)
     return dict(zip(names, zip(running.start.tolist(), magnitude.tolist(), strict=True), strict=True))
