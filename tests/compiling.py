@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from bondgraph.simulation.constraints.constraints import Constraints
+from bondgraph.simulation.integration.integration_state import IntegrationState
 from bondgraph.simulation.magnitudes.nominal_magnitudes import nominal_magnitudes
 from bondgraph.simulation.segments.timeline import Segment
 from compiler.compilation import Compilation
@@ -172,3 +174,14 @@ def magnitudes(running: Running, stretches: Sequence[Segment]) -> Any:
     """Magnitudes of the states and unknowns of a program that a run finds, from its start on; shape (n,)."""
     with np.errstate(all="ignore"):
         return nominal_magnitudes(running.constraints, (), running.start, stretches).values
+
+
+def limit_steps(monkeypatch: pytest.MonkeyPatch, size: float) -> None:
+    """No step of a run is longer than this, in s."""
+    original = IntegrationState.__init__
+
+    def limited(state: IntegrationState, *given: Any, **named: Any) -> None:
+        original(state, *given, **named)
+        state.longest = size
+
+    monkeypatch.setattr(IntegrationState, "__init__", limited)

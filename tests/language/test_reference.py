@@ -226,7 +226,11 @@ ROOMS = {
 def diagnostics(room: str) -> list[type[Diagnostic]]:
     module = import_module(f"compiler.{room}.errors")
     return sorted(
-        (k for k in vars(module).values() if isinstance(k, type) and issubclass(k, Diagnostic) and k is not Diagnostic),
+        (
+            k
+            for k in vars(module).values()
+            if isinstance(k, type) and issubclass(k, Diagnostic) and k.code != Diagnostic.code
+        ),
         key=lambda k: k.code,
     )
 

@@ -11,9 +11,8 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import UsageError
-from bondgraph.simulation.integration.integration_state import IntegrationState
 from bondgraph.simulation.integrators import dop853
-from tests.compiling import MODELS
+from tests.compiling import MODELS, limit_steps
 
 PAIR, RADAU = "Dormand-Prince 8", "Radau IIA 5"
 
@@ -60,11 +59,7 @@ def test_the_order_of_steps_and_of_the_polynomial_between(monkeypatch: pytest.Mo
     """Steps of one size: the error of a run falls with its 8th power, that of the polynomial inside of one step with the 8th of its length."""
     ends, inside = [], []
     for size in (0.5, 0.25):
-        monkeypatch.setattr(
-            IntegrationState,
-            "remember",
-            lambda stepper, history, size=size: stepper.__dict__.update(longest=size, history=None),
-        )
+        limit_steps(monkeypatch, size)
         found = bondgraph.load(ORBIT).simulate(to=6, points=97, rtol=1e-1, atol=1e3, solver="explicit")
         x, y = orbit(found.time)
         away = np.hypot(found["a"] - x, found["b"] - y)

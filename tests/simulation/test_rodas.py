@@ -12,9 +12,8 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import UsageError
-from bondgraph.simulation.integration.integration_state import IntegrationState
 from bondgraph.simulation.integrators import exponential, rodas
-from tests.compiling import MODELS
+from tests.compiling import MODELS, limit_steps
 from tests.published.test_stiff_problems import PUBLISHED
 
 NAME = "Rodas5P"
@@ -99,11 +98,7 @@ def test_the_order_of_steps_and_between_them(monkeypatch: pytest.MonkeyPatch) ->
     """Steps of one size on rates that move with time: x = exp(sin t), y = 1/(1 + t)."""
     errors = []
     for size in (0.0625, 0.03125):
-        monkeypatch.setattr(
-            IntegrationState,
-            "remember",
-            lambda stepper, history, size=size: stepper.__dict__.update(longest=size, history=None),
-        )
+        limit_steps(monkeypatch, size)
         found = bondgraph.load(DRIVEN).simulate(to=6, points=97, rtol=1e-1, atol=1e3, solver="rodas")
         away = np.hypot(found["a"] - np.exp(np.sin(found.time)), found["b"] - 1 / (1 + found.time))
         errors.append((away[-1], away.max()))
