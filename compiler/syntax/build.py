@@ -310,11 +310,11 @@ class Builder:
         return deepened(tree.VectorSyntax, self._span(parts), items, items)  # type: ignore[no-any-return]
 
     def quantity(self, parts: list[Any]) -> tree.Literal:
-        number, unit = parts
+        unit = parts[len(parts) // 2] if len(parts) > 1 else None  # number; number, name; number, `[`, unit, `]`
         if isinstance(unit, Token):
             span = self._span([unit])
             unit = tree.Unit(span, ((unit.value, ONE, span),), ONE)
-        return tree.Literal(self._span([number, unit]), 1, self._number(number), unit)
+        return tree.Literal(self._span(parts), 1, self._number(parts[0]), unit)
 
     # ------------------------------------------------------------ units
     def unit(self, parts: list[Any]) -> tree.Unit:

@@ -117,6 +117,15 @@ def test_a_quoted_expression_is_whole(text: str) -> None:
     assert all(part.count("(") == part.count(")") for part in found), found
 
 
+@pytest.mark.parametrize("number", ["2 [N/m]", "2 [ N/m ]", "2 mm", "2"])
+def test_a_number_is_whole_with_the_bracket_of_its_unit(number: str) -> None:
+    assert [text for _, _, text in places(f"model M {{ parameter a = {number}, b = 1 }}", tree.Literal)] == [
+        number,
+        "1",
+    ]
+    assert f"3*{number}" in expression_texts(f"3*{number}")
+
+
 def test_a_line_on_request() -> None:
     source = Source("t", "one\ntwo\r\n\nfour")
     assert [source.line(i) for i in (1, 2, 3, 4)] == ["one", "two", "", "four"]
