@@ -113,6 +113,10 @@ def test_names_and_numbers_of_a_step_are_in_si(steps: str, expected: Analysis) -
             ),
         ),
         (
+            "invert F0 to x = time*2 [mm/s] over 0 .. 1 s",
+            Inverting(("F0",), (TargetValue("x", text="time*2 [mm/s]"),), 0.0, 1.0),
+        ),
+        (
             "invert F0 to x = 1 mm*sin(pi*time*k/(3 [kg/s])) over 0 .. 1 s",
             Inverting(("F0",), (TargetValue("x", text="1 mm*sin(pi*time*(100.0 [N/m])/(3 [kg/s]))"),), 0.0, 1.0),
         ),
