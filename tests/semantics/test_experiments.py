@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from compiler.errors import CompilationFailed
+from compiler.compilation import Compilation
+from compiler.errors import CompilationFailed, ValuesNeeded
 from compiler.scene import (
     Analysis,
     ContinuationRequest,
@@ -15,19 +16,23 @@ from compiler.scene import (
     Fitting,
     Inverting,
     Linearizing,
+    Override,
     Plan,
     Reported,
+    Scene,
     Study,
     TargetValue,
 )
-from tests.compiling import compiled
+from compiler.source import Source, Span
+from tests.compiling import compiled, outputs_of, units_of
 
 MODEL = """model A {
   parameter k = 100 [N/m], r = 1 [N*s/m], many: N/m = (1, 2), m = 2 kg
-  constant g = 3 mm, many_lengths: m = (1 mm, 2 mm)
+  constant g = 3 mm, ratio = 2, many_lengths: m = (1 mm, 2 mm)
   input F0 = 0 N, F1 = 0 N, u = 1 V
   signal twice = 2*F0
   function pull(t) = 2*t
+  function half(t) = t/2
   MSe push : F = twice + F1
   I mass : p = m*v
   C spring : F = k*x
@@ -97,8 +102,8 @@ def test_names_and_numbers_of_a_step_are_in_si(steps: str, expected: Analysis) -
         ),
         ("invert F0/F1 to y = 2*g", Inverting(("F0/F1",), (TargetValue("y", 6e-3),))),
         (
-            "invert F0 to x = g over 2 ms .. 6 ms",
-            Inverting(("F0",), (TargetValue("x", text="(0.003 [m])"),), 2e-3, 6e-3),
+            "invert F0 to x = g*ratio over 2 ms .. 6 ms",
+            Inverting(("F0",), (TargetValue("x", text="(0.003 [m])*(2.0)"),), 2e-3, 6e-3),
         ),
         (
             "invert F0/F1 to x = (g + g)*smoothstep9(time, 0 s,   5 ms) over 0 .. 6 ms { points = 11, moving = true, limit F1 = 3 mN, limit F0 = 1 N }",
@@ -207,7 +212,7 @@ def test_mistakes_in_a_step_are_told_at_their_place(steps: str, expected: list[t
                 )
             ],
         ),
-        ("1 mm*pull(2) over 0 .. 1 s", [("BG150", "pull(2)", "A path cannot call your function `pull`")]),
+        ("1 mm*pull(half(2)) over 0 .. 1 s", [("BG150", "pull(half(2))", "A path cannot call your function `pull`")]),
     ],
 )
 def test_mistakes_in_a_path_are_told_at_their_place(path: str, expected: list[tuple[str, str, str]]) -> None:
@@ -368,3 +373,29 @@ def test_reports_have_scale_and_offset() -> None:
     first, second, third = plan("report warm in degC, cold in mK, warm", model).report
     assert first == Reported("warm", "degC", 1.0, -273.15) and second == Reported("cold", "mK", 1e3, 0.0)
     assert third == Reported("warm", "K", 1.0, 0.0)
+
+
+def test_an_output_may_be_another_name_of_a_quantity() -> None:
+    text = """model M {
+      parameter k = 3 m, many: N = (4, 5)
+      signal s = 2*k
+      C spring : F = 7 [N/m]*x { start x = 2 m }
+      R damper : F = 1 [N*s/m]*v
+      1 j : translation
+      j -> spring, damper
+      output a = k "of a parameter", b = s, c: m = spring.x, d = spring.F, e: N = (many[1], many[2]), f = 0.5
+    }"""
+    model = compiled(text)
+    assert outputs_of(model) == {"a": 3.0, "b": 6.0, "c": 2.0, "d": 14.0, "e[1]": 4.0, "e[2]": 5.0, "f": 0.5}
+    assert units_of(model) == {"a": "m", "b": "m", "c": "m", "d": "N", "e[1]": "N", "e[2]": "N", "f": "1"}
+
+
+def test_a_step_with_numbers_of_the_run_is_left_out_but_a_response_needs_them() -> None:
+    def later(step: str) -> Plan:
+        source = Source("text.bg", MODEL % step)
+        unknown = Override("k", None, Span(source, 0, 0))
+        return Compilation(source, Scene(None, "go", (unknown,))).plan
+
+    assert later("continue F0 over 0 N .. k*1 mm; modes").studies == (Study("modes"),)
+    with pytest.raises(ValuesNeeded):
+        later("response F0 to x over 1 Hz .. 2 Hz*k/(1 [N/m])")
