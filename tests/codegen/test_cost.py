@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from compiler.algebra.expression import Expression, Symbol, operations
+from compiler.algebra.expression import Apply, Expression, Number, Symbol, add, call, multiply, negate, operations
 from compiler.codegen import lower
-from compiler.codegen.cost import cost
+from compiler.codegen.cost import _operations, cost
 from tests.benchmarks import large_models
 from tests.compiling import MODELS, compiled
 
@@ -82,3 +82,51 @@ def test_a_junction_of_many_is_differentiated_term_by_term(monkeypatch: pytest.M
         return calls
 
     assert work(200) < 4.5 * work(50)
+
+
+X, Y = Symbol("x"), Symbol("y")
+
+
+def _of_an_elimination(count: int) -> int:
+    """Products and quotients that bring [A | b] to a triangle, then each operation of the substitution."""
+    total = 0
+    for k in range(count):
+        for _ in range(k + 1, count):
+            total += 1 + (count - k - 1) + 1  # the factor, the rest of the row, the right side
+    for k in range(count):
+        total += 2 * (count - k - 1) + 1  # products and differences, the quotient
+    return total
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 7, 12])
+def test_a_dense_system_costs_its_elimination(count: int) -> None:
+    assert _operations(Apply("solve", (X,) * (count * count + count))) == _of_an_elimination(count)
+
+
+@pytest.mark.parametrize(("count", "lower", "upper"), [(5, 1, 1), (9, 1, 2), (20, 2, 1), (7, 3, 0)])
+def test_a_banded_system_costs_each_row_below_a_pivot_of_full_width(count: int, lower: int, upper: int) -> None:
+    """With its exchanges a row has lower + upper more columns: a quotient, products and differences; then the substitution."""
+    width = lower + upper
+    rows = sum(1 + width + width for _ in range(count) for _ in range(lower))
+    substitution = sum(2 * width + 1 for _ in range(count))
+    sizes = (Number(float(n)) for n in (count, lower, upper))
+    assert _operations(Apply("banded", (*sizes, *[X] * (count * (width + 1) + count)))) == rows + substitution
+
+
+@pytest.mark.parametrize(
+    ("x", "count"),
+    [
+        (Apply("item", (X, Number(0.0))), 0),
+        (negate(X), 0),
+        (negate(multiply(X, Y)), 1),
+        (multiply(X, Y, X), 2),
+        (add(X, Y), 1),
+        (add(X, Y, call("sin", X)), 2),
+        (call("sin", X), 1),
+        (call("atan2", X, Y), 1),
+        (call("min", X, Y), 1),
+    ],
+    ids=str,
+)
+def test_operations_of_one_node(x: Apply, count: int) -> None:
+    assert _operations(x) == count
