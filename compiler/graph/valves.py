@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from fractions import Fraction
 
-from ..algebra.expression import ONE, ZERO, Number, evaluate, substitute
+from ..algebra.affine import jointly_affine
+from ..algebra.expression import ONE, ZERO, Number, Symbol, evaluate, operations, substitute, symbols
 from ..algebra.formula import Bound, Formula
 from ..fast_dataclass import dataclass
 from ..source import Span
@@ -23,12 +23,9 @@ from .elements import Kind
 from .network import Bond, BondEnd, BondGraph, Element, Event, Junction, Own, Quantity, Reading, Switch
 from .sharing import groups
 
-SAMPLES = (-1e3, -1.0, -1e-9, 1e-9, 1.0, 1e3)  # of an effort or a flow, at which conditions are read
-OTHERS = (0.0, 0.7, -1.3, 2.1, -0.4, 1.9)  # of what stands beside it in a sum
-RESTING = {
-    Kind.ZERO: Kind.CAPACITOR,
-    Kind.ONE: Kind.INERTIA,
-}  # storages that add nothing to the sum of a junction that is off
+COMPARISONS = ("less", "less_equal", "equal")
+# Storages that add nothing to the sum of a junction that is off.
+RESTING = {Kind.ZERO: Kind.CAPACITOR, Kind.ONE: Kind.INERTIA}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +38,7 @@ class Valve:
     events: tuple[tuple[str, int], tuple[str, int]]
     span: Span
     # times the effort of its gap where it blocks: not above zero; times its flow where it conducts: not below
-    sign: float = 1.0
+    sign: float
 
 
 def with_gaps(graph: BondGraph) -> tuple[BondGraph, tuple[Valve, ...]]:
@@ -184,15 +181,12 @@ def _sides(graph: BondGraph, name: str) -> _Sides:
                 for end in (graph.bonds[b].tail, graph.bonds[b].head)
                 if end.node == place and (isinstance(node, Junction) or node.ports[end.port].name == argument.port)
             ]
-            if not ends or (
-                isinstance(node, Junction) and argument.variable != ("e" if node.kind is Kind.ZERO else "f")
-            ):
+            if not ends:
                 return None
             bond = ends[0]
         return "common" if argument.variable == own else "sum", of[argument.variable][bond]
 
-    common = of[own][bonds[0]] if bonds else -1
-    return _Sides(kind, common, {g: c for g, c in signs.items() if c}, frozenset(resting), group)
+    return _Sides(kind, of[own][bonds[0]], {g: c for g, c in signs.items() if c}, frozenset(resting), group)
 
 
 def _terms(graph: BondGraph, number: int) -> list[tuple[int, int, int]]:
@@ -206,7 +200,7 @@ def _terms(graph: BondGraph, number: int) -> list[tuple[int, int, int]]:
             bond = graph.bonds[b]
             sign = 1 if bond.head.node == at else -1
             far = (bond.tail if sign > 0 else bond.head).node
-            if far in seen and graph.nodes[far].kind is kind:
+            if far in seen:
                 continue
             if graph.nodes[far].kind is kind and graph.nodes[far].name not in switched:
                 seen.add(far)
@@ -222,10 +216,10 @@ def _rests(node: object, kind: Kind) -> bool:
         return False
     if node.kind is RESTING[kind]:
         return True
-    given, wanted = (Own(0, "e"), Own(0, "f")) if kind is Kind.ZERO else (Own(0, "f"), Own(0, "e"))
     if node.kind is not Kind.RESISTOR or len(node.law.equations) != 1:
         return False
-    left, right = (substitute(x, lambda s: ZERO if s.key in (given, wanted) else s) for x in node.law.equations[0])
+    at_rest = (Own(0, "e"), Own(0, "f"))
+    left, right = (substitute(x, lambda s: ZERO if s.key in at_rest else s) for x in node.law.equations[0])
     return left == right
 
 
@@ -237,25 +231,31 @@ def _sets(event: Event, value: float) -> bool:
 
 
 def _sign(event: Event, mode: Quantity, at: float, sides: _Sides, side: str) -> float | None:
-    """Return the sign of one side of a junction where a condition holds, for a value of the mode; None if the condition is another one."""
-    others = {a: sides.group(a) for a in event.condition.arguments if a != mode}
-    if mode not in event.condition.arguments or not others or any(g is None or g[0] != side for g in others.values()):
-        return None
+    """Return the sign of one side of a junction where a condition holds, for a value of the mode; None if the condition is another one: it has one
+    comparison beside the mode, of a multiple of that side with zero."""
+    condition, arguments = event.condition, event.condition.arguments
+    others = {Symbol(slot): sides.group(a) for slot, a in enumerate(arguments) if a != mode}
     signs = {sides.common: 1} if side == "common" else sides.signs
+    own = [g[1] for g in others.values() if g is not None and g[0] == side and g[1] in signs]
     moving = [g for g in signs if side == "common" or g not in sides.resting]
-    if not moving:
+    comparisons = [x for x in operations(condition.formula.expression) if x.operator in COMPARISONS]
+    compared = [x for x in comparisons if not others.keys().isdisjoint(symbols(x))]
+    if len(own) < len(others) or len(compared) != 1 or not moving:
         return None
-    found = set()
-    for k, x in enumerate(SAMPLES):
-        values = {g: OTHERS[(k + n) % len(OTHERS)] for n, g in enumerate(moving)}
-        rest = sum(Fraction(signs[g]) * Fraction(values[g]) for g in moving[1:])
-        values[moving[0]] = float((Fraction(x) - rest) / signs[moving[0]])
-        reach: dict[object, float] = {a: values.get(g[1], 0.0) for a, g in others.items() if g is not None}
-        before, after = (_value(event.condition, {**reach, mode: m}.__getitem__) for m in (1.0 - at, at))
-        if before != 0.0 or after not in (0.0, 1.0):
-            return None
-        found.add((1.0 if x > 0 else -1.0, after))
-    return next((sign for sign in (1.0, -1.0) if found == {(sign, 1.0), (-sign, 0.0)}), None)
+    parts = jointly_affine(compared[0].operands[0] - compared[0].operands[1], tuple(others))
+    slopes = [s.value for s in parts[0] if isinstance(s, Number)] if parts is not None and parts[1] == ZERO else []
+    if len(slopes) < len(others):
+        return None
+    gains = {g: sum(s for s, other in zip(slopes, own, strict=True) if other == g) / signs[g] for g in moving}
+    if len({*gains.values()}) > 1:
+        return None
+
+    def truth(m: float, x: float) -> float | None:
+        moved = {arguments[s.key]: x * signs[g] if g == moving[0] else 0.0 for s, g in zip(others, own, strict=True)}
+        return _value(condition, {**moved, mode: m}.__getitem__)
+
+    truths = [truth(m, x) for m in (1.0 - at, at) for x in (1.0, -1.0)]
+    return 1.0 if truths == [0.0, 0.0, 1.0, 0.0] else -1.0 if truths == [0.0, 0.0, 0.0, 1.0] else None
 
 
 def _value(bound: Bound, value: Callable[[object], float]) -> float | None:
