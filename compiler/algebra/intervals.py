@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache, partial
+from functools import lru_cache, partial, reduce
 from typing import Any
 
 import numpy as np
@@ -38,10 +38,7 @@ def widened(low: Any, high: Any, part: float = BASIC) -> Interval:
 
 
 def _sum(*terms: Interval) -> Interval:
-    low, high = terms[0]
-    for a, b in terms[1:]:
-        low, high = widened(low + a, high + b)
-    return low, high
+    return reduce(lambda x, y: widened(x[0] + y[0], x[1] + y[1]), terms)
 
 
 def _product_of_two(a: Interval, b: Interval) -> Interval:
@@ -51,9 +48,6 @@ def _product_of_two(a: Interval, b: Interval) -> Interval:
     if is_still(b) and b[0] != 0 and math.isfinite(b[0]):
         low, high = a[0] * b[0], a[1] * b[0]
         return widened(low, high) if b[0] > 0 else widened(high, low)
-    if is_still(b):
-        ends = (_finite_product(a[0], b[0]), _finite_product(a[1], b[0]))
-        return widened(np.minimum(*ends), np.maximum(*ends))
     corners = [_finite_product(x, y) for x in a for y in b]
     return widened(np.minimum.reduce(corners), np.maximum.reduce(corners))
 
@@ -86,7 +80,7 @@ def _quotient(a: Interval, b: Interval) -> Interval:
     return _product_of_two(a, (first, last))
 
 
-def _rising(function: Callable[[Any], Any], least: float = -math.inf, most: float = math.inf) -> Callable[[Interval], Interval]:  # fmt: skip
+def _rising(function: Callable[[Any], Any], least: float, most: float) -> Callable[[Interval], Interval]:
     """Range of a function that is increasing on its domain, from `least` to `most`."""
 
     def over(x: Interval) -> Interval:
@@ -124,9 +118,11 @@ def _even(x: Interval) -> Interval:
     return np.where(inside, 0.0, np.minimum(low, high)), np.maximum(low, high)
 
 
-def _cosh(x: Interval) -> Interval:
-    low, high = _even(x)
-    return widened(np.cosh(low), np.cosh(high), LIBRARY)
+def _periods(x: Interval, origin: float, period: float) -> Interval:
+    """Distance of the ends from an origin in periods, moved outward by its rounding, which is a large part of a period far away."""
+    begin, end = (x[0] - origin) * (1 / period), (x[1] - origin) * (1 / period)
+    blur = LIBRARY * np.maximum(np.maximum(-begin, end), 1.0)
+    return begin - blur, end + blur
 
 
 def _wave(x: Interval, crest: float, function: Callable[[Any], Any]) -> Interval:
@@ -134,9 +130,9 @@ def _wave(x: Interval, crest: float, function: Callable[[Any], Any]) -> Interval
     first, last = np.asarray(x[0]), np.asarray(x[1])
     ends = function(first), function(last)
     low, high = widened(np.minimum(*ends), np.maximum(*ends), LIBRARY)
-    begin, end = (first - crest) * (1 / TURN), (last - crest) * (1 / TURN)  # in turns from a crest
-    high = np.where(np.ceil(begin - 1e-15) <= end + 1e-15, 1.0, np.minimum(high, 1.0))
-    low = np.where(np.ceil(begin - 0.5 - 1e-15) <= end - 0.5 + 1e-15, -1.0, np.maximum(low, -1.0))
+    begin, end = _periods(x, crest, TURN)
+    high = np.where(np.ceil(begin) <= end, 1.0, np.minimum(high, 1.0))
+    low = np.where(np.ceil(begin - 0.5) <= end - 0.5, -1.0, np.maximum(low, -1.0))
     far = np.maximum(-first, last).max(initial=0.0)
     if far < LARGEST_ANGLE:
         return low, high
@@ -147,7 +143,8 @@ def _wave(x: Interval, crest: float, function: Callable[[Any], Any]) -> Interval
 
 def _tangent(x: Interval) -> Interval:
     low, high = widened(np.tan(x[0]), np.tan(x[1]), LIBRARY)
-    pole = np.ceil((x[0] - HALF) / math.pi - 1e-15) <= np.floor((x[1] - HALF) / math.pi + 1e-15)
+    begin, end = _periods(x, HALF, math.pi)
+    pole = np.ceil(begin) <= end
     return np.where(pole, -np.inf, low), np.where(pole, np.inf, high)
 
 
@@ -157,24 +154,21 @@ def _power(base: Interval, exponent: Interval) -> Interval:
     n = float(exponent[0])
     if n == int(n) and n < 0:
         return _quotient((1.0, 1.0), _power(base, (-n, -n)))
-    if n == int(n) and n % 2 == 0:
-        low, high = _even(base)
-        return widened(np.power(low, n), np.power(high, n), LIBRARY)
     if n == int(n):
-        return widened(np.power(base[0], n), np.power(base[1], n), LIBRARY)
-    if n > 0:
-        return _rising(lambda x: np.power(x, n), 0.0)(base)
-    low, high = _falling(lambda x: np.power(x, n), 0.0, math.inf)(base)
-    return low, high
+        low, high = base if n % 2 else _even(base)
+        return widened(np.power(low, n), np.power(high, n), LIBRARY)
+    return (_rising if n > 0 else _falling)(lambda x: np.power(x, n), 0.0, math.inf)(base)
 
 
 def _root(x: Interval, degree: Interval) -> Interval:
-    n = float(degree[0])
-    if not is_still(degree) or n == 0 or n % 2 == 0:
+    if not is_still(degree) or degree[0] % 2 == 0:
         return EVERYTHING
+    n = float(degree[0])
+    if n == int(n) and n < 0:
+        return _quotient((1.0, 1.0), _root(x, (-n, -n)))
     if n == int(n):
         low, high = (np.sign(end) * np.power(np.abs(end), 1 / n) for end in x)
-        return widened(np.minimum(low, high), np.maximum(low, high), LIBRARY)
+        return widened(low, high, LIBRARY)
     return _power(x, (1 / n, 1 / n))
 
 
@@ -313,7 +307,8 @@ def _by_course(row: Operator) -> Callable[..., Interval]:
 TABLE: Mapping[str, Callable[..., Interval]] = {
     **{row.name: _by_course(row) for row in OPERATORS.values() if row.course},
     "add": _sum, "multiply": _product, "divide": _quotient, "power": _power, "root": _root, "atan2": _angle,
-    "sin": lambda x: _wave(x, HALF, np.sin), "cos": lambda x: _wave(x, 0.0, np.cos), "tan": _tangent, "cosh": _cosh, "abs": _even,
+    "sin": lambda x: _wave(x, HALF, np.sin), "cos": lambda x: _wave(x, 0.0, np.cos), "tan": _tangent, "abs": _even,
+    "cosh": lambda x: _rising(np.cosh, 0.0, math.inf)(_even(x)),
     "min": lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1])),
     "max": lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])),
     "less": lambda a, b: _truth(a[1] < b[0], a[0] < b[1]), "less_equal": lambda a, b: _truth(a[1] <= b[0], a[0] <= b[1]),
