@@ -78,6 +78,9 @@ def _two_sided(x: Apply) -> Expression | None:
     above, below = (_without_rest(side, variable, positive) for side, positive in ((above, True), (below, False)))
     if not _has_root(above, variable) or not _agree(above, negate(_at(below, negate(variable))), variable):
         return None
+    rest = _at(below, ZERO, variable)
+    if _agree(rest, rest, variable) and not _agree(rest, ZERO, variable):
+        return None  # a value of its own at v = 0
     return _odd(above, variable)
 
 
