@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compiler.algebra.affine import affine_parts, solve_affine
+from compiler.algebra.affine import affine_parts, jointly_affine, solve_affine
 from compiler.algebra.expression import (
     ZERO,
     Apply,
@@ -121,3 +123,19 @@ def test_long_sums_cost_their_length() -> None:
     terms: list[Expression] = [multiply(Number(2.0), Symbol(i)) for i in range(3000)]
     found = affine_parts(Apply("add", (*terms, X)), X)
     assert found is not None and found[0] == Number(1.0)
+
+
+def test_slopes_by_several_symbols() -> None:
+    law = 2 * X + A * Symbol("y") - B / 3 + (X + call("sin", A)) * B
+    found = jointly_affine(law, [X, Symbol("y")])
+    assert found is not None
+    slopes, rest = found
+    for a, b in ((1.5, -2.0), (0.3, 4.0)):
+        values = [evaluate(part, {"a": a, "b": b}.__getitem__) for part in (*slopes, rest)]
+        assert values == pytest.approx([2 + b, a, -b / 3 + math.sin(a) * b], rel=1e-14)
+    assert jointly_affine(A * B, [X]) == ([ZERO], A * B) and jointly_affine(A * X, []) == ([], A * X)
+
+
+@pytest.mark.parametrize("law", [X * Symbol("y"), A * X * Symbol("y") + X, X + Symbol("y") ** 2, X**2 + Symbol("y"), X / Symbol("y"), Symbol("y") / X])  # fmt: skip
+def test_what_is_affine_in_each_symbol_alone_is_not_so_in_all(law: Expression) -> None:
+    assert jointly_affine(law, [X, Symbol("y")]) is None and jointly_affine(law, [Symbol("y"), X]) is None

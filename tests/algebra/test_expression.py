@@ -20,6 +20,7 @@ from compiler.algebra.expression import (
     Symbol,
     add,
     call,
+    closed,
     depends_on,
     divide,
     evaluate,
@@ -258,3 +259,35 @@ def test_many_operands(build: Callable[..., Expression]) -> None:
     found = build(*terms)
     assert isinstance(found, Apply) and len(found.operands) == 5000
     assert evaluate(found, lambda key: 1.0) in (5000.0, 1.0)
+
+
+@pytest.mark.parametrize("inner", [X**2, 3 * X**2, X**2 + call("abs", Y), X**4 * call("exp", Y) + 1, call("cosh", X), Apply("add", (Number(0.0), X**2))])  # fmt: skip
+def test_the_square_of_a_root_of_what_is_never_negative_is_that(inner: Expression) -> None:
+    assert power(call("sqrt", inner), Number(2.0)) == inner
+    assert power(call("sqrt", inner), Number(4.0)) == power(inner, Number(2.0))
+
+
+@pytest.mark.parametrize("inner", [X, X**3, -(X**2), X**2 - 1, X**2 + Y, X**2 * Y, call("sin", X), X**0.5 * Y, X**1.5, Apply("power", (X, Y)), X / Y])  # fmt: skip
+def test_the_square_of_another_root_stays(inner: Expression) -> None:
+    assert power(call("sqrt", inner), Number(2.0)) == Apply("power", (call("sqrt", inner), Number(2.0)))
+
+
+def test_a_closed_sum_or_product_stays_one_operand() -> None:
+    for opened, kept in ((X + Y, closed(X + Y)), (X * Y, closed(X * Y)), (2 * X, closed(2 * X))):
+        assert isinstance(kept, Apply) and isinstance(opened, Apply)
+        assert kept == opened and kept.closed and not opened.closed and closed(kept) is kept
+        joined, constructor = (add, "add") if kept.operator == "add" else (multiply, "multiply")
+        assert joined(kept, Z) == Apply(constructor, (kept, Z)) and joined(opened, Z) != Apply(constructor, (opened, Z))
+
+
+@pytest.mark.parametrize("x", [X, Number(2.0), call("sin", X), X / Y, -X, X * call("abs", Y), X * call("sign", Y), X * call("sqrt", Y), X * Y**2, X * call("root", Y, Z)])  # fmt: skip
+def test_what_may_cancel_with_other_factors_stays_open(x: Expression) -> None:
+    """A sign in front of a product, and factors such as abs(x) sign(x)."""
+    assert closed(x) is x
+    assert not isinstance(x, Apply) or not x.closed
+
+
+def test_a_sum_of_such_factors_is_closed() -> None:
+    for x in (call("abs", X) + Y, X - Y, 3 * X, X * call("sin", Y)):
+        kept = closed(x)
+        assert isinstance(kept, Apply) and kept.closed

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -196,6 +198,26 @@ class TestNoise:
                 difference = (value(x, at + h) - value(x, at - h)) / (2 * h)
                 assert value(slope, at) == pytest.approx(difference, rel=1e-4, abs=1e-3)
             x = slope
+
+    @pytest.mark.parametrize("order", range(6))
+    def test_the_same_for_machine_code(self, order: int) -> None:
+        """The derivatives of a step of the fifth degree from one random number to the next."""
+        step = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
+        steps = [float(c) for c in interpolate.SMOOTH_STEP[order]]
+        for place in (-7.25, -1.0, -0.125, 0.0, 0.5, 3.0, 12.875, 1e9 + 0.5):
+            first, second = (interpolate.random_number(math.floor(place) + k, 21) for k in range(2))
+            slope = (step.deriv(order) if order else step)(place - math.floor(place)) * (second - first)
+            expected = pytest.approx(slope + (0 if order else first), rel=1e-12, abs=1e-12)
+            assert interpolate.noise(order, place, 21.0, steps, len(steps)) == expected
+            assert interpolate.noise_at(order, place, 21.0) == expected
+
+    def test_no_random_number_beyond_the_integers_of_machine_code(self) -> None:
+        steps = [float(c) for c in interpolate.SMOOTH_STEP[0]]
+        for limit in (2.0**62, -(2.0**62), math.inf, math.nan):
+            assert math.isnan(interpolate.noise(0, limit, 1.0, steps, 6))
+        for place in (math.nextafter(2.0**62, 0), -math.nextafter(2.0**62, 0)):
+            expected = interpolate.random_number(int(place), 1)
+            assert interpolate.noise(0, place, 1.0, steps, 6) == expected
 
     def test_two_continuous_derivatives(self) -> None:
         for order in range(3):
