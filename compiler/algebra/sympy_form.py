@@ -108,6 +108,8 @@ def _unevaluated(node: Apply, walk: Callable[[Expression], sympy.Basic]) -> symp
             return sympy.Function(node.operator)(operands[0], *points)
         case "select":
             return sympy.Piecewise((operands[1], operands[0]), (operands[2], True), evaluate=False)
+        case "root":  # that of sympy is a power, which has no value below zero
+            return sympy.Function("root")(*operands)
     return getattr(sympy, sympy_name(node.operator), sympy.Function(node.operator))(*operands, evaluate=False)
 
 

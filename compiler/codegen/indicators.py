@@ -71,12 +71,9 @@ def _against(moving: Expression, level: Expression, is_fixed: Callable[[Expressi
     factors = moving.operands if isinstance(moving, Apply) and moving.operator == "multiply" else (moving,)
     inner = [x for x in factors if not is_fixed(x)]
     factor = multiply(*(x for x in factors if is_fixed(x)))
-    if len(inner) != 1 or not isinstance(inner[0], Apply):
+    if len(inner) != 1 or not isinstance(inner[0], Apply) or inner[0].operator != "exp":
         return None
-    operator, operands = inner[0].operator, inner[0].operands
-    if operator == "exp":
-        return _exponential(factor, operands[0], level)
-    return None
+    return _exponential(factor, inner[0].operands[0], level)
 
 
 def _exponential(factor: Expression, exponent: Expression, level: Expression) -> Expression:
