@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from compiler.codegen.llvm import runtime
-from compiler.codegen.llvm.evaluate import ROLES, dense, functions, mode_at
+from compiler.codegen.llvm.evaluate import ROLES, dense, functions, hand_over, mode_at
 
 
 @pytest.mark.parametrize("x", [-8.0, -1.5, 0.0, 0.3, 27.0])
@@ -130,6 +130,7 @@ FULL: dict[str, tuple[tuple[Any, ...], int]] = {
     "all with an axis": ((TIMES, ROWS, ROWS + 1, ROWS + 2, ROWS + 3), 1),
     "a grid": ((TIMES, GRID, ROWS, POINT, GRID + 2), 1),
     "axes that are stretched": ((TIMES[:1], GRID, GRID[:, :1], ROWS[:1], POINT), 1),
+    "a square grid": ((TIMES[:4], GRID[:, :4], POINT, POINT + 1, POINT + 2), 1),
     "times alone": ((TIMES, POINT, POINT, POINT, POINT), 1),
     "one time of an array": ((TIMES[:1], ROWS[:1], POINT, POINT, POINT), 1),
 }  # fmt: skip
@@ -208,3 +209,24 @@ def test_a_mode_is_that_of_its_conditions() -> None:
         assert mode(3.0, np.array(state), nothing, seven).tolist() == [7.0, 2.0, *expected]
     many = mode(np.array([3.0, 5.0]), np.array([[-1.0, 0.0], [1.0, 0.0]]), nothing, seven)
     assert many.tolist() == [[7.0, 2.0, 1, 1], [7.0, 4.0, 0, 0]]
+
+
+def test_rows_of_kernels_are_handed_over_by_their_addresses() -> None:
+    """A number of zero bits follows the numbers, so that an empty list has an address, too."""
+    streams, numbers = np.array([3, -1, 7], dtype=np.int32), np.array([0.5, -2.0])
+    bound: list[Any] = []
+
+    def bind(first: Any, second: Any) -> None:
+        bound.append((first[:3], second[:3]))
+
+    pointers = ctypes.POINTER(ctypes.c_int32), ctypes.POINTER(ctypes.c_double)
+    function = ctypes.CFUNCTYPE(None, *pointers)(bind)
+    kept: list[Any] = []
+    addresses = {"bind_3": Code.at(function)}
+    code = SimpleNamespace(address=addresses.__getitem__, keep=kept.append)
+    hand_over(
+        cast(Any, code), cast(Any, SimpleNamespace(streams=streams.tobytes(), numbers=numbers.tobytes(), suffix="3"))
+    )
+    assert bound == [([3, -1, 7], [0.5, -2.0, 0.0])]
+    ((first, second),) = kept
+    assert first.tolist() == [3, -1, 7] and second.tolist() == [0.5, -2.0, 0.0]

@@ -1,0 +1,170 @@
+"""Sentences and advice on numbers, lists, joints and names, and the values beside them that are accepted."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from compiler.compilation import Compilation
+from compiler.errors import ValuesNeeded
+from compiler.scene import Override, Scene
+from compiler.semantics.names.part_kinds import instead_in_the_plane
+from compiler.source import Source, Span
+from tests.compiling import bonds_of, compiled, mistakes, node_of, numbers
+
+
+def told(text: str) -> list[tuple[str, str, str, str]]:
+    return [(d.code, d.span.text, d.sentence, d.help) for d in mistakes(text)]
+
+
+def test_decibels_are_ratios_of_amplitudes() -> None:
+    found = numbers("model A { output a = 20 dB, b = -6 dB, c = 5990 dB, d = 0 dB }")
+    assert found == {"a": 10.0, "b": pytest.approx(10**-0.3, rel=1e-15), "c": pytest.approx(10**299.5), "d": 1.0}
+    for number in ("6000 dB", "7000 dB"):
+        ((code, place, sentence, _),) = told(f"model A {{ output a = {number} }}")
+        assert (code, place) == ("BG003", number) and sentence.startswith(f"The number {number} is beyond")
+
+
+def test_a_number_that_is_too_large_is_quoted_by_its_beginning() -> None:
+    ((code, place, sentence, _),) = told(f"model A {{ output a = 9{'0' * 60} dB }}")
+    assert (code, place) == ("BG003", f"9{'0' * 60} dB")
+    assert sentence.startswith(f"The number 9{'0' * 39} is beyond")
+
+
+def test_a_point_is_rotated() -> None:
+    text = "plain model A { parameter a = 2; signal p = rotate((a, 3), 0.5); output x = p[1], y = p[2] }"
+    c, s = math.cos(0.5), math.sin(0.5)
+    assert numbers(text) == pytest.approx({"x": 2 * c - 3 * s, "y": 2 * s + 3 * c}, rel=1e-15)
+    for point in ("(1, 2, 3)", "2"):
+        assert told(f"plain model A {{ output x = rotate({point}, 0.5) }}")[0][:3] == (
+            "BG111",
+            point,
+            "A point (x, y) is expected here, this is something else",
+        )
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            "model P { parameter list: N = (1 N, 2 N, 3 N); output y = list[3] }\nmodel M { P a; P b { list = (1 N, 2 N) }; output z = a.y + b.y }",
+            [("BG112", "list[3]", "`list` has no item 3", "Its items are 1 to 2.")],
+        ),
+        (
+            "model M { signal x = 2 m*sin(time/1 s); signal y = delay(x > 1 m, 1 s); output z = y }",
+            [
+                (
+                    "BG111",
+                    "x > 1 m",
+                    "A single number is expected here, this is something else",
+                    "Write what is expected instead.",
+                )
+            ],
+        ),
+        (
+            "model M { signal x = 2 m*sin(time/1 s); signal y = delay((x, x), 1 s); output z = x }",
+            [
+                (
+                    "BG111",
+                    "(x, x)",
+                    "A single number is expected here, this is something else",
+                    "Write what is expected instead.",
+                )
+            ],
+        ),
+        (
+            "model M { signal x = 2 m*sin(time/1 s); signal y: m = delay(x, 0 s); output z = y }",
+            [("BG111", "0 s", "A time is expected here, this is 0 s", "A delay is longer than nothing.")],
+        ),
+        (
+            "model M { signal x = 2 m*sin(time/1 s); output z = 2*delay(x, 1 m) }",
+            [("BG103", "1 m", "A delay is in [s], but `1 m` is in [m]", "Write a quantity in [s], as `2 [s]`.")],
+        ),
+    ],
+)
+def test_what_is_no_single_number(text: str, expected: list[tuple[str, str, str, str]]) -> None:
+    assert told(text) == expected
+
+
+SPATIAL = "model M {{ multibody arm : spatial {{ body b {{ mass = 1 kg, inertia = (1 [kg*m^2], 1 [kg*m^2], 1 [kg*m^2]) }}\n hinge h : ground to b {{ about = (0, 0, 1) }} }}; output x = {} }}"
+PLANAR = "model M {{ multibody arm : planar {{ body b {{ mass = 1 kg }}\n hinge h : ground to b }}; output x = {} }}"
+
+
+@pytest.mark.parametrize(("text", "last"), [(SPATIAL, "rz"), (PLANAR, "phi")])
+def test_a_group_of_components_is_no_number(text: str, last: str) -> None:
+    assert told(text.format("arm.h.reaction")) == [
+        (
+            "BG111",
+            "arm.h.reaction",
+            "A number is expected here, this is the reaction of `h`",
+            f"Read one of its components: `arm.h.reaction.x` to `.{last}`.",
+        )
+    ]
+    assert told(text.format("arm.h.reaction.x")) == []
+
+
+def test_advice_for_a_joint_that_leaves_the_plane() -> None:
+    assert instead_in_the_plane("planar") == (
+        "In the plane it would leave everything, as `free` does: write that, or `multibody … : spatial`."
+    )
+    assert instead_in_the_plane("universal") == (
+        "Write `multibody … : spatial`, or take a joint that the plane has: slide, hinge, free, weld, distance, rod, gear, rack."
+    )
+
+
+def test_several_bonds_at_a_port_of_a_mechanism_share_its_flow() -> None:
+    text = """model M {
+      multibody arm : planar { body b { mass = 1 kg }
+        free j : ground to b
+      }
+      C spring : F = 2 [N/m]*x
+      R damper : F = 3 [N*s/m]*v
+      Se push : F = 1 N
+      arm.b.x -> spring
+      arm.b.x -> damper
+      push -> arm.b.x
+      output v = spring.v
+    }"""
+    graph = compiled(text).whole_graph
+    (junction,) = [n for n in graph.nodes if n.name not in ("arm", "spring", "damper", "push")]
+    shared = node_of(graph, junction.name)
+    assert bonds_of(graph) == {
+        f"{shared.name} -> arm.{junction.name.removeprefix('arm.')}",
+        f"{shared.name} -> spring",
+        f"{shared.name} -> damper",
+        f"push -> {shared.name}",
+    }
+    assert shared.span.text == "arm" and str(getattr(shared, "kind", "")).endswith("ONE")
+
+
+def later(text: str, name: str) -> Compilation:
+    """The stages of a text with a number that only a run knows."""
+    source = Source("text.bg", text)
+    return Compilation(source, Scene(None, None, (Override(name, None, Span(source, 0, 5)),)))
+
+
+def test_a_number_that_only_a_run_knows_keeps_its_unit_and_words() -> None:
+    text = 'model M { parameter k: N/m = 2 "stiffness", many: N/m = (3, 4) "both"; C c : F = (k + many[2])*x; R r : F = 1 [N*s/m]*v; 1 j : translation; j -> r, c; output x = c.x }'
+    for name, words in (("k", "stiffness"), ("many[2]", "both")):
+        found = later(text, name).whole_graph.quantities[name]
+        assert (found.name, found.role, found.unit, found.value, found.description) == (
+            name,
+            "parameter",
+            "N/m",
+            None,
+            words,
+        )
+    plain = later("plain model M { parameter a = 1; output y = 2*a }", "a").whole_graph.quantities["a"]
+    assert (plain.unit, plain.description) == ("1", "")
+
+
+@pytest.mark.parametrize("length", [59, 60, 61, 75])
+def test_a_decision_needs_the_value_and_says_where(length: int) -> None:
+    """At most 60 characters of the line, its spaces made single."""
+    line = "for i in 1..count { R r[i] : e = 2*f }  # ".ljust(length + 1, "x")
+    with pytest.raises(ValuesNeeded) as needed:
+        _ = later(f"plain model M {{\n  parameter count = 2\n  {line}\n}}", "count").program
+    shown = line.replace("  ", " ")
+    assert len(shown) == length
+    assert needed.value.why == {"count": f"line 3, `{shown[:60]}{'…' if length > 60 else ''}`"}
