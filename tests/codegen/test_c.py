@@ -15,6 +15,9 @@ import pytest
 import bondgraph
 from compiler.codegen.c.write import write_c
 from compiler.compilation import Compilation
+from compiler.scene import Scene
+from compiler.source import Source
+from tests.codegen.test_banded import row_of_resistors
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.codegen.test_native import FUNCTIONS, somewhere
 from tests.codegen.test_tables import LAWS, SPRINGS
@@ -118,3 +121,31 @@ def test_names_are_data() -> None:
     source = bondgraph.load(text).compile("c")
     assert re.sub(r"/\*.*?\*/", "", source, flags=re.DOTALL).count("*/") == 0
     assert "main" not in re.sub(r"/\*.*?\*/", "", source, flags=re.DOTALL)
+
+
+LADDER = """plain model Ladder {
+  parameter r = 2
+  Se s : e = 3
+  for i in 1..%d { R a[i] : e = r*i*f }
+  C c : e = q
+  s -> 1(a[1])%s -> 1(c)
+  output f = a[1].f, last = a[%d].e
+}"""
+
+
+@needs_compiler
+@pytest.mark.parametrize("count", [5, 30])
+def test_linear_loops(count: int, tmp_path: Path) -> None:
+    """A ladder of resistors without storages between them: dense systems."""
+    rungs = "".join(f" -> {i % 2}(a[{i}])" for i in range(2, count + 1))
+    compilation = compiled(LADDER % (count, rungs, count), free=("*",))
+    text = write_c(compilation.lowered)
+    assert "solve(" in text
+    agree(compilation, tmp_path, 1e-12)
+
+
+@needs_compiler
+def test_a_long_loop_is_a_band(tmp_path: Path) -> None:
+    compilation = Compilation(Source("row.bg", row_of_resistors(30)), Scene(None, None))
+    assert re.search(r"solve\(29, 2, 2, 1, ", write_c(compilation.lowered))
+    agree(compilation, tmp_path, 1e-11)

@@ -171,3 +171,79 @@ def test_a_file_that_has_changed_since_it_was_imported(tmp_path: Path, monkeypat
     file.write_text("\n\n\n\n" + file.read_text())
     with pytest.raises(TranslationError, match="has changed since"):
         translate([scaled])
+
+
+YES, NO = True, False
+
+
+def doubled(x: float, n: int) -> float:
+    return 2.0 * x + n
+
+
+def tripled(x: float, n: int) -> float:
+    return 3.0 * x - n
+
+
+def whole(x: float) -> int:
+    return int(x)
+
+
+CHOICE, UNEQUAL = (doubled, tripled, doubled), (doubled, whole)
+
+
+def chosen(x: float, n: int) -> float:
+    return CHOICE[n](x, n) if YES else -1.0
+
+
+def truths(n: int, m: int) -> int:
+    """Whole numbers as conditions."""
+    count = 0
+    while n:
+        n -= 1
+        count += 10
+    if (m and count) or NO:
+        count += 1
+    return count + (2 if not m else 4)
+
+
+def of_different_types(x: float, n: int) -> float:
+    return UNEQUAL[n](x)
+
+
+def of_no_functions(x: float, n: int) -> float:
+    return FACTOR[n](x)  # type: ignore[index, no-any-return]
+
+
+def a_called_field(s: Sums) -> float:
+    return s.n(2.0)  # type: ignore[operator, no-any-return]
+
+
+def a_float_as_condition(x: float) -> float:
+    return 1.0 if x else 2.0
+
+
+def test_a_tuple_of_functions_is_called_by_a_number() -> None:
+    """Any number beyond the last calls the last."""
+    compiled = loaded(chosen, ctypes.c_double, ctypes.c_double, ctypes.c_int64)
+    assert [compiled(1.25, n) for n in range(3)] == [chosen(1.25, n) for n in range(3)] == [2.5, 2.75, 4.5]
+    assert [compiled(1.25, n) for n in (7, -1)] == [9.5, 1.5]
+
+
+def test_whole_numbers_are_conditions() -> None:
+    compiled = loaded(truths, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)
+    cases = [(n, m) for n in (0, 1, 3) for m in (-2, 0, 1)]
+    assert [compiled(*c) for c in cases] == [truths(*c) for c in cases]
+
+
+@pytest.mark.parametrize(
+    ("function", "why"),
+    [
+        (of_different_types, "`UNEQUAL` is no tuple of functions of one type"),
+        (of_no_functions, "`FACTOR` is no tuple of functions of one type"),
+        (a_called_field, "only functions can be called"),
+        (a_float_as_condition, "not a truth"),
+    ],
+)
+def test_what_can_be_neither_called_nor_asked_is_told(function: Callable[..., Any], why: str) -> None:
+    with pytest.raises(TranslationError, match=why):
+        translate([function])
