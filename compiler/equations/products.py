@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..algebra.derivative import NoSlope, derivative
+from ..algebra.derivative import derivative
 from ..algebra.expression import Expression, symbols
 from ..algebra.formula import Bound, leaf, over
 from ..fast_dataclass import dataclass
@@ -69,10 +69,7 @@ def _integrand(graph: BondGraph, name: str) -> Integrand:
     reads = "".join(sorted({s.key.variable for s in moving}))
     factors = []
     for s in moving:
-        try:
-            others = set(symbols(derivative(rate, s))) - {s}
-        except NoSlope:
-            others = set(symbols(rate)) - {s}
+        others = set(symbols(derivative(rate, s))) - {s}
         stored = [_name(nodes, t.key) for t in others if isinstance(t.key, Reading) and t not in moving]
         stored += [t.key.name for t in others if isinstance(t.key, Quantity) and t.key.name in graph.integrals]
         if others.intersection(moving) or stored:
