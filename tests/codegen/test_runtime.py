@@ -18,7 +18,7 @@ from compiler.codegen.llvm.evaluate import ROLES, dense, functions, hand_over, m
 @pytest.mark.parametrize("x", [-8.0, -1.5, 0.0, 0.3, 27.0])
 @pytest.mark.parametrize("n", [1.0, 3.0, 5.0, -1.0, -3.0])
 def test_an_odd_root_is_that_of_the_sign(x: float, n: float) -> None:
-    if x == 0.0 and n < 0:
+    if x == 0.0 and n < 0:  # a pole
         return
     found = runtime.root(x, n)
     assert found**n == pytest.approx(x, rel=1e-14) and math.copysign(1, found) == math.copysign(1, x)
@@ -131,6 +131,8 @@ FULL: dict[str, tuple[tuple[Any, ...], int]] = {
     "a grid": ((TIMES, GRID, ROWS, POINT, GRID + 2), 1),
     "axes that are stretched": ((TIMES[:1], GRID, GRID[:, :1], ROWS[:1], POINT), 1),
     "a square grid": ((TIMES[:4], GRID[:, :4], POINT, POINT + 1, POINT + 2), 1),
+    "inputs with an axis": ((TIMES, ROWS, ROWS + 1, POINT, POINT + 2), 1),
+    "inputs with an axis at one point": ((2.0, POINT, ROWS, POINT, POINT), 1),
     "times alone": ((TIMES, POINT, POINT, POINT, POINT), 1),
     "one time of an array": ((TIMES[:1], ROWS[:1], POINT, POINT, POINT), 1),
 }  # fmt: skip
@@ -207,6 +209,8 @@ def test_a_mode_is_that_of_its_conditions() -> None:
         ((1.0, -1.0), (0, 0)),
     ):
         assert mode(3.0, np.array(state), nothing, seven).tolist() == [7.0, 2.0, *expected]
+    states = np.array([[[-1.0, 0.0], [1.0, 0.0]]])
+    assert mode(3.0, states, nothing, seven).tolist() == [[[7.0, 2.0, 1, 1], [7.0, 2.0, 0, 0]]]
     many = mode(np.array([3.0, 5.0]), np.array([[-1.0, 0.0], [1.0, 0.0]]), nothing, seven)
     assert many.tolist() == [[7.0, 2.0, 1, 1], [7.0, 4.0, 0, 0]]
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ...algebra.expression import Symbol
-from ...algebra.formula import Bound, Formula
 from ...errors import CompilationFailed, Diagnostic, ValuesNeeded
 from ...graph.network import Named
 from ...graph.units import ONE, SECOND
@@ -16,7 +14,7 @@ from ...source import Source, Span
 from ...syntax import parse_expression, tree
 from ..expressions.scales import scale_of
 from ..names.errors import DimensionMismatch, DuplicateName, UnknownAttribute, UnknownName, WrongExperiment, WrongType
-from ..names.scope import ModelDefinition, Pending, Scalar, Scope
+from ..names.scope import ModelDefinition, Scalar, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion
 from ..network.elaborate import Elaborator
 from .analyses import read_analysis
@@ -71,15 +69,11 @@ def read_plan(
     """Return the plan of the run, and the outputs that it needs."""
     declared = {p.name: p for p in elaborator.pending if p.role == "output" and p.owner.base() is root}
     outputs: dict[str, Named] = {}
-    for name, pending in declared.items():
+    for pending in declared.values():
         found = elaborator.guard(elaborator.quantity, pending)
         for scalar in getattr(found, "items", (found,)):
             if isinstance(scalar, Scalar):
-                outputs[scalar.name] = (
-                    elaborator.quantities[scalar.name]
-                    if scalar.name in elaborator.quantities
-                    else _alias(scalar, name, pending)
-                )
+                outputs[scalar.name] = elaborator.quantities[scalar.name]
     plan = Plan(None if experiment is None else experiment.name)
     report: list[Reported] = []
     for step in experiment.steps if experiment is not None else ():
@@ -123,14 +117,6 @@ def _before_simulate(step: tree.Analysis, experiment: tree.Experiment | None) ->
     steps = experiment.steps if experiment is not None else ()
     first = next((i for i, s in enumerate(steps) if isinstance(s, tree.Analysis) and s.role == step.role), len(steps))
     return any(isinstance(s, tree.Simulate) for s in steps[first:])
-
-
-def _alias(scalar: Scalar, name: str, pending: Pending) -> Named:
-    reference = scalar.reference
-    bound = Bound(Formula(1, Symbol(0)), (reference,))
-    return Named(
-        name, "output", str(scalar.dimension or ONE), bound, None, pending.item.span, pending.item.description or ""
-    )
 
 
 def _wanted(
