@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import FrozenInstanceError, fields
+
+import pytest
+
 from compiler.algebra.expression import Number, Symbol, call
 from compiler.algebra.formula import Bound, Formula, bind, leaf, over
+from compiler.algebra.operators import OPERATORS
 
 X, Y, A = Symbol("x"), Symbol("y"), Symbol("a")
 
@@ -24,3 +29,12 @@ def test_numbers_and_names_in_place_of_slots() -> None:
     law = Symbol(0) * Symbol(1) + 1
     assert over(law, (2.0, "x")) == 2 * X + 1 and over(law, (2.0, 0.5)) == Number(2.0)
     assert over(law, "xy", lambda key: Symbol(key * 2)) == Symbol("xx") * Symbol("yy") + 1
+
+
+@pytest.mark.parametrize("noun", [Number(2.0), X, Formula(1, Symbol(0)), bind(X), OPERATORS["sin"]], ids=lambda x: type(x).__name__)  # fmt: skip
+def test_a_noun_is_not_changed_and_takes_no_other_attribute(noun: object) -> None:
+    """They are keys of tables, and there are very many of them."""
+    for field in fields(noun):  # type: ignore[arg-type]
+        with pytest.raises(FrozenInstanceError):
+            setattr(noun, field.name, None)
+    assert not hasattr(noun, "__dict__") and {noun: 1}[noun] == 1
