@@ -213,9 +213,7 @@ def one_way(values: Points) -> bool:
 
 
 def turns(xs: Points, ys: Points, slopes: Points) -> bool:
-    """Return True if a cubic curve is not monotone, or constant between two points."""
-    if not one_way(ys):
-        return True
+    """Return True if a cubic curve through values that rise or fall throughout does not."""
     secants = [(d - c) / (b - a) for (a, b), (c, d) in zip(pairwise(xs), pairwise(ys), strict=True)]
     for secant, a, b in zip(secants, slopes, slopes[1:], strict=False):
         p, q = a / secant, b / secant
