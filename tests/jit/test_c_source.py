@@ -55,6 +55,29 @@ def hashed(x: int) -> int:
     return (y & 1023) + int(0.9 * FACTOR) - 3 * 2
 
 
+def stepped(n: int) -> float:
+    """Loops with one, two and three bounds, upwards and downwards, also of negative numbers."""
+    total = 0.0
+    for i in range(-n, n + 2):
+        total = 1.5 * total + i
+    for i in range(1, n, 2):
+        total = 1.25 * total + i
+    for i in range(-n, 3, 2):
+        total = 1.25 * total + i
+    for i in range(n, 1, -2):
+        total = 0.75 * total - i
+    return total
+
+
+def compared(a: float, b: float) -> float:
+    """A sum of conditions is a whole number, so that a half is lost on its way into one."""
+    count = (a < b) + (a <= 2.0)
+    count = count + 3
+    share = count / 2
+    both = max(a < b, b < 0.0)
+    return share + both
+
+
 def chosen(x: float, n: int, out: Floats, places: Ints) -> None:
     """Stores, `if`, `while`, `break`, conditions as values."""
     count = 0
@@ -75,7 +98,7 @@ def listed(x: float) -> float:
     return [x][0]
 
 
-ALL = (weighted, again, extremes, whole_extremes, shares, hashed, chosen)
+ALL = (weighted, again, extremes, whole_extremes, shares, hashed, stepped, compared, chosen)
 
 
 @pytest.fixture(scope="module")
@@ -112,6 +135,9 @@ BIG = 2**53
         (shares, (7, 2)),
         (shares, (-9, 4)),
         (hashed, (123456789,)),
+        (stepped, (3,)),
+        (stepped, (6,)),
+        *((compared, v) for v in ((1.0, 2.0), (2.0, 1.0), (3.0, 4.0), (3.0, -1.0))),
     ],
 )
 def test_c_has_the_numbers_of_python(library: Any, function: Any, given: tuple[Any, ...]) -> None:
@@ -165,6 +191,11 @@ def test_least_and_largest_follow_the_type() -> None:
 )
 def test_numbers_are_exact(value: float, text: str) -> None:
     assert c_number(value) == text
+
+
+def test_a_sum_of_conditions_is_declared_as_a_whole_number() -> None:
+    text = c_source([compared])
+    assert "int64_t count;" in text and "double share;" in text and "int64_t both;" in text and "more(" in text
 
 
 def test_what_lies_outside_of_the_subset_is_refused() -> None:
