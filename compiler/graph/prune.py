@@ -163,9 +163,8 @@ def _silent_ports(node: Element, zeros: Zeros) -> dict[int, str]:
         return substitute(x, value) if vanishing else x
 
     if node.law.energy is not None:
-        vanishes = put(node.law.energy) == ZERO
-        variable = "e" if node.kind is Kind.CAPACITOR else "f"
-        return dict.fromkeys(range(len(node.ports)), variable) if vanishes and node.kind is Kind.CAPACITOR else {}
+        vanishes = node.kind is Kind.CAPACITOR and put(node.law.energy) == ZERO
+        return dict.fromkeys(range(len(node.ports)), "e") if vanishes else {}
     silent: dict[int, str] = {}
     for left, right in node.law.equations:
         if isinstance(left, Symbol) and isinstance(left.key, Own) and put(right) == ZERO:
