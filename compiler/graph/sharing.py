@@ -9,6 +9,7 @@ of the equations of the junctions (by Tellegen's theorem the rule is the dual of
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -70,18 +71,17 @@ def _open(
         if n.kind is sums and i not in among.values()
         if (row := _sum(graph, i, group, still))
     ]
-    own = {group[graph.incident[i][0]]: name for name, i in among.items() if graph.incident[i]}
-    if len(own) < len(among):  # two in a row: each would be the other
-        own = {g: n for g, n in own.items() if sum(group[graph.incident[i][0]] == g for i in among.values()) == 1}
+    places = {name: group[graph.incident[i][0]] for name, i in among.items()}
+    number = Counter(places.values())
+    # Closed ones in a row carry the same: one shares for all. Open ones at one node leave it without an effort.
+    own = {places[n]: n for n in sorted(places, key=valves.__contains__) if joins is Kind.ONE or number[places[n]] == 1}
     inner = sorted({g for row in rows for g in row} - own.keys())
     pivots = _eliminated(rows, [*inner, *sorted(own, key=lambda g: own[g] in valves)])
     found = {}
-    for g, name in own.items():
-        if g in pivots or g in still:
-            continue
-        loop = {own[p]: -float(row[g]) for p, row in pivots.items() if g in row and p in own}
-        if valves & {name, *loop}:
-            found[name] = loop
+    for g in [g for g in own if g not in pivots and g not in still]:
+        loop = {own[p]: -float(row[g] * number[p] / number[g]) for p, row in pivots.items() if g in row and p in own}
+        if valves & {own[g], *loop}:
+            found[own[g]] = loop
     return found
 
 
