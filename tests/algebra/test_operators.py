@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from compiler.algebra.expression import Number
+from compiler.algebra.expression import Number, Symbol, apply, evaluate, lift
 from compiler.algebra.operators import OPERATORS, Operator, value_of
 
 OF_ONE = [row for row in OPERATORS.values() if row.arity == 1 and row.kind == "function"]
@@ -81,3 +81,15 @@ def test_the_real_root(x: float, n: float, root: float) -> None:
 def test_no_real_root_or_two(x: float, n: float) -> None:
     with pytest.raises((ValueError, ZeroDivisionError)):
         value_of("root", (float(x), float(n)))
+
+
+@pytest.mark.parametrize("row", [row for row in OF_ONE if row.inverse], ids=lambda row: row.name)
+def test_an_inverse_gives_the_operand_back(row: Operator) -> None:
+    assert row.inverse is not None
+    back, tried = lift(row.inverse(apply, Symbol("y"))), 0
+    for x in (-2.0, -0.75, -0.25, 0.0, 0.3, 0.9, 2.5):
+        y = value_or_none(row, x)
+        if y is not None:
+            assert evaluate(back, {"y": y}.__getitem__) == pytest.approx(x, rel=1e-13, abs=1e-13)
+            tried += 1
+    assert tried >= 3
