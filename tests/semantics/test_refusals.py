@@ -135,6 +135,8 @@ def test_several_bonds_at_a_port_of_a_mechanism_share_its_flow() -> None:
         f"{shared.name} -> damper",
         f"push -> {shared.name}",
     }
+    (inner,) = [b for b in graph.bonds if graph.nodes[b.head.node].name == "arm"]
+    assert inner.span == next(b.span for b in graph.bonds if graph.nodes[b.head.node].name == "spring")
     assert shared.span.text == "arm" and str(getattr(shared, "kind", "")).endswith("ONE")
 
 

@@ -374,8 +374,6 @@ class QuantityResolver(Resolver):
     def _enter_later(self, pending: Pending, suffix: str, dimension: Dimension | None, span: Span) -> Scalar:
         """Enter a number that only a run knows, a parameter or an input, as an argument of the program."""
         name = pending.name + suffix
-        if name in self.overrides:
-            self.used_overrides.add(name)
         description = pending.item.description or ""
         self.quantities[name] = Named(name, "parameter", str(dimension or ONE), None, None, span, description)
         return Scalar(Quantity(name), dimension, pending.role, name)
