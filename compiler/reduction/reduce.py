@@ -112,16 +112,16 @@ class _Reduction:
     def _events(
         self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]
     ) -> tuple[EventRow, ...]:  # fmt: skip
-        """Events that set a variable of this run, with the settings that it needs. The variables that they read are added to `used`."""
-        states = {s.variable for s in self.system.states}
+        """Events that set a variable of this run, or one that nothing can move, which is reported. The variables that they read are added to `used`."""
+        free = {s.variable for s in self.system.states} | {d.variable for d in self.system.discretes}
         kept: dict[tuple[int, int], None] = {}
         growing = True
         while growing:
             growing = False
             for i, event in enumerate(self.system.events):
                 for j, setting in enumerate(event.settings):
-                    moved = {setting.target} | needed([setting.target], inputs) & states
-                    if (i, j) not in kept and moved & used:
+                    moved = {setting.target, *needed([setting.target], inputs)} & free
+                    if (i, j) not in kept and (moved & used or not moved):
                         kept[i, j] = None
                         used |= needed([event.condition, setting.target, setting.value], reach)
                         growing = True

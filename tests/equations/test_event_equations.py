@@ -56,3 +56,18 @@ def test_rows_of_events_and_switches() -> None:
     assert system.variables[once.condition].name == "when time > 1"
     (switch,) = system.switches
     assert (switch.junction, system.variables[switch.condition].name) == ("w", "w is active")
+
+
+@pytest.mark.parametrize("output", ["c.q", "c.e", "time"])
+def test_what_never_moves_cannot_be_set(output: str) -> None:
+    """No flow ever goes into the storage, so that no state stands behind its effort; whoever reads it or not is told so."""
+    text = f"""plain model A {{
+  C c : e = q^5 + q + 1
+  0 n
+  Sf j : f = 0
+  j -> n -> c
+  when time > 1 {{ c.e = 3 }}
+  output y = {output}
+}}"""
+    with pytest.raises(bondgraph.RunFailed, match=r"events cannot set `c\.e`"):
+        bondgraph.load(text).simulate(to=2.0, points=3)
