@@ -86,6 +86,7 @@ class Events:
         self.settings = [s for e in hybrid.events for s in e.settings]
         self.bounds = bounds_of(self.program, self.inputs, self.constants, len(self.places))
         self.reach = np.zeros(len(self.places))  # largest range of each narrow condition that a part of a step has had
+        self.spacing = np.inf  # length of the part of a step in which the last zero crossing was found, s
         # narrow conditions that a step could not be searched for to the end
         self.crowded = np.zeros(len(self.places), dtype=bool)
         self._find_valves()

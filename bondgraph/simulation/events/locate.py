@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a 
 NEWTON = 4  # iterations for the extremum of a polynomial
 CONSTANT = 1e-13  # of the largest range of an indicator in a run: a smaller one is rounding
 MOST_HIDDEN = 1000  # most parts that are halved for a peak that their places do not show
+FEWEST = 1 / 64  # smallest first part, as a fraction of the interval searched
 MOST_PARTS = 1 << 15  # most parts of the interval searched
 
 StateAt = Callable[[Any, bool], Any]  # instants (k,), True to solve loops exactly -> states (k, n)
@@ -54,7 +56,7 @@ def first_flip(
     said = np.asarray(mode)[events.places] == 1.0
     smallest = max(SMALLEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
     least = max(NARROWEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
-    waiting: list[tuple[float, float, Any]] = [(start, stop, None)]
+    waiting: list[tuple[float, float, Any]] = [(low, high, None) for low, high in _first_parts(start, stop, events.spacing)]
     count = halved = 0
     rounding: Any = None  # rounding of the indicators: smaller changes are ignored
     while waiting:
@@ -97,9 +99,23 @@ def first_flip(
             continue
         found = _in_part(events, (low, high), _suspects(events, seen, on_grid, dips, said, (low, high)), said, roots)
         if found is not None:
+            events.spacing = high - low
             at = np.array([found])
             return Flip(found, state_at(at, True)[0], _wrong(events, roots(at, True), said)[0])
+    events.spacing = np.inf
     return None
+
+
+def _first_parts(start: float, stop: float, spacing: float) -> list[tuple[float, float]]:
+    """Return the parts of an interval that are searched first, the last one first: from `spacing` on each twice as long as that before.
+
+    After many crossings in a step, the next one is probably as close: parts of that size need not be found by halving the whole step.
+    """
+    ends, spacing = [start], max(spacing, FEWEST * (stop - start))
+    while spacing < 0.5 * (stop - ends[-1]):
+        ends.append(ends[-1] + spacing)
+        spacing *= 2
+    return list(pairwise([*ends, stop]))[::-1]
 
 
 def _suspects(
