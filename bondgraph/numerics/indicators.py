@@ -23,6 +23,7 @@ ON_GRID = np.cos(np.arccos(2 * FINER - 1)[:, None] * DEGREES)
 LAST = 3  # number of last coefficients that estimate the error
 CONVERGED = 1e-3  # largest error, relative to the variation, of a polynomial that is valid between its places
 SURE = 4.0  # in units of the error: a larger distance from zero is certain
+LEFT = 64.0  # in units of the rounding of an indicator: as far from its zero it may be where a step begins with one
 EXACT = 1e-9  # relative to the variation: a smaller part does not reduce this error
 
 
@@ -55,10 +56,10 @@ class Interpolants:
         finite = np.isfinite(self.values)
         return np.asarray(((middle > around) & finite.all(axis=0)) | still | ~finite.any(axis=0))
 
-    def dips(self, values: Array, first: bool) -> BoolArray:
+    def dips(self, values: Array, left: BoolArray) -> BoolArray:
         """Return a mask of the grid places near which a polynomial, with these values there, may touch or cross zero; shape as the values.
 
-        `first`: the part begins a step, where a root may be zero, as after an event.
+        `left`: mask of the indicators that begin at zero, as after an event: that zero is none of these.
         """
         distance = np.abs(values)
         here, beside = distance[1:-1], np.maximum(distance[:-2], distance[2:])
@@ -67,5 +68,5 @@ class Interpolants:
         found = np.zeros(values.shape, dtype=bool)
         found[1:-1] = least & near & (here < beside)
         found[-1] = distance[-1] < SURE * self.error
-        found[0] = (distance[0] < SURE * self.error) & (not first)
+        found[0] = (distance[0] < SURE * self.error) & ~left
         return found

@@ -401,9 +401,9 @@ class Phase:
         resolutions = {id(s.resolution): s.resolution for s in self.stretches if s.resolution is not None}
         self.notes += tuple(note for resolution in resolutions.values() for note in resolution.notes)
         if self.events is not None:
-            from .events.bounds import notes_on_bounds
+            from .events.bounds import notes_on_conditions
 
-            self.notes += notes_on_bounds(self.program, self.events.crowded)
+            self.notes += notes_on_conditions(self.program, self.events.crowded, self.events.touches)
         if self.constraints and len(self.trajectory.states):
             from .constraints.singular import doubts_of, told_of
 

@@ -62,6 +62,50 @@ def test_no_window_is_passed_over(condition: str, width: float) -> None:
     assert found.final("hits") == 2 * len(places)
 
 
+TWO = """plain model Window {{
+  parameter w = {width}
+  signal u = integral({first}, {start})
+  signal v = integral({second}, {start}*{share})
+  mode n = 0
+  when {condition} {{ n = n + 1 }}
+  output hits = n
+  experiment go {{ simulate 0 .. 3 }}
+}}
+"""
+OF_TWO = [
+    "u^2 + v^2 < w^2",
+    "sqrt(u^2 + v^2) < w",
+    "abs(u) + abs(v) < w",
+    "max(abs(u), abs(v)) < w",
+    "max(u, -u) < w",
+    "not (max(u, -u) >= w)",
+    "u^2*(1 + v^2) < w^2",
+    "u^2 + 2*u*v + v^2 < w^2",
+    "u^2 + 3*v^4 < w^2",
+    "(u + v)^2 + (u - v)^2 < w^2",
+    "u^2 + v^2 - 2*w*u < 0",
+    "abs(u) + v^2 < w",
+    "abs(abs(u) - abs(v)) + abs(u) < w",
+    "1/(u^2 + v^2) > 1/w^2",
+    "sqrt(u^2) + sqrt(v^2) < w",
+    "sqrt(u^2 + v^2) < w and u < 1",
+]
+
+
+@pytest.mark.parametrize("condition", OF_TWO)
+@pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_windows_of_two_states(condition: str, width: float) -> None:
+    """Minima of sums, roots and kinks: each passage acts once, or, within rounding of the threshold, a note says that it is not decided."""
+    for first, share, passages in (("0.61", 0.3, 1), ("cos(time)", 0.5, 2)):
+        text = TWO.format(
+            width=width, condition=condition, first=first, second=f"{share}*{first}", share=share, start=-0.7
+        )
+        for way in ({}, {"solver": "explicit"}, {"target": "numpy"}):
+            result = bondgraph.load(text).simulate(points=3, **way)
+            if width > 1e-10 or not any("not decided" in note for note in result.notes):
+                assert result.final("hits") == passages
+
+
 @pytest.mark.parametrize("condition", ["x^2 < w^2", "abs(x) < w", "-k*x^4 > -k*w^4", "(2*x)^2 < 4*w^2"])
 @pytest.mark.parametrize("width", [0.3, 1e-3, 1e-6])
 def test_a_window_is_open_as_long_as_it_is_wide(condition: str, width: float) -> None:

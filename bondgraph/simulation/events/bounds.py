@@ -8,6 +8,7 @@ a polynomial of degree n exceeds its values at m Chebyshev points by at most a f
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, pi
 from typing import Any
@@ -91,14 +92,21 @@ def bounds_of(program: Program, inputs: Array, constants: Array, count: int) -> 
     return Bounds(program, inputs, constants, count)
 
 
-def notes_on_bounds(program: Program, crowded: BoolArray) -> tuple[str, ...]:
-    """Return a note for each condition that may be narrow and has no bounds, or, in `crowded`, too many parts to be searched."""
+def notes_on_conditions(program: Program, crowded: BoolArray, touches: Mapping[int, float]) -> tuple[str, ...]:
+    """Return a note for each condition that may be narrow and has no bounds, or too many parts to be searched (`crowded`), or that touches its threshold.
+
+    `touches`: instants by the number of the condition, s.
+    """
     functions, hybrid = program.time_functions, program.hybrid
-    if functions is None or hybrid is None:
+    if hybrid is None:
         return ()
-    blind = [hybrid.conditions[c.number] for c in functions.conditions if c.place < 0 or crowded[c.number]]
+    touch = "comes within rounding of its threshold at t = {:.6g} s: it was not decided whether it changes there"
+    told = [(number, touch.format(time)) for number, time in touches.items()]
+    if functions is not None:
+        blind = "has no bounds within a step: a change that lasts for a small part of a step may have been missed"
+        told += [(c.number, blind) for c in functions.conditions if c.place < 0 or crowded[c.number]]
+    conditions = hybrid.conditions
     return tuple(
-        f"a condition on states of `{c.owner}` ({c.span.file_and_line}) has no bounds within a step: a change that lasts "
-        "for a small part of a step may have been missed"
-        for c in blind
+        f"a condition on states of `{conditions[j].owner}` ({conditions[j].span.file_and_line}) {what}"
+        for j, what in told
     )

@@ -89,6 +89,9 @@ class Events:
         self.spacing = np.inf  # length of the part of a step in which the last zero crossing was found, s
         # narrow conditions that a step could not be searched for to the end
         self.crowded = np.zeros(len(self.places), dtype=bool)
+        self.touches: dict[
+            int, float
+        ] = {}  # first instant, s, at which a condition that only events read comes within rounding of its threshold
         self._find_valves()
 
     def _find_valves(self) -> None:
@@ -180,6 +183,10 @@ class Events:
             raise RunFailed(
                 "BR774", f"at t = {at.time:.9g} s {names} cause each other without end;", "let one of them ask for more"
             )
+        for number in changed:
+            place = self.places[number]
+            if not acted and not self.steers[number] and now.mode[place] == at.mode[place]:
+                self.touches.setdefault(int(number), at.time)
         self._record(Happening(at.time, tuple(map(int, changed)), tuple(acted)))
         self._check_left(at.time, acted)
         return now

@@ -17,15 +17,15 @@ import numpy as np
 from compiler.api import Array, BoolArray, IntArray
 
 from ...errors import RunFailed
-from ...numerics.indicators import EXACT, FINER, ON_GRID, SHARES, Interpolants
+from ...numerics.indicators import EXACT, FINER, LEFT, ON_GRID, SHARES, Interpolants
 from ...numerics.roots import narrowed
 from .events import Events, Moment
 
 WIDTH = 4  # units in the last place of a time: end of the narrowing
 LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defined
 NARROWEST = 2.0**-44  # smallest part, as a fraction of the interval searched, for conditions with narrow peaks
-SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump or a kink lies at one of its places
-NEWTON = 4  # iterations for the extremum of a polynomial
+SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump lies at one of its places
+GOLDEN = 0.5 * (5**0.5 - 1)  # share of a bracket that a golden section keeps
 CONSTANT = 1e-13  # of the largest range of an indicator in a run: a smaller one is rounding
 MOST_HIDDEN = 1000  # most parts that are halved for a peak that their places do not show
 FEWEST = 1 / 64  # smallest first part, as a fraction of the interval searched
@@ -56,7 +56,9 @@ def first_flip(
     said = np.asarray(mode)[events.places] == 1.0
     smallest = max(SMALLEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
     least = max(NARROWEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
-    waiting: list[tuple[float, float, Any]] = [(low, high, None) for low, high in _first_parts(start, stop, events.spacing)]
+    waiting: list[tuple[float, float, Any]] = [
+        (low, high, None) for low, high in _first_parts(start, stop, events.spacing)
+    ]
     count = halved = 0
     rounding: Any = None  # rounding of the indicators: smaller changes are ignored
     while waiting:
@@ -82,13 +84,13 @@ def first_flip(
         if count > MOST_PARTS:
             raise _unresolved(events, low, np.flatnonzero((near & ~seen.converged) | hidden))
         on_grid = ON_GRID @ seen.coefficients
-        dips = seen.dips(on_grid, low == start)
+        dips = seen.dips(on_grid, (low == start) & (np.abs(seen.values[0]) <= LEFT * events.floor))
         if bounded is not None and halved <= MOST_HIDDEN:
             hidden |= moves & dips.any(axis=0) & ~_wrong(events, on_grid, said).any(axis=0)
         unsure = near & (~seen.converged | (dips.any(axis=0) & (seen.error > EXACT * seen.variation)))
         if (unsure.any() and high - low > smallest) or hidden.any():
             if rounding is None:
-                rounding = events.noise(Moment(high, state_at(times[-1:], False)[0], mode), seen.values[-1])
+                rounding = events.noise(Moment(high, state_at(np.array([high]), False)[0], mode), seen.values[-1])
             unsure &= seen.variation > rounding
             if bounded is not None:
                 hidden &= bounded.reach > rounding
@@ -97,7 +99,22 @@ def first_flip(
             middle = 0.5 * (low + high)
             waiting += [(middle, high, widths), (low, middle, widths)]
             continue
-        found = _in_part(events, (low, high), _suspects(events, seen, on_grid, dips, said, (low, high)), said, roots)
+        times = _suspects(events, seen, on_grid, said, (low, high))
+        clear = near & ~_wrong(events, seen.values, said).any(axis=0)
+        brackets = [
+            (FINER[p], FINER[p + 2], j) for p, j in zip(*np.nonzero(dips[1:-1] & clear & seen.converged), strict=True)
+        ]
+        brackets += [(0.0, 1.0, j) for j in np.flatnonzero(clear & ~seen.converged)]
+        if brackets:
+            if rounding is None:
+                rounding = events.noise(Moment(high, state_at(np.array([high]), False)[0], mode), seen.values[-1])
+            bottoms = [
+                _bottom(events, (low + (high - low) * a, low + (high - low) * b), j, said, roots)
+                for a, b, j in brackets
+                if seen.variation[j] > rounding[j]
+            ]
+            times = np.union1d(times, bottoms)
+        found = _in_part(events, (low, high), times, said, roots)
         if found is not None:
             events.spacing = high - low
             at = np.array([found])
@@ -118,9 +135,7 @@ def _first_parts(start: float, stop: float, spacing: float) -> list[tuple[float,
     return list(pairwise([*ends, stop]))[::-1]
 
 
-def _suspects(
-    events: Events, seen: Interpolants, on_grid: Array, dips: BoolArray, said: BoolArray, part: tuple[float, float]
-) -> Any:
+def _suspects(events: Events, seen: Interpolants, on_grid: Array, said: BoolArray, part: tuple[float, float]) -> Any:
     """Return sorted instants of a part at which conditions may have changed.
 
     These are places that show it, sign changes and extrema of the polynomials behind the crossing, and places with least distance from zero.
@@ -133,26 +148,29 @@ def _suspects(
     depth = np.where(wrong, np.abs(on_grid), 0.0)
     deepest = wrong & (depth >= np.roll(depth, 1, axis=0)) & (depth >= np.roll(depth, -1, axis=0))
     shares.append(FINER[(begins | deepest).any(axis=1)])
-    for place, j in zip(*np.nonzero((dips & seen.converged)[1:-1]), strict=True):
-        shares.append(_vertex(FINER[place : place + 3], on_grid[place : place + 3, j], seen.coefficients[:, j]))
     times = low + (high - low) * np.unique(np.concatenate(shares))
     return times[times > low]
 
 
-def _vertex(places: Array, values: Array, coefficients: Array) -> Array:
-    """Return the extremum of a Chebyshev polynomial between three places, from that of the parabola through them, or the middle one; shape (1,)."""
-    (a, b, c), (u, v, w) = places, values
-    slope, other = (v - u) / (b - a), (w - v) / (c - b)
-    bend = (other - slope) / (c - a)
-    low = 0.5 * (a + b) - slope / (2 * bend) if bend else b
-    from numpy.polynomial import chebyshev as polynomial  # few runs need it
+def _bottom(
+    events: Events, bracket: tuple[float, float], j: int, said: BoolArray, roots: Callable[[Any, bool], Any]
+) -> float:
+    """Return the instant of a bracket at which an indicator is nearest to zero, or at which its condition differs, by golden sections.
 
-    first = polynomial.chebder(coefficients)
-    second = polynomial.chebder(first)
-    for _ in range(NEWTON):
-        bend = polynomial.chebval(2 * low - 1, second)
-        low -= 0.5 * polynomial.chebval(2 * low - 1, first) / bend if bend else 0.0
-    return np.array([low if a < low < c else b])
+    A parabola that is below zero for 1e-12 of a part is narrower than the error of its polynomial's extremum.
+    """
+    low, high = bracket
+    width = WIDTH * float(np.spacing(max(abs(low), abs(high))))
+    distance: dict[float, float] = {}
+    while high - low > width:
+        first, second = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        for time in {first, second} - distance.keys():
+            seen = roots(np.array([time]), True)
+            distance[time] = abs(float(seen[0, j]))
+            if _wrong(events, seen, said)[0, j]:
+                return time
+        low, high = (low, second) if distance[first] < distance[second] else (first, high)
+    return low
 
 
 def _in_part(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 PLACES, GRID, LAST = indicators.PLACES, indicators.GRID, indicators.LAST
 SHARES = tuple(indicators.SHARES.tolist())
 COEFFICIENTS, ON_GRID = (tuple(a.ravel().tolist()) for a in (indicators.COEFFICIENTS, indicators.ON_GRID))
-CONVERGED, SURE = indicators.CONVERGED, indicators.SURE
+CONVERGED, SURE, LEFT = indicators.CONVERGED, indicators.SURE, indicators.LEFT
 
 
 def may_flip(s: IntegratorWorkspace) -> bool:
@@ -86,7 +86,9 @@ def keeps_away(s: IntegratorWorkspace, j: int, part: int, margin: float) -> bool
             value += ON_GRID[place * PLACES + k] * s.root_form[k]
         if place > 0 and abs(value) > margin and is_wrong(s, j, value):
             return False
-        if abs(value) < margin and (place == GRID or (place == 0 and part > 0)):
+        if abs(value) < margin and (
+            place == GRID or (place == 0 and (part > 0 or abs(value) > LEFT * s.root_floor[j]))
+        ):
             return False
         after = abs(value)
         if place > 1 and here <= before and here <= after and here < max(before, after):
