@@ -30,6 +30,9 @@ Golden = Callable[[Path, str], None]
 
 def pytest_configure(config: pytest.Config) -> None:
     gc.set_threshold(10_000, 20, 10)  # what thousands of tests keep need not be looked through that often
+    config.addinivalue_line(
+        "markers", "interpreted: asks for the target numpy itself, so that it is the same where there is no LLVM"
+    )
     config.addinivalue_line("markers", "machine_code: left out where there is no LLVM, or it is hidden")
 
 

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 
 ROUNDED = 3.0  # tolerances of rounding in a step from which a run warns
+DIVERGED = 1e6  # growth of the change from one iteration to the next after which these do not converge
 MOST_SETTLING = 400  # most iterations between delayed signals and an initialization that reads them
 SETTLED = 1e-14  # relative change of delayed signals that counts as rounding
 
@@ -205,11 +206,16 @@ class Phase:
 
         Raises `RunFailed` if they do not converge.
         """
+        least = np.inf
         for _ in range(MOST_SETTLING):
             before = np.array(history.first)
             history.begin(start, self.state, self.inputs, self.stretches[0].mode)
-            if (np.abs(history.first - before) <= SETTLED * np.maximum(np.abs(history.first), np.abs(before))).all():
+            change = np.abs(history.first - before)
+            if (change <= SETTLED * np.maximum(np.abs(history.first), np.abs(before))).all():
                 return
+            least = min(least, float(change.max()))
+            if change.max() > DIVERGED * least:
+                break
             ends = (start, float(self.instants[-1]))
             self.stretches = timeline_in_parts(self.program, self.constraints.constants, ends, self.parts).segments
             self.events = None

@@ -151,6 +151,7 @@ def test_comb_voltages_against_hand_written_equations(manipulator: Any) -> None:
         assert np.abs(rates[4:-4, 6 + i] - slopes).max() < 2e-6 * np.abs(slopes).max()
 
 
+@pytest.mark.interpreted
 def test_a_hundred_times_closer_than_feed_forward_by_kinematics(manipulator: Any, tmp_path: Path) -> None:
     """5 ms from rest to 8 um: the thesis' controller is 87 nm off on the way; with the volts found the reference's own integrator
     and the controller as a model of ours stay within a hundredth of that, and by far."""

@@ -50,6 +50,7 @@ model Loop {
 """
 
 
+@pytest.mark.interpreted
 def test_a_loop_of_hinges() -> None:
     """Of a four-bar by a length that moves where the loop is drawn: against runs beside each other."""
     model, step, outputs = bondgraph.load(MODELS / "four_bar.bg"), 1e-5, ("swing", "load_x")
@@ -89,6 +90,7 @@ def test_a_charge_that_is_switched_on() -> None:
 @pytest.mark.parametrize(
     ("text", "names", "settings"), [(HARD, ("m", "k", "r", "x0"), {"r": 0.5}), (LOOP, ("R", "b", "C"), {})]
 )
+@pytest.mark.interpreted
 def test_against_runs_beside_each_other(text: str, names: tuple[str, ...], settings: dict[str, Any]) -> None:
     """A nonlinear oscillator that is pushed, and a nonlinear loop."""
     model = bondgraph.load(text)
@@ -112,6 +114,7 @@ def test_what_has_no_such_derivatives() -> None:
         bondgraph.load(HARD).sensitivity_of_run(("q",), None, to=1)
 
 
+@pytest.mark.interpreted
 def test_fits_of_runs(tmp_path: Path) -> None:
     """Noise of 1 mm on 20 readings: the truth lies within four standard errors, and these are at the bound; without noise it is found to 1e-6."""
     model, true = bondgraph.load(HARD), {"k": 3.3, "m": 1.9}

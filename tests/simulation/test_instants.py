@@ -371,6 +371,7 @@ def test_a_narrow_signal_is_never_passed_over(way: Way, law: str) -> None:
 BELL, SECANT = "exp(-(sin(pi*{n}*(time - 0.0001 s)/1 s)/1e-6)^2)", "1/cosh(sin(pi*{n}*(time - 0.0001 s)/1 s)/1e-6)"
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(("law", "peaks"), [(BELL, 40), (BELL, 90), (SECANT, 90)])
 def test_more_narrow_peaks_than_are_resolved_are_told(law: str, peaks: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The signal is named, also in a repeated run; with enough places nothing is told."""
