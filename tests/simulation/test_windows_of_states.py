@@ -93,15 +93,16 @@ OF_TWO = [
 
 
 @pytest.mark.parametrize("condition", OF_TWO)
-@pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("width", [1e-6, 1e-9, 1e-12])
 def test_windows_of_two_states(condition: str, width: float) -> None:
     """Minima of sums, roots and kinks: each passage acts once, or, within rounding of the threshold, a note says that it is not decided."""
     for first, share, passages in (("0.61", 0.3, 1), ("cos(time)", 0.5, 2)):
         text = TWO.format(
             width=width, condition=condition, first=first, second=f"{share}*{first}", share=share, start=-0.7
         )
+        model = bondgraph.load(text)
         for way in ({}, {"solver": "explicit"}, {"target": "numpy"}):
-            result = bondgraph.load(text).simulate(points=3, **way)
+            result = model.simulate(points=3, **way)
             if width > 1e-10 or not any("not decided" in note for note in result.notes):
                 assert result.final("hits") == passages
 
