@@ -1,7 +1,7 @@
 """`python tests/mutation FOLDER [--number N] [--seed S] [--only ROOM] [--counts]`: random changes of the code, and whether the tests of its room notice them.
 
 First the tests of each room run once under `coverage`, which tells for each line the tests that pass through it; then each mutant is tried by these alone, in a copy of the
-repository. `FOLDER/journal.jsonl` has a line for each mutant, so that the same command goes on where it was ended; `--counts` only reports it. A line that starts with `#` and the number of a
+repository. A line that none passes through may be machine code only: then the room's tests run with it. `FOLDER/journal.jsonl` has a line for each mutant, so that the same command goes on where it was ended; `--counts` only reports it. A line that starts with `#` and the number of a
 mutant in `FOLDER/judged.txt` says why that mutant changes nothing that a test could see.
 """
 
@@ -11,6 +11,7 @@ import argparse
 import json
 import os
 import shutil
+import signal
 import sqlite3
 import subprocess
 import sys
@@ -21,6 +22,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from tests.mutation.mutants import Mutant, chosen  # noqa: E402
+
 FOLDERS = ("compiler", "bondgraph/simulation", "bondgraph/analysis")
 # Tests of a room beside those in the folder of its name: machine code does not pass through Python's lines, and texts of stages belong to several rooms.
 BESIDE = {
@@ -29,7 +32,7 @@ BESIDE = {
     "graph": ("graphs", "semantics"),
     "jit": ("codegen",),
 }
-LIMIT = 600  # seconds for the tests of one mutant
+LIMIT, LIMIT_OF_ROOM = 600, 3600  # seconds for the tests that pass through a line, and for all of a room
 
 
 def room_of(path: str) -> str:
@@ -43,17 +46,18 @@ def tests_of(root: Path, room: str) -> list[str]:
     return present or ["tests/semantics", "tests/codegen"]
 
 
-def environment(copy: Path) -> dict[str, str]:
-    """Interpreted steps, so that coverage sees them and a mutant compiles nothing; the copy comes first."""
-    return os.environ | {"PYTHONPATH": str(copy), "BONDGRAPH_WITHOUT_LLVM": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+def environment(copy: Path, machine_code: bool = False) -> dict[str, str]:
+    """Interpreted steps unless machine code is wanted, so that coverage sees them and a mutant compiles nothing; the copy comes first."""
+    interpreted = {} if machine_code else {"BONDGRAPH_WITHOUT_LLVM": "1"}
+    return os.environ | {"PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"} | interpreted
 
 
-def pytest_in(copy: Path, arguments: list[str], seconds: float) -> int:
+def pytest_in(copy: Path, arguments: list[str], seconds: float, machine_code: bool) -> int:
     """Exit status of a run of tests in the copy; 124 if it does not end in time."""
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-x", *arguments]
     try:
         done = subprocess.run(
-            command, cwd=copy, env=environment(copy), capture_output=True, timeout=seconds, check=False
+            command, cwd=copy, env=environment(copy, machine_code), capture_output=True, timeout=seconds, check=False
         )
     except subprocess.TimeoutExpired:
         return 124
@@ -106,23 +110,24 @@ def selected(tests: list[str]) -> list[str]:
     return arguments
 
 
-def tried(copy: Path, mutant: object, folder: Path, lines: dict[tuple[str, int], list[str]]) -> str:
-    """`noticed`, `unnoticed`, or `unreached`: no test of the room passes through the line."""
-    from tests.mutation.mutants import Mutant
-
-    assert isinstance(mutant, Mutant)
-    reached = lines.get((mutant.path, mutant.line), [])
-    if not reached:
-        return "unreached"
+def tried(copy: Path, mutant: Mutant, lines: dict[tuple[str, int], list[str]]) -> str:
+    """`noticed`, `unnoticed`, `unreached` (unnoticed, and no test passes through the line interpreted), or `too long` for a sound room's tests."""
+    reached = lines.get((mutant.path, mutant.line)) or lines.get((mutant.path, mutant.statement), [])
+    # A line that runs while a module is imported belongs to every test.
+    whole = not reached or "" in reached
+    arguments = tests_of(copy, room_of(mutant.path)) if whole else selected(reached)
     path = copy / mutant.path
     source = path.read_text(encoding="utf-8")
     path.write_text(mutant.applied(source), encoding="utf-8")
     try:
-        # A line that runs while a module is imported belongs to every test.
-        arguments = tests_of(copy, room_of(mutant.path)) if "" in reached else selected(reached)
-        return "unnoticed" if pytest_in(copy, arguments, LIMIT) == 0 else "noticed"
+        status = pytest_in(copy, arguments, LIMIT_OF_ROOM if whole else LIMIT, machine_code=not reached)
     finally:
         path.write_text(source, encoding="utf-8")
+    if status == 124 and whole:
+        return "too long"
+    if status != 0:
+        return "noticed"
+    return "unnoticed" if reached else "unreached"
 
 
 def report(folder: Path) -> None:
@@ -150,8 +155,6 @@ def report(folder: Path) -> None:
 
 def main() -> int:
     """Try a sample of mutants."""
-    from tests.mutation.mutants import chosen
-
     parser = argparse.ArgumentParser(prog="python tests/mutation", description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--number", type=int, default=200)
@@ -159,6 +162,7 @@ def main() -> int:
     parser.add_argument("--only", help="files whose path contains this")
     parser.add_argument("--counts", action="store_true", help="report the journal only")
     arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the file of the mutant is restored
     folder: Path = arguments.folder.resolve()
     if arguments.counts:
         report(folder)
@@ -180,7 +184,7 @@ def main() -> int:
         if room not in by_room:
             by_room[room] = covered(copy, room, folder)
         began = time.monotonic()
-        verdict = tried(copy, mutant, folder, by_room[room])
+        verdict = tried(copy, mutant, by_room[room])
         entry = {"room": room, "change": str(mutant), "verdict": verdict, "seconds": round(time.monotonic() - began, 1)}
         with journal.open("a", encoding="utf-8") as book:
             book.write(json.dumps(entry) + "\n")

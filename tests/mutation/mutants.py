@@ -42,6 +42,7 @@ class Mutant:
     end: int
     before: str
     after: str
+    statement: int  # first line of its statement, the one that `coverage` counts
 
     def applied(self, text: str) -> str:
         return text[: self.start] + self.after + text[self.end :]
@@ -151,9 +152,16 @@ def mutants_of(root: Path, path: Path) -> list[Mutant]:
     source = path.read_text(encoding="utf-8")
     text, name = Text(source), str(path.relative_to(root))
     found = []
-    for line, start, end, replacements in places(ast.parse(source), text):
+    tree = ast.parse(source)
+    statements = {
+        line: node.lineno  # inner statements come later, and win
+        for node in ast.walk(tree)
+        if isinstance(node, ast.stmt)
+        for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
+    }
+    for line, start, end, replacements in places(tree, text):
         for after in replacements:
-            mutant = Mutant(name, line, start, end, source[start:end], after)
+            mutant = Mutant(name, line, start, end, source[start:end], after, statements.get(line, line))
             try:
                 compile(mutant.applied(source), name, "exec")
             except (SyntaxError, ValueError):
