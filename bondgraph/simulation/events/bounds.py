@@ -101,12 +101,12 @@ def notes_on_conditions(program: Program, crowded: BoolArray, touches: Mapping[i
     if hybrid is None:
         return ()
     touch = "comes within rounding of its threshold at t = {:.6g} s: it was not decided whether it changes there"
-    told = [(number, touch.format(time)) for number, time in touches.items()]
+    notes = [(number, touch.format(time)) for number, time in touches.items()]
     if functions is not None:
         blind = "has no bounds within a step: a change that lasts for a small part of a step may have been missed"
-        told += [(c.number, blind) for c in functions.conditions if c.place < 0 or crowded[c.number]]
+        notes += [(c.number, blind) for c in functions.conditions if c.place < 0 or crowded[c.number]]
     conditions = hybrid.conditions
     return tuple(
         f"a condition on states of `{conditions[j].owner}` ({conditions[j].span.file_and_line}) {what}"
-        for j, what in told
+        for j, what in notes
     )

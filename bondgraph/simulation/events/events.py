@@ -89,9 +89,8 @@ class Events:
         self.spacing = np.inf  # length of the part of a step in which the last zero crossing was found, s
         # narrow conditions that a step could not be searched for to the end
         self.crowded = np.zeros(len(self.places), dtype=bool)
-        self.touches: dict[
-            int, float
-        ] = {}  # first instant, s, at which a condition that only events read comes within rounding of its threshold
+        # first instant, s, at which a condition that only events read comes within rounding of its threshold
+        self.touches: dict[int, float] = {}
         self._find_valves()
 
     def _find_valves(self) -> None:

@@ -165,9 +165,9 @@ def _bottom(
     while high - low > width:
         first, second = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
         for time in {first, second} - distance.keys():
-            seen = roots(np.array([time]), True)
-            distance[time] = abs(float(seen[0, j]))
-            if _wrong(events, seen, said)[0, j]:
+            indicators = roots(np.array([time]), True)
+            distance[time] = abs(float(indicators[0, j]))
+            if _wrong(events, indicators, said)[0, j]:
                 return time
         low, high = (low, second) if distance[first] < distance[second] else (first, high)
     return low
