@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from ..analysed_model import AnalysedModel
 
 Answers = dict[int, Any]  # results by the index of the point
+TimedReport = tuple[Answers, float]  # results of a worker, and the time in s that they took
 Progress = Callable[[int, int], None]  # called with the number of finished points, and of all
 
 

@@ -9,17 +9,21 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
-from contextlib import closing, contextmanager
-from dataclasses import dataclass, field, replace
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import closing, contextmanager, nullcontext
+from dataclasses import dataclass, field
+from functools import partial
 from operator import index
+from queue import SimpleQueue
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
-from .local_workers import made
-from .point_request import Answers, PointRequest, Progress, key_of
+from .local_workers import LocalWorkers, local_workers, started_together
+from .point_request import Answers, PointRequest, Progress, TimedReport, key_of
 
 if TYPE_CHECKING:
     from compiler.api import Source
@@ -27,7 +31,8 @@ if TYPE_CHECKING:
     from .journal import Journal
 
 MOST_AT_ONCE = 64  # most points of one task
-AHEAD = 3  # number of tasks in a worker's share of the remaining points
+OFTEN = 0.25  # s: longest time between reports, unless a point takes longer
+AHEAD = 3  # tasks submitted in advance for each of our own workers, and number of tasks in a worker's share of the remaining points
 MOST_KEPT = 8  # most models that a worker keeps compiled
 
 _MODELS: dict[str, AnalysedModel] = {}  # models of this process
@@ -37,14 +42,13 @@ _FIRST, _OWNING = threading.Lock(), threading.Lock()
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Some points; `first` is the index of the first one."""
+    """Some points by their indices, with all that a worker needs."""
 
     key: str
     source: Source
     model: str | None
     question: PointRequest
-    first: int
-    points: tuple[Any, ...]
+    points: dict[int, Any]
 
 
 class Submitting(Protocol):
@@ -68,7 +72,7 @@ class Workers:
 
     def checked(self) -> Workers:
         """Return the same with an executor of the standard interface. Raises `UsageError`."""
-        count = self.count
+        count, executor = self.count, self.executor
         if count is not None:
             try:
                 count = index(count)
@@ -76,7 +80,13 @@ class Workers:
                 raise UsageError("BR457", f"workers = {count!r}: a whole number is needed") from None
             if count < 1:
                 raise UsageError("BR458", f"workers = {count}: at least one is needed")
-        return Workers(count, standard(self.executor), self.progress, self.journal)
+        if hasattr(executor, "get_executor"):
+            executor = executor.get_executor()
+        if not isinstance(executor, Executor | None):
+            raise UsageError(
+                "BR459", f"an executor has the interface of `concurrent.futures`, or is a Dask client; this is {type(executor).__name__}",
+            )  # fmt: skip
+        return Workers(count, executor, self.progress, self.journal)
 
 
 ALONE = Workers(1)  # this process computes all points
@@ -91,27 +101,15 @@ def workers_of(given: Workers | Submitting | int | None, default: Workers) -> Wo
     return Workers(executor=given) if hasattr(given, "submit") else Workers(given)
 
 
-def standard(executor: object) -> Executor | None:
-    """Return an executor unchanged; for a Dask client its executor. Raises `UsageError`."""
-    if executor is None or isinstance(executor, Executor):
-        return executor
-    if hasattr(executor, "get_executor"):
-        made: Executor = executor.get_executor()
-        return made
-    raise UsageError(
-        "BR459", f"an executor has the interface of `concurrent.futures`, or is a Dask client; this is {type(executor).__name__}",
-    )  # fmt: skip
-
-
 def answers(model: AnalysedModel, question: PointRequest, points: Sequence[Any], workers: Workers) -> list[Any]:
     """Return the result at each point, in order. Raises `UsageError` for invalid workers, `RunFailed` if workers died."""
     workers = workers.checked()
     found: Answers = {} if workers.journal is None else workers.journal.begun(model, question, points)
-    total = len(points)
+    missing, total = [i for i in range(len(points)) if i not in found], len(points)
     if workers.progress is not None and found:
         workers.progress(len(found), total)
     try:
-        with closing(_reports(model, question, points, found, workers)) as reports:
+        with closing(_reports(model, question, points, missing, workers)) as reports:
             for some in reports:
                 found |= some
                 if workers.journal is not None:
@@ -124,52 +122,59 @@ def answers(model: AnalysedModel, question: PointRequest, points: Sequence[Any],
 
 
 def _reports(
-    model: AnalysedModel, question: PointRequest, points: Sequence[Any], found: Answers, workers: Workers
+    model: AnalysedModel, question: PointRequest, points: Sequence[Any], missing: Sequence[int], workers: Workers
 ) -> Generator[Answers]:
-    """Yield the missing results as soon as they are known."""
-    missing = [i for i in range(len(points)) if i not in found]
-    if not missing:
-        return
+    """Yield the missing results as soon as they are known.
+
+    With our own workers the first point is computed here: then the program exists, and copies of this process have it.
+    """
     count = cores() if workers.count is None else workers.count
-    if workers.executor is None:
-        yield from made(model, question, points, missing, count)
+    executor = workers.executor
+    if executor is not None:
+        with _ready(model) as key:
+            task = partial(Task, key, model.source, model.model, question)
+            yield from _collected(
+                lambda numbers: executor.submit(work, task({i: points[i] for i in numbers})), missing, count
+            )
         return
-    with _ready(model) as key:
-        whole = Task(key, model.source, model.model, question, 0, tuple(points))
-        yield from _through(workers.executor, whole, _pieces(_gaps(found, len(points)), len(missing), count))
+    some = partial(answered, model, question, points)
+    yield from some(missing[:1])
+    missing = missing[1:]
+    count = min(count, len(missing))
+    if count <= 1:
+        yield from some(missing)
+        return
+    own = local_workers(lambda numbers: first_of(some(numbers)), count)
+    try:
+        yield from _collected(own.submit, missing, count, own)
+    finally:
+        own.end()
 
 
-def work(task: Task) -> list[Any]:
-    """Return the results of a task, one after the other."""
+def work(task: Task) -> TimedReport:
+    """Return the first report on the points of a task, and its time."""
     model = _MODELS.get(task.key)
-    found: list[Any] = []
+    first: Answers = {}
     if model is None:
         with _FIRST:  # one thread compiles, the others wait
             model = _MODELS.get(task.key)
             if model is None:
-                model, found = _begun(task)
-    return found + [task.question.answer(model, point) for point in task.points[len(found) :]]
+                model, first = _begun(task)
+    report, time = first_of(answered(model, task.question, task.points, [i for i in task.points if i not in first]))
+    return first | report, time
 
 
-def _begun(task: Task) -> tuple[AnalysedModel, list[Any]]:
+def _begun(task: Task) -> tuple[AnalysedModel, Answers]:
     """Return a worker's own model, and the first result, after which it is compiled."""
-
     model = AnalysedModel(task.source, task.model)
-    found = [task.question.answer(model, task.points[0])]
+    number, point = next(iter(task.points.items()))
+    first = {number: task.question.answer(model, point)}
     with _OWNING:
         kept = [key for key in _MODELS if key not in _OWNERS]
         for key in kept[: max(0, len(kept) - MOST_KEPT + 1)]:
             del _MODELS[key]
         _MODELS[task.key] = model
-    return model, found
-
-
-def _gaps(found: dict[int, Any], total: int) -> list[tuple[int, int]]:
-    """Return first and last + 1 of each range of points that are still missing."""
-    missing = [i for i in range(total) if i not in found]
-    begins = [i for i in missing if i == 0 or i - 1 in found]
-    ends = [i + 1 for i in missing if i + 1 == total or i + 1 in found]
-    return list(zip(begins, ends, strict=True))
+    return model, first
 
 
 @contextmanager
@@ -194,30 +199,71 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
-def _pieces(gaps: list[tuple[int, int]], left: int, count: int) -> list[tuple[int, int]]:
-    """Return the ranges of tasks: each at most a fraction of a worker's share of the remaining points, so that the last task does not delay the end."""
-    found = []
-    for begin, end in gaps:
-        while begin < end:
-            stop = min(begin + max(1, min(MOST_AT_ONCE, left // (AHEAD * count))), end)
-            found.append((begin, stop))
-            left -= stop - begin
-            begin = stop
-    return found
-
-
-def _through(executor: Executor, whole: Task, pieces: list[tuple[int, int]]) -> Iterator[Answers]:
-    """Yield the results of each task, as they are finished."""
-    waiting: dict[Future[list[Any]], int] = {}
+def answered(
+    model: AnalysedModel, question: PointRequest, points: Sequence[Any] | Mapping[int, Any], numbers: Iterable[int]
+) -> Iterator[Answers]:
+    """Yield the results at the points with these indices, in reports: of several points, or of those of some time. An error ends a report, too."""
+    report: Answers = {}
+    until = perf_counter() + OFTEN
     try:
-        for begin, end in pieces:
-            waiting[executor.submit(work, replace(whole, first=begin, points=whole.points[begin:end]))] = begin
-        for done in as_completed(list(waiting)):
-            yield dict(enumerate(done.result(), waiting.pop(done)))
-    except BrokenExecutor as broken:
+        for number in numbers:
+            report[number] = question.answer(model, points[number])
+            if len(report) == MOST_AT_ONCE or perf_counter() > until:
+                full, report = report, {}
+                yield full
+                until = perf_counter() + OFTEN
+    finally:
+        if report:
+            yield report
+
+
+def first_of(reports: Iterator[Answers]) -> TimedReport:
+    """Return the first report, empty if there is none, and its time in s."""
+    begin = perf_counter()
+    return next(reports, {}), perf_counter() - begin
+
+
+def _collected(
+    submit: Callable[[Sequence[int]], Future[TimedReport]], numbers: Sequence[int], count: int, own: LocalWorkers | None = None
+) -> Iterator[Answers]:  # fmt: skip
+    """Yield the results of tasks as they are finished; the rest of a task that was too long for one report is distributed again.
+
+    A task has at most a fraction of a worker's share of the remaining points, so that the last one does not delay the end. Our own workers get a few
+    tasks in advance, of about as many points as are computed in the time of a report; an executor, whose size is not known, gets all at once.
+    """
+    left, waiting = deque(numbers), dict[Future[TimedReport], list[int]]()
+    finished: SimpleQueue[Future[TimedReport]] = SimpleQueue()
+    most, ahead = (1, AHEAD * count) if own else (MOST_AT_ONCE, len(left))
+
+    def submit_some() -> None:
+        while left and len(waiting) < ahead:
+            task = [left.popleft() for _ in range(max(1, min(most, len(left) // (AHEAD * count))))]
+            future = submit(task)
+            waiting[future] = task
+            future.add_done_callback(finished.put)
+
+    try:
+        with started_together() if own else nullcontext():
+            submit_some()
+        while waiting:
+            future = finished.get()
+            report, time = future.result()
+            most = max(1, min(MOST_AT_ONCE, int(len(report) * OFTEN / max(time, 1e-6))))
+            left.extendleft(reversed(waiting[future][len(report) :]))
+            submit_some()
+            yield report
+            del waiting[future]
+    except (BrokenExecutor, KeyboardInterrupt) as ended:  # finished results are kept
+        if own:
+            own.end()
+        for future in waiting:
+            if future.done() and not future.cancelled() and future.exception() is None and future.result()[0]:
+                yield future.result()[0]
+        if isinstance(ended, KeyboardInterrupt):
+            raise
         raise RunFailed(
-            "BR460", f"a worker died ({broken});", "with a journal, the same call goes on with what is missing"
-        ) from broken
+            "BR460", f"a worker died ({ended});", "with a journal, the same call goes on with what is missing"
+        ) from ended
     finally:
         for future in waiting:
             future.cancel()

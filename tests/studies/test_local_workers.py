@@ -1,4 +1,4 @@
-"""Our own workers: a free one takes the next point, and answers are reported soon. No test looks at a clock: points wait for each other."""
+"""Our own workers: all are busy while there are points, and answers are reported soon. No test looks at a clock: points wait for each other."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import pytest
 
 import bondgraph
-from bondgraph.studies import local_workers
-from bondgraph.studies.local_workers import Points
+from bondgraph.studies import local_workers, workers
 from bondgraph.studies.workers import Workers, answers
 from tests.studies.test_workers import TEXT
 
@@ -33,6 +34,13 @@ def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
         pytest.skip("there are threads, or this system has no copies")
     monkeypatch.setattr(local_workers, "can_be_copied", lambda: kind == "copies")
     return kind
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each point takes longer than the interval of reports."""
+    monkeypatch.setattr(workers, "OFTEN", 0.0)
+    monkeypatch.setattr(workers, "perf_counter", iter(range(10**9)).__next__)
 
 
 @dataclass(frozen=True)
@@ -62,62 +70,98 @@ def test_few_points_are_made_by_all_at_once(kind: str, count: int) -> None:
 
     answered = found(call, count + 1, count)
     assert [point for point, _ in answered] == list(range(count + 1))
-    assert [here for _, here in answered[1:]].count(True) == 1
+    assert [here for _, here in answered] == [True] + [False] * count
 
 
-def test_others_go_on_while_this_process_is_at_a_long_point(kind: str) -> None:
+@pytest.mark.parametrize("count", [2, 3])
+def test_others_go_on_while_one_is_at_a_long_point(kind: str, count: int) -> None:
     """It is at its first until all others are made."""
     made, points = CONTEXT.Semaphore(0), 700
 
     def call(point: int, here: bool) -> bool:
-        if here and point:
+        if point == 1:
             assert all(made.acquire(timeout=LONG) for _ in range(points - 2))
         elif point:
             made.release()
         return here
 
-    assert found(call, points, 2).count(True) == 2  # the very first, and that one
+    assert found(call, points, count).count(True) == 1  # the very first
 
 
-def test_this_process_looks_between_its_points() -> None:
-    """Answers of others are passed on before the next point of this process."""
-    log: list[str] = []
+@pytest.mark.parametrize("long", [300, 617])
+def test_no_more_than_one_report_waits_for_a_long_point(kind: str, long: int) -> None:
+    """Wherever it is: behind it are the points of its task alone."""
+    made, points = CONTEXT.Semaphore(0), 700
 
-    class Others:
-        asked, waiting = 3, 2
+    def call(point: int, here: bool) -> int:
+        if point == long:
+            assert all(made.acquire(timeout=LONG) for _ in range(points - workers.MOST_AT_ONCE))
+        else:
+            made.release()
+        return point
 
-        def told(self) -> bool:
-            return self.waiting > 0
+    assert found(call, points, 2) == [*range(points)]
 
-        def next(self) -> dict[int, str]:
-            self.asked, self.waiting = self.asked - 1, max(self.waiting - 1, 0)
-            return {self.asked + 10: "theirs"}
 
-    def call(point: int, here: bool) -> str:
-        log.append(f"at {point}")
-        return "own"
+def test_long_points_are_made_one_by_one(kind: str, impatient: None) -> None:
+    """Each of two workers has one that takes as long as all the others, which nobody holds up: none waits behind a long one."""
+    made, points = CONTEXT.Semaphore(0), 200
 
-    shared = Points(bondgraph.load(TEXT), Asked(call), range(3), range(3), False)
-    for some in local_workers._reports(shared, Others()):  # type: ignore[arg-type]
-        log.append(f"told {sorted(some)}")
-    assert log == ["at 0", "told [12]", "told [11]", "at 1", "at 2", "told [0, 1, 2]", "told [10]"]
+    def call(point: int, here: bool) -> int:
+        if point == 150:
+            assert all(made.acquire(timeout=LONG) for _ in range(points - 1))
+        else:
+            made.release()
+        return point
+
+    assert found(call, points, 2) == [*range(points)]
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_what_takes_long_is_told_at_once(kind: str, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_takes_long_is_told_at_once(kind: str, count: int, impatient: None) -> None:
     """Also of a few points: if each takes longer than the interval of reports, each is reported."""
-    monkeypatch.setattr(local_workers, "OFTEN", 0.0)
-    monkeypatch.setattr(local_workers, "perf_counter", iter(range(10**9)).__next__)
     told: list[int] = []
     assert found(lambda point, here: point, 20, count, progress=lambda done, total: told.append(done)) == [*range(20)]
     assert told == [*range(1, 21)]
 
 
-def test_a_report_has_an_answer_as_long_as_there_are_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However late it is: a report without answers ends the work of the worker that sent it."""
-    monkeypatch.setattr(local_workers, "OFTEN", 0.0)
-    shared = Points(bondgraph.load(TEXT), Asked(lambda point, here: point), range(3), range(3), False)
-    assert [shared.report() for _ in range(5)] == [{0: 0}, {1: 1}, {2: 2}, {}, {}]
+def test_results_are_told_while_others_are_made(kind: str) -> None:
+    """The last point ends when 500 others are told, of each worker."""
+    told, points = CONTEXT.Semaphore(0), 700
+
+    def call(point: int, here: bool) -> int:
+        if point == points - 1:
+            assert all(told.acquire(timeout=LONG) for _ in range(500))
+        return point
+
+    done: list[int] = []
+
+    def progress(count: int, total: int) -> None:
+        for _ in range(count - (done[-1] if done else 0)):
+            told.release()
+        done.append(count)
+
+    assert found(call, points, 2, progress=progress) == [*range(points)]
+    steps = [b - a for a, b in zip([0, *done], done, strict=False)]
+    assert done[-1] == points and min(steps) > 0 and max(steps) <= workers.MOST_AT_ONCE
+
+
+@pytest.mark.parametrize("count", [1, None])
+def test_what_is_made_before_an_error_is_kept(count: int | None, tmp_path: Path) -> None:
+    """An error that concerns all points ends the study, as it is; here, and in the task of an executor."""
+
+    def call(point: int, here: bool) -> int:
+        if point == 300:
+            raise FileNotFoundError("data.csv")
+        return point
+
+    journal = bondgraph.Journal(tmp_path / "j")
+    with ThreadPoolExecutor(1) as executor, pytest.raises(FileNotFoundError, match=r"data\.csv"):
+        found(call, 400, count or 2, journal=journal, executor=None if count else executor)
+    journal.close()
+    kept = journal.begun(bondgraph.load(TEXT), Asked(call), range(400))
+    journal.close()
+    assert set(range(300)) <= set(kept) and 300 not in kept
 
 
 def test_each_point_is_made_once(kind: str) -> None:
@@ -125,37 +169,46 @@ def test_each_point_is_made_once(kind: str) -> None:
 
 
 def test_an_interruption_waits_for_no_more_than_a_point_and_keeps_what_is_done(kind: str, tmp_path: Path) -> None:
-    """This process is interrupted in its second point, when another has made ten and reported none yet."""
-    begun, made, points = CONTEXT.Value("q", 0), CONTEXT.Semaphore(0), 5000
+    """One worker is in the first point of its task, the other has made ten of another, and has told none of them."""
+    ready, interrupted, points = CONTEXT.Event(), CONTEXT.Event(), 5000
 
     def call(point: int, here: bool) -> int:
-        with begun.get_lock():
-            begun.value += 1
-        if here and point:
-            assert all(made.acquire(timeout=LONG) for _ in range(10))
-            raise KeyboardInterrupt
-        made.release()
-        if not here and begun.value > 20:
-            interrupted.wait(LONG)  # one point takes long
+        if point == 81:
+            ready.set()
+        if point in (7, 81):
+            assert interrupted.wait(LONG)
         return point
 
-    interrupted = CONTEXT.Event()
-    plain, journal = Points.stop, bondgraph.Journal(tmp_path / "j")
+    class Finished(SimpleQueue[Any]):
+        """Interrupted at the first report after the six single points with which two workers begin."""
 
-    def stop(self: Points) -> None:
-        plain(self)
+        reports = 0
+
+        def get(self, *given: Any) -> Any:
+            self.reports += 1
+            if self.reports == 7:
+                assert ready.wait(LONG)
+                raise KeyboardInterrupt
+            return super().get(*given)
+
+    plain, journal = local_workers.LocalWorkers.end, bondgraph.Journal(tmp_path / "j")
+
+    def end(self: local_workers.LocalWorkers) -> None:
+        self.stopped[0] = 1
         interrupted.set()
+        plain(self)
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt) as caught:
-        patch.setattr(Points, "stop", stop)
-        patch.setattr(local_workers, "OFTEN", LONG)
+        patch.setattr(local_workers.LocalWorkers, "end", end)
+        patch.setattr(workers, "OFTEN", LONG)
+        patch.setattr(workers, "SimpleQueue", Finished)
         found(call, points, 2, journal=journal)
     journal.close()
-    done = begun.value - 1  # all but its own
-    assert done <= 21 and str(caught.value) == f"interrupted when {done} of {points} were done"
+    done = [*range(8), *range(71, 82)]
+    assert str(caught.value) == f"interrupted when {len(done)} of {points} were done"
     kept = journal.begun(bondgraph.load(TEXT), Asked(call), range(points))
     journal.close()
-    assert len(kept) == done and all(answer == point for point, answer in kept.items())
+    assert kept == {point: point for point in done}
 
 
 def run(code: str) -> str:
@@ -215,13 +268,44 @@ except BlockingIOError as problem:
 
 
 @only_linux
+@pytest.mark.parametrize("end", ["os.killpg(0, signal.SIGINT)", "os._exit(1)"])
+def test_what_is_made_before_ctrl_c_or_a_death_is_kept(end: str, tmp_path: Path) -> None:
+    """The terminal sends Ctrl-C to all processes. The point that brings the end waits until others are told."""
+    assert (
+        run(f"""
+os.setsid()
+told = mp.get_context("fork").Event()
+def call(point, here):
+    if point == 700:
+        told.wait(LONG)
+        {end}
+    return point
+def progress(done, total):
+    if done == 700:
+        told.set()
+journal = bondgraph.Journal({str(tmp_path / "j")!r})
+try:
+    found(call, 701, 2, journal=journal, progress=progress)
+except (bondgraph.RunFailed, KeyboardInterrupt) as ended:
+    print(type(ended).__name__, str(ended).split(" (")[0].rpartition(" of ")[2], mp.active_children())
+journal.close()
+kept = journal.begun(bondgraph.load(TEXT), Asked(call), range(701))
+print(kept.items() >= {{i: i for i in range(700)}}.items())
+""")
+        == f"{'RunFailed a worker died' if 'exit' in end else 'KeyboardInterrupt 701 were done'} []\nTrue\n"
+    )
+
+
+@only_linux
 def test_workers_end_with_this_process() -> None:
-    """None waits for work of one that was killed, and holds what is printed open."""
+    """None goes on with its point when that is killed, and holds what is printed open."""
     with pytest.raises(subprocess.CalledProcessError) as caught:
         run("""
 def call(point, here):
-    if here and point:
-        os.kill(os.getpid(), signal.SIGKILL)
+    if point == 10:
+        os.kill(os.getppid(), signal.SIGKILL)
+    if point > 8:
+        signal.pause()
     return point
 found(call, 100, 3)
 """)

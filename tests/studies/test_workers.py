@@ -337,10 +337,11 @@ class _Meeting:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are threads there")
 @pytest.mark.parametrize("count", [2, 3])
-def test_this_process_is_one_of_the_workers(count: int) -> None:
-    """Its share goes nowhere."""
+def test_this_process_makes_the_first_point_and_its_copies_the_others(count: int) -> None:
+    """Then the program exists that the copies have. With one worker there is no copy."""
     here, processes = map(int, _made(count).split())
-    assert 0 < here < 200 and 1 < processes <= count
+    assert here == 1 and 1 < processes <= count + 1
+    assert _made(1) == "200 1\n"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are threads there")
@@ -349,15 +350,42 @@ def test_a_dead_worker_of_our_own_is_told() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_tasks_become_smaller(count: int) -> None:
+def test_tasks_become_smaller(count: int, tmp_path: Path) -> None:
     """A worker with one task in progress and two ahead has no more than its share of the remaining points."""
-    gaps, left = [(3, 3), (5, 1900), (2000, 2007)], 1902
-    pieces = workers._pieces(gaps, left, count)
-    assert [i for begin, end in pieces for i in range(begin, end)] == [*range(5, 1900), *range(2000, 2007)]
-    assert max(end - begin for begin, end in pieces) == workers.MOST_AT_ONCE
-    for begin, end in pieces:
-        assert end - begin == 1 or 3 * (end - begin) * count <= left
-        left -= end - begin
+    tasks: list[list[int]] = []
+
+    class Sizes(ThreadPoolExecutor):
+        def submit(self, function: Any, task: Any) -> Any:  # type: ignore[override]
+            tasks.append([*task.points])
+            return super().submit(function, task)
+
+    journal, points = Journal(tmp_path / "j"), range(2010)
+    known = {i: {"square": float(i) ** 2} for i in (*range(5), *range(1900, 2000), *range(2007, 2010))}
+    journal.begun(bondgraph.load(TEXT), Counting(), points)
+    journal.add(known)
+    journal.close()
+    with Sizes(1) as executor:
+        found = answers(bondgraph.load(TEXT), Counting(), points, Workers(count, executor, journal=journal))
+    journal.close()
+    assert found == [{"square": float(i) ** 2} for i in points]
+    left = 1902
+    assert [i for task in tasks for i in task] == [*range(5, 1900), *range(2000, 2007)]
+    assert max(map(len, tasks)) == workers.MOST_AT_ONCE
+    for task in tasks:
+        assert len(task) == 1 or 3 * len(task) * count <= left
+        left -= len(task)
+
+
+def test_what_is_too_long_for_one_report_goes_to_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each point takes longer than the interval of reports: every task tells its first, and the others are tasks of one."""
+    monkeypatch.setattr(workers, "OFTEN", 0.0)
+    told: list[int] = []
+    with ThreadPoolExecutor(3) as executor:
+        many = Workers(3, executor, progress=lambda done, total: told.append(done))
+        assert answers(bondgraph.load(TEXT), Counting(), range(200), many) == [
+            {"square": float(i) ** 2} for i in range(200)
+        ]
+    assert told == [*range(1, 201)]
 
 
 @pytest.fixture
