@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from .reduction.order import blocks
     from .reduction.state_space import LinearLoop, StateSpace, Unknown
     from .scene import (
-        Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, RandomParameter, Reported,
+        Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, Reported,
         RunMetadata, Scene, Study,
     )  # fmt: skip
     from .semantics.names.domain_table import ELEMENT_KINDS

@@ -82,10 +82,9 @@ def distribution(text: str, unit: str, name: str) -> Distribution:
 
 def _spread(text: str, unit: str, name: str) -> float:
     """Return a difference in SI: for temperatures without the offset."""
-    kelvin = "K" if unit == "K" else unit
     if unit == "K" and "deg" in text:
         raise UsageError("BR403", f"{name}: a standard deviation is a difference;", "write it in K")
-    return quantity(text, kelvin, name)
+    return quantity(text, unit, name)
 
 
 def _truncated(parts: Sequence[str], unit: str, name: str, text: str) -> Distribution:

@@ -39,7 +39,7 @@ def run(
     chosen = workers or ALONE
     # The workers share the points of a Monte Carlo step that stands alone.
     alone = not left and any(isinstance(s, MonteCarloRequest) for s in plan.studies)
-    points = (asked.made(model, {}, chosen),) if alone else made(model, asked, grid, chosen)
+    points = (asked.answer(model, {}, chosen),) if alone else made(model, asked, grid, chosen)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
     notes = compilation_notes(model, plan.experiment, settings, grid)
     return Outcome(first.whole_graph.name, plan.experiment, {s.name: s.unit for s in left}, points, shown, notes)

@@ -10,7 +10,6 @@ from compiler.api import Analysis, Differentiating, MonteCarloRequest, Study
 
 from ..analysis.outcome import Point
 from ..simulation.run import RunOptions, simulate
-from .point_failure import kept
 from .scalar_study import STEPS, ScalarStudy
 from .steps import RESULTS, differentiated, varied
 from .workers import ALONE, Workers
@@ -31,15 +30,8 @@ class ExperimentStudy:
     outputs: tuple[str, ...] | None
     wanted: RunOptions
 
-    def answer(self, model: AnalysedModel, point: Mapping[str, float]) -> Point | Exception:
-        """Return the results at one point, or its exception, which is raised where the results are collected."""
-        try:
-            return self.made(model, point, ALONE)
-        except Exception as problem:
-            return kept(problem)
-
-    def made(self, model: AnalysedModel, point: Mapping[str, float], workers: Workers) -> Point:
-        """Compute one point; `workers`: the workers for the points of a Monte Carlo study in it."""
+    def answer(self, model: AnalysedModel, point: Mapping[str, float], workers: Workers = ALONE) -> Point:
+        """Return the results at one point; `workers`: the workers for the points of a Monte Carlo study in it."""
         settings = {**dict(self.settings), **point}
         studies = self._at(model, settings) if point else self.studies
         chance = next((s for s in studies if isinstance(s, MonteCarloRequest)), None)

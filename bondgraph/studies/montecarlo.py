@@ -17,7 +17,7 @@ from compiler.api import Array
 from ..errors import RunFailed, UsageError
 from ..simulation.run import DEFAULT_RTOL, check_run_options
 from ..simulation.settings import Settings
-from .distributions import Distribution, distribution
+from .distributions import Distribution, checked, distribution
 from .indices import Indices, indices, mixed
 from .sampling import MOST_NAMES, correlation_matrix, cube, values_of
 from .scalar_study import Failed, ScalarStudy, check_steps, compilation_notes, units_of
@@ -55,7 +55,7 @@ def montecarlo(model: AnalysedModel, chance: Chance, study: ScalarStudy, workers
     _check(chance, settings)
     units = units_of(model, tuple(chance.vary), experiment, settings)
     names = tuple(chance.vary)
-    given = [_distribution(chance.vary[n], units[n], n) for n in names]
+    given = [distribution(d, units[n], n) if isinstance(d, str) else checked(d, n) for n, d in chance.vary.items()]
     correlation = correlation_matrix(names, chance.correlations)
     rows = 0 if correlation is not None else _rows(chance)
     shares = cube(chance.samples, 2 * len(names) if rows else len(names), chance.seed)
@@ -107,12 +107,6 @@ def _check(chance: Chance, settings: Settings) -> None:
     both = sorted(set(chance.vary) & set(settings))
     if both:
         raise UsageError("BR443", f"`{both[0]}` is set and varies:", "one of the two")
-
-
-def _distribution(given: str | Distribution, unit: str, name: str) -> Distribution:
-    from .distributions import checked
-
-    return distribution(given, unit, name) if isinstance(given, str) else checked(given, name)
 
 
 def _rows(chance: Chance) -> int:

@@ -14,7 +14,7 @@ Progress = Callable[[int, int], None]  # called with the number of finished poin
 
 
 class PointRequest(Protocol):
-    """Request at each point; it is sent to other processes. An error at a point is part of its result."""
+    """Request at each point; it is sent to other processes. An exception at a point is its result (`result_at`)."""
 
     def answer(self, model: AnalysedModel, point: Any) -> Any: ...
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..results.ensemble import Ensemble
 from ..results.result import Result
 from ..simulation.run import RunOptions, check_run_options, simulate
-from .point_failure import check_some_stand, kept
+from .point_failure import check_some_stand
 from .workers import Workers, answers
 
 if TYPE_CHECKING:
@@ -24,12 +24,9 @@ class RunStudy:
     outputs: tuple[str, ...] | None
     wanted: RunOptions
 
-    def answer(self, model: AnalysedModel, point: Mapping[str, str | float]) -> Result | Exception:
-        """Return the result of a run, or its exception."""
-        try:
-            return simulate(model, self.experiment, point, self.outputs, self.wanted)
-        except Exception as problem:
-            return kept(problem)
+    def answer(self, model: AnalysedModel, point: Mapping[str, str | float]) -> Result:
+        """Return the result of a run."""
+        return simulate(model, self.experiment, point, self.outputs, self.wanted)
 
 
 def simulate_many(

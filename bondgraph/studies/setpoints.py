@@ -18,7 +18,6 @@ from ..errors import UsageError
 from ..simulation.settings import Settings
 from .experiment import made
 from .measured import OF_MODES, SIGMA, check_complete, check_path, read_columns
-from .point_failure import kept
 from .workers import ALONE, Workers
 
 if TYPE_CHECKING:
@@ -34,14 +33,11 @@ class SetpointStudy:
     experiment: str | None
     settings: tuple[tuple[str, str | float], ...]
 
-    def answer(self, model: AnalysedModel, point: Mapping[str, float]) -> Point | Exception:
-        """Return the point of one line, or its exception."""
+    def answer(self, model: AnalysedModel, point: Mapping[str, float]) -> Point:
+        """Return the point of one line."""
         wanted = {n: point[n] for n in self.outputs}
         given = {**dict(self.settings), **{n: v for n, v in point.items() if n not in wanted}}
-        try:
-            return Point(point, analyses=(("invert", model.invert(wanted, self.inputs, self.experiment, given)),))
-        except Exception as problem:
-            return kept(problem)
+        return Point(point, analyses=(("invert", model.invert(wanted, self.inputs, self.experiment, given)),))
 
 
 def invert_file(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ from compiler.api import Differentiating, Fitting, Inverting, Linearizing, Monte
 from .distributions import Distribution
 
 if TYPE_CHECKING:
-    from compiler.api import Analysis, RandomParameter
+    from compiler.api import Analysis
 
     from ..analysed_model import AnalysedModel
     from ..keywords import ExperimentKeywords
@@ -85,10 +85,6 @@ def varied(model: AnalysedModel, step: MonteCarloRequest, study: ScalarStudy, wo
     """Return the Monte Carlo study of the results of the other steps."""
     from .montecarlo import Chance, montecarlo
 
-    vary: Mapping[str, str | Distribution] = {d.name: _distribution(d) for d in step.vary}
+    vary = {d.name: Distribution(d.kind, d.numbers, d.low, d.high) for d in step.vary}
     chance = Chance(vary, dict(step.correlations), step.samples, step.seed, step.indices)
     return montecarlo(model, chance, study, workers)
-
-
-def _distribution(drawn: RandomParameter) -> Distribution:
-    return Distribution(drawn.kind, drawn.numbers, drawn.low, drawn.high)

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
 from .local_workers import LocalWorkers, local_workers, started_together
+from .point_failure import kept
 from .point_request import Answers, PointRequest, Progress, TimedReport, key_of
 
 if TYPE_CHECKING:
@@ -168,7 +169,7 @@ def _begun(task: Task) -> tuple[AnalysedModel, Answers]:
     """Return a worker's own model, and the first result, after which it is compiled."""
     model = AnalysedModel(task.source, task.model)
     number, point = next(iter(task.points.items()))
-    first = {number: task.question.answer(model, point)}
+    first = {number: result_at(model, task.question, point)}
     with _OWNING:
         kept = [key for key in _MODELS if key not in _OWNERS]
         for key in kept[: max(0, len(kept) - MOST_KEPT + 1)]:
@@ -199,6 +200,14 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
+def result_at(model: AnalysedModel, question: PointRequest, point: Any) -> Any:
+    """Return the result at one point, or its exception. Raises errors that concern all points."""
+    try:
+        return question.answer(model, point)
+    except Exception as problem:
+        return kept(problem)
+
+
 def answered(
     model: AnalysedModel, question: PointRequest, points: Sequence[Any] | Mapping[int, Any], numbers: Iterable[int]
 ) -> Iterator[Answers]:
@@ -207,7 +216,7 @@ def answered(
     until = perf_counter() + OFTEN
     try:
         for number in numbers:
-            report[number] = question.answer(model, points[number])
+            report[number] = result_at(model, question, points[number])
             if len(report) == MOST_AT_ONCE or perf_counter() > until:
                 full, report = report, {}
                 yield full
