@@ -243,3 +243,8 @@ def test_unknowns_of_a_linear_system(number: int) -> None:
         derivative(Apply("item", (Apply("solve", (*map(Number, (2.0, 1.0, 1.0, 3.0, 1.0, 1.0)),)), Number(0.0))), t)
         == ZERO
     )
+
+
+@pytest.mark.parametrize(("x", "n", "slope_at"), [(0.0, 3.0, 0.0), (0.0, -3.0, 0.0), (8.0, 3.0, 1 / 12), (-8.0, 3.0, 1 / 12), (1e-30, 3.0, 1e20 / 3)])  # fmt: skip
+def test_the_slope_of_a_root_is_zero_at_zero_alone(x: float, n: float, slope_at: float) -> None:
+    assert slope(call("root", X, Number(n)), X, {"x": x}) == pytest.approx(slope_at, rel=1e-14)
