@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence, Set
-from itertools import product
+from functools import reduce
 
 from ..algebra.expression import Apply, Expression, Number, Symbol
 from ..reduction.state_space import LinearLoop, StateSpace
@@ -45,7 +45,7 @@ def _divisors(x: Expression) -> Iterator[Expression]:
 
 
 def _vanishing(x: Expression, arguments: Sequence[Sets], known: dict[Expression, Sets]) -> Sets:
-    """Return the smallest sets for an expression: a product vanishes with any of its factors, a sum with all of its terms."""
+    """Return the smallest sets for an expression: a product vanishes with any factor, a sum with all terms (taken one by one: combinations are too many)."""
     if isinstance(x, Number):
         return NEVER if x.value else ALWAYS
     if isinstance(x, Symbol):
@@ -56,7 +56,7 @@ def _vanishing(x: Expression, arguments: Sequence[Sets], known: dict[Expression,
         if x.operator == "multiply":
             known[x] = _smallest(s for sets in operands for s in sets)
         elif x.operator in ("add", "min", "max"):
-            known[x] = _smallest(frozenset[str]().union(*chosen) for chosen in product(*operands))
+            known[x] = reduce(lambda a, b: _smallest(s | t for s in a for t in b), operands) if all(operands) else NEVER
         else:
             positive = x.operator == "power" and isinstance(x.operands[1], Number) and x.operands[1].value > 0
             known[x] = operands[0] if positive or x.operator in ("divide", *THROUGH_ZERO) else NEVER

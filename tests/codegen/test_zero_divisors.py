@@ -160,3 +160,12 @@ def test_a_number_among_the_arguments_vanishes_if_it_is_zero(
     )
     assert zero_divisors(space, frozenset("cd")) == sets("cd")
     assert zero_divisors(replace(space, steps=steps), frozenset("cd")) == expected
+
+
+def test_terms_are_joined_one_by_one() -> None:
+    """All combinations of these 40 terms of two factors would be 2^40."""
+    terms = [multiply(Symbol(i), Symbol(40)) for i in range(40)]
+    names = [frozenset({frozenset({f"p{i}"})}) for i in range(41)]
+    whole = frozenset({frozenset({"p40"}), frozenset(f"p{i}" for i in range(40))})
+    assert _vanishing(Apply("add", tuple(terms)), names, {}) == whole
+    assert _vanishing(Apply("add", (*terms, Number(2.0))), names, {}) == NEVER

@@ -6,6 +6,7 @@ import ast
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -36,14 +37,16 @@ def names(error: type[BondgraphError]) -> Iterator[str]:
         yield from names(derived)
 
 
-def raised() -> Iterator[tuple[Path, ast.Call]]:
+@cache
+def raised() -> list[tuple[Path, ast.Call]]:
     """Calls that make an error outside the text of a model, file by file."""
-    errors = set(names(BondgraphError)) | {"CannotCompile"}
+    errors, raising = set(names(BondgraphError)) | {"CannotCompile"}, []
     for path in sorted((ROOT / "bondgraph").rglob("*.py")):
         calls = (c for c in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(c, ast.Call))
         for call in sorted(calls, key=lambda c: (c.lineno, c.col_offset)):
             if isinstance(call.func, ast.Name) and call.func.id in errors:
-                yield path.relative_to(ROOT / "bondgraph"), call
+                raising.append((path.relative_to(ROOT / "bondgraph"), call))
+    return raising
 
 
 def words(node: ast.expr) -> str:
