@@ -10,7 +10,7 @@ derivative, g_x S + g_p = 0, which holds at the start; rounding of the integrati
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from ..rendering import Summarised
 from .json_values import head, named, with_units
 from .operating_point import AnalysisRequest, OperatingPoint
 from .sensitivity import balanced_step, independent, place_in, unit_directions
+from .singular_slopes import Beside
 
 if TYPE_CHECKING:
     from ..compiled_model import CompiledModel
@@ -102,6 +103,14 @@ def run_sensitivity(
     )  # fmt: skip
 
 
+class PointInside(OperatingPoint):
+    """Operating point inside a segment of a run, which passes kinks without staying there: the start of the segment is searched for them."""
+
+    def smoothed(self, beside: Beside, found: Array, name: Callable[[int], str]) -> Array:
+        """Return the slopes unchanged."""
+        return found
+
+
 class Flow:
     """States and their derivatives along the segments of a run."""
 
@@ -119,7 +128,7 @@ class Flow:
             )
         self.ways = unit_directions(made.compilation, asked.by, len(asked.by))  # of the symbols of the parameters
         self.made, self.asked, self.instants, self.rtol, self.values = made, asked, instants, rtol, values
-        self.begins = made.plan.start
+        self.begins = self.after = made.plan.start  # after the start of a segment points are inside
         span = np.concatenate([[self.begins], instants[instants > self.begins]])
         if len(span) < 2:
             raise UsageError("BR241", "a run has an end after its start")
@@ -128,21 +137,22 @@ class Flow:
         self.loops = self.leg.constraints.loops(nonzero(np.abs(self.leg.state)))
         self.mode, self.unknowns = self.leg.stretches[0].mode, self.leg.state[self.n :]
 
-    def point(self, state: Array, time: float) -> OperatingPoint:
+    def point(self, state: Array, time: float, inside: bool = False) -> OperatingPoint:
         """Return the operating point at a state (n,), with the unknowns solved for."""
         full = self.loops.solve(time, np.concatenate([state[: self.n], self.unknowns]), self.mode)
         self.unknowns = full[self.n :]
-        return OperatingPoint(self.made, self.leg.constraints, full, self.mode, time, self.asked.by, self.values)
+        kind = PointInside if inside else OperatingPoint
+        return kind(self.made, self.leg.constraints, full, self.mode, time, self.asked.by, self.values)
 
     def rates(self, time: float, y: Array) -> Array:
         """Return the rates of the states, then of S row by row."""
-        point = self.point(y[: self.n], time)
+        point = self.point(y[: self.n], time, inside=time > self.after)
         A, B = point.reduced.by_states(point.rate_slopes(range(self.n)))
         return np.concatenate([point.rates, (A @ y[self.n :].reshape(self.n, self.k) + B).ravel()])
 
     def jacobian(self, time: float, y: Array) -> Array:
         """Return the diagonal blocks of the Jacobian."""
-        point = self.point(y[: self.n], time)
+        point = self.point(y[: self.n], time, inside=time > self.after)
         A, _ = point.reduced.by_states(point.rate_slopes(range(self.n)))
         whole = np.zeros((len(y), len(y)))
         whole[: self.n, : self.n] = A
@@ -200,7 +210,7 @@ class Flow:
         values, slopes = [], []
         stretches = self.leg.stretches
         for number, stretch in enumerate(stretches):
-            self.mode = stretch.mode
+            self.mode, self.after = stretch.mode, stretch.start
             last = number + 1 == len(stretches)
             inside = [float(t) for t in self.instants if stretch.start <= t and (t < stretch.stop or last)]
             for time, state in self._along(stretch, y, inside, size):
