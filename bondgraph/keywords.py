@@ -11,13 +11,15 @@ from .errors import UsageError
 class RunKeywords(TypedDict, total=False):
     """Options of a call that runs a model, beside experiment, settings, end and instants; each overrides the experiment.
 
-    `rtol`, `atol`: tolerances. `energy` adds the energy balance. `outputs`: only these. `target`: native (machine code) or numpy; by default the first
-    that this machine has. `solver`: a word of `compiler.solvers.SOLVERS`.
-    `bandwidth`: a frequency as text or in Hz; faster modes need not be followed, and the result's `left_out` reports the truncated ones.
+    `rtol`, `atol`: tolerances; `accuracy`: largest error of an output relative to its magnitude, which chooses them. `energy` adds the energy balance.
+    `outputs`: only these. `target`: native (machine code) or numpy; by default the first that this machine has. `solver`: a word of
+    `compiler.solvers.SOLVERS`. `bandwidth`: a frequency as text or in Hz; faster modes need not be followed, and the result's `left_out` reports the
+    truncated ones.
     """
 
     rtol: float | None
     atol: float | None
+    accuracy: float | None
     energy: bool
     outputs: Sequence[str] | None
     target: str | None

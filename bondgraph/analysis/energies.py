@@ -64,7 +64,8 @@ def energies(
     points: int | None = None, rtol: float | None = None,
 ) -> Energies:  # fmt: skip
     """Return the energies of a run of an experiment ("": the first, None: none), from t = 0. Raises as `Model.simulate`."""
-    from ..simulation.run import RunOptions, simulate
+    from ..simulation.repetition import simulate
+    from ..simulation.run import RunOptions
 
     made = model.compilation(model.scene(experiment, settings))
     plan = made.plan

@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 from ..errors import UsageError
-from ..simulation.run import RunOptions, simulate
+from ..simulation.repetition import simulate
+from ..simulation.run import RunOptions
 from .linear import linearization
 from .operating_point import AnalysisRequest, operating_point
 from .response import Measured, first_harmonic, settling_time

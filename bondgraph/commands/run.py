@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 @click.option("--to", metavar="TIME", help="Where the run ends: `20 ms`, or a number of seconds.")
 @click.option("--points", type=int, metavar="N", help="How many equally spaced instants to report, both ends included (501).")  # fmt: skip
 @click.option("--rtol", type=float, metavar="X", help="Relative tolerance (1e-6).")
+@click.option("--accuracy", type=float, metavar="X", help="Largest error of an output relative to its magnitude; the tolerance follows.")  # fmt: skip
 @click.option("--atol", type=float, metavar="X", help="Absolute tolerance of every state in SI; from magnitudes if left out.")  # fmt: skip
 @click.option(
     "--solver", metavar="SOLVER", help=", ".join(s.word + f" ({s.purpose})" * bool(s.purpose) for s in SOLVERS.values()) + "."
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
     "--check", is_flag=True,
     help="Repeat the run by another method, more tightly, and tell what differs; exit code 3 if the tolerance does not cover it.",
 )  # fmt: skip
+@click.option("--error", is_flag=True, help="Estimate the error of each output; --json always does.")
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
 @click.option("--out", metavar="R.csv|.npz|.nc|.mat", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
@@ -73,6 +75,7 @@ def command(
     from ..errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
 
     files = taken(OutputFiles, options)
+    options["error"] |= files.as_json and options["start"] is None
     with problems_told():
         files.check()
         if over is not None and files.plot is None:
@@ -91,7 +94,7 @@ def command(
         except ManyRuns:
             if options.pop("check") or not many:
                 raise
-            del options["start"]
+            del options["start"], options["error"]
             _run_all(chosen, experiment, {"settings": assignments, **options}, (jobs, journal), files)
             return
         except (RunFailed, RunInterrupted, RunBroken) as stopped:

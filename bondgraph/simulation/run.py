@@ -36,7 +36,9 @@ if TYPE_CHECKING:
     from .segments.timeline import Timeline
 
 DEFAULT_RTOL = 1e-6
-RTOL = 1e-13, 0.1
+LEAST_RTOL = 1e-13
+RTOL = LEAST_RTOL, 0.1
+ACCURACY = 1e-12, 0.1
 ATOL = 1e-200, 1e200  # range in SI units: squares of values relative to it must be finite
 DEFAULT_POINTS = 501
 MOST_CHOICES = 1000  # changes of the state selection in one run
@@ -56,6 +58,9 @@ class RunOptions:
     target: str | None = None
     solver: str | None = None
     bandwidth: str | float | None = None  # a frequency as text, or in Hz
+    accuracy: float | None = None  # largest error of an output relative to its magnitude
+    check: bool = False
+    error: bool = False
     parts: int = field(default=1, kw_only=True)  # number of parts; the integrator restarts between them
 
 
@@ -71,11 +76,13 @@ def check_run_options(wanted: RunOptions) -> None:
         _checked("rtol", wanted.rtol, *RTOL)
     if wanted.atol is not None:
         _checked("atol", wanted.atol, *ATOL)
+    if wanted.accuracy is not None:
+        _checked("accuracy", wanted.accuracy, *ACCURACY)
     if wanted.points is not None:
         _count(wanted.points)
 
 
-def simulate(
+def simulate_once(
     model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, wanted: RunOptions, start: Result | None = None
 ) -> Result:  # fmt: skip
     """Run a model with some settings. `start`: a result from which the run goes on.
@@ -132,6 +139,11 @@ def run(
     solver = chosen_solver(wanted.solver if wanted.solver is not None else plan.solver)
     scene = _conserving(scene, solver)
     prepared = made(scene, energy)
+    accuracy = (
+        plan.settings.get("accuracy") if wanted.accuracy is None else _checked("accuracy", wanted.accuracy, *ACCURACY)
+    )
+    if rtol is None and accuracy is not None:
+        rtol = max(min(accuracy / 10, plan.settings.get("rtol", DEFAULT_RTOL)), LEAST_RTOL)
     rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), *RTOL)
     count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
     if atol is None:
@@ -141,6 +153,7 @@ def run(
     bandwidth = plan.bandwidth if wanted.bandwidth is None else hertz(wanted.bandwidth)
     options = PhaseOptions(plan, rtol, atol, energy, values, solver, bandwidth, wanted.parts)
     run = PhaseSequence(made, scene, options, stop, count, began)
+    run.accuracy = accuracy
     if start is not None:
         from .resume import resumed
 
@@ -211,6 +224,7 @@ class PhaseSequence:
         self.leg: Phase | None = None  # the phase that is being integrated
         self.begin: PhaseTransition | None = None
         self.begins_now: PhaseTransition | None = None  # transition into the next phase
+        self.accuracy: float | None = None
         self.before: Result | None = None  # the result from which this run goes on
 
     def go(self) -> None:
@@ -339,7 +353,7 @@ class PhaseSequence:
             sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.options.rtol, clock.perf_counter() - self.began,
             balance, _warnings(legs), legs[0].compilation.certificate,
             tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs)])),
-            tuple(o for leg in legs for o in leg.occurrences), stopped, end, lacking,
+            tuple(o for leg in legs for o in leg.occurrences), stopped, end, lacking, accuracy=self.accuracy,
         )  # fmt: skip
         if self.before is None:
             return found

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from compiler.api import Analysis, Differentiating, MonteCarloRequest, Study
 
 from ..analysis.outcome import Point
-from ..simulation.run import RunOptions, simulate
+from ..simulation.repetition import simulate
+from ..simulation.run import RunOptions
 from .scalar_study import STEPS, ScalarStudy
 from .steps import RESULTS, differentiated, varied
 from .workers import ALONE, Workers

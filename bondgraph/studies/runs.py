@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from ..results.ensemble import Ensemble
 from ..results.result import Result
-from ..simulation.run import RunOptions, check_run_options, simulate
+from ..simulation.repetition import simulate
+from ..simulation.run import RunOptions, check_run_options
 from .point_failure import check_some_stand
 from .workers import Workers, answers
 

@@ -14,7 +14,8 @@ from ..analysis.modes import moving_frequencies
 from ..analysis.operating_point import AnalysisRequest, operating_point
 from ..analysis.outcome import MODES
 from ..errors import RunFailed, UsageError
-from ..simulation.run import RunOptions, simulate
+from ..simulation.repetition import simulate
+from ..simulation.run import RunOptions
 from ..simulation.settings import Settings, compiled_in
 from .point_failure import kept, why
 

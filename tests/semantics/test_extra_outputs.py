@@ -7,7 +7,8 @@ import pytest
 
 import bondgraph
 from bondgraph.compiled_model import CompiledModel, source_of
-from bondgraph.simulation.run import RunOptions, simulate
+from bondgraph.simulation.repetition import simulate
+from bondgraph.simulation.run import RunOptions
 
 TEXT = """
 model A {{

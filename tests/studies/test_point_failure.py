@@ -19,7 +19,7 @@ from bondgraph.errors import (
     RunInterrupted,
     StepsCollapsed,
 )
-from bondgraph.simulation import run
+from bondgraph.simulation import repetition
 from bondgraph.studies import experiment_study, point_failure, runs, scalar_study
 from bondgraph.studies.workers import Workers
 from tests.studies.test_runs import SETTINGS, TEXT
@@ -29,7 +29,7 @@ BROKEN = (MemoryError("30 GB"), np.linalg.LinAlgError("singular"), OverflowError
 
 def breaking(monkeypatch: pytest.MonkeyPatch, broken: dict[float, BaseException]) -> None:
     """Runs at some `k` raise something."""
-    plain = run.simulate
+    plain = repetition.simulate
 
     def simulate(model: Any, experiment: Any, settings: Any, *rest: Any) -> Any:
         if settings["k"] in broken:

@@ -41,7 +41,8 @@ def mechanism_of(model: CompiledModel, name: str | None, experiment: str | None,
     place = names.index(name or names[0])
     if at is None:
         return draw_mechanism(mechanism_geometry_of(graph, mechanisms_of(graph)[place]))
-    from ...simulation.run import RunOptions, simulate
+    from ...simulation.repetition import simulate
+    from ...simulation.run import RunOptions
 
     posed = posed_model(model, experiment)
     run = simulate(posed.model, None, {}, posed.names, RunOptions(at, 2))

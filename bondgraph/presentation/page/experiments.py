@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from compiler.api import CompilationFailed, Experiment
@@ -11,7 +11,7 @@ from ...errors import MissingPackage, RunFailed, UsageError
 from ...prepared import many_runs
 from ...studies.experiment import run
 from ...studies.options import Options
-from ..text.tables import short, visible
+from ..text.tables import short, shown_unit, visible
 from .markup import Html, table, tag
 from .numbers import packed
 from .runs import OUTPUTS, PageModel, run_data
@@ -19,6 +19,7 @@ from .runs import OUTPUTS, PageModel, run_data
 if TYPE_CHECKING:
     from ...analysis.outcome import Outcome
     from ...results.records import EnergyBalance
+    from ...results.result import Result
 
 PROBLEMS = (CompilationFailed, UsageError, RunFailed, MissingPackage)
 
@@ -40,8 +41,9 @@ def experiment_data(watched: PageModel, name: str, settings: Mapping[str, float]
     """Return an experiment as data; errors are shown in its place."""
     try:
         if one_run(watched, name):
-            result = watched.simulate(name, settings, energy=True)
-            told = _balance(result.energy) if result.energy is not None else ""
+            result = watched.simulate(name, settings, whole=True)
+            balance = _balance(result.energy) if result.energy is not None else ""
+            told = Html(_errors(result, watched.outputs(name)) + balance)
             return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}
         outcome = run(watched.model, name, settings or {}, Options())
         return {"name": name, "kind": "told", "told": _pre(outcome.summary()), **_plotted(outcome)}
@@ -56,6 +58,22 @@ def visible_lines(words: str) -> str:
 
 def _pre(words: str) -> Html:
     return tag("pre", words)
+
+
+def _errors(result: Result, names: Sequence[str]) -> Html:
+    """Return the estimated error of each output in the units of the report, and relative to its magnitude."""
+    error = result.error
+    if error is None or error.failure:
+        return tag("p", f"No estimate of the error: {error.failure}") if error is not None else Html("")
+    share = {row.name: row.share for row in error.outputs}
+    rows = [
+        (short(i.name), shown_unit(i.unit), f"{error.of(i.name) * i.scale:.2g}", f"{share[i.name]:.2g}")
+        for i, _ in result.shown()
+        if i.name in names
+    ]
+    worst = max((share[name] for name in names if name in share), default=0.0)
+    summary = tag("summary", f"estimated errors of the outputs; the largest is {worst:.2g} of the output's magnitude")
+    return tag("details", summary, table(rows, ("output", "unit", "error", "of its magnitude")))
 
 
 def _balance(balance: EnergyBalance) -> Html:

@@ -59,11 +59,15 @@ class PageModel:
         """Return the names that a run must report."""
         return tuple(dict.fromkeys([*self.outputs(experiment), *self.bonds.names, *self.scenes.names]))
 
-    def simulate(self, experiment: str | None, settings: Mapping[str, str | float] | None = None, energy: bool = False) -> Result:  # fmt: skip
-        """Run an experiment. Raises as `Model.simulate`."""
-        from ...simulation.run import RunOptions, simulate
+    def simulate(
+        self, experiment: str | None, settings: Mapping[str, str | float] | None = None, whole: bool = False
+    ) -> Result:
+        """Run an experiment; `whole`: with the energy balance and estimates of errors. Raises as `Model.simulate`."""
+        from ...simulation.repetition import simulate
+        from ...simulation.run import RunOptions
 
-        return simulate(self.model, experiment, settings or {}, self.names(experiment), RunOptions(energy=energy))
+        options = RunOptions(energy=whole, error=whole)
+        return simulate(self.model, experiment, settings or {}, self.names(experiment), options)
 
 
 def run_data(watched: PageModel, experiment: str | None, result: Result) -> dict[str, Any]:

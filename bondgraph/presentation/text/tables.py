@@ -81,17 +81,22 @@ def summary(result: Result, sparks: bool = False) -> str:
 
     `sparks`: each output also as a row of small bars over time, for terminals that support them.
     """
+    error = result.error if result.error is not None and result.error.outputs else None
     rows = [
         (
-            short(item.name), *(f"{v:.6g}" for v in extremes(values).values()), "" if item.unit == "1" else item.unit,
+            short(item.name), *(f"{v:.6g}" for v in extremes(values).values()),
+            *(() if error is None else (f"{error.of(item.name) * item.scale:.2g}",)), "" if item.unit == "1" else item.unit,
             *((spark(result.time, values),) if sparks else ()),
         )
         for item, values in result.shown()
     ]  # fmt: skip
     parts = [f"{visible(result.title)}, {_span(result)}"]
     if rows:
-        heads = ("", "final", "minimum", "maximum", "unit", *(("over time",) if sparks else ()))
-        parts.append(aligned([heads, *rows], "<>>><" + "<" * sparks))
+        errors = () if error is None else ("error",)
+        heads = ("", "final", "minimum", "maximum", *errors, "unit", *(("over time",) if sparks else ()))
+        parts.append(aligned([heads, *rows], "<>>>" + ">" * len(errors) + "<" + "<" * sparks))
+    if result.error is not None and result.error.failure:
+        parts.append(visible(f"no estimate of the error: {result.error.failure}"))
     if result.certificate is not None:
         notes = (f"note: {note}" for note in result.certificate.notes)
         parts.append("\n".join(map(visible, (result.certificate.line, *notes))))

@@ -21,7 +21,7 @@ from .analyses import read_analysis
 from .distributions import check_together
 from .studies import read_sweep
 
-SETTINGS = ("rtol", "atol", "points")
+SETTINGS = ("rtol", "atol", "accuracy", "points")
 
 
 def experiments_of(definition: ModelDefinition) -> dict[str, tree.Experiment]:
@@ -191,15 +191,16 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
             if (
                 value <= 0
                 or (attribute.name == "rtol" and not 1e-13 <= value <= 0.1)
+                or (attribute.name == "accuracy" and not 1e-12 <= value <= 0.1)
                 or (attribute.name == "points" and (value < 2 or value != round(value)))
             ):
-                hint = "`rtol` lies between 1e-13 and 0.1, `points` is a whole number from 2."
+                hint = "`rtol` lies between 1e-13 and 0.1, `accuracy` between 1e-12 and 0.1, `points` is a whole number from 2."
                 raise Wrong(WrongExperiment(attribute.span, f"`{attribute.name} = {value:g}` makes no sense", hint))
         else:
             hint = suggestion(
                 attribute.name,
                 [*SETTINGS, "solver", "tolerance"],
-                "It has: rtol, atol, points, solver, and `tolerance NAME = …`.",
+                "It has: rtol, atol, accuracy, points, solver, and `tolerance NAME = …`.",
             )
             raise Wrong(UnknownAttribute(attribute.span, "simulate", attribute.name, hint))
     return replace(plan, start=start, stop=stop, settings=settings, tolerances=tolerances)

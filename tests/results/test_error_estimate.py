@@ -1,0 +1,134 @@
+"""The estimate of a run's error beside the error that a known solution tells, and runs with a wanted accuracy."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import bondgraph
+from bondgraph.commands import commands
+from bondgraph.errors import RunFailed, UsageError
+from bondgraph.simulation.repetition import compare
+from tests.compiling import MODELS
+
+SWING = """model Swing {
+  input push = 0 N
+  MSe f : F = push
+  I m : p = 1 kg*v
+  C s : F = 4 [N/m]*x { start x = 1 m }
+  1 j
+  f -> j -> m
+  j -> s
+  output x = s.x, v = m.v
+  experiment go { simulate 0 .. 20 s }
+  experiment close { simulate 0 .. 20 s { accuracy = 1e-9, solver = explicit } }
+}
+"""
+# x'' = -x^3 from x = 1 at rest: the lemniscate cosine, of period 7.41629870920549; x has the same value a period later.
+CUBIC = """model Cubic {
+  I m : p = 1 kg*v
+  C s : F = 1 [N/m^3]*x^3 { start x = 1 m }
+  1(m) -> s
+  output x = s.x
+  experiment go { simulate 0 .. 74.1629870920549 s { points = 11 } }
+}
+"""
+
+
+def true_error(found: Any) -> float:
+    return float(np.abs(found["x"] - np.cos(2 * found.time)).max())
+
+
+@pytest.mark.parametrize("solver", ["explicit", "radau", "radau13", "rodas", "energy"])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+def test_the_error_of_a_known_solution(solver: str, rtol: float) -> None:
+    found = bondgraph.load(SWING).simulate(solver=solver, rtol=rtol, error=True)
+    assert found.error is not None and not found.error.failure and found.error.rtol == pytest.approx(rtol / 10)
+    assert true_error(found) / 3 <= found.error.of("x") <= 3 * true_error(found)
+
+
+def test_rounding_of_exact_runs_and_of_the_tightest_tolerance() -> None:
+    model = bondgraph.load(SWING)
+    for options in ({"solver": "exponential"}, {"solver": "explicit", "rtol": 1e-13}):
+        found = model.simulate(error=True, **options)
+        assert found.error is not None
+        assert true_error(found) / 10 <= found.error.of("x") <= 1e-11
+
+
+def test_a_nonlinear_one_over_ten_periods() -> None:
+    found = bondgraph.load(CUBIC).simulate(rtol=1e-7, error=True)
+    true = np.abs(found["x"] - 1.0).max()
+    assert found.error is not None and true / 3 <= found.error.of("x") <= 3 * true
+
+
+@pytest.mark.parametrize("name", ["crank_linkage", "drag", "lotka_volterra", "pid_dc_motor", "rectifier", "solenoid"])
+def test_models_beside_a_reference(name: str) -> None:
+    """At least nine tenths within a factor of 3, and none below a tenth; `tests/benchmarks` has all models."""
+    model = bondgraph.load(MODELS / f"{name}.bg")
+    found = model.simulate(error=True)
+    assert found.error is not None
+    true = {row.name: row.difference for row in compare(found, model.simulate(rtol=1e-12), 1e-12).outputs}
+    ratios = [found.error.of(key) / error for key, error in true.items() if error > 0]
+    assert min(ratios) > 0.1 and np.mean([1 / 3 <= r <= 3 for r in ratios]) >= 0.9
+
+
+@pytest.mark.parametrize("accuracy", [1e-3, 1e-6, 1e-9, 1e-11])
+def test_a_wanted_accuracy_is_reached(accuracy: float) -> None:
+    found = bondgraph.load(SWING).simulate(solver="explicit", accuracy=accuracy)
+    assert found.accuracy == accuracy and found.error is not None and found.error.reaches(accuracy)
+    assert true_error(found) <= accuracy
+
+
+def test_the_accuracy_of_an_experiment_holds_in_sweeps_too() -> None:
+    model = bondgraph.load(SWING)
+    assert true_error(model.simulate("close")) <= 1e-9
+    runs = model.simulate_many([{}, {"push": 0.5}], "close", workers=1)
+    assert all(run.error is not None and run.error.reaches(1e-9) for run in runs)
+    assert true_error(model.simulate("close", accuracy=1e-4)) > 1e-9
+
+
+def test_an_accuracy_that_no_tolerance_gives_is_refused_with_the_nearest_run() -> None:
+    text = CUBIC.replace("74.1629870920549", "20000")
+    with pytest.raises(RunFailed, match="no tolerance gives the accuracy 1e-12") as failed:
+        bondgraph.load(text).simulate(accuracy=1e-12)
+    assert failed.value.result is not None and failed.value.result.rtol <= 1e-12
+
+
+def test_other_events_are_no_estimate() -> None:
+    text = SWING.replace("output x", "mode n = 0\n  when s.x > 1 m { n = n + 1 }\n  output x").replace(
+        "simulate 0 .. 20 s }", "simulate 0 .. 30 s }"
+    )
+    found = bondgraph.load(text).simulate(
+        solver="explicit", rtol=1e-2, error=True
+    )  # the amplitude grows or falls by the error alone
+    assert found.error is not None
+    assert found.error.failure or len(found.events) == 0
+
+
+def test_values_that_are_none() -> None:
+    model = bondgraph.load(SWING)
+    with pytest.raises(UsageError):
+        model.simulate(accuracy=1e-14)
+    first = model.simulate(to="1 s")
+    with pytest.raises(UsageError, match="goes on from a result"):
+        model.simulate(start=first, error=True)
+    with pytest.raises(bondgraph.CompilationFailed, match="makes no sense"):
+        bondgraph.load(SWING.replace("accuracy = 1e-9", "accuracy = 2")).simulate("close")
+
+
+def test_the_command(tmp_path: Path) -> None:
+    path = tmp_path / "swing.bg"
+    path.write_text(SWING, encoding="utf-8")
+    told = CliRunner().invoke(commands, ["run", str(path), "--solver", "explicit", "--error"])
+    assert told.exit_code == 0 and "error" in told.output.splitlines()[2]
+    data = json.loads(CliRunner().invoke(commands, ["run", str(path), "--solver", "explicit", "--json"]).output)
+    x = data["error"]["outputs"]["x"]
+    assert 0 < x["error"] < 1e-5 and x["magnitude"] == pytest.approx(1.0) and x["unit"] == "m"
+    assert data["accuracy"] is None and data["error"]["failure"] is None
+    close = json.loads(CliRunner().invoke(commands, ["run", str(path), "-e", "close", "--json"]).output)
+    assert close["accuracy"] == 1e-9
