@@ -15,7 +15,7 @@ import click
 from .error_reporting import INTERRUPTED, problems_told
 
 COMMANDS = (
-    "bode", "causality", "certificate", "check", "compile", "continue", "draw", "equations", "equilibrium", "explain", "fit", "fmt", "invert",
+    "benchmark", "bode", "causality", "certificate", "check", "compile", "continue", "draw", "equations", "equilibrium", "explain", "fit", "fmt", "invert",
     "linearize", "modes", "montecarlo", "new", "report", "reproduce", "run", "sensitivity", "serve", "show", "sweep",
 )  # fmt: skip
 STAGES = ("causality", "certificate", "compile", "equations", "explain", "show")  # commands of `stages.py`

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..studies.options import Options
     from ..studies.scalar_study import ScalarStudy
     from ..studies.tolerances import MonteCarlo
+    from ..studies.work_precision import WorkPrecision
     from ..studies.workers import Submitting, Workers
 
 __all__ = ["STAGES", "Model", "load"]
@@ -97,6 +98,23 @@ class Model(Shown, AnalysedModel):
         points, outputs = 2 if "simulate" in of else None, names_of(options.get("outputs"))
         wanted = Options(options.get("to"), points, options.get("rtol"), outputs=outputs)
         return montecarlo(self, chance, _study(of, experiment, settings, wanted), workers_of(workers, Workers()))
+
+    def benchmark(
+        self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, error: float = 1e-6, to: str | float | None = None,
+        rounds: int = 3, peers: bool = True, outputs: Sequence[str] | None = None, progress: Callable[[str], None] = lambda text: None,
+    ) -> WorkPrecision:  # fmt: skip
+        """Run an experiment with every solver at tolerances from 1e-3 to 1e-12: times, errors beside a reference, and the fastest with the wanted `error`.
+
+        `error` is relative to the largest magnitude of each output. `rounds`: runs of each, in turns, whose median time counts. `peers`: also solvers of
+        scipy and SUNDIALS, where they can run the same equations. `progress` is called with what is being run. Raises as `simulate`.
+        """
+        from ..simulation.run import RunOptions
+        from ..studies.benchmark import benchmark
+
+        options = RunOptions(to=to)
+        return benchmark(
+            self, experiment, settings or {}, names_of(outputs), options, error=error, rounds=rounds, peers=peers, progress=progress
+        )  # fmt: skip
 
     def fit(
         self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | BoundedParameter],

@@ -6,6 +6,8 @@ RENDERERS = {
     ("Branch", "plot"): "bondgraph.presentation.plots.phase:plot_branch",
     ("Branch", "summary"): "bondgraph.presentation.text.analyses:branch_text",
     ("Energies", "plot"): "bondgraph.presentation.plots.over_time:plot_energies",
+    ("WorkPrecision", "plot"): "bondgraph.presentation.plots.work_precision:plot_work_precision",
+    ("WorkPrecision", "summary"): "bondgraph.presentation.text.work_precision:work_precision_text",
     ("SymbolicEquations", "latex"): "bondgraph.presentation.page.notebook:equations_latex",
     ("Equilibrium", "summary"): "bondgraph.presentation.text.analyses:equilibrium_text",
     ("FeedForward", "plot"): "bondgraph.presentation.plots.over_time:plot_feed_forward",

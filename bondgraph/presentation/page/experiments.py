@@ -41,7 +41,7 @@ def experiment_data(watched: PageModel, name: str, settings: Mapping[str, float]
     """Return an experiment as data; errors are shown in its place."""
     try:
         if one_run(watched, name):
-            result = watched.simulate(name, settings, whole=True)
+            result = watched.simulate(name, settings, energy=True, error=True)
             balance = _balance(result.energy) if result.energy is not None else ""
             told = Html(_errors(result, watched.outputs(name)) + balance)
             return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}

@@ -60,13 +60,13 @@ class PageModel:
         return tuple(dict.fromkeys([*self.outputs(experiment), *self.bonds.names, *self.scenes.names]))
 
     def simulate(
-        self, experiment: str | None, settings: Mapping[str, str | float] | None = None, whole: bool = False
-    ) -> Result:
-        """Run an experiment; `whole`: with the energy balance and estimates of errors. Raises as `Model.simulate`."""
+        self, experiment: str | None, settings: Mapping[str, str | float] | None = None, energy: bool = False, error: bool = False
+    ) -> Result:  # fmt: skip
+        """Run an experiment. Raises as `Model.simulate`."""
         from ...simulation.repetition import simulate
         from ...simulation.run import RunOptions
 
-        options = RunOptions(energy=whole, error=whole)
+        options = RunOptions(energy=energy, error=error)
         return simulate(self.model, experiment, settings or {}, self.names(experiment), options)
 
 

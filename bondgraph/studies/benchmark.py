@@ -1,0 +1,139 @@
+"""Benchmark of an experiment: each solver at each tolerance, beside a reference of two of them, and beside other programs over the same equations."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time as clock
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from compiler.api import AUTOMATIC, SOLVERS, CompilationFailed
+
+from ..errors import RunFailed, UsageError
+from ..results.run_check import ErrorEstimate
+from ..simulation.repetition import compare
+from ..simulation.run import LEAST_RTOL, RunOptions, simulate_once
+from .peers import peers_of
+from .work_precision import WorkPoint, WorkPrecision
+
+if TYPE_CHECKING:
+    from ..analysed_model import AnalysedModel
+    from ..results.result import Result
+
+TOLERANCES = tuple(10.0**-k for k in range(3, 13))
+REFERENCES = ("exponential", "explicit", "radau13", "radau", "rodas")  # the first two that can
+PATIENCE = 20.0  # s: a solver whose run takes longer gets no tighter tolerance
+OFTEN = 1.0  # s: a point that takes longer is run once
+
+Run = Callable[[float], "Result"]  # tolerance -> result
+
+
+def benchmark(
+    model: AnalysedModel, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None, wanted: RunOptions,
+    error: float, rounds: int, peers: bool, progress: Callable[[str], None],
+) -> WorkPrecision:  # fmt: skip
+    """Run an experiment with every solver at every tolerance, `rounds` times in turns; `peers`: with other programs, too.
+
+    Raises `UsageError` if no solver can, `CompilationFailed`, `RunFailed` if no run at a tight tolerance succeeds.
+    """
+    if not 0 < error < 1 or rounds < 1:
+        raise UsageError("BR463", "a benchmark takes a wanted error between 0 and 1, and at least one round")
+
+    def run_by(solver: str) -> Run:
+        options = replace(wanted, solver=solver, accuracy=None)
+        return lambda rtol: simulate_once(model, experiment, settings, outputs, replace(options, rtol=rtol))
+
+    with suppress(RunFailed):
+        run_by(AUTOMATIC)(TOLERANCES[0])  # errors that are no matter of the solver
+    refused: dict[str, str] = {}
+    runs: dict[str, Run] = {}
+    for word in SOLVERS:
+        if word == AUTOMATIC:
+            continue
+        progress(word)
+        try:
+            run_by(word)(TOLERANCES[0])
+            runs[word] = run_by(word)
+        except (UsageError, CompilationFailed) as refusal:
+            refused[word] = str(refusal)
+        except RunFailed:
+            runs[word] = run_by(word)  # a tighter tolerance may succeed
+    if not runs:
+        raise UsageError("BR464", f"no solver can run this: {'; '.join(refused.values())}")
+    references, agreement = _references(runs)
+    reference = references[0]
+    own = dict(runs)
+    if peers:
+        found, missing = peers_of(model, experiment, settings, reference)
+        runs |= found
+        refused |= missing
+    points = _measured(runs, reference, rounds, progress)
+    named = tuple(replace(p, peer=p.solver not in own) for p in points)
+    return WorkPrecision(
+        reference.model, reference.experiment, tuple(f"{r.solver}, rtol {r.rtol:g}" for r in references), agreement, named, refused, error,
+    )  # fmt: skip
+
+
+def _references(runs: Mapping[str, Run]) -> tuple[list[Result], float]:
+    """Return the results of two solvers at the tightest tolerance, and the largest relative difference of the two."""
+    results: list[Result] = []
+    failure: RunFailed | None = None
+    for word in [w for w in REFERENCES if w in runs]:
+        try:
+            results.append(runs[word](LEAST_RTOL))
+        except RunFailed as failed:
+            failure = failed
+        if len(results) == 2:
+            return results, _error(results[1], results[0])[0]
+    if not results:
+        raise failure or RunFailed("BR465", "no solver that a reference can be made of takes this model")
+    return results, math.nan
+
+
+def _error(result: Result, reference: Result) -> tuple[float, dict[str, float]]:
+    """Return the largest relative error, and that of each output."""
+    rows = compare(result, reference, reference.rtol).outputs
+    worst = ErrorEstimate(reference.rtol, rows).worst
+    return 0.0 if worst is None else worst.share, {row.name: row.share for row in rows}
+
+
+def _measured(
+    runs: Mapping[str, Run], reference: Result, rounds: int, progress: Callable[[str], None]
+) -> list[WorkPoint]:
+    """Return all points; times are medians over the rounds, in each of which all take turns."""
+    points: dict[tuple[str, float], WorkPoint] = {}
+    times: dict[tuple[str, float], list[float]] = {}
+    for turn in range(rounds):
+        for solver, run in runs.items():
+            if not turn:
+                with suppress(RunFailed):
+                    run(TOLERANCES[0])  # what is loaded at the first run is not timed
+            progress(f"{solver}, round {turn + 1} of {rounds}")
+            for rtol in TOLERANCES if solver != "exponential" else TOLERANCES[:1]:
+                key = solver, rtol
+                if turn and (points[key].failure or times[key][0] > OFTEN):
+                    continue
+                if (
+                    not turn
+                    and rtol < TOLERANCES[0]
+                    and (last := times.get((solver, 10 * rtol)))
+                    and last[0] > PATIENCE
+                ):
+                    points[key] = WorkPoint(solver, rtol, failure=f"left out: a looser one took {last[0]:.3g} s")
+                    continue
+                began = clock.perf_counter()
+                try:
+                    result = run(rtol)
+                except (RunFailed, UsageError, ArithmeticError) as failed:
+                    points[key] = WorkPoint(solver, rtol, failure=str(failed))
+                    continue
+                times.setdefault(key, []).append(clock.perf_counter() - began)
+                if not turn:
+                    error, errors = _error(result, reference)
+                    points[key] = WorkPoint(
+                        solver, rtol, error, math.nan, result.steps, sum(result.evaluations.values()), errors
+                    )
+    return [p if p.failure else replace(p, seconds=statistics.median(times[key])) for key, p in points.items()]

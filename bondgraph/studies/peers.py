@@ -1,0 +1,139 @@
+"""Solvers of other programs over the state equations that the compiler prints: scipy's, and CVODE of SUNDIALS where scikit-sundae is installed."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from inspect import getmembers, isfunction
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compiler.api import Array, CompilationFailed, Scene
+
+from ..errors import RunFailed, UsageError
+
+if TYPE_CHECKING:
+    from ..analysed_model import AnalysedModel
+    from ..results.result import Result
+
+SCIPY = ("DOP853", "Radau", "LSODA", "BDF")
+PLAIN = {"constants", "start", "derivative", "jacobian", "outputs", "indicators"}
+MOST_STEPS = 1_000_000
+Run = Callable[[float], "Result"]
+
+
+def peers_of(
+    model: AnalysedModel, experiment: str | None, settings: Mapping[str, str | float], reference: Result
+) -> tuple[dict[str, Run], dict[str, str]]:
+    """Return runs of other programs over the experiment's equations by name, and the reasons of those that there are not."""
+    try:
+        equations = _equations(model.scene(experiment, settings, (), reference.names), model)
+    except (CompilationFailed, UsageError) as failed:
+        return {}, {"scipy": str(failed)}
+    extra = {name for name, _ in getmembers(equations, isfunction)} - PLAIN - {"dataclass"}
+    missing = set(reference.names) - {name for name, _ in equations.OUTPUTS}
+    if extra or missing or reference.events:
+        reason = (
+            "the printed equations have events, algebraic loops, delays or constraints, which these solvers do not take"
+        )
+        return {}, {"scipy": reason}
+    problem = _Problem(equations, reference)
+    runs = {f"scipy {method}": problem.by_scipy(method) for method in SCIPY}
+    if find_spec("sksundae") is None:
+        return runs, {"SUNDIALS": "scikit-sundae is not installed"}
+    return runs | {"SUNDIALS CVODE": problem.by_cvode}, {}
+
+
+def _equations(scene: Scene, model: AnalysedModel) -> ModuleType:
+    """Return the printed module of a scene, imported."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bondgraph_equations.py"
+        path.write_text(model.compilation(scene).text("numpy"), encoding="utf-8")
+        spec = spec_from_file_location(path.stem, path)
+        assert spec is not None and spec.loader is not None
+        module = module_from_spec(spec)
+        sys.modules[path.stem] = module  # dataclasses look themselves up there
+        try:
+            spec.loader.exec_module(module)
+        finally:
+            del sys.modules[path.stem]
+    return module
+
+
+class _Problem:
+    """An initial value problem of printed equations, and the results of its solvers in the form of the reference."""
+
+    def __init__(self, equations: ModuleType, reference: Result) -> None:
+        self.equations, self.reference = equations, reference
+        self.parameters = equations.Parameters()
+        self.start: Array = equations.start(self.parameters)
+        self.places = [[name for name, _ in equations.OUTPUTS].index(n) for n in reference.names]
+        # magnitudes for absolute tolerances: of a rough run, as those of the states are not in the reference
+        self.magnitude: Any = None
+
+    def by_scipy(self, method: str) -> Run:
+        """Return the runs by a method of `scipy.integrate.solve_ivp`."""
+
+        def run(rtol: float) -> Result:
+            found = self._solved(method, rtol, rtol * self._magnitude())
+            return self._result(f"scipy {method}", found.y.T, rtol, found.t.size, found.nfev)
+
+        return run
+
+    def by_cvode(self, rtol: float) -> Result:
+        """Run CVODE, backward differentiation of orders 1 to 5, with the exact Jacobian."""
+        from sksundae.cvode import CVODE
+
+        equations, p = self.equations, self.parameters
+
+        def rates(t: float, x: Array, out: Array) -> None:
+            out[:] = equations.derivative(t, x, p)
+
+        def slopes(t: float, x: Array, rate: Array, out: Array) -> None:
+            out[:] = equations.jacobian(t, x, p)
+
+        jacobian = {"jacfn": slopes} if hasattr(equations, "jacobian") else {}
+        solver = CVODE(rates, rtol=rtol, atol=rtol * self._magnitude(), max_num_steps=MOST_STEPS, **jacobian)
+        with np.errstate(all="ignore"):
+            found = solver.solve(self.reference.time, self.start)
+        if not found.success:
+            raise RunFailed("BR466", f"CVODE gave up: {found.message}")
+        return self._result("SUNDIALS CVODE", found.y, rtol, len(self.reference.time), found.nfev)
+
+    def _magnitude(self) -> Any:
+        if self.magnitude is None:
+            values = np.abs(self._solved("LSODA", 1e-3, 1e-9).y).max(axis=1)
+            self.magnitude = np.where(values > 0, values, values[values > 0].min(initial=1.0))
+        return self.magnitude
+
+    def _solved(self, method: str, rtol: float, atol: Any) -> Any:
+        from scipy.integrate import solve_ivp
+
+        time = self.reference.time
+        slopes = (
+            {"jac": self.equations.jacobian}
+            if method not in ("DOP853",) and hasattr(self.equations, "jacobian")
+            else {}
+        )
+        with np.errstate(all="ignore"):
+            found = solve_ivp(
+                self.equations.derivative, (time[0], time[-1]), self.start, method, time, rtol=rtol, atol=atol, args=(self.parameters,), **slopes
+            )  # fmt: skip
+        if not found.success:
+            raise RunFailed("BR466", f"{method} gave up: {found.message}")
+        return found
+
+    def _result(self, solver: str, states: Array, rtol: float, steps: int, evaluations: int) -> Result:
+        """Return the outputs at the reference's instants as a result."""
+        values = np.array(
+            [self.equations.outputs(t, x, self.parameters) for t, x in zip(self.reference.time, states, strict=True)]
+        )
+        return replace(
+            self.reference, values=values[:, self.places], solver=solver, steps=steps, rtol=rtol, evaluations={"derivative": evaluations}
+        )  # fmt: skip
