@@ -15,6 +15,7 @@ import numpy as np
 from compiler.api import SOLVERS, CompilationFailed
 
 from ..errors import RunFailed, UsageError
+from ..numerics.threads import one_thread
 from ..prepared import chosen_target, many_runs
 from ..quantities import behind
 from ..results.records import EnergyBalance, LimitLeft
@@ -160,7 +161,9 @@ def run(
         run.scene, run.begin, run.instants = resumed(start, made, scene, values, prepared, energy, run.instants)
         run.before = start
     try:
-        with np.errstate(all="ignore"):  # values that are not finite are searched and reported by name
+        program = prepared.program
+        # values that are not finite are searched and reported by name
+        with np.errstate(all="ignore"), one_thread(len(program.states.names) + len(program.unknowns.names)):
             run.go()
     except RunFailed as failed:
         failed.result = run.cut(f"it failed: {failed}")
