@@ -34,6 +34,15 @@ class SweepKeywords(RunKeywords, total=False):
     points: int | None
 
 
+class BenchmarkKeywords(TypedDict, total=False):
+    """Options of a benchmark."""
+
+    rounds: int
+    peers: bool
+    outputs: Sequence[str] | None
+    progress: Callable[[str], None]
+
+
 class MonteCarloKeywords(TypedDict, total=False):
     """Options of a Monte Carlo study."""
 

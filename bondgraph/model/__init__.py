@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from ..analysed_model import AnalysedModel
 from ..compiled_model import names_of, source_of
-from ..keywords import MonteCarloKeywords, PathKeywords, RunKeywords, SweepKeywords, check_keywords
+from ..keywords import BenchmarkKeywords, MonteCarloKeywords, PathKeywords, RunKeywords, SweepKeywords, check_keywords
 from .shown import STAGES, Shown
 
 if TYPE_CHECKING:
@@ -101,20 +101,22 @@ class Model(Shown, AnalysedModel):
 
     def benchmark(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, error: float = 1e-6, to: str | float | None = None,
-        rounds: int = 3, peers: bool = True, outputs: Sequence[str] | None = None, progress: Callable[[str], None] = lambda text: None,
+        **options: Unpack[BenchmarkKeywords],
     ) -> WorkPrecision:  # fmt: skip
         """Run an experiment with every solver at tolerances from 1e-3 to 1e-12: times, errors beside a reference, and the fastest with the wanted `error`.
 
-        `error` is relative to the largest magnitude of each output. `rounds`: runs of each, in turns, whose median time counts. `peers`: also solvers of
-        scipy and SUNDIALS, where they can run the same equations. `progress` is called with what is being run. Raises as `simulate`.
+        `error` is relative to the largest magnitude of each output. `rounds` (3) of each run, in turns, whose median time counts. `peers` (True): also
+        solvers of scipy and SUNDIALS, where they can run the same equations. `outputs`: only these. `progress` is called with what is being run. Raises
+        as `simulate`.
         """
         from ..simulation.run import RunOptions
-        from ..studies.benchmark import benchmark
+        from ..studies.benchmark import BenchmarkRequest, benchmark
 
-        options = RunOptions(to=to)
-        return benchmark(
-            self, experiment, settings or {}, names_of(outputs), options, error=error, rounds=rounds, peers=peers, progress=progress
+        check_keywords(self.benchmark, options, BenchmarkKeywords.__optional_keys__)
+        request = BenchmarkRequest(
+            experiment, settings or {}, names_of(options.get("outputs")), RunOptions(to=to), error, options.get("rounds", 3), options.get("peers", True)
         )  # fmt: skip
+        return benchmark(self, request, options.get("progress", lambda text: None))
 
     def fit(
         self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | BoundedParameter],
@@ -171,10 +173,17 @@ class Model(Shown, AnalysedModel):
         """
         from dataclasses import replace
 
+        from ..errors import UsageError
         from ..results.archive import read_result
         from ..simulation.repetition import simulate
 
         before = read_result(start) if isinstance(start, str | Path) else start
+        if before is not None and (check or error):
+            raise UsageError(
+                "BR608",
+                "a run that goes on from a result cannot be checked, and its error is not known:",
+                "check the whole run",
+            )
         given = _options(self.simulate, {**options, "to": to, "points": points})
         run_options = replace(given.wanted, check=check, error=error)
         return simulate(self, experiment, settings or {}, given.outputs, run_options, before)

@@ -59,7 +59,7 @@ def _libraries(with_scipy: bool) -> tuple[tuple[Callable[[], int], Callable[[int
             paths = {line.split(maxsplit=5)[5].strip() for line in maps if "blas" in line or "mkl_rt" in line}
     except (OSError, IndexError):
         return ()
-    found = []
+    functions = []
     for path in sorted(paths):
         try:
             library = ctypes.CDLL(path)
@@ -67,6 +67,6 @@ def _libraries(with_scipy: bool) -> tuple[tuple[Callable[[], int], Callable[[int
             continue
         for get, put in NAMES:
             if hasattr(library, get) and hasattr(library, put):
-                found.append((getattr(library, get), getattr(library, put)))
+                functions.append((getattr(library, get), getattr(library, put)))
                 break
-    return tuple(found)
+    return tuple(functions)

@@ -42,12 +42,6 @@ def simulate(
 
     A `RunFailed` or `RunInterrupted` carries the result up to the instant at which it was raised.
     """
-    if start is not None and (wanted.check or wanted.error or wanted.accuracy is not None):
-        raise UsageError(
-            "BR608",
-            "a run that goes on from a result cannot be checked, and its error is not known:",
-            "check the whole run",
-        )
 
     def repeat(options: RunOptions) -> Result:
         return run.simulate_once(model, experiment, settings, outputs, options)
@@ -109,7 +103,7 @@ def _inaccurate(result: Result, estimate: ErrorEstimate, accuracy: float) -> Run
     if not reason and worst is not None:
         reason = f"the error of `{worst.name}` is about {worst.share:.2g} of its magnitude at rtol = {result.rtol:g}"
     failed = RunFailed(
-        "BR616", f"no tolerance gives the accuracy {accuracy:g}: {reason};", "ask for less, or for the outputs that matter (`--output`)"
+        "BR787", f"no tolerance gives the accuracy {accuracy:g}: {reason};", "ask for less, or for the outputs that matter (`--output`)"
     )  # fmt: skip
     failed.result = result
     return failed

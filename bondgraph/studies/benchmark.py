@@ -7,7 +7,7 @@ import statistics
 import time as clock
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from compiler.api import AUTOMATIC, SOLVERS, CompilationFailed
@@ -31,49 +31,54 @@ OFTEN = 1.0  # s: a point that takes longer is run once
 Run = Callable[[float], "Result"]  # tolerance -> result
 
 
-def benchmark(
-    model: AnalysedModel, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None, wanted: RunOptions,
-    error: float, rounds: int, peers: bool, progress: Callable[[str], None],
-) -> WorkPrecision:  # fmt: skip
-    """Run an experiment with every solver at every tolerance, `rounds` times in turns; `peers`: with other programs, too.
+@dataclass(frozen=True, slots=True)
+class BenchmarkRequest:
+    """Request of a benchmark: the runs, the wanted `error`, `rounds` of each run, and whether solvers of other programs take part (`peers`)."""
+
+    experiment: str | None
+    settings: Mapping[str, str | float]
+    outputs: tuple[str, ...] | None
+    options: RunOptions
+    error: float = 1e-6
+    rounds: int = 3
+    peers: bool = True
+
+
+def benchmark(model: AnalysedModel, request: BenchmarkRequest, progress: Callable[[str], None]) -> WorkPrecision:
+    """Run an experiment with every solver at every tolerance; `progress` is called with what is being run.
 
     Raises `UsageError` if no solver can, `CompilationFailed`, `RunFailed` if no run at a tight tolerance succeeds.
     """
-    if not 0 < error < 1 or rounds < 1:
-        raise UsageError("BR463", "a benchmark takes a wanted error between 0 and 1, and at least one round")
+    if not 0 < request.error < 1 or request.rounds < 1:
+        raise UsageError("BR490", "a benchmark takes a wanted error between 0 and 1, and at least one round")
 
     def run_by(solver: str) -> Run:
-        options = replace(wanted, solver=solver, accuracy=None)
-        return lambda rtol: simulate_once(model, experiment, settings, outputs, replace(options, rtol=rtol))
+        options = replace(request.options, solver=solver, accuracy=None)
+        scene = request.experiment, request.settings, request.outputs
+        return lambda rtol: simulate_once(model, *scene, replace(options, rtol=rtol))
 
     with suppress(RunFailed):
         run_by(AUTOMATIC)(TOLERANCES[0])  # errors that are no matter of the solver
     refused: dict[str, str] = {}
     runs: dict[str, Run] = {}
-    for word in SOLVERS:
-        if word == AUTOMATIC:
-            continue
+    for word in [word for word in SOLVERS if word != AUTOMATIC]:
         progress(word)
-        try:
-            run_by(word)(TOLERANCES[0])
+        with suppress(RunFailed):  # a tighter tolerance may succeed
+            try:
+                run_by(word)(TOLERANCES[0])
+            except (UsageError, CompilationFailed) as refusal:
+                refused[word] = str(refusal)
+        if word not in refused:
             runs[word] = run_by(word)
-        except (UsageError, CompilationFailed) as refusal:
-            refused[word] = str(refusal)
-        except RunFailed:
-            runs[word] = run_by(word)  # a tighter tolerance may succeed
     if not runs:
-        raise UsageError("BR464", f"no solver can run this: {'; '.join(refused.values())}")
+        raise UsageError("BR491", f"no solver can run this: {'; '.join(refused.values())}")
     references, agreement = _references(runs)
     reference = references[0]
-    own = dict(runs)
-    if peers:
-        found, missing = peers_of(model, experiment, settings, reference)
-        runs |= found
-        refused |= missing
-    points = _measured(runs, reference, rounds, progress)
-    named = tuple(replace(p, peer=p.solver not in own) for p in points)
+    peers, missing = peers_of(model, request.experiment, request.settings, reference) if request.peers else ({}, {})
+    points = (replace(p, peer=p.solver in peers) for p in _measured(runs | peers, reference, request.rounds, progress))
     return WorkPrecision(
-        reference.model, reference.experiment, tuple(f"{r.solver}, rtol {r.rtol:g}" for r in references), agreement, named, refused, error,
+        reference.model, reference.experiment, tuple(f"{r.solver}, rtol {r.rtol:g}" for r in references), agreement, tuple(points),
+        refused | missing, request.error,
     )  # fmt: skip
 
 
@@ -89,7 +94,7 @@ def _references(runs: Mapping[str, Run]) -> tuple[list[Result], float]:
         if len(results) == 2:
             return results, _error(results[1], results[0])[0]
     if not results:
-        raise failure or RunFailed("BR465", "no solver that a reference can be made of takes this model")
+        raise failure or RunFailed("BR492", "no solver that a reference can be made of takes this model")
     return results, math.nan
 
 

@@ -81,8 +81,8 @@ class _Problem:
         """Return the runs by a method of `scipy.integrate.solve_ivp`."""
 
         def run(rtol: float) -> Result:
-            found = self._solved(method, rtol, rtol * self._magnitude())
-            return self._result(f"scipy {method}", found.y.T, rtol, found.t.size, found.nfev)
+            solution = self._solved(method, rtol, rtol * self._magnitude())
+            return self._result(f"scipy {method}", solution.y.T, rtol, solution.t.size, solution.nfev)
 
         return run
 
@@ -101,10 +101,9 @@ class _Problem:
         jacobian = {"jacfn": slopes} if hasattr(equations, "jacobian") else {}
         solver = CVODE(rates, rtol=rtol, atol=rtol * self._magnitude(), max_num_steps=MOST_STEPS, **jacobian)
         with np.errstate(all="ignore"):
-            found = solver.solve(self.reference.time, self.start)
-        if not found.success:
-            raise RunFailed("BR466", f"CVODE gave up: {found.message}")
-        return self._result("SUNDIALS CVODE", found.y, rtol, len(self.reference.time), found.nfev)
+            solution = solver.solve(self.reference.time, self.start)
+        _check("CVODE", solution)
+        return self._result("SUNDIALS CVODE", solution.y, rtol, len(self.reference.time), solution.nfev)
 
     def _magnitude(self) -> Any:
         if self.magnitude is None:
@@ -122,12 +121,11 @@ class _Problem:
             else {}
         )
         with np.errstate(all="ignore"):
-            found = solve_ivp(
+            solution = solve_ivp(
                 self.equations.derivative, (time[0], time[-1]), self.start, method, time, rtol=rtol, atol=atol, args=(self.parameters,), **slopes
             )  # fmt: skip
-        if not found.success:
-            raise RunFailed("BR466", f"{method} gave up: {found.message}")
-        return found
+        _check(method, solution)
+        return solution
 
     def _result(self, solver: str, states: Array, rtol: float, steps: int, evaluations: int) -> Result:
         """Return the outputs at the reference's instants as a result."""
@@ -137,3 +135,8 @@ class _Problem:
         return replace(
             self.reference, values=values[:, self.places], solver=solver, steps=steps, rtol=rtol, evaluations={"derivative": evaluations}
         )  # fmt: skip
+
+
+def _check(method: str, solution: Any) -> None:
+    if not solution.success:
+        raise RunFailed("BR493", f"{method} gave up: {solution.message}")

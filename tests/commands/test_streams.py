@@ -29,6 +29,7 @@ MODEL = """model Rlc {
 
 # What each command is called with in the folder of `m.bg`; the files it leaves come first.
 CALLS = {
+    "benchmark": ("m.bg", "--rounds", "1", "--alone", "--to", "1 ms"),
     "bode": ("m.bg", "--input", "U", "--output", "i", "--points", "3"),
     "causality": ("m.bg",),
     "certificate": ("m.bg",),
