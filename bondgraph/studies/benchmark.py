@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+import signal
 import statistics
+import threading
 import time as clock
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from compiler.api import AUTOMATIC, SOLVERS, CompilationFailed
 
-from ..errors import RunFailed, UsageError
+from ..errors import RunFailed, RunInterrupted, UsageError
 from ..results.run_check import ErrorEstimate
 from ..simulation.repetition import compare
 from ..simulation.run import LEAST_RTOL, RunOptions, simulate_once
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 13))
 REFERENCES = ("exponential", "explicit", "radau13", "radau", "rodas")  # the first two that can
-PATIENCE = 20.0  # s: a solver whose run takes longer gets no tighter tolerance
+PATIENCE = 20.0  # s: a run that takes longer is stopped, and its solver gets no tighter tolerance
 OFTEN = 1.0  # s: a point that takes longer is run once
 
 Run = Callable[[float], "Result"]  # tolerance -> result
@@ -65,8 +67,9 @@ def benchmark(model: AnalysedModel, request: BenchmarkRequest, progress: Callabl
         progress(word)
         with suppress(RunFailed):  # a tighter tolerance may succeed
             try:
-                run_by(word)(TOLERANCES[0])
-            except (UsageError, CompilationFailed) as refusal:
+                with _within(PATIENCE):
+                    run_by(word)(TOLERANCES[0])
+            except (UsageError, CompilationFailed, _TooLong) as refusal:
                 refused[word] = str(refusal)
         if word not in refused:
             runs[word] = run_by(word)
@@ -113,25 +116,21 @@ def _measured(
     times: dict[tuple[str, float], list[float]] = {}
     for turn in range(rounds):
         for solver, run in runs.items():
-            if not turn:
-                with suppress(RunFailed):
-                    run(TOLERANCES[0])  # what is loaded at the first run is not timed
             progress(f"{solver}, round {turn + 1} of {rounds}")
+            if not turn:
+                with suppress(RunFailed, _TooLong), _within(PATIENCE):
+                    run(TOLERANCES[0])  # what is loaded at the first run is not timed
             for rtol in TOLERANCES if solver != "exponential" else TOLERANCES[:1]:
                 key = solver, rtol
                 if turn and (points[key].failure or times[key][0] > OFTEN):
                     continue
-                if (
-                    not turn
-                    and rtol < TOLERANCES[0]
-                    and (last := times.get((solver, 10 * rtol)))
-                    and last[0] > PATIENCE
-                ):
-                    points[key] = WorkPoint(solver, rtol, failure=f"left out: a looser one took {last[0]:.3g} s")
-                    continue
                 began = clock.perf_counter()
                 try:
-                    result = run(rtol)
+                    with _within(PATIENCE):
+                        result = run(rtol)
+                except _TooLong as failed:
+                    points[key] = WorkPoint(solver, rtol, failure=str(failed))
+                    break
                 except (RunFailed, UsageError, ArithmeticError) as failed:
                     points[key] = WorkPoint(solver, rtol, failure=str(failed))
                     continue
@@ -142,3 +141,34 @@ def _measured(
                         solver, rtol, error, math.nan, result.steps, sum(result.evaluations.values()), errors
                     )
     return [p if p.failure else replace(p, seconds=statistics.median(times[key])) for key, p in points.items()]
+
+
+class _TooLong(Exception):
+    """A run that was stopped."""
+
+
+@contextmanager
+def _within(seconds: float) -> Iterator[None]:
+    """Stop what runs longer, as Ctrl-C would. Raises `_TooLong`. Without effect in other threads than the first, and where there are no such signals."""
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+        yield
+        return
+    expired = False
+
+    def stop(number: int, frame: object) -> None:
+        nonlocal expired
+        expired = True
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    except (KeyboardInterrupt, RunInterrupted):
+        if not expired:
+            raise
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    if expired:
+        raise _TooLong(f"stopped after {seconds:g} s")

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from ..results.result import Result
 
 SCIPY = ("DOP853", "Radau", "LSODA", "BDF")
-PLAIN = {"constants", "start", "derivative", "jacobian", "outputs", "indicators"}
+# functions of the printed equations that these solvers know nothing of
+REFUSED = {"reset", "on", "delayed", "constraints", "initial", "discrete_start"}
 MOST_STEPS = 1_000_000
 Run = Callable[[float], "Result"]
 
@@ -36,12 +37,10 @@ def peers_of(
         equations = _equations(model.scene(experiment, settings, (), reference.names), model)
     except (CompilationFailed, UsageError) as failed:
         return {}, {"scipy": str(failed)}
-    extra = {name for name, _ in getmembers(equations, isfunction)} - PLAIN - {"dataclass"}
+    extra = {name for name, _ in getmembers(equations, isfunction)} & REFUSED
     missing = set(reference.names) - {name for name, _ in equations.OUTPUTS}
-    if extra or missing or reference.events:
-        reason = (
-            "the printed equations have events, algebraic loops, delays or constraints, which these solvers do not take"
-        )
+    if extra or missing or reference.events or not hasattr(equations, "derivative"):
+        reason = "the printed equations have events, switched junctions, delays, constraints or start conditions, or no states"
         return {}, {"scipy": reason}
     problem = _Problem(equations, reference)
     runs = {f"scipy {method}": problem.by_scipy(method) for method in SCIPY}
