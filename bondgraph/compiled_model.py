@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from compiler import api
 
+from .errors import UsageError
+
 if TYPE_CHECKING:
     import networkx
 
@@ -36,6 +38,10 @@ class CompiledModel:
     def __init__(
         self, source: Source, model: str | None = None, extra_outputs: Mapping[str, str] | None = None
     ) -> None:
+        if not isinstance(source, api.Source):
+            raise UsageError(
+                "BR616", f"a model is not made of {type(source).__name__}:", "read it by `bondgraph.load(PATH_OR_TEXT)`"
+            )
         self.source = source
         self.model = model
         self.extra_outputs = tuple((extra_outputs or {}).items())

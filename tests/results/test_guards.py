@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph import CompilationFailed, RunFailed
+from bondgraph import CompilationFailed, RunFailed, UsageError
 from bondgraph.results.result import Result
 
 TARGETS = ["numpy", pytest.param("native", marks=pytest.mark.machine_code)]
@@ -116,3 +116,9 @@ def test_an_output_that_nobody_asks_for_stops_nothing(target: str) -> None:
     ) as failure:
         model.simulate(to=3, points=4, target=target)
     assert failure.value.result is not None and len(failure.value.result.time) == 2
+
+
+def test_a_path_is_no_model() -> None:
+    with pytest.raises(UsageError, match=r"bondgraph\.load") as refused:
+        bondgraph.Model("models/oscillator.bg")  # type: ignore[arg-type]
+    assert refused.value.code == "BR616"
