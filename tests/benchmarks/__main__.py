@@ -20,6 +20,7 @@ NAMES = (
     "state_equations",
     "pages",
     "tolerances",
+    "errors",
 )
 WITH_PARTS = ("targets", "work_precision")
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ...studies.work_precision import WorkPrecision
 
 MARKERS = "osD^vPX*<>"
+LEAST = 1e-16  # error at which a point without one is drawn, as that of the reference
 
 
 @picture
@@ -23,12 +24,12 @@ def plot_work_precision(found: WorkPrecision) -> Figure:
     panel.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
     names = []
     for place, solver in enumerate(found.solvers):
-        points = [p for p in found.points if p.solver == solver and p.error > 0 and math.isfinite(p.error)]
+        points = [p for p in found.points if p.solver == solver and math.isfinite(p.error)]
         if not points:
             continue
         style = curve_style(place) | ({"linewidth": 0.9, "alpha": 0.7} if points[0].peer else {})
         panel.loglog(
-            [p.error for p in points], [1e3 * p.seconds for p in points], marker=MARKERS[place % len(MARKERS)], markersize=4, **style
+            [max(p.error, LEAST) for p in points], [1e3 * p.seconds for p in points], marker=MARKERS[place % len(MARKERS)], markersize=4, **style
         )  # fmt: skip
         names.append(solver)
     panel.invert_xaxis()
@@ -39,9 +40,9 @@ def plot_work_precision(found: WorkPrecision) -> Figure:
     legend(panel, names, beside=True)
     panel.axvline(found.error, color="#444444", linewidth=0.8, linestyle=(0, (4, 2)))
     best = found.recommended
-    if best is not None and best.error > 0:
+    if best is not None:
         panel.plot(
-            best.error,
+            max(best.error, LEAST),
             1e3 * best.seconds,
             marker="o",
             markersize=13,
