@@ -196,3 +196,12 @@ def test_a_word_that_is_no_solver_is_told_with_its_place() -> None:
         run_of("radu")()
     (told,) = failed.value.diagnostics
     assert told.code == "BG101" and "radau" in told.hint  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("turns", "solver"), [(100, "Dormand-Prince 8"), (10_000, "Radau IIA 5")])
+@pytest.mark.parametrize("rate", [1e-6, 0.1, 1.0, 1e5])
+def test_the_choice_knows_no_unit_of_time(turns: float, solver: str, rate: float) -> None:
+    """A decay is stiff by its rate times the length of the run, whatever each of them is."""
+    text = f"plain model Decay {{\n  signal x = integral(-{rate}*(x + 0.1*x^3), 1)\n  output y = x\n}}\n"
+    found = bondgraph.load(text).simulate(to=turns / rate, points=3)
+    assert found.solver.startswith(solver), found.solver
