@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TypedDict
 
 from .errors import UsageError
@@ -39,6 +40,16 @@ class BenchmarkKeywords(TypedDict, total=False):
 
     rounds: int
     peers: bool
+    outputs: Sequence[str] | None
+    progress: Callable[[str], None]
+
+
+class StressKeywords(TypedDict, total=False):
+    """Options of a stress test."""
+
+    vary: Mapping[str, str]
+    seed: int
+    out: str | Path | None
     outputs: Sequence[str] | None
     progress: Callable[[str], None]
 

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from ..analysed_model import AnalysedModel
 from ..compiled_model import names_of, source_of
-from ..keywords import BenchmarkKeywords, MonteCarloKeywords, PathKeywords, RunKeywords, SweepKeywords, check_keywords
+from ..keywords import (
+    BenchmarkKeywords,
+    MonteCarloKeywords,
+    PathKeywords,
+    RunKeywords,
+    StressKeywords,
+    SweepKeywords,
+    check_keywords,
+)
 from .shown import STAGES, Shown
 
 if TYPE_CHECKING:
@@ -22,6 +30,7 @@ if TYPE_CHECKING:
     from ..studies.measured import Measurements
     from ..studies.options import Options
     from ..studies.scalar_study import ScalarStudy
+    from ..studies.stressed import StressTest
     from ..studies.tolerances import MonteCarlo
     from ..studies.work_precision import WorkPrecision
     from ..studies.workers import Submitting, Workers
@@ -117,6 +126,27 @@ class Model(Shown, AnalysedModel):
             experiment, settings or {}, names_of(options.get("outputs")), RunOptions(to=to), error, options.get("rounds", 3), options.get("peers", True)
         )  # fmt: skip
         return benchmark(self, request, options.get("progress", lambda text: None))
+
+    def stress(
+        self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, seconds: float = 30.0, to: str | float | None = None,
+        **options: Unpack[StressKeywords],
+    ) -> StressTest:  # fmt: skip
+        """Try an experiment with changes that must keep its results, for some `seconds`: what was tried, what held, what broke.
+
+        The text: other units, order, names, bonds, wrapped as an instance; the run: other solvers, back-ends, tolerances, a finer search for events, the
+        energy balance. `vary`: ranges by name, as texts (`1 N/m .. 2 N/m`), at whose corners other solvers run, too. `seed` of what is drawn. `out`: a folder
+        for small files that show what broke. `outputs`: only these. `progress` is called with what is being tried. Raises as `simulate`, and OSError.
+        """
+        from ..simulation.run import RunOptions
+        from ..studies.stress import StressRequest, stress
+
+        check_keywords(self.stress, options, StressKeywords.__optional_keys__)
+        out = options.get("out")
+        request = StressRequest(
+            experiment, settings or {}, names_of(options.get("outputs")), RunOptions(to=to), seconds, options.get("seed", 0), options.get("vary", {}),
+            None if out is None else Path(out),
+        )  # fmt: skip
+        return stress(self, request, options.get("progress", lambda text: None))
 
     def fit(
         self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | BoundedParameter],

@@ -8,6 +8,7 @@ RENDERERS = {
     ("Energies", "plot"): "bondgraph.presentation.plots.over_time:plot_energies",
     ("WorkPrecision", "plot"): "bondgraph.presentation.plots.work_precision:plot_work_precision",
     ("WorkPrecision", "summary"): "bondgraph.presentation.text.work_precision:work_precision_text",
+    ("StressTest", "summary"): "bondgraph.presentation.text.stressed:stress_text",
     ("SymbolicEquations", "latex"): "bondgraph.presentation.page.notebook:equations_latex",
     ("Equilibrium", "summary"): "bondgraph.presentation.text.analyses:equilibrium_text",
     ("FeedForward", "plot"): "bondgraph.presentation.plots.over_time:plot_feed_forward",

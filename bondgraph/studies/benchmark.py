@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import math
-import signal
 import statistics
-import threading
 import time as clock
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from compiler.api import AUTOMATIC, SOLVERS, CompilationFailed
 
-from ..errors import RunFailed, RunInterrupted, UsageError
+from ..errors import RunFailed, UsageError
 from ..results.run_check import ErrorEstimate
 from ..simulation.repetition import compare
 from ..simulation.run import LEAST_RTOL, RunOptions, simulate_once
 from .peers import peers_of
+from .time_limit import TooLong, within
 from .work_precision import WorkPoint, WorkPrecision
 
 if TYPE_CHECKING:
@@ -67,9 +66,9 @@ def benchmark(model: AnalysedModel, request: BenchmarkRequest, progress: Callabl
         progress(word)
         with suppress(RunFailed):  # a tighter tolerance may succeed
             try:
-                with _within(PATIENCE):
+                with within(PATIENCE):
                     run_by(word)(TOLERANCES[0])
-            except (UsageError, CompilationFailed, _TooLong) as refusal:
+            except (UsageError, CompilationFailed, TooLong) as refusal:
                 refused[word] = str(refusal)
         if word not in refused:
             runs[word] = run_by(word)
@@ -118,7 +117,7 @@ def _measured(
         for solver, run in runs.items():
             progress(f"{solver}, round {turn + 1} of {rounds}")
             if not turn:
-                with suppress(RunFailed, _TooLong), _within(PATIENCE):
+                with suppress(RunFailed, TooLong), within(PATIENCE):
                     run(TOLERANCES[0])  # what is loaded at the first run is not timed
             for rtol in TOLERANCES if solver != "exponential" else TOLERANCES[:1]:
                 key = solver, rtol
@@ -126,9 +125,9 @@ def _measured(
                     continue
                 began = clock.perf_counter()
                 try:
-                    with _within(PATIENCE):
+                    with within(PATIENCE):
                         result = run(rtol)
-                except _TooLong as failed:
+                except TooLong as failed:
                     points[key] = WorkPoint(solver, rtol, failure=str(failed))
                     break
                 except (RunFailed, UsageError, ArithmeticError) as failed:
@@ -141,34 +140,3 @@ def _measured(
                         solver, rtol, error, math.nan, result.steps, sum(result.evaluations.values()), errors
                     )
     return [p if p.failure else replace(p, seconds=statistics.median(times[key])) for key, p in points.items()]
-
-
-class _TooLong(Exception):
-    """A run that was stopped."""
-
-
-@contextmanager
-def _within(seconds: float) -> Iterator[None]:
-    """Stop what runs longer, as Ctrl-C would. Raises `_TooLong`. Without effect in other threads than the first, and where there are no such signals."""
-    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
-        yield
-        return
-    expired = False
-
-    def stop(number: int, frame: object) -> None:
-        nonlocal expired
-        expired = True
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    except (KeyboardInterrupt, RunInterrupted):
-        if not expired:
-            raise
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
-    if expired:
-        raise _TooLong(f"stopped after {seconds:g} s")

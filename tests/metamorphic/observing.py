@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from bondgraph.compiled_model import LIBRARY
 from bondgraph.model import Model
 from bondgraph.simulation.constraints.constraints import Constraints
 from bondgraph.simulation.magnitudes.nominal_magnitudes import nominal_magnitudes
@@ -22,7 +23,6 @@ from compiler.semantics.experiments.plan import experiments_of
 from compiler.semantics.names.imports import Loader
 from compiler.source import Source
 from compiler.syntax import parse
-from tests.metamorphic.renaming import LIBRARY
 
 CIRCUITS = Path("tests/metamorphic/circuits")
 SAMPLES = 6  # random states

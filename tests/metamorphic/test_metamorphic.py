@@ -17,16 +17,18 @@ from functools import cache
 import numpy as np
 import pytest
 
+from bondgraph.compiled_model import LIBRARY
 from compiler.errors import render
+from compiler.metamorphosis.bonds import exploded, turned
+from compiler.metamorphosis.changing import Changed, Rename, Statements, parsed, permuted
+from compiler.metamorphosis.enclosing import enclosed
+from compiler.metamorphosis.printing import text_of
+from compiler.metamorphosis.renaming import bundled
+from compiler.metamorphosis.scaling import Powers
 from compiler.source import Source
 from compiler.syntax.format import format_text
-from tests.metamorphic.bonds import exploded, turned
-from tests.metamorphic.changing import Changed, Rename, Statements, parsed, permuted
 from tests.metamorphic.observing import CIRCUITS, Case, Text, cases, difference, first_cases, order
-from tests.metamorphic.printing import text_of
-from tests.metamorphic.renaming import bundled
-from tests.metamorphic.scaling import Powers
-from tests.metamorphic.wrapping import enclosed, opened, walled
+from tests.metamorphic.wrapping import opened, walled
 
 LONG = "BONDGRAPH_METAMORPHIC" in os.environ
 SEEDS = range(1, 1 + int(os.environ.get("BONDGRAPH_METAMORPHIC", "1")))
@@ -59,7 +61,7 @@ def original(case: Case) -> Text:
 
 @cache
 def statements_of(case: Case) -> Statements:
-    return bundled(case.source)
+    return bundled(case.source, LIBRARY)
 
 
 @cache

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from bondgraph.model import Model
+from compiler.metamorphosis.changing import parsed, permuted
+from compiler.metamorphosis.printing import text_of
 from compiler.source import Source
-from tests.metamorphic.changing import parsed, permuted
-from tests.metamorphic.printing import text_of
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
 NAMES = ["spatial_slider_crank", "slider_crank", "crank_linkage", "published/andrews", "published/iftomm_A04_bricard"]

@@ -8,11 +8,11 @@ from fractions import Fraction
 from random import Random
 from typing import Any
 
-from compiler.graph.units import ONE, Dimension, Scale
-from compiler.semantics.expressions.expression_compiler import bare, scale_of
-from compiler.source import Span
-from compiler.syntax import tree
-from tests.metamorphic.printing import unit
+from ..graph.units import ONE, Dimension, Scale
+from ..semantics.expressions.scales import bare, scale_of
+from ..source import Span
+from ..syntax import tree
+from .printing import unit
 
 KELVIN = unit("K")
 BASES = ("mass", "length", "time", "current", "temperature", "amount", "light")
@@ -41,7 +41,7 @@ class Powers:
         return 10.0 ** self.of(scale_of(unit(words or "1")).dimension)
 
     # ------------------------------------------------------------ the text
-    def scaled(self, node: Any) -> Any:
+    def scaled(self, node: object) -> Any:
         """A tree with all numbers multiplied."""
         if isinstance(node, tuple):
             return tuple(map(self.scaled, node))
@@ -56,8 +56,8 @@ class Powers:
                 values = tuple(self._in_unit(v, u) for v in node.values)
                 return replace(node, values=values, unit=KELVIN if scale_of(u).offset else u)
             case tree.Simulate():  # an absolute tolerance in SI means other things in other units
-                kept = tuple(a for a in node.attributes if a.name != "atol")
-                return replace(node, range=self.scaled(node.range), attributes=self.scaled(kept))
+                attributes = tuple(a for a in node.attributes if a.name != "atol")
+                return replace(node, range=self.scaled(node.range), attributes=self.scaled(attributes))
             case tree.Unit() | Span():
                 return node
         if not is_dataclass(node):
@@ -100,3 +100,39 @@ class Powers:
         assert isinstance(value, tree.Literal)
         power = 0 if scale.dimension == ONE else self.of(scale.dimension)
         return replace(value, number=value.number * Fraction(10) ** power)
+
+
+class InBases(Powers):
+    """Units of literals and of numbers behind names as products of base units: `5 mm` as `0.005 m`. What is no decimal number there stays."""
+
+    def __init__(self) -> None:
+        super().__init__(0)
+        self.powers = dict.fromkeys(self.powers, 0)
+
+    def _literal(self, node: tree.Literal, u: tree.Unit) -> Any:
+        scale = self._decimal(node.number, u)
+        if scale is None:
+            return node
+        return replace(node, number=node.number * scale.number, unit=unit(str(scale.dimension)))
+
+    def _item(self, node: tree.Item, u: tree.Unit) -> tree.Item:
+        value, sign = node.value, 1
+        if isinstance(value, tree.Negative):
+            value, sign = value.operand, -1
+        scale = self._decimal(value.number, u) if isinstance(value, tree.Literal) and value.unit is None else None
+        if scale is None or not isinstance(value, tree.Literal):
+            return node if node.value is None or bare(node.value) else replace(node, value=self.scaled(node.value))
+        changed: tree.ExpressionSyntax = replace(value, number=value.number * scale.number)
+        changed = changed if sign == 1 else tree.Negative(value.span, 2, changed)
+        return replace(node, value=changed, unit=unit(str(scale.dimension)))
+
+    def _decimal(self, number: Fraction, u: tree.Unit) -> Scale | None:
+        """The scale of a unit, if the number is a decimal one in the base units."""
+        scale = scale_of(u)
+        if [symbol for symbol, _, _ in u.factors] == ["dB"] or scale.offset or scale.pi_power:
+            return None
+        below = (number * scale.number).denominator
+        for prime in (2, 5):
+            while below % prime == 0:
+                below //= prime
+        return scale if below == 1 else None

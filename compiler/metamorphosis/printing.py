@@ -7,10 +7,10 @@ from dataclasses import fields, is_dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from compiler.source import Source, Span
-from compiler.syntax import parse_expression, tree
+from ..source import Source, Span
+from ..syntax import parse_expression, tree
 
-NOWHERE = Span(Source("made by a test", ""), 0, 0)
+NOWHERE = Span(Source("changed text", ""), 0, 0)
 ATOMS = (tree.Literal, tree.PathSyntax, tree.Call, tree.VectorSyntax)
 
 
@@ -19,7 +19,7 @@ def text_of(statements: tuple[tree.SyntaxNode, ...]) -> str:
     return "\n".join(statement(s, "") for s in statements) + "\n"
 
 
-def rewrite(node: Any, change: Callable[[Any], Any]) -> Any:
+def rewrite(node: object, change: Callable[[Any], Any]) -> Any:
     """The tree with `change` applied to every node, from the leaves up."""
     if isinstance(node, tuple):
         return tuple(rewrite(item, change) for item in node)
@@ -36,16 +36,16 @@ def rewrite(node: Any, change: Callable[[Any], Any]) -> Any:
 
 def path(words: str) -> tree.PathSyntax:
     """`a.b[2].c` as a path."""
-    found = parse_expression(Source("path", words))
-    assert isinstance(found, tree.PathSyntax), words
-    return found
+    parsed = parse_expression(Source("path", words))
+    assert isinstance(parsed, tree.PathSyntax), words
+    return parsed
 
 
 def unit(words: str) -> tree.Unit:
     """`N/m` as a unit."""
-    found = parse_expression(Source("unit", f"1 [{words}]"))
-    assert isinstance(found, tree.Literal) and found.unit is not None
-    return found.unit
+    parsed = parse_expression(Source("unit", f"1 [{words}]"))
+    assert isinstance(parsed, tree.Literal) and parsed.unit is not None
+    return parsed.unit
 
 
 # ---------------------------------------------------------------- expressions
@@ -90,7 +90,7 @@ def index_text(index: tree.Index | None) -> str:
     return "" if index is None else f"[{', '.join(map(expression, index.items))}]"
 
 
-def expression(node: Any) -> str:
+def expression(node: object) -> str:
     """An expression."""
     match node:
         case tree.Literal():
@@ -143,7 +143,7 @@ def _block(head: str, statements: tuple[tree.SyntaxNode, ...], margin: str) -> s
     return f"{head} {{\n{lines}{margin}}}"
 
 
-def _statement(node: Any, margin: str) -> str:
+def _statement(node: object, margin: str) -> str:
     match node:
         case tree.ModelSyntax():
             return _block(f"{'plain ' * node.plain}model {node.name}", node.statements, margin)
@@ -177,15 +177,17 @@ def _statement(node: Any, margin: str) -> str:
             )
         case tree.EventSyntax():
             resets = "; ".join(f"{expression(r.target)} = {expression(r.value)}" for r in node.resets)
-            return f"when {expression(node.condition)} {{ {resets} }}"
+            return f"{'every' if node.sampled else 'when'} {expression(node.condition)} {{ {resets} }}"
     return _step(node, margin)
 
 
-def _step(node: Any, margin: str) -> str:
+def _step(node: object, margin: str) -> str:
     """An experiment with its steps."""
     match node:
         case tree.Experiment():
             return _block(f"experiment {node.name}", node.steps, margin)
+        case tree.Bandwidth():
+            return f"bandwidth {expression(node.value)}"
         case tree.Set():
             return f"{node.role} {expression(node.target)} = {expression(node.value)}"
         case tree.Simulate():
@@ -204,11 +206,11 @@ def _step(node: Any, margin: str) -> str:
 
 
 def _analysis(node: tree.Analysis) -> str:
-    given, wanted = (", ".join(map(_given, some)) for some in (node.given, node.wanted))
+    inputs, outputs = (", ".join(map(_given, some)) for some in (node.given, node.wanted))
     files = ", ".join(f'"{text.value}"' for text in node.files)
-    told = " to ".join(words for words in (given, wanted, files) if words)
+    subject = " to ".join(words for words in (inputs, outputs, files) if words)
     over = "" if node.range is None else f" over {_range(node.range)}"
-    return f"{node.role} {told}".strip() + over + _attributes(node.attributes)
+    return f"{node.role} {subject}".strip() + over + _attributes(node.attributes)
 
 
 def _given(node: tree.GivenSyntax) -> str:
@@ -219,7 +221,7 @@ def _given(node: tree.GivenSyntax) -> str:
     return text + ("" if node.range is None else f" = {_range(node.range)}")
 
 
-def _range(node: Any) -> str:
+def _range(node: tree.Range) -> str:
     return f"{inner(node.first)} .. {inner(node.last)}"
 
 

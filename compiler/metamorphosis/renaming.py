@@ -12,12 +12,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from compiler.semantics.names.domain_table import ELEMENT_KINDS, is_slot
-from compiler.source import Source
-from compiler.source_file import read_source
-from compiler.syntax import parse, tree
+from ..semantics.names.domain_table import ELEMENT_KINDS, is_slot
+from ..source import Source, read_text
+from ..syntax import parse, tree
 
-LIBRARY = Path("bondgraph/library")
 Key = tuple[str, ...]  # ("file", path, name) | ("model", path, model, name, …)
 NUMBERS = ("parameter", "constant", "input", "signal")  # roles that a law can read
 
@@ -54,14 +52,14 @@ def flat(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[tree.SyntaxNode]:
             yield from flat(statement.statements)
 
 
-def read_files(source: Source) -> dict[str, File]:
-    """A file and all that it imports, itself last."""
+def read_files(source: Source, library: Path | None = None) -> dict[str, File]:
+    """A file and all that it imports, itself last. `library`: folder of the files that are imported by a name."""
     files: dict[str, File] = {}
-    _read(source, files)
+    _read(source, library, files)
     return files
 
 
-def _read(source: Source, files: dict[str, File]) -> File:
+def _read(source: Source, library: Path | None, files: dict[str, File]) -> File:
     name = str(source.path.resolve()) if source.path is not None else source.name
     if name in files:
         return files[name]
@@ -75,8 +73,9 @@ def _read(source: Source, files: dict[str, File]) -> File:
             case tree.FunctionSyntax():
                 file.functions.add(statement.name)
             case tree.Import():
-                place = Path(name).parent / statement.place if statement.is_file else LIBRARY / f"{statement.place}.bg"
-                other = _read(read_source(place), files)
+                folder = Path(name).parent / statement.place
+                place = folder if statement.is_file or library is None else library / f"{statement.place}.bg"
+                other = _read(Source(str(place), read_text(place), place), library, files)
                 file.models |= {n: other.models[n] for n, _ in statement.names}
     files[name] = file
     return file
@@ -134,13 +133,15 @@ class Renamer:
                 return self.model(file.models[statement.name])
             case tree.Quantities():
                 items = (
-                    replace(i, name=self.choose(("file", file.path, i.name)), value=Place(self, file).value(i.value))
+                    replace(
+                        i, name=self.choose(("file", file.path, i.name)), value=ReadingPlace(self, file).value(i.value)
+                    )
                     for i in statement.items
                 )
                 return replace(statement, items=tuple(items))
             case tree.FunctionSyntax():
                 own = ("file", file.path, statement.name)
-                place = Place(self, file, local={p: self.choose((*own, p)) for p in statement.parameters})
+                place = ReadingPlace(self, file, local={p: self.choose((*own, p)) for p in statement.parameters})
                 parameters = tuple(place.local.values())
                 return replace(
                     statement, name=self.choose(own), parameters=parameters, body=place.value(statement.body)
@@ -151,13 +152,13 @@ class Renamer:
         return self.choose(("file", definition.file.path, definition.model.name))
 
     def model(self, definition: Definition) -> tree.ModelSyntax:
-        place = Place(self, definition.file, definition)
+        place = ReadingPlace(self, definition.file, definition)
         statements = tuple(place.statement(s) for s in definition.model.statements)
         return replace(definition.model, name=self.model_name(definition), statements=statements)
 
 
-class Place:
-    """Place of a reading: in a file, a model, a function, a mechanism or the law of an element."""
+class ReadingPlace:
+    """ReadingPlace of a reading: in a file, a model, a function, a mechanism or the law of an element."""
 
     def __init__(
         self,
@@ -175,14 +176,16 @@ class Place:
         return self.renamer.choose(self.definition.key(*name))
 
     # ------------------------------------------------------------ expressions
-    def value(self, node: Any, own: tree.Declaration | None = None) -> Any:
+    def value(self, node: object, own: tree.Declaration | None = None) -> Any:
         """An expression, or anything that contains some; `own` is the element whose law it is."""
         match node:
             case tree.PathSyntax():
                 return self.path(node, own)
             case tree.Call():
-                known = node.function in self.file.functions
-                function = self.renamer.choose(("file", self.file.path, node.function)) if known else node.function
+                own_function = node.function in self.file.functions
+                function = (
+                    self.renamer.choose(("file", self.file.path, node.function)) if own_function else node.function
+                )
                 return replace(node, function=function, arguments=tuple(self.value(a, own) for a in node.arguments))
             case tuple():
                 return tuple(self.value(n, own) for n in node)
@@ -194,6 +197,7 @@ class Place:
                 return node
             case tree.Index() | tree.VectorSyntax():
                 return replace(node, items=self.value(node.items, own))
+        assert isinstance(node, tree.SyntaxNode)
         names = {
             tree.Negative: ("operand",), tree.Power: ("base", "exponent"), tree.Comparison: ("left", "right"),
             tree.Logical: ("operands",), tree.ChoiceSyntax: ("value", "condition", "otherwise"), tree.Range: ("first", "last"),
@@ -237,7 +241,7 @@ class Place:
         return steps
 
     # ------------------------------------------------------------ statements
-    def statement(self, node: Any) -> Any:
+    def statement(self, node: object) -> Any:
         assert self.definition is not None
         match node:
             case tree.Quantities():
@@ -262,7 +266,7 @@ class Place:
                     statements=tuple(map(self.statement, node.statements)),
                 )
             case tree.MechanismSyntax():
-                inside = Place(self.renamer, self.file, self.definition, self.local, node)
+                inside = ReadingPlace(self.renamer, self.file, self.definition, self.local, node)
                 return replace(
                     node, name=self.name(node.name), statements=tuple(map(inside.statement, node.statements))
                 )
@@ -278,7 +282,7 @@ class Place:
         value = self._model_path(item.value) if is_slot(item) else self.value(item.value)
         return replace(item, name=self.name(item.name), index=self.value(item.index), value=value)
 
-    def _model_path(self, value: Any) -> Any:
+    def _model_path(self, value: object) -> Any:
         """A model or a slot, named as a value."""
         assert isinstance(value, tree.PathSyntax) and self.definition is not None
         return replace(value, head=self._kind(value.head))
@@ -287,8 +291,8 @@ class Place:
         assert self.definition is not None
         if kind in self.definition.slots:
             return self.name(kind)
-        known = self.file.models.get(kind)
-        return kind if known is None else self.renamer.model_name(known)
+        definition = self.file.models.get(kind)
+        return kind if definition is None else self.renamer.model_name(definition)
 
     def _declared(self, node: tree.Declaration, *within: str) -> tuple[tree.Declared, ...]:
         return tuple(replace(d, name=self.name(*within, d.name), index=self.value(d.index)) for d in node.names)
@@ -330,8 +334,8 @@ class Place:
             node, names=self._declared(node, self.mechanism.name), definition=definition, attributes=attributes
         )
 
-    def _part(self, node: Any) -> Any:
-        assert self.mechanism is not None
+    def _part(self, node: object) -> Any:
+        assert self.mechanism is not None and isinstance(node, tree.PathSyntax)
         if node.head not in parts_of(self.mechanism):
             return node
         steps = tuple(self.value(s) if isinstance(s, tree.Index) else s for s in node.steps)
@@ -342,7 +346,7 @@ class Place:
             return self.path(place)
         return replace(place, members=tuple(map(self._bonded, place.members)))
 
-    def _step(self, step: Any) -> Any:
+    def _step(self, step: object) -> Any:
         match step:
             case tree.Set():
                 return replace(step, target=self.path(step.target), value=self.value(step.value))
@@ -353,9 +357,9 @@ class Place:
             case tree.SweepSyntax():
                 return replace(step, path=self.value(step.path), values=self.value(step.values))
             case tree.Analysis():
-                given, wanted = (tuple(map(self._given, some)) for some in (step.given, step.wanted))
+                inputs, outputs = (tuple(map(self._given, some)) for some in (step.given, step.wanted))
                 attributes = self._settings(step.attributes)
-                return replace(step, given=given, wanted=wanted, range=self.value(step.range), attributes=attributes)
+                return replace(step, given=inputs, wanted=outputs, range=self.value(step.range), attributes=attributes)
         return step
 
     def _given(self, given: tree.GivenSyntax) -> tree.GivenSyntax:
@@ -371,7 +375,7 @@ class Place:
         )
 
 
-def kind_of(definition: Definition, entry: Any) -> Definition | None:
+def kind_of(definition: Definition, entry: object) -> Definition | None:
     """The model of an instance."""
     if not isinstance(entry, tree.Declaration):
         return None
@@ -381,9 +385,9 @@ def kind_of(definition: Definition, entry: Any) -> Definition | None:
 # ---------------------------------------------------------------- one file
 
 
-def bundled(source: Source) -> tuple[tree.SyntaxNode, ...]:
+def bundled(source: Source, library: Path | None) -> tuple[tree.SyntaxNode, ...]:
     """A file and its imports as the statements of one text; equal names of several files get a number."""
-    files = read_files(source)
+    files = read_files(source, library)
     main = next(reversed(files.values()))
     taken: dict[str, Key] = {}
     words: dict[Key, str] = {}
@@ -416,17 +420,17 @@ def bundled(source: Source) -> tuple[tree.SyntaxNode, ...]:
 
 def _used(main: File) -> set[Definition]:
     """The models of a file and all that they use."""
-    found: set[Definition] = set()
+    used: set[Definition] = set()
     waiting = [d for d in main.models.values() if d.file is main]
     while waiting:
         definition = waiting.pop()
-        if definition in found:
+        if definition in used:
             continue
-        found.add(definition)
+        used.add(definition)
         for statement in flat(definition.model.statements):
             kinds = [statement.kind] if isinstance(statement, tree.Declaration) else []
             kinds += definition.slots.values()
             if isinstance(statement, tree.Declaration):
                 kinds += [a.value.head for a in statement.attributes if isinstance(a.value, tree.PathSyntax)]
             waiting += [definition.file.models[k] for k in kinds if k in definition.file.models]
-    return found
+    return used

@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
-from compiler.graph.domains import DOMAINS
-from compiler.semantics.names.domain_table import domain_table
-from compiler.semantics.names.imports import Loader
-from compiler.semantics.names.port_domains import DomainTable
-from compiler.semantics.names.scope import ModelDefinition
-from compiler.source import Source, Span
-from compiler.syntax import parse, tree
-from tests.metamorphic.changing import Statements, as_file, parsed
-from tests.metamorphic.printing import NOWHERE, expression, path, path_text, rewrite, text_of
-from tests.metamorphic.renaming import Definition
+from ..graph.domains import DOMAINS
+from ..semantics.names.domain_table import domain_table
+from ..semantics.names.imports import Loader
+from ..semantics.names.port_domains import DomainTable
+from ..semantics.names.scope import ModelDefinition
+from ..source import Source, Span
+from ..syntax import parse, tree
+from .changing import Statements, as_file, parsed
+from .printing import NOWHERE, expression, path, path_text, rewrite, text_of
+from .renaming import Definition
 
 SOURCES = ("Se", "Sf", "MSe", "MSf")
 TWO_SIDED = ("TF", "GY", "MTF", "MGY")
-LETTERS = {(d.letters[i] or v): v for d in reversed(DOMAINS.values()) for i, v in ((0, "e"), (1, "f"))}
+LETTERS = {(d.letters[i] or v): v for d in reversed(tuple(DOMAINS.values())) for i, v in ((0, "e"), (1, "f"))}
 LETTERS |= {"e": "e", "f": "f"}
 
 
-def changed_models(statements: Statements, change: Any) -> Statements:
+def changed_models(statements: Statements, change: Callable[[Definition], Statements]) -> Statements:
     """Each model of a text changed, with its names looked up."""
     file = as_file(statements)
     return tuple(
@@ -114,19 +114,19 @@ def with_domains(statements: Statements) -> Statements:
     def change(definition: Definition) -> Statements:
         table = table_of(loaded.models[definition.model.name])
 
-        def told(node: Any) -> Any:
+        def with_domain(node: object) -> Any:
             if isinstance(node, tree.Declaration) and node.kind in ("0", "1") and node.definition is None:
                 domain = table.of(node.names[0].name, "")
                 if domain is not None and not definition.model.plain:
                     return replace(node, definition=path(domain.name))
             return node
 
-        return tuple(rewrite(s, told) for s in definition.model.statements)
+        return tuple(rewrite(s, with_domain) for s in definition.model.statements)
 
     return changed_models(statements, change)
 
 
-def _members(node: Any) -> Iterator[str]:
+def _members(node: object) -> Iterator[str]:
     """All names after a dot."""
     if isinstance(node, tree.Member):
         yield node.name
@@ -170,11 +170,13 @@ class _Turning:
             elif isinstance(s, tree.LoopSyntax):
                 yield from self._bonds(s.statements)
 
-    def _junction(self, place: Any) -> str | None:
+    def _junction(self, place: tree.SyntaxNode) -> str | None:
         """The kind of the junction at a place, if it is one of this model's own."""
-        entry = self.definition.names.get(place.head)
-        is_one = isinstance(entry, tree.Declaration) and entry.kind in ("0", "1")
-        return entry.kind if is_one and all(isinstance(s, tree.Index) for s in place.steps) else None
+        entry = self.definition.names.get(place.head) if isinstance(place, tree.PathSyntax) else None
+        if not isinstance(place, tree.PathSyntax) or not isinstance(entry, tree.Declaration):
+            return None
+        own = entry.kind in ("0", "1") and all(isinstance(s, tree.Index) for s in place.steps)
+        return entry.kind if own else None
 
     # ------------------------------------------------------------ elements
     def _source(self, name: str, entry: tree.Declaration, bond: tree.Bonds) -> None:
@@ -208,10 +210,10 @@ class _Turning:
         self.signs[name] = now
         self.turned.add(name)
 
-    def _own(self, node: Any, now: dict[str, str]) -> Any:
+    def _own(self, node: object, now: dict[str, str]) -> Any:
         """The law of a transducer with its sides exchanged."""
 
-        def change(part: Any) -> Any:
+        def change(part: object) -> Any:
             if isinstance(part, tree.PathSyntax) and not part.steps and part.head in now:
                 if self.definition.names.get(part.head) in ("parameter", "constant", "input", "signal", "index"):
                     return part
@@ -249,8 +251,8 @@ class _Turning:
         name = f"turned_{self.count}" + (f"[{', '.join(rounds)}]" if rounds else "")
         return [f"TF {name} : f1 = -f2", f"{names[1]} -> {name}", f"{name} -> {names[0]}"]
 
-    def _readings(self, node: Any) -> Any:
-        def change(part: Any) -> Any:
+    def _readings(self, node: object) -> Any:
+        def change(part: object) -> Any:
             if isinstance(part, tree.PathSyntax) and part.head in self.signs and part.steps:
                 last = part.steps[-1]
                 now = self.signs[part.head].get(last.name) if isinstance(last, tree.Member) else None

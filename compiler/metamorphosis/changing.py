@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from random import Random
 from typing import Any
 
-from compiler.errors import CompilationFailed
-from compiler.graph.domains import DOMAINS, GENERIC
-from compiler.semantics.names.scope import RESERVED
-from compiler.source import Source
-from compiler.syntax import parse, tree
-from tests.metamorphic.printing import path, path_text, rewrite, text_of
-from tests.metamorphic.renaming import File, Key, Place, Renamer, read_files
+from ..errors import CompilationFailed
+from ..graph.domains import DOMAINS, GENERIC
+from ..semantics.names.scope import RESERVED
+from ..source import Source
+from ..syntax import parse, tree
+from .printing import path, path_text, rewrite, text_of
+from .renaming import File, Key, ReadingPlace, Renamer, read_files
 
 Statements = tuple[tree.SyntaxNode, ...]
 
@@ -64,6 +64,11 @@ LETTERS = frozenset(
 )
 FREEDOMS = frozenset({"x", "y", "phi", "z", "rx", "ry", "rz", "ground"})
 
+KINDS_AND_FUNCTIONS = frozenset(
+    {"C", "R", "I", "Se", "Sf", "TF", "GY", "splitter", "body", "hinge", "slide", "weld", "free", "frame"}
+    | {"sin", "exp", "abs", "step", "polar", "integral", "min", "max"}
+)
+
 
 class Rename:
     """Gives every declared name a new word, different from all others."""
@@ -74,43 +79,26 @@ class Rename:
         self.pool = [w for w in dict.fromkeys(HARD) if w not in LETTERS | FREEDOMS | RESERVED]
         random.shuffle(self.pool)
         self.random = random
-        self.given: dict[Key, str] = {}
+        self.words: dict[Key, str] = {}
         self.by_word = any(d.slots for d in self.file.models.values())  # what stands in a slot shares its names
         self.renamer = Renamer(self.choose)
 
     def choose(self, key: Key) -> str:
         if self.by_word and key[0] == "model":
             key = ("name", key[-1])
-        if key not in self.given:
-            kinds = {
-                "C",
-                "R",
-                "I",
-                "Se",
-                "Sf",
-                "TF",
-                "GY",
-                "splitter",
-                "body",
-                "hinge",
-                "slide",
-                "weld",
-                "free",
-                "frame",
-            }
-            functions = {"sin", "exp", "abs", "step", "polar", "integral", "min", "max"}
+        if key not in self.words:
             for position, word in enumerate(self.pool):
-                if key[0] == "model" or word not in kinds | functions:
-                    self.given[key] = self.pool.pop(position)
+                if key[0] == "model" or word not in KINDS_AND_FUNCTIONS:
+                    self.words[key] = self.pool.pop(position)
                     break
             else:
-                self.given[key] = f"{key[-1]}_{self.random.randrange(10**6)}_{len(self.given)}"
-        return self.given[key]
+                self.words[key] = f"{key[-1]}_{self.random.randrange(10**6)}_{len(self.words)}"
+        return self.words[key]
 
     def changed(self, model: str, experiment: str | None) -> Changed:
         definition = self.file.models[model]
         text = text_of(self.renamer.file(self.file))
-        place = Place(self.renamer, self.file, definition)
+        place = ReadingPlace(self.renamer, self.file, definition)
 
         def word(name: str) -> tuple[str, ...]:
             try:
@@ -132,13 +120,15 @@ def permuted(statements: Statements, seed: int) -> Statements:
     def shuffled(items: tuple[Any, ...]) -> tuple[Any, ...]:
         return tuple(random.sample(items, len(items)))
 
-    def change(node: Any) -> Any:
+    def change(node: object) -> Any:
         match node:
             case tree.ModelSyntax() | tree.LoopSyntax() | tree.MechanismSyntax():
                 return replace(node, statements=shuffled(node.statements))
             case tree.Experiment():
                 return replace(node, steps=shuffled(node.steps))
-            case tree.Quantities() | tree.PortsSyntax():
+            case tree.Quantities():
+                return replace(node, items=shuffled(node.items))
+            case tree.PortsSyntax():
                 return replace(node, items=shuffled(node.items))
             case tree.Declaration():
                 law = node.definition

@@ -1,0 +1,148 @@
+"""Bench of a stress test: one model with its unchanged runs, and the comparison of changed ones with them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from compiler.api import CompilationFailed, Inapplicable, Source, TextChange, TextScene, scene_of
+
+from ..compiled_model import LIBRARY, CompiledModel
+from ..errors import RunFailed, UsageError
+from ..quantities import behind
+from ..results.result import Result
+from ..results.run_check import FACTOR, ErrorEstimate
+from ..simulation.repetition import compare, simulate
+from ..simulation.run import RunOptions
+
+POINTS = 488  # in 487 equal parts, a prime number: no instant but the ends is where a source may jump
+ROUNDING = 1e-9  # of the magnitude of an output
+CANCELS = 1e-2  # share of another output of its unit below which an output may be a difference
+
+Estimate = Callable[[], ErrorEstimate | None]
+
+
+class StressBench:
+    """A model, an experiment and its settings. Runs of it are called unchanged."""
+
+    def __init__(
+        self, model: CompiledModel, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None, options: RunOptions
+    ) -> None:  # fmt: skip
+        self.model, self.experiment, self.settings = model, experiment, settings
+        self.outputs = outputs or model.outputs or None
+        self.options = replace(options, points=POINTS)
+        self._bases: dict[float | None, Result] = {}
+
+    def run(self, **changes: float | str | bool) -> Result:
+        """Run with other options. Raises `RunFailed`, `UsageError`, `CompilationFailed`."""
+        options = replace(self.options, **changes)  # type: ignore[arg-type]
+        return simulate(self.model, self.experiment, self.settings, self.outputs, options)
+
+    def base(self, rtol: float | None = None) -> Result:
+        """Return the unchanged run at a tolerance (None: its own), with an estimate of its error. Raises `Inapplicable` if there is none."""
+        if rtol not in self._bases:
+            try:
+                result = self.run(error=True) if rtol is None else self.run(error=True, rtol=rtol)
+            except RunFailed as failed:
+                if rtol is None:
+                    raise
+                raise Inapplicable(f"the unchanged run fails at rtol = {rtol:g}: {failed}") from failed
+            self._bases[rtol] = self._bases[result.rtol] = result
+        return self._bases[rtol]
+
+    @cached_property
+    def scene(self) -> TextScene:
+        """The model as one text with the settings in it. Raises `Inapplicable`."""
+        base = self.base()
+        if self.model.extra_outputs:
+            raise Inapplicable("outputs were added to the text")
+        units = {name: p.unit for name, p in self.model.parameters.items()}
+        texts = {n: v if isinstance(v, str) else f"{v!r} [{units.get(n, '1')}]" for n, v in self.settings.items()}
+        try:
+            return scene_of(self.model.source, LIBRARY, (base.model, base.experiment), base.names, texts)
+        except (CompilationFailed, OSError, AssertionError) as refused:
+            raise Inapplicable(f"the model cannot be written as one text: {refused}") from refused
+
+    def of_scene(self, scene: TextScene) -> StressBench:
+        """Return the bench of a text, whose settings are in it."""
+        bench = StressBench(self._model(scene.text, scene.model), scene.experiment, {}, scene.outputs, self.options)
+        bench.__dict__["scene"] = scene
+        return bench
+
+    def _model(self, text: str, name: str) -> CompiledModel:
+        return CompiledModel(Source("changed text", text, self.model.source.path), name)
+
+    # ------------------------------------------------------------ comparison
+    def compare_text(self, base: Result, change: TextChange) -> str:
+        """Return the difference of the run of a changed text, "" if there is none."""
+        text, second = change.changed, change.factor("s")
+        names = tuple(text.outputs(name)[0] for name in base.names)
+        end = self.options.to if self.options.to is None else float(base.time[-1]) * second
+        bench = StressBench(
+            self._model(text.text, text.model), text.experiment, {}, names, replace(self.options, to=end)
+        )
+
+        def changed_run() -> Result:
+            result = bench.run(rtol=base.rtol)
+            values = [result[n] / change.factor(c.unit) for n, c in zip(names, base.columns, strict=True)]
+            events = tuple(replace(e, time=e.time / second) for e in result.events)
+            return replace(result, columns=base.columns, values=np.transpose(values), time=base.time, events=events)
+
+        def estimate() -> ErrorEstimate | None:
+            own = bench.run(rtol=base.rtol, error=True).error
+            if own is None:
+                return None
+            rows = [
+                replace(row, name=c.name, difference=own.of(n) / change.factor(c.unit))
+                for n, c in zip(names, base.columns, strict=True)
+                for row in own.outputs
+                if row.name == n
+            ]
+            return replace(own, outputs=tuple(rows))
+
+        return self.compare_run(base, changed_run, estimate, FACTOR * base.rtol)
+
+    def compare_run(self, base: Result, run: Callable[[], Result], estimate: Estimate, cap: float = math.inf) -> str:
+        """Return the difference of a changed run, "" if there is none; a run that fails where the unchanged one succeeds is a difference.
+
+        `cap`: largest relative difference that the `estimate` of the changed run's error can excuse.
+        """
+        try:
+            other = run()
+        except (RunFailed, UsageError) as failed:
+            return f"the run fails: {failed}"
+        except CompilationFailed as failed:
+            return f"the text does not compile: {str(failed).splitlines()[0]}"
+        return difference(base, other, estimate, cap)
+
+
+def difference(base: Result, other: Result, estimate: Estimate, cap: float = math.inf) -> str:
+    """Return a sentence on the largest difference of two runs that their errors do not cover, "" if there is none."""
+    certain = base.error
+    assert certain is not None
+    if certain.failure:
+        return ""
+    inner = [replace(r, time=r.time[:-1], values=r.values[:-1]) for r in (base, other)]  # sources may jump at the end
+    check = compare(inner[0], inner[1], other.rtol)
+    if check.events[0] != check.events[1]:
+        return f"{check.events[0]} events acted in the unchanged run and {check.events[1]} in the changed one"
+    largest = {c.unit: max(r.magnitude for r in check.outputs if r.unit == c.unit) for c in base.columns}
+    own: ErrorEstimate | None = None
+    for row in check.outputs:
+        allowed = FACTOR * certain.of(row.name) + ROUNDING * max(row.magnitude, CANCELS * largest[row.unit])
+        if not row.difference <= allowed:
+            own = own or estimate()
+            excused = 0.0 if own is None or own.failure else FACTOR * own.of(row.name)
+            allowed = max(allowed, min(excused, cap * max(row.magnitude, CANCELS * largest[row.unit])))
+        if not row.difference <= allowed:
+            return (
+                f"`{row.name}` differs by {row.difference:.3g}{behind(row.unit)}, {row.share:.2g} of its magnitude; the errors of both runs cover "
+                f"{allowed:.3g}{behind(row.unit)}"
+            )
+    if check.shift > check.allowed:
+        return f"an event acted {check.shift:.3g} s earlier or later; the tolerance covers {check.allowed:.3g} s"
+    return ""

@@ -1,0 +1,167 @@
+"""Changes of a run that keep its results: solver, target, tolerance, search for events; its energy balance; settings at the corners of ranges."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping
+from random import Random
+
+from compiler.api import AUTOMATIC, SOLVERS, CompilationFailed, Inapplicable
+
+from ..errors import RunFailed, UsageError
+from ..prepared import chosen_target
+from ..results.records import EnergyBalance
+from ..results.result import Result
+from ..results.run_check import FACTOR
+from ..simulation.repetition import PARTS
+from .stress_bench import StressBench
+
+TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8)
+TARGETS = ("native", "numpy")
+FALLS = 0.1  # of an energy balance that an error leaves unexplained, this much remains with a hundredth of the tolerance, or less
+CORNERS = 64  # most corners that are listed in order
+
+Attempts = Iterator[tuple[str, Callable[[StressBench], str]]]
+
+
+def other_solvers() -> Attempts:
+    """Yield the run by each other solver. What a solver refuses is not tried."""
+    for word in SOLVERS:
+        if word != AUTOMATIC:
+            yield word, _by_solver(word)
+
+
+def _by_solver(word: str) -> Callable[[StressBench], str]:
+    def check(bench: StressBench) -> str:
+        base = bench.base()
+        if base.solver.startswith(SOLVERS[word].name):
+            raise Inapplicable(f"{word} is the solver of the unchanged run")
+        other = accepted(bench, solver=word, rtol=base.rtol)
+        return bench.compare_run(base, lambda: other, lambda: bench.run(solver=word, rtol=base.rtol, error=True).error)
+
+    return check
+
+
+def accepted(bench: StressBench, **changes: float | str) -> Result:
+    """Return the run with other options. Raises `Inapplicable` if these refuse the model."""
+    try:
+        return bench.run(**changes)
+    except (UsageError, CompilationFailed) as refused:
+        raise Inapplicable(str(refused)) from refused
+
+
+def other_targets() -> Attempts:
+    """Yield the run by the other back-end."""
+
+    def check(bench: StressBench) -> str:
+        here = chosen_target(bench.options.target)
+        base = bench.base()
+        other = accepted(bench, target=TARGETS[here == TARGETS[0]], rtol=base.rtol)
+        return bench.compare_run(base, lambda: other, lambda: None)
+
+    yield "the other", check
+
+
+def other_tolerances() -> Attempts:
+    """Yield runs at tolerances over three decades."""
+    for rtol in TOLERANCES:
+        yield f"rtol {rtol:g}", _at_tolerance(rtol)
+
+
+def _at_tolerance(rtol: float) -> Callable[[StressBench], str]:
+    def check(bench: StressBench) -> str:
+        base = bench.base()
+        if rtol == base.rtol:
+            raise Inapplicable(f"{rtol:g} is the tolerance of the unchanged run")
+        return bench.compare_run(base, lambda: bench.run(rtol=rtol), lambda: bench.run(rtol=rtol, error=True).error)
+
+    return check
+
+
+def finer_events() -> Attempts:
+    """Yield the run in parts, in each of which events are searched and the solver starts anew."""
+
+    def check(bench: StressBench) -> str:
+        base = bench.base()
+        return bench.compare_run(
+            base, lambda: bench.run(rtol=base.rtol, parts=PARTS), lambda: bench.run(rtol=base.rtol, parts=PARTS, error=True).error
+        )  # fmt: skip
+
+    yield f"{PARTS} parts", check
+
+
+def energy_balances() -> Attempts:
+    """Yield the energy balance at the tolerance of the run and at a hundredth of it."""
+
+    def check(bench: StressBench) -> str:
+        rtol = bench.base().rtol
+        balance = _balance(bench, rtol)
+        total, limit = abs(balance.residual), FACTOR * rtol * _turnover(balance)
+        if total <= limit:
+            return ""
+        closer = _balance(bench, max(rtol / 100, 1e-13))
+        if abs(closer.residual) <= max(FALLS * total, limit / 100):
+            return ""
+        return (
+            f"the energy balance leaves {balance.residual:.3g} J unexplained, and {closer.residual:.3g} J with a hundredth of the tolerance; "
+            f"the tolerance covers {limit:.3g} J"
+        )
+
+    yield "whole run", check
+
+
+def _balance(bench: StressBench, rtol: float) -> EnergyBalance:
+    balance = bench.run(energy=True, rtol=rtol).energy
+    if balance is None:
+        raise Inapplicable("there is no energy balance")
+    return balance
+
+
+def _turnover(balance: EnergyBalance) -> float:
+    """Sum of the energies of all elements in J, that which is stored, supplied and dissipated."""
+    return sum(abs(e.stored) + abs(e.supplied) + abs(e.dissipated) for e in balance.elements)
+
+
+def corners(vary: Mapping[str, str], seed: int) -> Attempts:
+    """Yield, for each corner of the ranges, the run there by other solvers. Raises `UsageError` for a range that is none."""
+    ends = {name: ends_of(name, text) for name, text in vary.items()}
+    if not ends:
+        return
+    choices = list(itertools.islice(itertools.product(*ends.values()), CORNERS))
+    Random(seed).shuffle(choices)
+    for choice in choices:
+        settings = dict(zip(ends, choice, strict=True))
+        yield ", ".join(f"{n} = {v}" for n, v in settings.items()), _at_corner(settings)
+
+
+def ends_of(name: str, text: str) -> tuple[str, str]:
+    """Return both ends of `LOW .. HIGH`. Raises `UsageError`."""
+    low, dots, high = (part.strip() for part in text.partition(".."))
+    if not dots or not low or not high:
+        raise UsageError("BR495", f"`{name}`: a range is written `LOW .. HIGH`; this is `{text}`")
+    return low, high
+
+
+def _at_corner(settings: Mapping[str, str]) -> Callable[[StressBench], str]:
+    def check(bench: StressBench) -> str:
+        corner = StressBench(
+            bench.model, bench.experiment, {**bench.settings, **settings}, bench.outputs, bench.options
+        )
+        try:
+            base = corner.base()
+        except RunFailed as failed:
+            raise Inapplicable(f"the run fails at a corner: {failed}") from failed
+        tried = 0
+        for word in next((row.others for row in SOLVERS.values() if row.name and base.solver.startswith(row.name)), ()):
+            try:
+                sentence = _by_solver(word)(corner)
+            except Inapplicable:
+                continue
+            tried += 1
+            if sentence:
+                return f"{word}: {sentence}"
+        if not tried:
+            raise Inapplicable("no other solver can")
+        return ""
+
+    return check

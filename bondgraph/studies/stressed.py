@@ -1,0 +1,87 @@
+"""Result of a stress test: what was tried with a model, what held and what broke."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ..analysis.json_values import finite, head
+from ..rendering import Summarised
+
+SCHEMA = "bondgraph-stress/1"
+
+
+@dataclass(frozen=True, slots=True)
+class StressBreak:
+    """A change after which the results were others: its kind, which change it was, what differed, and the smallest files that show it."""
+
+    kind: str
+    change: str
+    sentence: str
+    files: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return {kind, change, sentence, files}."""
+        return {"kind": self.kind, "change": self.change, "sentence": self.sentence, "files": list(self.files)}
+
+
+@dataclass(frozen=True, slots=True)
+class StressRow:
+    """Changes of one kind: the number that was tried, that of those that held, and reasons why others could not be tried."""
+
+    kind: str
+    changed: str
+    tried: int
+    held: int
+    untried: tuple[str, ...] = ()
+
+    @property
+    def broke(self) -> int:
+        """Number of changes after which the results were others."""
+        return self.tried - self.held
+
+    def to_json(self) -> dict[str, Any]:
+        """Return {kind, changed, tried, held, broke, untried}."""
+        return {
+            "kind": self.kind, "changed": self.changed, "tried": self.tried, "held": self.held, "broke": self.broke, "untried": list(self.untried),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class StressTest(Summarised):
+    """Stress test of an experiment: a row for each kind of change, and the breaks.
+
+    `error`: largest estimated error of an output of the unchanged run, relative to its magnitude (NaN: there is no estimate, for the reason `doubt`).
+    `seconds` that it took.
+    """
+
+    model: str
+    experiment: str | None
+    rows: tuple[StressRow, ...]
+    breaks: tuple[StressBreak, ...]
+    error: float
+    doubt: str
+    seconds: float
+    seed: int
+
+    @property
+    def holds(self) -> bool:
+        """True if nothing broke."""
+        return not self.breaks
+
+    @property
+    def sentence(self) -> str:
+        """Conclusion as a sentence."""
+        tried, kinds = sum(row.tried for row in self.rows), sum(row.tried > 0 for row in self.rows)
+        of_kinds = f"{tried} changes of {kinds} kinds were tried"
+        if self.holds:
+            return f"{of_kinds}: all held."
+        return f"{of_kinds}: {tried - len(self.breaks)} held, {len(self.breaks)} broke."
+
+    def to_json(self) -> dict[str, Any]:
+        """Return {schema, model, experiment, holds, sentence, error, doubt, seconds, seed, rows, breaks}; null: not finite, or none."""
+        return {
+            **head(SCHEMA, self), "holds": self.holds, "sentence": self.sentence, "error": finite(self.error), "doubt": self.doubt or None,
+            "seconds": self.seconds, "seed": self.seed, "rows": [row.to_json() for row in self.rows],
+            "breaks": [item.to_json() for item in self.breaks],
+        }  # fmt: skip

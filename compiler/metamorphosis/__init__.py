@@ -1,0 +1,1 @@
+"""Changes of texts that keep their meaning."""

@@ -1,0 +1,123 @@
+"""Table of the changes of a whole text, each a function of the text and a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from ..source import Source
+from ..syntax import parse_expression, tree
+from .bonds import exploded, turned
+from .changing import Changed, Rename, Statements, permuted
+from .enclosing import enclosed
+from .printing import NOWHERE, path, path_text, text_of
+from .renaming import bundled
+from .scaling import InBases, Powers
+
+
+@dataclass(frozen=True, slots=True)
+class TextScene:
+    """A text as statements, the model and the experiment in it that are run, and the outputs that are compared."""
+
+    statements: Statements
+    model: str
+    experiment: str | None
+    outputs: tuple[str, ...]
+
+    @property
+    def plain(self) -> bool:
+        """True if numbers have no units in one of the models."""
+        return any(isinstance(s, tree.ModelSyntax) and s.plain for s in self.statements)
+
+    def with_statements(self, statements: Statements) -> Changed:
+        """A text whose names are those of this one."""
+        return Changed(text_of(statements), self.model, self.experiment)
+
+    @property
+    def text(self) -> str:
+        """The text, statement by statement."""
+        return text_of(self.statements)
+
+
+@dataclass(frozen=True, slots=True)
+class TextChange:
+    """A changed text, and the factor by which a quantity in a unit of SI grows with the change."""
+
+    changed: Changed
+    factor: Callable[[str], float] = field(default=lambda unit: 1.0)
+
+
+class Inapplicable(Exception):
+    """A change that cannot be made of a text."""
+
+
+def _units(scene: TextScene, seed: int) -> TextChange:
+    if scene.plain:
+        raise Inapplicable("bare numbers have no units")
+    powers = Powers(seed)
+    return TextChange(scene.with_statements(powers.scaled(scene.statements)), powers.of_unit)
+
+
+def _bases(scene: TextScene, seed: int) -> TextChange:
+    if scene.plain:
+        raise Inapplicable("bare numbers have no units")
+    return TextChange(scene.with_statements(InBases().scaled(scene.statements)))
+
+
+def _names(scene: TextScene, seed: int) -> TextChange:
+    return TextChange(Rename(scene.statements, seed).changed(scene.model, scene.experiment))
+
+
+def _wrapped(scene: TextScene, seed: int) -> TextChange:
+    return TextChange(enclosed(scene.statements, scene.model, scene.experiment, scene.outputs, None))
+
+
+# word -> (what is changed, the change)
+TEXT_CHANGES: dict[str, tuple[str, Callable[[TextScene, int], TextChange]]] = {
+    "one text": ("imports in one text", lambda scene, seed: TextChange(scene.with_statements(scene.statements))),
+    "units": ("length, mass, time, charge, temperature and amount in other units", _units),
+    "SI": ("every number in the base units of SI", _bases),
+    "order": (
+        "declarations in another order",
+        lambda scene, seed: TextChange(scene.with_statements(permuted(scene.statements, seed))),
+    ),
+    "names": ("other names", _names),
+    "bonds": ("one bond a line", lambda scene, seed: TextChange(scene.with_statements(exploded(scene.statements)))),
+    "reversed bonds": (
+        "bonds reversed with their signs",
+        lambda scene, seed: TextChange(scene.with_statements(turned(exploded(scene.statements)))),
+    ),
+    "wrapped": ("the model as an instance of another", _wrapped),
+}
+
+
+def scene_of(
+    source: Source, library: Path, names: tuple[str, str | None], outputs: tuple[str, ...], settings: Mapping[str, str]
+) -> TextScene:
+    """A file with its imports as one text, whose experiment has these settings; `names` of the model and the experiment.
+
+    Raises `Inapplicable` for settings without an experiment.
+    """
+    scene = TextScene(bundled(source, library), *names, outputs)
+    if not settings:
+        return scene
+    if scene.experiment is None:
+        raise Inapplicable("settings are written into an experiment, and there is none")
+    new = tuple(tree.Set(NOWHERE, "set", path(n), parse_expression(Source(n, text))) for n, text in settings.items())
+
+    def steps(experiment: tree.Experiment) -> tuple[tree.SyntaxNode, ...]:
+        return (
+            *new,
+            *(s for s in experiment.steps if not (isinstance(s, tree.Set) and path_text(s.target) in settings)),
+        )
+
+    def inside(model: tree.ModelSyntax) -> tree.ModelSyntax:
+        changed = (
+            replace(s, steps=steps(s)) if isinstance(s, tree.Experiment) and s.name == scene.experiment else s
+            for s in model.statements
+        )
+        return replace(model, statements=tuple(changed))
+
+    own = (inside(s) if isinstance(s, tree.ModelSyntax) and s.name == scene.model else s for s in scene.statements)
+    return replace(scene, statements=tuple(own))
