@@ -13,6 +13,7 @@ from compiler.api import CompilationFailed, Inapplicable, Source, TextChange, Te
 
 from ..compiled_model import LIBRARY, CompiledModel
 from ..errors import RunFailed, UsageError
+from ..prepared import chosen_target
 from ..quantities import behind
 from ..results.result import Result
 from ..results.run_check import FACTOR, ErrorEstimate
@@ -21,6 +22,7 @@ from ..simulation.run import RunOptions
 
 POINTS = 488  # in 487 equal parts, a prime number: no instant but the ends is where a source may jump
 ROUNDING = 1e-9  # of the magnitude of an output
+UNLIKE = 300  # ratio of two estimates of one error that units do not explain
 CANCELS = 1e-2  # share of another output of its unit below which an output may be a difference
 
 Estimate = Callable[[], ErrorEstimate | None]
@@ -67,6 +69,20 @@ class StressBench:
         except (CompilationFailed, OSError, AssertionError) as refused:
             raise Inapplicable(f"the model cannot be written as one text: {refused}") from refused
 
+    @cached_property
+    def energy_at_start(self) -> float:
+        """Magnitude in J of what the storages hold where the run begins; zero where it is no function of the states."""
+        scene = replace(self.model.scene(self.experiment, self.settings, (), self.outputs), conserving=True)
+        program = self.model.prepared(scene, True, chosen_target(self.options.target)).program
+        if program.stored_energy is None:
+            return 0.0
+        constants = program.constants(np.array(program.defaults, dtype=float))
+        inputs = np.array(program.input_defaults, dtype=float)
+        state = np.asarray(program.start(constants), dtype=float)
+        mode = program.mode_at(0.0, state, inputs, constants)
+        energy = program.stored_energy(np.zeros(1), state[None, :], inputs, constants, mode)
+        return float(abs(energy[0, 0]))
+
     def of_scene(self, scene: TextScene) -> StressBench:
         """Return the bench of a text, whose settings are in it."""
         bench = StressBench(self._model(scene.text, scene.model), scene.experiment, {}, scene.outputs, self.options)
@@ -104,7 +120,9 @@ class StressBench:
             ]
             return replace(own, outputs=tuple(rows))
 
-        return self.compare_run(base, changed_run, estimate, FACTOR * base.rtol)
+        sentence = self.compare_run(base, changed_run, estimate, FACTOR * base.rtol)
+        certain, own = (base.error, estimate()) if second != 1.0 and not sentence else (None, None)
+        return sentence if certain is None or own is None else _other_errors(certain, own, FACTOR * base.rtol)
 
     def compare_run(self, base: Result, run: Callable[[], Result], estimate: Estimate, cap: float = math.inf) -> str:
         """Return the difference of a changed run, "" if there is none; a run that fails where the unchanged one succeeds is a difference.
@@ -118,6 +136,17 @@ class StressBench:
         except CompilationFailed as failed:
             return f"the text does not compile: {str(failed).splitlines()[0]}"
         return difference(base, other, estimate, cap)
+
+
+def _other_errors(certain: ErrorEstimate, own: ErrorEstimate, cap: float) -> str:
+    """Return a sentence on an output whose estimated error changes far with the units and is larger than the tolerance covers, "" if there is none."""
+    if certain.failure or own.failure:
+        return ""
+    for row in certain.outputs:
+        errors = sorted((row.difference, own.of(row.name)))
+        if errors[1] > max(cap * row.magnitude, UNLIKE * errors[0]):
+            return f"the estimated error of `{row.name}` is {errors[0]:.3g}{behind(row.unit)} in some units and {errors[1]:.3g} in others"
+    return ""
 
 
 def difference(base: Result, other: Result, estimate: Estimate, cap: float = math.inf) -> str:

@@ -16,7 +16,7 @@ from ..source import Source, Span
 from ..syntax import parse, tree
 from .changing import Statements, as_file, parsed
 from .printing import NOWHERE, expression, path, path_text, rewrite, text_of
-from .renaming import Definition
+from .renaming import NUMBERS, Definition
 
 SOURCES = ("Se", "Sf", "MSe", "MSf")
 TWO_SIDED = ("TF", "GY", "MTF", "MGY")
@@ -215,7 +215,7 @@ class _Turning:
 
         def change(part: object) -> Any:
             if isinstance(part, tree.PathSyntax) and not part.steps and part.head in now:
-                if self.definition.names.get(part.head) in ("parameter", "constant", "input", "signal", "index"):
+                if self.definition.names.get(part.head) in (*NUMBERS, "index"):
                     return part
                 return signed(replace(part, head=now[part.head].lstrip("-")), now[part.head])
             return part

@@ -17,7 +17,7 @@ from ..source import Source, read_text
 from ..syntax import parse, tree
 
 Key = tuple[str, ...]  # ("file", path, name) | ("model", path, model, name, …)
-NUMBERS = ("parameter", "constant", "input", "signal")  # roles that a law can read
+NUMBERS = ("parameter", "constant", "input", "signal", "mode")  # roles that a law can read
 
 
 @dataclass(eq=False)

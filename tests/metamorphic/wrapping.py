@@ -67,7 +67,7 @@ def _wall(element: tree.Declaration, definition: Definition, graph: BondGraph) -
         if (
             part.head in own
             and not part.steps
-            and definition.names[part.head] not in ("parameter", "constant", "input", "signal")
+            and definition.names[part.head] not in ("parameter", "constant", "input", "signal", "mode")
         ):
             return part
         words = path_text(part)

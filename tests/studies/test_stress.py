@@ -1,0 +1,214 @@
+"""Stress tests of models: nothing breaks in sound ones, each of some planted defects is found, and small files show it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import bondgraph
+from bondgraph.commands import commands
+from bondgraph.errors import UsageError
+from bondgraph.prepared import Prepared
+from bondgraph.simulation import phase
+from bondgraph.simulation.monitors import energy
+from bondgraph.simulation.run import PhaseSequence
+from bondgraph.studies import stress as driver
+from bondgraph.studies.stressed import StressTest
+from compiler.algebra import derivative
+from compiler.equations import derive
+from compiler.graph.units import UNITS, Scale
+from compiler.semantics.expressions import expression_compiler
+from tests.compiling import MODELS, ROOT
+
+RING = """model Ring {
+  parameter R = 10 ohm, U = 5 V, unused = 3 m
+  Se battery : u = U
+  1 loop : electric
+  R resistor : u = R*i
+  I inductor : lambda = 10 mH*i   { start i = 0.1 A }
+  C capacitor : q = 10 uF*u       { start u = 2 V }
+  battery -> loop -> resistor, inductor, capacitor
+  output i = loop.i, u = capacitor.u, loss = resistor.u*loop.i
+  experiment go { simulate 0 .. 5 ms }
+  experiment other { simulate 0 .. 1 ms }
+}
+"""
+SWING = """model Swing {
+  parameter m = 1 kg, k = 4 [N/m], k3 = 1 [N/m^3]
+  I mass : p = m*v
+  C spring : F = k*x + k3*x^3  { start x = 1 m }
+  R drag : F = 0.5 [kg/m]*v*abs(v)
+  1(mass) -> spring, drag
+  output x = spring.x, v = mass.v
+  experiment go { simulate 0 .. 10 s }
+}
+"""
+BALL = """model Ball {
+  I mass : p = 1 kg*v
+  Se weight : F = -9.81 N
+  1 fall : translation
+  fall -> mass
+  weight -> fall
+  signal h = integral(fall.v, 1 m)
+  when h <= 0 { mass.v = -0.8*mass.v }
+  output height = h
+  experiment go { simulate 0 .. 1.6 s }
+}
+"""
+
+
+def tried(text: str, *kinds: str, **options: Any) -> StressTest:
+    """A test of some kinds of changes only."""
+    rows = driver.TRIALS
+    driver.TRIALS = tuple(t for t in rows if t.kind in kinds)
+    try:
+        return bondgraph.load(text).stress(**{"seconds": 4, **options})
+    finally:
+        driver.TRIALS = rows
+
+
+# ---------------------------------------------------------------- sound models
+
+
+@pytest.mark.parametrize("name", ["dc_motor", "pendulum", "quarter_car", "lotka_volterra"])
+def test_nothing_breaks_in_sound_models(name: str) -> None:
+    result = bondgraph.load(MODELS / f"{name}.bg").stress(seconds=3)
+    assert result.holds, result.summary()
+    assert sum(row.tried for row in result.rows) >= 8
+
+
+@pytest.mark.parametrize("text", [RING, SWING, BALL], ids=["ring", "swing", "ball"])
+def test_nothing_breaks_in_the_models_of_the_defects(text: str) -> None:
+    result = bondgraph.load(text).stress(seconds=3)
+    assert result.holds, result.summary()
+
+
+def test_corners() -> None:
+    result = tried(SWING, "corners", vary={"k": "1 N/m .. 100 N/m", "m": "0.1 kg .. 1 kg"})
+    (row,) = result.rows
+    assert (row.kind, row.tried, row.held) == ("corners", 4, 4)
+
+
+# ---------------------------------------------------------------- planted defects
+
+Patch = pytest.MonkeyPatch
+
+
+def other_start(monkeypatch: Patch, change: Callable[[tuple[str, ...], Any], Any]) -> None:
+    """Programs start elsewhere: `change` gets the names of the states and their start."""
+    program = Prepared.program.func
+
+    def changed(prepared: Prepared) -> Any:
+        right = program(prepared)
+        names = right.states.names
+        return replace(right, start=lambda constants: change(names, np.array(right.start(constants), dtype=float)))
+
+    monkeypatch.setattr(Prepared, "program", property(changed))
+
+
+def wrong_slope(monkeypatch: Patch) -> None:
+    right = derivative._power_slope
+    monkeypatch.setattr(derivative, "_power_slope", lambda node, i: derivative.negate(right(node, i)))
+
+
+def lost_event(monkeypatch: Patch) -> None:
+    right = PhaseSequence.result
+
+    def changed(run: PhaseSequence, stopped: str) -> Any:
+        result = right(run, stopped)
+        return replace(result, events=result.events[1:]) if result.steps % 2 else result
+
+    monkeypatch.setattr(PhaseSequence, "result", changed)
+
+
+def absolute_tolerance(monkeypatch: Patch) -> None:
+    right = phase.nominal_magnitudes
+
+    def changed(*arguments: Any) -> Any:
+        magnitudes = right(*arguments)
+        return replace(magnitudes, values=np.ones_like(magnitudes.values))
+
+    monkeypatch.setattr(phase, "nominal_magnitudes", changed)
+
+
+def order_of_states(monkeypatch: Patch) -> None:
+    other_start(monkeypatch, lambda names, state: np.where(np.arange(len(state)) == 0, 0.9 * state, state))
+
+
+def scale_of_a_unit(monkeypatch: Patch) -> None:
+    right = expression_compiler.scale_of
+    wrong = Scale(UNITS["mH"].dimension, 10 * UNITS["mH"].number)
+    monkeypatch.setattr(
+        expression_compiler, "scale_of", lambda unit: wrong if unit.factors[0][0] == "mH" else right(unit)
+    )
+
+
+def reversed_bond(monkeypatch: Patch) -> None:
+    right = derive._balance
+
+    def changed(signs: tuple[int, ...]) -> Any:
+        return right((1, *signs[1:]) if len(signs) > 1 and set(signs) == {-1} else signs)
+
+    monkeypatch.setattr(derive, "_balance", changed)
+
+
+def balance_without_a_state(monkeypatch: Patch) -> None:
+    right = energy._changes
+    monkeypatch.setattr(energy, "_changes", lambda *arguments: list(right(*arguments))[1:])
+
+
+def start_behind_a_wall(monkeypatch: Patch) -> None:
+    other_start(
+        monkeypatch,
+        lambda names, state: np.array([0.0 if n.count(".") > 1 else x for n, x in zip(names, state, strict=True)]),
+    )
+
+
+def output_in_single_precision(monkeypatch: Patch) -> None:
+    right = PhaseSequence.result
+
+    def changed(run: PhaseSequence, stopped: str) -> Any:
+        result = right(run, stopped)
+        return replace(result, values=result.values.astype(np.float32).astype(float))
+
+    monkeypatch.setattr(PhaseSequence, "result", changed)
+
+
+def name_that_matters(monkeypatch: Patch) -> None:
+    other_start(
+        monkeypatch,
+        lambda names, state: np.array([x if n[0] in "ic" else 0.9 * x for n, x in zip(names, state, strict=True)]),
+    )
+
+
+DEFECTS = {
+    "a partial derivative with another sign": (wrong_slope, SWING, "solvers"),
+    "a lost event": (lost_event, BALL, "tolerances"),
+    "an absolute tolerance that does not scale": (absolute_tolerance, SWING, "units"),
+    "an order of states that matters": (order_of_states, RING, "order"),
+    "a wrong scale of a unit behind numbers": (scale_of_a_unit, RING, "SI"),
+    "a reversed bond that keeps its sign": (reversed_bond, RING, "reversed bonds"),
+    "a state left out of the energy balance": (balance_without_a_state, RING, "energy"),
+    "a start that is ignored behind a wall": (start_behind_a_wall, RING, "wrapped"),
+    "an output in single precision": (output_in_single_precision, SWING, "units"),
+    "a name that matters": (name_that_matters, RING, "names"),
+}
+
+
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_a_planted_defect_is_found(defect: str, monkeypatch: Patch) -> None:
+    plant, text, kind = DEFECTS[defect]
+    monkeypatch.setenv("BONDGRAPH_CACHE", "")
+    plant(monkeypatch)
+    result = tried(text, kind)
+    assert [item.kind for item in result.breaks] == [kind], result.summary()
