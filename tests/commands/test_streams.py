@@ -53,6 +53,7 @@ CALLS = {
     "sensitivity": ("m.bg",),
     "serve": ("missing.bg",),
     "show": ("m.bg", "--stage", "graph"),
+    "stress": ("m.bg", "--for", "1 s"),
     "sweep": ("m.bg", "--over", "R=1 ohm .. 2 ohm : 2", "--jobs", "1"),
 }
 MODES = ("plain", "closed", "full")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import json
-import os
-import subprocess
-import sys
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,11 @@ from bondgraph.simulation.run import PhaseSequence
 from bondgraph.studies import stress as driver
 from bondgraph.studies.stressed import StressTest
 from compiler.algebra import derivative
+from compiler.algebra.expression import negate
 from compiler.equations import derive
 from compiler.graph.units import UNITS, Scale
-from compiler.semantics.expressions import expression_compiler
-from tests.compiling import MODELS, ROOT
+from compiler.semantics.expressions import expression_compiler, scales
+from tests.compiling import MODELS
 
 RING = """model Ring {
   parameter R = 10 ohm, U = 5 V, unused = 3 m
@@ -53,6 +54,14 @@ SWING = """model Swing {
   experiment go { simulate 0 .. 10 s }
 }
 """
+SPRUNG = """model Sprung {
+  I mass : p = 1 kg*v
+  C spring : energy = 2 [N/m]*x^2 + 1 [N/m^3]*x^4  { start x = 1 m }
+  1(mass) -> spring
+  output x = spring.x, v = mass.v
+  experiment go { simulate 0 .. 3 s }
+}
+"""
 BALL = """model Ball {
   I mass : p = 1 kg*v
   Se weight : F = -9.81 N
@@ -72,31 +81,53 @@ def tried(text: str, *kinds: str, **options: Any) -> StressTest:
     rows = driver.TRIALS
     driver.TRIALS = tuple(t for t in rows if t.kind in kinds)
     try:
-        return bondgraph.load(text).stress(**{"seconds": 4, **options})
+        return bondgraph.load(text).stress(**{"seconds": 14, **options})
     finally:
         driver.TRIALS = rows
+
+
+@pytest.fixture(autouse=True)
+def one_second_a_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock that goes by the number of looks at it: the number of changes is the same on every machine."""
+    seconds = itertools.count()
+    monkeypatch.setattr(driver, "clock", SimpleNamespace(perf_counter=lambda: float(next(seconds))))
+    monkeypatch.setattr(driver, "LONGEST", 600.0)
 
 
 # ---------------------------------------------------------------- sound models
 
 
-@pytest.mark.parametrize("name", ["dc_motor", "pendulum", "quarter_car", "lotka_volterra"])
+@pytest.mark.parametrize("name", ["dc_motor", "lotka_volterra"])
 def test_nothing_breaks_in_sound_models(name: str) -> None:
-    result = bondgraph.load(MODELS / f"{name}.bg").stress(seconds=3)
-    assert result.holds, result.summary()
-    assert sum(row.tried for row in result.rows) >= 8
+    result = bondgraph.load(MODELS / f"{name}.bg").stress(seconds=40)
+    assert result.holds and not result.doubt, result.summary()
+    units = {"units", "SI"} if name == "lotka_volterra" else set()  # bare numbers have none
+    assert {row.kind for row in result.rows if not row.tried} == units
 
 
-@pytest.mark.parametrize("text", [RING, SWING, BALL], ids=["ring", "swing", "ball"])
+@pytest.mark.parametrize("text", [RING, SWING, SPRUNG, BALL], ids=["ring", "swing", "sprung", "ball"])
 def test_nothing_breaks_in_the_models_of_the_defects(text: str) -> None:
-    result = bondgraph.load(text).stress(seconds=3)
+    result = bondgraph.load(text).stress(seconds=30)
     assert result.holds, result.summary()
 
 
 def test_corners() -> None:
-    result = tried(SWING, "corners", vary={"k": "1 N/m .. 100 N/m", "m": "0.1 kg .. 1 kg"})
-    (row,) = result.rows
+    result = tried(SWING, "corners", vary={"k": "1 [N/m] .. 100 [N/m]", "m": "0.1 kg .. 1 kg"})
+    (row,) = [row for row in result.rows if row.tried]
     assert (row.kind, row.tried, row.held) == ("corners", 4, 4)
+    with pytest.raises(UsageError, match="BR495"):
+        tried(SWING, "corners", vary={"k": "1 [N/m]"})
+
+
+def test_settings_are_in_the_text() -> None:
+    """Where a setting were lost on the way into the text, results would differ."""
+    result = tried(RING, "one text", "names", settings={"R": "20 ohm", "U": 4.0})
+    assert result.holds and sum(row.tried for row in result.rows) > 2, result.summary()
+
+
+def test_a_test_takes_a_time() -> None:
+    with pytest.raises(UsageError, match="takes a positive time"):
+        bondgraph.load(RING).stress(seconds=0)
 
 
 # ---------------------------------------------------------------- planted defects
@@ -106,7 +137,7 @@ Patch = pytest.MonkeyPatch
 
 def other_start(monkeypatch: Patch, change: Callable[[tuple[str, ...], Any], Any]) -> None:
     """Programs start elsewhere: `change` gets the names of the states and their start."""
-    program = Prepared.program.func
+    program = vars(Prepared)["program"].func
 
     def changed(prepared: Prepared) -> Any:
         right = program(prepared)
@@ -118,7 +149,7 @@ def other_start(monkeypatch: Patch, change: Callable[[tuple[str, ...], Any], Any
 
 def wrong_slope(monkeypatch: Patch) -> None:
     right = derivative._power_slope
-    monkeypatch.setattr(derivative, "_power_slope", lambda node, i: derivative.negate(right(node, i)))
+    monkeypatch.setattr(derivative, "_power_slope", lambda node, i: negate(right(node, i)))
 
 
 def lost_event(monkeypatch: Patch) -> None:
@@ -126,19 +157,20 @@ def lost_event(monkeypatch: Patch) -> None:
 
     def changed(run: PhaseSequence, stopped: str) -> Any:
         result = right(run, stopped)
-        return replace(result, events=result.events[1:]) if result.steps % 2 else result
+        return replace(result, events=result.events[1:]) if result.rtol > 5e-7 else result
 
     monkeypatch.setattr(PhaseSequence, "result", changed)
 
 
 def absolute_tolerance(monkeypatch: Patch) -> None:
-    right = phase.nominal_magnitudes
+    right = phase.Phase._tolerances
 
-    def changed(*arguments: Any) -> Any:
-        magnitudes = right(*arguments)
-        return replace(magnitudes, values=np.ones_like(magnitudes.values))
+    def changed(part: phase.Phase) -> Any:
+        tolerances = right(part)
+        everywhere = np.ones_like(tolerances.absolute)
+        return replace(tolerances, absolute=1e-6 * everywhere, held=everywhere > 0)
 
-    monkeypatch.setattr(phase, "nominal_magnitudes", changed)
+    monkeypatch.setattr(phase.Phase, "_tolerances", changed)
 
 
 def order_of_states(monkeypatch: Patch) -> None:
@@ -146,7 +178,7 @@ def order_of_states(monkeypatch: Patch) -> None:
 
 
 def scale_of_a_unit(monkeypatch: Patch) -> None:
-    right = expression_compiler.scale_of
+    right = scales.scale_of
     wrong = Scale(UNITS["mH"].dimension, 10 * UNITS["mH"].number)
     monkeypatch.setattr(
         expression_compiler, "scale_of", lambda unit: wrong if unit.factors[0][0] == "mH" else right(unit)
@@ -192,7 +224,7 @@ def name_that_matters(monkeypatch: Patch) -> None:
 
 
 DEFECTS = {
-    "a partial derivative with another sign": (wrong_slope, SWING, "solvers"),
+    "a partial derivative with another sign": (wrong_slope, SPRUNG, "energy"),
     "a lost event": (lost_event, BALL, "tolerances"),
     "an absolute tolerance that does not scale": (absolute_tolerance, SWING, "units"),
     "an order of states that matters": (order_of_states, RING, "order"),
@@ -208,7 +240,41 @@ DEFECTS = {
 @pytest.mark.parametrize("defect", DEFECTS)
 def test_a_planted_defect_is_found(defect: str, monkeypatch: Patch) -> None:
     plant, text, kind = DEFECTS[defect]
-    monkeypatch.setenv("BONDGRAPH_CACHE", "")
     plant(monkeypatch)
-    result = tried(text, kind)
+    number = list(DEFECTS).index(
+        defect
+    )  # a text of its own: nothing that is compiled now is taken from a cache, or later from there
+    result = tried(re.sub(r"model (\w+)", rf"model \1_{number}", text), kind)
     assert [item.kind for item in result.breaks] == [kind], result.summary()
+
+
+# ---------------------------------------------------------------- small files, JSON, command
+
+
+def test_small_files_show_a_break(monkeypatch: Patch, tmp_path: Path) -> None:
+    start_behind_a_wall(monkeypatch)
+    result = tried(RING, "wrapped", seconds=400, out=tmp_path)
+    (broke,) = result.breaks
+    small, changed = (Path(name).read_text(encoding="utf-8") for name in broke.files)
+    assert "unused" not in small and "other" not in small and len(small.splitlines()) < len(RING.splitlines())
+    assert "Outer" in changed
+    runs = [bondgraph.load(small).simulate(), bondgraph.load(changed, "Outer").simulate()]
+    assert np.abs(runs[0].values - runs[1].values[:, : runs[0].values.shape[1]]).max() > 1e-3
+    data = json.loads(json.dumps(result.to_json()))
+    assert data["schema"] == "bondgraph-stress/1" and not data["holds"]
+    assert (
+        data["breaks"][0]["files"] == list(broke.files)
+        and {r["kind"]: r["broke"] for r in data["rows"]}["wrapped"] == 1
+    )
+    assert all(Path(name).name in result.summary() for name in broke.files)
+
+
+def test_the_command(monkeypatch: Patch, tmp_path: Path) -> None:
+    (tmp_path / "ring.bg").write_text(RING, encoding="utf-8")
+    words = ["stress", str(tmp_path / "ring.bg"), "--for", "12 s"]
+    sound = CliRunner().invoke(commands, words)
+    assert sound.exit_code == 0 and "all held" in sound.output, sound.output
+    order_of_states(monkeypatch)
+    broken = CliRunner().invoke(commands, [*words, "--json", "--seed", "3"])
+    assert broken.exit_code == 3
+    assert json.loads(broken.output)["breaks"][0]["sentence"]
