@@ -133,7 +133,7 @@ class _Table:
         """Rows of the result; without that of corners where no range is given."""
         broken = {item.kind for item in self.breaks}
         return tuple(
-            StressRow(t.kind, t.changed, self.tried[t.kind], self.tried[t.kind] - (t.kind in broken), tuple(self.untried[t.kind]))
+            StressRow(t.kind, t.changed, self.tried[t.kind], int(t.kind in broken), tuple(self.untried[t.kind]))
             for t in TRIALS
             if t.kind != "corners" or self.request.vary
         )  # fmt: skip

@@ -27,18 +27,18 @@ class StressBreak:
 
 @dataclass(frozen=True, slots=True)
 class StressRow:
-    """Changes of one kind: the number that was tried, that of those that held, and reasons why others could not be tried."""
+    """Changes of one kind: the number that was tried, that of those that broke, and reasons why others could not be tried."""
 
     kind: str
     changed: str
     tried: int
-    held: int
+    broke: int
     untried: tuple[str, ...] = ()
 
     @property
-    def broke(self) -> int:
-        """Number of changes after which the results were others."""
-        return self.tried - self.held
+    def held(self) -> int:
+        """Number of changes after which the results were the same."""
+        return self.tried - self.broke
 
     def to_json(self) -> dict[str, Any]:
         """Return {kind, changed, tried, held, broke, untried}."""
