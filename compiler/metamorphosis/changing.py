@@ -124,7 +124,9 @@ def permuted(statements: Statements, seed: int) -> Statements:
         match node:
             case tree.ModelSyntax() | tree.LoopSyntax() | tree.MechanismSyntax():
                 return replace(node, statements=shuffled(node.statements))
-            case tree.Experiment():
+            case tree.Experiment() if not any(
+                isinstance(s, tree.Analysis) for s in node.steps
+            ):  # a run begins where they end
                 return replace(node, steps=shuffled(node.steps))
             case tree.Quantities():
                 return replace(node, items=shuffled(node.items))
