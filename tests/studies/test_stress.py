@@ -44,6 +44,7 @@ RING = """model Ring {
   experiment other { simulate 0 .. 1 ms }
 }
 """
+RESTING = RING.replace("{ simulate 0 .. 5 ms }", "{ equilibrium; simulate 0 .. 5 ms }")
 SWING = """model Swing {
   parameter m = 1 kg, k = 4 [N/m], k3 = 1 [N/m^3]
   I mass : p = m*v
@@ -108,7 +109,9 @@ def test_nothing_breaks_in_sound_models(name: str) -> None:
     assert {row.kind for row in result.rows if not row.tried} == units
 
 
-@pytest.mark.parametrize("text", [RING, SWING, SPRUNG, BALL], ids=["ring", "swing", "sprung", "ball"])
+@pytest.mark.parametrize(
+    "text", [RING, SWING, SPRUNG, BALL, RESTING], ids=["ring", "swing", "sprung", "ball", "resting"]
+)
 def test_nothing_breaks_in_the_models_of_the_defects(text: str) -> None:
     result = bondgraph.load(text).stress(seconds=30)
     assert result.holds, result.summary()
