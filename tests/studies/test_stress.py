@@ -106,7 +106,7 @@ def test_nothing_breaks_in_sound_models(name: str) -> None:
     result = bondgraph.load(MODELS / f"{name}.bg").stress(seconds=40)
     assert result.holds and not result.doubt, result.summary()
     units = {"units", "SI"} if name == "lotka_volterra" else set()  # bare numbers have none
-    assert {row.kind for row in result.rows if not row.tried} == units
+    assert {row.kind for row in result.rows if not row.tried} == units, result.summary()
 
 
 @pytest.mark.parametrize(
