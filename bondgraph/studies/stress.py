@@ -82,11 +82,11 @@ def _text_check(kind: str, seed: int, share: float) -> Callable[[StressBench], s
 
 SEEDED = ("units", "order", "names")
 TRIALS = (
-    Trial("solvers", "every other solver that can", lambda request: other_solvers()),
-    Trial("targets", "machine code or numpy", lambda request: other_targets()),
+    Trial("energy", "balance of supplied, stored and dissipated energy", lambda request: energy_balances()),
     Trial("tolerances", "tolerances over three decades", lambda request: other_tolerances()),
     Trial("events", "events searched in 61 parts of the run", lambda request: finer_events()),
-    Trial("energy", "balance of supplied, stored and dissipated energy", lambda request: energy_balances()),
+    Trial("solvers", "every other solver that can", lambda request: other_solvers()),
+    Trial("targets", "machine code or numpy", lambda request: other_targets()),
     Trial("corners", "other solvers at the corners of the ranges", lambda request: corners(request.vary, request.seed)),
     *(Trial(kind, changed, _texts(kind)) for kind, (changed, _) in TEXT_CHANGES.items()),
 )

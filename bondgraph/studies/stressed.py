@@ -66,13 +66,15 @@ class StressTest(Summarised):
 
     @property
     def holds(self) -> bool:
-        """True if nothing broke."""
-        return not self.breaks
+        """True if something was tried and nothing broke."""
+        return not self.breaks and any(row.tried for row in self.rows)
 
     @property
     def sentence(self) -> str:
         """Conclusion as a sentence."""
         tried, kinds = sum(row.tried for row in self.rows), sum(row.tried > 0 for row in self.rows)
+        if not tried:
+            return "Nothing could be tried in this time: allow more."
         of_kinds = f"{tried} changes of {kinds} kinds were tried"
         if self.holds:
             return f"{of_kinds}: all held."

@@ -124,7 +124,9 @@ class _Growth:
         moved = {j.name for j in mechanism.joints if j.locked and j.starts}  # these cannot close a loop
         self.kept_in = (moved, bonded, read)
         self.welds = [j for j in mechanism.joints if is_weld(j) and j.name not in apart]
-        self.group: dict[str, str] = {name: name for name in [GROUND, *(b.name for b in mechanism.bodies)]}
+        # what floats has the coordinates of a body with starts, wherever that is declared: then only these move at the start
+        self.bodies = sorted(mechanism.bodies, key=lambda body: not body.starts)
+        self.group: dict[str, str] = {name: name for name in [GROUND, *(b.name for b in self.bodies)]}
         self.links: list[Link] = []
         self.start: dict[str, int | None] = {}  # group -> its link
         self.used: set[str] = set()
@@ -134,7 +136,7 @@ class _Growth:
         for joint in self.welds:
             self._weld(joint)
         members: dict[str, list[Body]] = {}
-        for body in self.mechanism.bodies:
+        for body in self.bodies:
             members.setdefault(self._root(body.name), []).append(body)
         free = [j for j in self.mechanism.joints if j.kind not in CLOSING and not is_chord(j) and j.name not in merged]
         neighbours = self._neighbours(free)
@@ -210,7 +212,7 @@ class _Growth:
         return self._root(self.on[end])
 
     def _weld(self, joint: Joint) -> None:
-        """Merge two groups. The group takes the name of the ground, or of the body declared first."""
+        """Merge two groups. The group takes the name of the ground, or of its first body."""
         first, second = self._group_of(joint.first), self._group_of(joint.second)
         if first == second:
             return

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from bondgraph.model import Model
+from bondgraph.results.result import Result
 from compiler.metamorphosis.changing import parsed, permuted
 from compiler.metamorphosis.printing import text_of
 from compiler.source import Source
@@ -70,3 +73,40 @@ def test_loops_are_cut_at_the_joint_with_the_most_coordinates() -> None:
     """Of those that are as far from the ground: a ball in the tree is seven states, a universal joint four."""
     for kinds in (("hinge", "ball", "universal", "slide"), ("slide", "universal", "ball", "hinge")):
         assert len(states(loop(kinds))) == 8
+
+
+FLOATING = {
+    "frame": "body frame { mass = 12 kg, inertia = 1.8 [kg*m^2], at = (0, 0.5 m), start x.v = 2 [m/s], start phi.omega = 0.3 [rad/s] }",
+    "arm": "body arm { mass = 2 kg, inertia = 0.1 [kg*m^2], at = (1 m, 0.5 m) }",
+    "hub": "body hub { mass = 1 kg, inertia = 0.02 [kg*m^2], at = (-1 m, 0 m) }",
+    "box": "body box { mass = 3 kg, inertia = 0.2 [kg*m^2], at = (0, 1 m) }",
+}
+
+
+@cache
+def floating(order: tuple[str, ...]) -> Result:
+    """A hinged arm, a sprung hub and a welded box on a frame, with these declarations of the bodies."""
+    text = "\n    ".join(FLOATING[name] for name in order)
+    text = f"""model Floats {{
+  multibody M : planar {{
+    gravity = (0, 0)
+    {text}
+    hinge elbow : frame to arm {{ at = (0.5 m, 0.5 m) }}
+    slide leg : frame to hub {{ at = (-1 m, 0 m), along = 90 deg }}
+    weld top : frame to box
+  }}
+  C spring : F = 50 [N/m]*x
+  1(spring) -> M.leg
+  output x = M.frame.x, y = M.frame.y, turn = M.elbow.phi, slip = M.leg.x, v = M.frame.x.v, omega = M.frame.phi.omega
+  output turning = M.elbow.omega, slipping = M.leg.v
+}}
+"""
+    return Model(Source("made.bg", text)).simulate(to=3, points=31, rtol=1e-10)
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(FLOATING))[1::2], ids="-".join)
+def test_the_start_of_a_body_that_floats_moves_no_joint(order: tuple[str, ...]) -> None:
+    found, first = floating(order), floating(tuple(FLOATING))
+    assert [found[n][0] for n in ("turning", "slipping", "v", "omega")] == pytest.approx([0, 0, 2, 0.3], abs=1e-14)
+    for name in ("x", "y", "turn", "slip"):
+        assert found[name] == pytest.approx(first[name], abs=1e-7)
