@@ -45,13 +45,14 @@ def true_error(found: Any) -> float:
 
 
 @pytest.mark.parametrize("solver", ["explicit", "radau", "radau13", "rodas", "energy"])
-@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("rtol", [1e-4, *(pytest.param(r, marks=pytest.mark.machine_code) for r in (1e-6, 1e-8))])
 def test_the_error_of_a_known_solution(solver: str, rtol: float) -> None:
     found = bondgraph.load(SWING).simulate(solver=solver, rtol=rtol, error=True)
     assert found.error is not None and not found.error.failure and found.error.rtol == pytest.approx(rtol / 10)
     assert true_error(found) / 3 <= found.error.of("x") <= 3 * true_error(found)
 
 
+@pytest.mark.machine_code
 def test_rounding_of_exact_runs_and_of_the_tightest_tolerance() -> None:
     model = bondgraph.load(SWING)
     for options in ({"solver": "exponential"}, {"solver": "explicit", "rtol": 1e-13}):
@@ -60,12 +61,14 @@ def test_rounding_of_exact_runs_and_of_the_tightest_tolerance() -> None:
         assert true_error(found) / 10 <= found.error.of("x") <= 1e-11
 
 
+@pytest.mark.machine_code
 def test_a_nonlinear_one_over_ten_periods() -> None:
     found = bondgraph.load(CUBIC).simulate(rtol=1e-7, error=True)
     true = np.abs(found["x"] - 1.0).max()
     assert found.error is not None and true / 3 <= found.error.of("x") <= 3 * true
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("name", ["crank_linkage", "drag", "lotka_volterra", "pid_dc_motor", "rectifier", "solenoid"])
 def test_models_beside_a_reference(name: str) -> None:
     """At least nine tenths within a factor of 3, and none below a tenth; `tests/benchmarks` has all models."""
@@ -77,6 +80,7 @@ def test_models_beside_a_reference(name: str) -> None:
     assert min(ratios) > 0.1 and np.mean([1 / 3 <= r <= 3 for r in ratios]) >= 0.9
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("accuracy", [1e-3, 1e-6, 1e-9, 1e-11])
 def test_a_wanted_accuracy_is_reached(accuracy: float) -> None:
     found = bondgraph.load(SWING).simulate(solver="explicit", accuracy=accuracy)
@@ -84,6 +88,7 @@ def test_a_wanted_accuracy_is_reached(accuracy: float) -> None:
     assert true_error(found) <= accuracy
 
 
+@pytest.mark.machine_code
 def test_the_accuracy_of_an_experiment_holds_in_sweeps_too() -> None:
     model = bondgraph.load(SWING)
     assert true_error(model.simulate("close")) <= 1e-9
@@ -92,6 +97,7 @@ def test_the_accuracy_of_an_experiment_holds_in_sweeps_too() -> None:
     assert true_error(model.simulate("close", accuracy=1e-4)) > 1e-9
 
 
+@pytest.mark.machine_code
 def test_an_accuracy_that_no_tolerance_gives_is_refused_with_the_nearest_run() -> None:
     text = CUBIC.replace("74.1629870920549", "20000")
     with pytest.raises(RunFailed, match="no tolerance gives the accuracy 1e-12") as failed:
