@@ -144,7 +144,7 @@ def run(
         plan.settings.get("accuracy") if wanted.accuracy is None else _checked("accuracy", wanted.accuracy, *ACCURACY)
     )
     if rtol is None and accuracy is not None:
-        rtol = max(min(accuracy / 10, plan.settings.get("rtol", DEFAULT_RTOL)), LEAST_RTOL)
+        rtol = max(min(accuracy / 10, plan.settings.get("rtol", accuracy)), LEAST_RTOL)
     rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), *RTOL)
     count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
     if atol is None:

@@ -12,8 +12,12 @@ from click.testing import CliRunner
 
 import bondgraph
 from bondgraph.commands import commands
-from bondgraph.errors import RunFailed, UsageError
-from bondgraph.simulation.repetition import compare
+from bondgraph.errors import RunFailed, RunInterrupted, UsageError
+from bondgraph.results.records import Column, EventRecord
+from bondgraph.results.result import Result
+from bondgraph.simulation import repetition
+from bondgraph.simulation.repetition import compare, with_error
+from bondgraph.simulation.run import RunOptions
 from tests.compiling import MODELS
 
 SWING = """model Swing {
@@ -105,15 +109,54 @@ def test_an_accuracy_that_no_tolerance_gives_is_refused_with_the_nearest_run() -
     assert failed.value.result is not None and failed.value.result.rtol <= 1e-12
 
 
+def finished(x: float, rtol: float, events: int, accuracy: float | None) -> Result:
+    """A run of one output of magnitude 1, whose error is `x`."""
+    times = tuple(EventRecord(k + 0.5, "x > 0", "", "a.bg:1") for k in range(events))
+    values = np.array([[0.0], [1.0], [0.5 + x]])
+    return Result("A", None, np.arange(3.0), (Column("x", "m"),), values, rtol=rtol, events=times, accuracy=accuracy)
+
+
 def test_other_events_are_no_estimate() -> None:
-    text = SWING.replace("output x", "mode n = 0\n  when s.x > 1 m { n = n + 1 }\n  output x").replace(
-        "simulate 0 .. 20 s }", "simulate 0 .. 30 s }"
+    estimated = with_error(finished(1e-3, 1e-4, 2, None), lambda o: finished(0.0, o.rtol or 0.0, 3, None), RunOptions())
+    assert (
+        estimated.error is not None and "2 events acted in the run and 3 in its repetition" in estimated.error.failure
     )
-    found = bondgraph.load(text).simulate(
-        solver="explicit", rtol=1e-2, error=True
-    )  # the amplitude grows or falls by the error alone
-    assert found.error is not None
-    assert found.error.failure or len(found.events) == 0
+    assert not estimated.error.reaches(1.0)
+
+
+def test_tolerances_are_tightened_until_the_error_is_the_wanted_one() -> None:
+    """The error of this run is 300 times its tolerance; below 1e-8 the number of events is another. A run that is there is not made again."""
+    made: list[float] = []
+
+    def repeat(options: RunOptions) -> Result:
+        assert options.rtol is not None
+        made.append(options.rtol)
+        return finished(300 * options.rtol, options.rtol, 1 + (options.rtol < 1e-8), 1e-7)
+
+    found = with_error(finished(300 * 1e-8, 1e-8, 1, 1e-7), repeat, RunOptions())
+    assert found.error is not None and found.error.reaches(1e-7) and found.rtol == pytest.approx(1e-10)
+    assert made == pytest.approx([1e-9, 1e-10, 1e-11])
+
+
+def test_an_interrupted_repetition_keeps_the_finished_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    once, runs = repetition.run.simulate_once, []
+
+    def interrupted(*arguments: Any) -> Result:
+        if runs:
+            raise RunInterrupted("interrupted")
+        runs.append(once(*arguments))
+        return runs[0]
+
+    monkeypatch.setattr(repetition.run, "simulate_once", interrupted)
+    with pytest.raises(RunInterrupted) as stopped:
+        bondgraph.load(SWING).simulate(error=True)
+    assert stopped.value.result is runs[0] and len(runs[0].time) == 501
+
+
+def test_a_run_that_goes_on_says_that_its_accuracy_is_not_checked() -> None:
+    model = bondgraph.load(SWING)
+    found = model.simulate("close", to="2 s", start=model.simulate("close", to="1 s"))
+    assert found.error is None and any("accuracy was not checked" in note for note in found.notes)
 
 
 def test_values_that_are_none() -> None:
