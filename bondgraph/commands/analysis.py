@@ -69,9 +69,9 @@ def analysis(
     name: str, of_outputs: bool = True, checked: bool = True, first: bool = False
 ) -> Callable[[Command], click.Command]:
     """Return a command with a file, `-e`, `--set`, `--output` (if `of_outputs`), `--json`, `--model`, and its own options, which come first in its help.
-    `first`: without `-e` it is about the first experiment, not about none.
 
-    It is called with an `AnalysisCall`, whose files can be written (if `checked`), and its own options; its errors are reported.
+    It is called with an `AnalysisCall`, whose files can be written (if `checked`), and its own options; its errors are reported. `first`: without `-e`
+    it is about the first experiment, not about none.
     """
 
     def decorate(function: Command) -> click.Command:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 
 import click
 
 from .analysis import AnalysisCall, analysis, picture_option
+from .options import show_progress
 
 
 @analysis("benchmark", first=True)
@@ -23,13 +23,8 @@ from .analysis import AnalysisCall, analysis, picture_option
 @picture_option("W.png", "Draw run time against error")
 def command(asked: AnalysisCall, error: float, rounds: int, alone: bool, to: str | None) -> None:
     """Run an experiment with every solver at every tolerance: time, error, and which to take."""
-
-    def show(text: str) -> None:
-        if sys.stderr.isatty():
-            click.echo(f"\r\x1b[K{text}", nl=False, err=True)
-
     found = asked.model.benchmark(
-        error=error, rounds=rounds, peers=not alone, to=to, outputs=asked.outputs, progress=show, **asked.keywords
+        error=error, rounds=rounds, peers=not alone, to=to, outputs=asked.outputs, progress=show_progress, **asked.keywords
     )  # fmt: skip
-    show("")
+    show_progress("")
     asked.answer(found)

@@ -165,3 +165,9 @@ def seconds_of(time: str | None) -> float | None:
 
 def echo(found: Any, as_json: bool) -> None:
     click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
+
+
+def show_progress(text: str) -> None:
+    """Write a text over the last one on a terminal; "" clears it."""
+    if sys.stderr.isatty():
+        click.echo(f"\r\x1b[K{text}", nl=False, err=True)

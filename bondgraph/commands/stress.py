@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 
 import click
 
 from .analysis import AnalysisCall, analysis
 from .error_reporting import FAILED
-from .options import settings_by_name
+from .options import settings_by_name, show_progress
 
 
 @analysis("stress", first=True, checked=False)
@@ -22,15 +21,11 @@ def command(asked: AnalysisCall, duration: str, vary: Sequence[str], seed: int, 
     """Try a model with changes that must keep its results; exit code 3 if one of them does not."""
     from ..simulation.run import seconds
 
-    def show(text: str) -> None:
-        if sys.stderr.isatty():
-            click.echo(f"\r\x1b[K{text}", nl=False, err=True)
-
     ranges = settings_by_name(vary, "--vary", "k=1 N/m .. 2 N/m")
     test = asked.model.stress(
-        seconds=seconds(duration), to=to, outputs=asked.outputs, vary=ranges, seed=seed, out=asked.files.out, progress=show, **asked.keywords
+        seconds=seconds(duration), to=to, outputs=asked.outputs, vary=ranges, seed=seed, out=asked.files.out, progress=show_progress, **asked.keywords
     )  # fmt: skip
-    show("")
+    show_progress("")
     asked.print(test)
     if not test.holds:
         raise click.exceptions.Exit(FAILED)

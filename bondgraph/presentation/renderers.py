@@ -6,9 +6,6 @@ RENDERERS = {
     ("Branch", "plot"): "bondgraph.presentation.plots.phase:plot_branch",
     ("Branch", "summary"): "bondgraph.presentation.text.analyses:branch_text",
     ("Energies", "plot"): "bondgraph.presentation.plots.over_time:plot_energies",
-    ("WorkPrecision", "plot"): "bondgraph.presentation.plots.work_precision:plot_work_precision",
-    ("WorkPrecision", "summary"): "bondgraph.presentation.text.work_precision:work_precision_text",
-    ("StressTest", "summary"): "bondgraph.presentation.text.stressed:stress_text",
     ("SymbolicEquations", "latex"): "bondgraph.presentation.page.notebook:equations_latex",
     ("Equilibrium", "summary"): "bondgraph.presentation.text.analyses:equilibrium_text",
     ("FeedForward", "plot"): "bondgraph.presentation.plots.over_time:plot_feed_forward",
@@ -33,4 +30,7 @@ RENDERERS = {
     ("Result", "summary"): "bondgraph.presentation.text.tables:summary",
     ("RunSensitivity", "summary"): "bondgraph.presentation.text.studies:run_sensitivity_text",
     ("Sensitivity", "summary"): "bondgraph.presentation.text.analyses:sensitivity_text",
+    ("StressTest", "summary"): "bondgraph.presentation.text.stressed:stress_text",
+    ("WorkPrecision", "plot"): "bondgraph.presentation.plots.work_precision:plot_work_precision",
+    ("WorkPrecision", "summary"): "bondgraph.presentation.text.work_precision:work_precision_text",
 }
