@@ -75,7 +75,8 @@ def command(
     from ..errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
 
     files = taken(OutputFiles, options)
-    options["error"] |= files.as_json and options["start"] is None
+    error_asked = options["error"]
+    options["error"] = error_asked or (files.as_json and options["start"] is None)
     with problems_told():
         files.check()
         if over is not None and files.plot is None:
@@ -92,7 +93,7 @@ def command(
                 raise ManyRuns("BR610", "the experiment has analyses besides its simulation")
             result = chosen.simulate(experiment_name, assignments, **options)
         except ManyRuns:
-            if options.pop("check") or not many:
+            if options.pop("check") or error_asked or not many:
                 raise
             del options["start"], options["error"]
             _run_all(chosen, experiment, {"settings": assignments, **options}, (jobs, journal), files)

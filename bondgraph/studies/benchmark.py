@@ -77,6 +77,9 @@ def benchmark(model: AnalysedModel, request: BenchmarkRequest, progress: Callabl
     references, agreement = _references(runs)
     reference = references[0]
     peers, missing = peers_of(model, request.experiment, request.settings, reference) if request.peers else ({}, {})
+    for run in peers.values():
+        with suppress(RunFailed, TooLong), within(PATIENCE):
+            run(TOLERANCES[0])  # what is loaded at the first run is not timed
     points = (replace(p, peer=p.solver in peers) for p in _measured(runs | peers, reference, request.rounds, progress))
     return WorkPrecision(
         reference.model, reference.experiment, tuple(f"{r.solver}, rtol {r.rtol:g}" for r in references), agreement, tuple(points),
@@ -116,9 +119,6 @@ def _measured(
     for turn in range(rounds):
         for solver, run in runs.items():
             progress(f"{solver}, round {turn + 1} of {rounds}")
-            if not turn:
-                with suppress(RunFailed, TooLong), within(PATIENCE):
-                    run(TOLERANCES[0])  # what is loaded at the first run is not timed
             for rtol in TOLERANCES if solver != "exponential" else TOLERANCES[:1]:
                 key = solver, rtol
                 if turn and (points[key].failure or times[key][0] > OFTEN):

@@ -181,3 +181,11 @@ def test_the_command(tmp_path: Path) -> None:
     assert data["accuracy"] is None and data["error"]["failure"] is None
     close = json.loads(CliRunner().invoke(commands, ["run", str(path), "-e", "close", "--json"]).output)
     assert close["accuracy"] == 1e-9
+
+
+def test_many_runs_have_no_table_for_an_asked_estimate(tmp_path: Path) -> None:
+    path = tmp_path / "swing.bg"
+    path.write_text(SWING.replace("experiment go { ", "experiment go { sweep push = 0 N, 1 N; "), encoding="utf-8")
+    told = CliRunner().invoke(commands, ["run", str(path), "--error"])
+    assert told.exit_code == 2 and "many runs" in told.stderr
+    assert CliRunner().invoke(commands, ["run", str(path), "--json"]).exit_code == 0
