@@ -33,22 +33,12 @@ def plot_work_precision(found: WorkPrecision) -> Figure:
         )  # fmt: skip
         names.append(solver)
     panel.invert_xaxis()
-    panel.set_xlabel(
-        "largest error of an output, relative to its magnitude (dashed: the wanted one; ringed: recommended)"
-    )
+    panel.set_xlabel("largest error of an output, relative to its magnitude (dashed: the wanted one; ringed: recommended)")  # fmt: skip
     panel.set_ylabel("time of a run [ms]")
     legend(panel, names, beside=True)
     panel.axvline(found.error, color="#444444", linewidth=0.8, linestyle=(0, (4, 2)))
     best = found.recommended
     if best is not None:
-        panel.plot(
-            max(best.error, LEAST),
-            1e3 * best.seconds,
-            marker="o",
-            markersize=13,
-            markerfacecolor="none",
-            markeredgecolor="#444444",
-            linestyle="none",
-        )
+        panel.plot(max(best.error, LEAST), 1e3 * best.seconds, "o", markersize=13, markerfacecolor="none", markeredgecolor="#444444")  # fmt: skip
     without_frame(panel)
     return figure
