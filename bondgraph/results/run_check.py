@@ -16,7 +16,7 @@ ROUNDING = 1e-9  # of the largest magnitude of the same unit: an output that sta
 
 @dataclass(frozen=True, slots=True)
 class OutputDifference:
-    """Largest difference of an output between two runs, and its largest magnitude, in SI; `promised` is the difference that the tolerance covers."""
+    """Largest difference of an output between two runs, and its magnitude in the second, in SI; `promised` is the difference that the tolerance covers."""
 
     name: str
     unit: str

@@ -119,7 +119,7 @@ def _inaccurate(result: Result, estimate: ErrorEstimate, accuracy: float) -> Run
 
 
 def compare(result: Result, other: Result, rtol: float) -> RunCheck:
-    """Return the differences of two runs of one experiment."""
+    """Return the differences of two runs of one experiment, and the magnitudes of the outputs of the `other`, the more accurate one."""
     whole = float(result.time[-1] - result.time[0])
     first, second = (np.array([e.time for e in r.events]) for r in (result, other))
     shift = float(np.abs(first - second).max(initial=0.0)) if len(first) == len(second) else math.nan
@@ -129,7 +129,7 @@ def compare(result: Result, other: Result, rtol: float) -> RunCheck:
     rows = []
     for column in result.columns:
         here, there = result[column.name], other[column.name]
-        magnitude = float(np.abs(here).max(initial=0.0))
+        magnitude = float(np.abs(there).max(initial=0.0))
         gap = float(np.abs(here - there)[clear].max(initial=0.0))
         rows.append(OutputDifference(column.name, column.unit, gap, magnitude, FACTOR * result.rtol * magnitude))
     return RunCheck(other.solver, rtol, PARTS, tuple(rows), (len(first), len(second)), shift, allowed)
