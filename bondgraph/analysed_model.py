@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .analysis.modes import Modes
     from .analysis.operating_point import AnalysisRequest, OperatingPoint
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
+    from .analysis.prices import Prices
     from .analysis.response import Measured, Response
     from .analysis.run_sensitivity import RunSensitivity
     from .analysis.sensitivity import Sensitivity
@@ -25,6 +26,17 @@ if TYPE_CHECKING:
 
 class AnalysedModel(CompiledModel):
     """A compiled model with its analyses as methods."""
+
+    def prices(
+        self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, outputs: Sequence[str] | None = None, seconds: float = 5.0,
+    ) -> Prices:  # fmt: skip
+        """Return states and operations of a run, of each of its outputs alone, and of the run where a parameter or input is zero.
+
+        Zeros are compiled one by one, as long as `seconds` last.
+        """
+        from .analysis.prices import prices
+
+        return prices(self, experiment, settings or {}, names_of(outputs), seconds)
 
     def port_hamiltonian(
         self,

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from .graph.mechanism import Joint, Mechanism, freedoms_of
     from .graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Quantity, Reading
     from .graph.network import Node as GraphNode
+    from .graph.prune import adjustable
     from .metamorphosis.reductions import smallest
     from .metamorphosis.text_changes import TEXT_CHANGES, Inapplicable, TextChange, TextScene, scene_of
     from .persistent_cache import CacheBackend

@@ -9,7 +9,18 @@ from pathlib import PurePath
 import click
 
 from .error_reporting import WRONG, stop
-from .options import check_target, experiment_option, file_argument, load, model_option, named, outputs_option
+from .options import (
+    check_target,
+    experiment_option,
+    file_argument,
+    load,
+    model_option,
+    named,
+    outputs_option,
+    seconds_of,
+    settings_by_name,
+    settings_option,
+)
 
 
 @click.command("show")
@@ -65,16 +76,25 @@ def certificate(file: str, as_json: bool, model: str | None) -> None:
 @click.command("explain")
 @file_argument
 @experiment_option
+@settings_option
 @outputs_option
+@click.option("--for", "duration", default="5 s", metavar="TIME", help="How long to try what zeros save (5 s).")
 @model_option
 @click.option("--json", "as_json", is_flag=True, help="Print it as JSON (schema bondgraph-explanation/1).")
-def explain(file: str, experiment: str, outputs: Sequence[str], model: str | None, as_json: bool) -> None:
-    """Tell what a run leaves out and why, what remains, and what is expensive."""
+def explain(
+    file: str, experiment: str, settings: Sequence[str], outputs: Sequence[str], duration: str, model: str | None, as_json: bool
+) -> None:  # fmt: skip
+    """Tell what a run leaves out and why, what remains, what is expensive, and what each output costs and a zero would save."""
     from ..presentation.text.explanation import explain as explained
 
     chosen = load(file, model)
-    explanation = explained(chosen.compilation(chosen.scene(named(experiment), outputs=tuple(outputs) or None)))
-    click.echo(json.dumps(explanation.to_json(), indent=2) if as_json else explanation.text())
+    experiment_name, assignments, names = named(experiment), settings_by_name(settings), tuple(outputs) or None
+    explanation = explained(chosen.compilation(chosen.scene(experiment_name, assignments, outputs=names)))
+    prices = chosen.prices(experiment_name, assignments, names, seconds_of(duration) or 0.0)
+    if as_json:
+        click.echo(json.dumps({**explanation.to_json(), "prices": prices.to_json()}, indent=2))
+    else:
+        click.echo(f"{explanation.text()}\n\n{prices.summary()}")
 
 
 @click.command("compile")

@@ -21,6 +21,7 @@ RENDERERS = {
     ("MonteCarlo", "tornado"): "bondgraph.presentation.plots.studies:plot_tornado",
     ("Outcome", "plot"): "bondgraph.presentation.plots.sweeps:plot_outcome",
     ("Outcome", "summary"): "bondgraph.presentation.text.analyses:outcome_text",
+    ("Prices", "summary"): "bondgraph.presentation.text.explanation:prices_text",
     ("Response", "plot"): "bondgraph.presentation.plots.bode:plot_response",
     ("Response", "summary"): "bondgraph.presentation.text.analyses:response_text",
     ("ResponseSensitivity", "summary"): "bondgraph.presentation.text.analyses:response_sensitivity_text",

@@ -14,6 +14,8 @@ from .tables import columns, counted, short, some_of, visible
 if TYPE_CHECKING:
     from compiler.api import Certificate, Cost, Lowered
 
+    from ...analysis.prices import Price, Prices
+
 SCHEMA = "bondgraph-explanation/1"
 SHOWN = 10  # most lines of the table of expensive lines
 LISTED = 6  # most names in one line of the text
@@ -127,6 +129,25 @@ def explain(compilation: Compilation) -> RunExplanation:
         certificate, cost(lowered), tuple(names), tuple(_conditions(lowered)), len(lowered.bends),
         compilation.plan.bandwidth,
     )  # fmt: skip
+
+
+def prices_text(found: Prices) -> str:
+    """Return the price list as text: rows of states and operations of an evaluation, with those that a zero saves."""
+    headings = ("", "states", "operations of an evaluation", "and of the Jacobian")
+    lines = ["price of each output alone"]
+    lines += columns([headings, *(_row(short(name), price) for name, price in found.outputs.items()), _row("all", found.whole)])  # fmt: skip
+    lines += ["", "price where the text or the experiment sets to zero"]
+    rows = [_row(short(name), price) for name, price in list(found.zeros.items())[:SHOWN]]
+    lines += columns([headings, *rows]) if rows else ["nothing: no zero saves any"]
+    if len(found.zeros) > SHOWN:
+        lines.append(f"and {len(found.zeros) - SHOWN} that save less")
+    if found.untried:
+        lines.append(f"not tried: {_some(found.untried)}")
+    return "\n".join(visible(line) for line in lines)
+
+
+def _row(name: str, price: Price) -> tuple[str, ...]:
+    return name, str(price.states), str(price.rates), str(price.jacobian)
 
 
 def _conditions(lowered: Lowered) -> dict[str, None]:
