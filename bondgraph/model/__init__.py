@@ -115,7 +115,7 @@ class Model(Shown, AnalysedModel):
         """Run an experiment with every solver at tolerances from 1e-3 to 1e-12: times, errors beside a reference, and the fastest with the wanted `error`.
 
         `error` is relative to the largest magnitude of each output. `rounds` (3) of each run, in turns, whose median time counts. `peers` (True): also
-        solvers of scipy and SUNDIALS, where they can run the same equations. `outputs`: only these. `progress` is called with what is being run. Raises
+        solvers of scipy, SUNDIALS and CasADi, where they can run the same equations. `outputs`: only these. `progress` is called with what is being run. Raises
         as `simulate`.
         """
         from ..simulation.run import RunOptions

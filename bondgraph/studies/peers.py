@@ -1,4 +1,4 @@
-"""Solvers of other programs over the state equations that the compiler prints: scipy's, and CVODE of SUNDIALS where scikit-sundae is installed."""
+"""Solvers of other programs over the state equations that the compiler prints: scipy's, and CVODE of SUNDIALS by scikit-sundae and by CasADi."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from inspect import getmembers, isfunction
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, CompilationFailed, Scene
+from compiler.api import Array, CompilationFailed
 
 from ..errors import RunFailed, UsageError
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from ..results.result import Result
 
 SCIPY = ("DOP853", "Radau", "LSODA", "BDF")
+PACKAGES = {"SUNDIALS CVODE": "scikit-sundae", "CasADi CVODES": "casadi"}
 # functions of the printed equations that these solvers know nothing of
 REFUSED = {"reset", "on", "delayed", "constraints", "initial", "discrete_start"}
 MOST_STEPS = 1_000_000
@@ -33,10 +35,11 @@ def peers_of(
     model: AnalysedModel, experiment: str | None, settings: Mapping[str, str | float], reference: Result
 ) -> tuple[dict[str, Run], dict[str, str]]:
     """Return runs of other programs over the experiment's equations by name, and the reasons of those that there are not."""
+    scene = model.scene(experiment, settings, (), reference.names)
     try:
-        equations = _equations(model.scene(experiment, settings, (), reference.names), model)
+        equations = _module(model.compilation(scene).text("numpy"))
     except (CompilationFailed, UsageError) as failed:
-        return {}, {"scipy": str(failed)}
+        return {}, {"scipy": str(failed).splitlines()[0]}
     extra = {name for name, _ in getmembers(equations, isfunction)} & REFUSED
     missing = set(reference.names) - {name for name, _ in equations.OUTPUTS}
     if extra or missing or reference.events or not hasattr(equations, "derivative"):
@@ -44,16 +47,22 @@ def peers_of(
         return {}, {"scipy": reason}
     problem = _Problem(equations, reference)
     runs = {f"scipy {method}": problem.by_scipy(method) for method in SCIPY}
-    if find_spec("sksundae") is None:
-        return runs, {"SUNDIALS": "scikit-sundae is not installed"}
-    return runs | {"SUNDIALS CVODE": problem.by_cvode}, {}
+    if find_spec("sksundae") is not None:
+        runs["SUNDIALS CVODE"] = problem.by_cvode
+    reasons = {}
+    if find_spec("casadi") is not None:
+        try:
+            runs["CasADi CVODES"] = problem.by_casadi(_module(model.compilation(scene).text("casadi")))
+        except (CompilationFailed, UsageError) as failed:
+            reasons["CasADi CVODES"] = str(failed).splitlines()[0]
+    return runs, {peer: f"{name} is not installed" for peer, name in PACKAGES.items() if peer not in runs} | reasons
 
 
-def _equations(scene: Scene, model: AnalysedModel) -> ModuleType:
-    """Return the printed module of a scene, imported."""
+def _module(text: str) -> ModuleType:
+    """Return a printed module, imported."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bondgraph_equations.py"
-        path.write_text(model.compilation(scene).text("numpy"), encoding="utf-8")
+        path.write_text(text, encoding="utf-8")
         spec = spec_from_file_location(path.stem, path)
         assert spec is not None and spec.loader is not None
         module = module_from_spec(spec)
@@ -81,7 +90,7 @@ class _Problem:
 
         def run(rtol: float) -> Result:
             solution = self._solved(method, rtol, rtol * self._magnitude())
-            return self._result(f"scipy {method}", solution.y.T, rtol, solution.t.size, solution.nfev)
+            return self._result(f"scipy {method}", solution.y.T, rtol, 0, solution.nfev)
 
         return run
 
@@ -102,7 +111,35 @@ class _Problem:
         with np.errstate(all="ignore"):
             solution = solver.solve(self.reference.time, self.start)
         _check("CVODE", solution)
-        return self._result("SUNDIALS CVODE", solution.y, rtol, len(self.reference.time), solution.nfev)
+        return self._result("SUNDIALS CVODE", solution.y, rtol, 0, solution.nfev)
+
+    def by_casadi(self, functions: ModuleType) -> Run:
+        """Return the runs by CasADi's CVODES over its own expressions and derivatives; states are scaled, as it has one absolute tolerance for all."""
+
+        @lru_cache
+        def integrator(rtol: float) -> Any:
+            casadi, dae, time = functions.ca, functions.dae, self.reference.time
+            magnitude = self._magnitude()
+            scaled = casadi.SX.sym("z", len(magnitude))
+            values = functions.DEFAULTS + functions.INPUT_DEFAULTS
+            rates = casadi.substitute(
+                dae["ode"], casadi.vertcat(dae["x"], dae["p"]), casadi.vertcat(scaled * magnitude, casadi.DM(values))
+            )
+            options = {"reltol": rtol, "abstol": rtol, "max_num_steps": MOST_STEPS}
+            problem = {"t": dae["t"], "x": scaled, "ode": rates / magnitude}
+            return casadi.integrator("run", "cvodes", problem, time[0], time[1:], options)
+
+        def run(rtol: float) -> Result:
+            solver, magnitude = integrator(rtol), self._magnitude()
+            try:
+                states = np.array(solver(x0=self.start / magnitude)["xf"]).T * magnitude
+            except RuntimeError as failed:
+                raise RunFailed("BR493", f"CasADi gave up: {str(failed).splitlines()[-1]}") from None
+            statistics = solver.stats()
+            steps, evaluations = (int(statistics.get(name, 0)) for name in ("nsteps", "nfevals"))
+            return self._result("CasADi CVODES", np.vstack([self.start, states]), rtol, steps, evaluations)
+
+        return run
 
     def _magnitude(self) -> Any:
         if self.magnitude is None:
@@ -127,7 +164,7 @@ class _Problem:
         return solution
 
     def _result(self, solver: str, states: Array, rtol: float, steps: int, evaluations: int) -> Result:
-        """Return the outputs at the reference's instants as a result."""
+        """Return the outputs at the reference's instants as a result; `steps` is 0 where a solver does not report them."""
         values = np.array(
             [self.equations.outputs(t, x, self.parameters) for t, x in zip(self.reference.time, states, strict=True)]
         )

@@ -51,6 +51,16 @@ def test_every_solver_and_tolerance(swing: WorkPrecision) -> None:
         assert errors[-1] < 1e-6 and errors[0] < 1
 
 
+@pytest.mark.parametrize(
+    ("package", "peer"), [("scipy", "scipy DOP853"), ("sksundae", "SUNDIALS CVODE"), ("casadi", "CasADi CVODES")]
+)
+def test_other_programs_solve_the_same_equations(swing: WorkPrecision, package: str, peer: str) -> None:
+    pytest.importorskip(package)
+    errors = [p.error for p in swing.points if p.solver == peer]
+    assert len(errors) == 10 and errors[0] < 1 and errors[-1] < 1e-7
+    assert all(p.peer and p.evaluations > 0 and not p.failure for p in swing.points if p.solver == peer)
+
+
 def test_the_recommendation_has_the_wanted_error(swing: WorkPrecision) -> None:
     best = swing.recommended
     assert best is not None and not best.peer and best.error <= swing.error
