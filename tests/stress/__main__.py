@@ -18,7 +18,19 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-SECTIONS = ("scales", "drift", "proportion", "kinks", "instants", "assemblies", "events", "faults", "edits", "machines")
+SECTIONS = (
+    "scales",
+    "drift",
+    "proportion",
+    "kinks",
+    "instants",
+    "assemblies",
+    "events",
+    "faults",
+    "edits",
+    "machines",
+    "gallery",
+)
 
 
 def main(arguments: list[str] | None = None) -> int:
