@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ..errors import RunInterrupted
+
+AGAIN = 0.01  # s: where nothing can be raised, as in the end of an object, it is tried again after this time
 
 
 class TooLong(Exception):
@@ -27,7 +30,14 @@ def within(seconds: float) -> Iterator[None]:
         expired = True
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGALRM, stop)
+    def go_on(unraisable: sys.UnraisableHookArgs) -> None:
+        if expired and unraisable.exc_type is KeyboardInterrupt:
+            signal.setitimer(signal.ITIMER_REAL, AGAIN)
+        else:
+            report(unraisable)
+
+    before, report = signal.signal(signal.SIGALRM, stop), sys.unraisablehook
+    sys.unraisablehook = go_on
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield
@@ -37,5 +47,6 @@ def within(seconds: float) -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
+        sys.unraisablehook = report
     if expired:
         raise TooLong(f"stopped after {seconds:g} s")
