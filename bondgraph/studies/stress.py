@@ -24,6 +24,7 @@ from .stress_runs import (
     other_solvers,
     other_targets,
     other_tolerances,
+    reversed_time,
 )
 from .stressed import StressBreak, StressRow, StressTest
 from .time_limit import TooLong, within
@@ -87,6 +88,7 @@ TRIALS = (
     Trial("events", "events searched in 61 parts of the run", lambda request: finer_events()),
     Trial("solvers", "every other solver that can", lambda request: other_solvers()),
     Trial("targets", "machine code or numpy", lambda request: other_targets()),
+    Trial("reversed", "back from the end in reversed time", lambda request: reversed_time()),
     Trial("corners", "other solvers at the corners of the ranges", lambda request: corners(request.vary, request.seed)),
     *(Trial(kind, changed, _texts(kind)) for kind, (changed, _) in TEXT_CHANGES.items()),
 )

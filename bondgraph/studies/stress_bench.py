@@ -9,16 +9,17 @@ from functools import cached_property
 
 import numpy as np
 
-from compiler.api import CompilationFailed, Inapplicable, Source, TextChange, TextScene, scene_of
+from compiler.api import Array, CompilationFailed, Inapplicable, Source, TextChange, TextScene, scene_of
 
 from ..compiled_model import LIBRARY, CompiledModel
 from ..errors import RunFailed, UsageError
-from ..prepared import chosen_target
+from ..prepared import Prepared, chosen_target
 from ..quantities import behind
 from ..results.result import Result
 from ..results.run_check import FACTOR, ErrorEstimate
 from ..simulation.repetition import compare, simulate
 from ..simulation.run import RunOptions
+from ..simulation.settings import settle
 
 POINTS = 488  # in 487 equal parts, a prime number: no instant but the ends is where a source may jump
 ROUNDING = 1e-9  # of the magnitude of an output
@@ -69,11 +70,39 @@ class StressBench:
         except (CompilationFailed, OSError, AssertionError) as refused:
             raise Inapplicable(f"the model cannot be written as one text: {refused}") from refused
 
+    def run_on(self, before: Result, rtol: float) -> Result:
+        """Run on from a result, for as long again."""
+        options = replace(self.options, rtol=rtol, to=float(2 * before.time[-1] - before.time[0]))
+        return simulate(self.model, self.experiment, self.settings, self.outputs, options, before)
+
+    @cached_property
+    def _target(self) -> str:
+        return chosen_target(self.options.target)
+
+    @cached_property
+    def prepared(self) -> Prepared:
+        """The program of the unchanged run."""
+        settled = settle(self.model, self.experiment, self.settings, self.outputs, False, self._target)
+        return self.model.prepared(settled.scene, False, self._target)
+
+    @cached_property
+    def constants(self) -> Array:
+        """Constants of that program, shape (K,)."""
+        end, program = self.base().checkpoint, self.prepared.program
+        assert end is not None
+        return program.constants(np.array([end.parameters[name] for name in program.parameters.names]))
+
+    @property
+    def start(self) -> Mapping[str, float]:
+        """States where the unchanged run begins."""
+        program = self.prepared.program
+        return dict(zip(program.states.names, np.asarray(program.start(self.constants)).tolist(), strict=True))
+
     @cached_property
     def energy_at_start(self) -> float:
         """Magnitude in J of what the storages hold where the run begins; zero where it is no function of the states."""
         scene = replace(self.model.scene(self.experiment, self.settings, (), self.outputs), conserving=True)
-        program = self.model.prepared(scene, True, chosen_target(self.options.target)).program
+        program = self.model.prepared(scene, True, self._target).program
         if program.stored_energy is None:
             return 0.0
         constants = program.constants(np.array(program.defaults, dtype=float))

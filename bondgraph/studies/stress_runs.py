@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from random import Random
 
-from compiler.api import AUTOMATIC, SOLVERS, CompilationFailed, Inapplicable
+import numpy as np
+
+from compiler.api import AUTOMATIC, SOLVERS, CompilationFailed, Inapplicable, Kind
 
 from ..errors import RunFailed, UsageError
 from ..prepared import chosen_target
@@ -14,12 +17,13 @@ from ..results.records import EnergyBalance
 from ..results.result import Result
 from ..results.run_check import FACTOR
 from ..simulation.repetition import PARTS
-from .stress_bench import ROUNDING, StressBench
+from .stress_bench import CANCELS, ROUNDING, StressBench
 
 TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8)
 TARGETS = ("native", "numpy")
 FALLS = 0.1  # of an energy balance that an error leaves unexplained, this much remains with a hundredth of the tolerance, or less
 CORNERS = 64  # most corners that are listed in order
+STATES = 16  # random states at which equations are compared with those of reversed time
 
 Attempts = Iterator[tuple[str, Callable[[StressBench], str]]]
 
@@ -117,6 +121,70 @@ def _balance(bench: StressBench, rtol: float) -> EnergyBalance:
     if balance is None:
         raise Inapplicable("there is no energy balance")
     return balance
+
+
+def reversed_time() -> Attempts:
+    """Yield the way back: a run from the end with momenta and speeds reversed, where that satisfies the same equations."""
+
+    def check(bench: StressBench) -> str:
+        rtol = bench.base().rtol
+        signs = _reversal(bench)
+        off = _way_back(bench, rtol, signs)
+        if off <= FACTOR * rtol or _way_back(bench, max(rtol / 100, 1e-13), signs) <= max(FALLS * off, ROUNDING):
+            return ""
+        return f"the way back ends {off:.3g} of the magnitudes from the start, also with a hundredth of the tolerance, which covers {FACTOR * rtol:.3g}"
+
+    yield "way back", check
+
+
+def _reversal(bench: StressBench) -> dict[str, float]:
+    """Return the sign of each stored quantity in reversed time, R. Raises `Inapplicable` unless f(R x) = -R f(x) for the rates f, at random states x."""
+    prepared, end = bench.prepared, bench.base().checkpoint
+    program, names = prepared.program, prepared.program.states.names
+    facts, starts_at_rest = prepared.facts, prepared.plan.equilibrium
+    others = (
+        program.hybrid,
+        program.delays,
+        program.unknowns.names,
+        program.invariants.names,
+        facts.claims,
+        starts_at_rest,
+    )
+    if end is None or prepared.certificate.driven or any(others):
+        raise Inapplicable("its rates are no functions of its states alone, or it starts at rest")
+    inertias = {node.name for node in prepared.compilation.graph.nodes if getattr(node, "kind", None) is Kind.INERTIA}
+    odd = inertias | set(names)  # what is named behind an inertia, or behind a coordinate, is a momentum or a speed
+    signs = {name: -1.0 if name.rpartition(".")[0] in odd else 1.0 for name in end.stored}
+    reverse = np.array([signs[name] for name in names])
+    constants = bench.constants
+    inputs, mode = np.array(program.input_defaults, dtype=float), np.zeros(0)
+    scale = np.array([max(end.peaks.get(name, 0.0), abs(end.stored[name])) for name in names])
+    random = np.random.default_rng(0)
+    for _ in range(STATES):
+        state = scale * random.uniform(-1.0, 1.0, len(names))
+        there, back = (
+            np.asarray(program.derivative(0.0, x, inputs, constants, mode)) for x in (state, reverse * state)
+        )
+        if not np.allclose(back, -reverse * there, rtol=ROUNDING, atol=ROUNDING * float(np.abs(there).max())):
+            raise Inapplicable("its equations are others in reversed time")
+    return signs
+
+
+def _way_back(bench: StressBench, rtol: float, signs: Mapping[str, float]) -> float:
+    """Return the largest distance of the end of the way back from the reversed start, relative to the magnitudes of the states."""
+    there = bench.run(rtol=rtol)
+    assert there.checkpoint is not None
+    turned = {name: signs[name] * value for name, value in there.checkpoint.stored.items()}
+    back = bench.run_on(replace(there, checkpoint=replace(there.checkpoint, stored=turned)), rtol).checkpoint
+    assert back is not None
+    states, largest = bench.prepared.program.states, dict[str, float]()
+    sizes = {name: max(back.peaks.get(name, 0.0), abs(value)) for name, value in bench.start.items()}
+    for name, unit in zip(states.names, states.units, strict=True):
+        largest[unit] = max(largest.get(unit, 0.0), CANCELS * sizes[name])
+    return max(
+        abs(back.stored[name] - signs[name] * bench.start[name]) / (max(sizes[name], largest[unit]) or 1.0)
+        for name, unit in zip(states.names, states.units, strict=True)
+    )
 
 
 def _turnover(balance: EnergyBalance) -> float:

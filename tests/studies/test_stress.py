@@ -19,7 +19,7 @@ import bondgraph
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
 from bondgraph.prepared import Prepared
-from bondgraph.simulation import phase
+from bondgraph.simulation import phase, resume
 from bondgraph.simulation.monitors import energy
 from bondgraph.simulation.run import PhaseSequence
 from bondgraph.studies import stress as driver
@@ -105,8 +105,8 @@ def one_second_a_look(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_nothing_breaks_in_sound_models(name: str) -> None:
     result = bondgraph.load(MODELS / f"{name}.bg").stress(seconds=40)
     assert result.holds and not result.doubt, result.summary()
-    units = {"units", "SI", "energy"} if name == "lotka_volterra" else set()  # bare numbers have none
-    assert {row.kind for row in result.rows if not row.tried} == units, result.summary()
+    units = {"units", "SI", "energy"} if name == "lotka_volterra" else set[str]()  # bare numbers have none
+    assert {row.kind for row in result.rows if not row.tried} == {*units, "reversed"}, result.summary()
 
 
 @pytest.mark.parametrize(
@@ -115,6 +115,22 @@ def test_nothing_breaks_in_sound_models(name: str) -> None:
 def test_nothing_breaks_in_the_models_of_the_defects(text: str) -> None:
     result = bondgraph.load(text).stress(seconds=30)
     assert result.holds, result.summary()
+
+
+@pytest.mark.parametrize(
+    ("text", "applies"),
+    [
+        (SPRUNG, True), (SWING, False), (RING, False), (BALL, False),
+        (SPRUNG.replace("p = 1 kg*v", "v = p/1 kg + 0.1 [s/(kg^2*m)]*p^2"), False),  # another mass in the other direction
+        (SPRUNG.replace("1(mass) -> spring", "Se weight : F = 1 N\n  weight -> 1(mass) -> spring"), True),
+        (SPRUNG.replace("1(mass) -> spring", "Sf belt : v = 1 [m/s]\n  belt -> 0(spring) -> 1(mass)"), False),
+    ],
+)  # fmt: skip
+def test_way_back(text: str, applies: bool) -> None:
+    """It is tried where momenta that are reversed lead back, and only there."""
+    result = tried(text, "reversed")
+    (row,) = result.rows
+    assert (row.tried, row.broke) == (int(applies), 0), result.summary()
 
 
 def test_corners() -> None:
@@ -229,6 +245,16 @@ def name_that_matters(monkeypatch: Patch) -> None:
     )
 
 
+def momentum_lost_on_the_way(monkeypatch: Patch) -> None:
+    right = resume.resumed
+
+    def changed(*arguments: Any) -> Any:
+        scene, begin, left = right(*arguments)
+        return scene, replace(begin, stored={n: 0.999 * x for n, x in begin.stored.items()}), left
+
+    monkeypatch.setattr(resume, "resumed", changed)
+
+
 DEFECTS = {
     "a partial derivative with another sign": (wrong_slope, REPELLED, "energy"),
     "a lost event": (lost_event, BALL, "tolerances"),
@@ -240,6 +266,7 @@ DEFECTS = {
     "a start that is ignored behind a wall": (start_behind_a_wall, RING, "wrapped"),
     "an output in single precision": (output_in_single_precision, SWING, "units"),
     "a name that matters": (name_that_matters, RING, "names"),
+    "a state that is lost where a run goes on": (momentum_lost_on_the_way, SPRUNG, "reversed"),
 }
 
 
