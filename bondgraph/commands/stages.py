@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import PurePath
 
 import click
@@ -73,7 +74,8 @@ def explain(file: str, experiment: str, outputs: Sequence[str], model: str | Non
     from ..presentation.text.explanation import explain as explained
 
     chosen = load(file, model)
-    explanation = explained(chosen.compilation(chosen.scene(named(experiment), outputs=tuple(outputs) or None)))
+    scene = replace(chosen.scene(named(experiment), outputs=tuple(outputs) or None), from_start=True)
+    explanation = explained(chosen.compilation(scene))
     click.echo(json.dumps(explanation.to_json(), indent=2) if as_json else explanation.text())
 
 

@@ -140,6 +140,10 @@ def run(
     solver = chosen_solver(wanted.solver if wanted.solver is not None else plan.solver)
     scene = _conserving(scene, solver)
     prepared = made(scene, energy)
+    before = None if start is None else start.checkpoint
+    if before is not None and scene.from_start and before.identity != prepared.facts.identity:
+        scene = replace(scene, from_start=False)  # what nothing excites here may have moved in a run of other starts
+        prepared = made(scene, energy)
     accuracy = (
         plan.settings.get("accuracy") if wanted.accuracy is None else _checked("accuracy", wanted.accuracy, *ACCURACY)
     )

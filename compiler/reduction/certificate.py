@@ -21,9 +21,9 @@ SPEEDS = ("m/s", "1/s")
 
 
 def certify(
-    space: StateSpace, system: EquationSystem, left_out: tuple[str, ...], notes: tuple[str, ...]
+    space: StateSpace, system: EquationSystem, left_out: tuple[tuple[str, ...], tuple[str, ...]], notes: tuple[str, ...]
 ) -> Certificate:
-    """Certificate of the state space of a system. `left_out` are the nodes that pruning removed from the graph, `notes` those on its laws."""
+    """Certificate of the state space of a system. `left_out`: nodes that pruning removed from the graph, states that nothing excites; `notes`: on laws."""
     loops = tuple(_loops(space))
     needed = {s.variable for s in space.states}
     dependence = _Dependence(space)
@@ -38,10 +38,11 @@ def certify(
     return Certificate(
         space.name, form, space.index, tuple(space.variables[s.variable].name for s in space.states), space.dependent, loops,
         dependence.linear, dependence.varying, dependence.driven,
-        left_out,
-        tuple(system.variables[s.variable].name for s in system.states if s.variable not in needed),
+        left_out[0],
+        tuple(n for s in system.states if s.variable not in needed and (n := _name(space, s.variable)) not in left_out[1]),
         max(0, _degrees_of_freedom(space, system) - bound + len(redundant)), notes, bound, redundant, tuple(_events(space)),
         tuple(f"{_name(space, f.variable)} follows {_name(space, f.state)}" for f in space.following),
+        left_out[1],
     )  # fmt: skip
 
 

@@ -1,0 +1,173 @@
+"""States that nothing excites: zero at the start, with rates that vanish as long as they are zero.
+
+A run need not compute them. The set is the greatest one with that property: all states with a start of 0 are taken, then those that
+something moves are removed, each variable once. A variable counts as zero only if its equation certainly has the value zero: what is
+multiplied by a zero must have a value for all numbers, so that no division, logarithm, table or choice is passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Set
+from dataclasses import replace
+from functools import lru_cache
+
+from ..algebra.expression import ZERO, Apply, Expression, Number, Symbol, call, substitute
+from ..algebra.formula import Formula
+from ..algebra.operators import OPERATORS
+from ..equations.system import Argument, Assignment, EquationSystem
+from .order import needed
+from .singular import LARGEST
+from .state_space import Entry, LinearLoop, StateSpace, Step
+
+CONTINUOUS = frozenset({"abs", "min", "max"})  # besides the smooth functions
+TOTAL = CONTINUOUS | {"add", "multiply", "sin", "cos", "tanh", "atan"}  # finite for all numbers
+
+
+def at_rest(space: StateSpace, settable: Set[str]) -> frozenset[int]:
+    """Return the states that nothing excites in a run from the starts, with the variables that are zero with them; empty if there are none.
+
+    `settable`: parameters whose values only a run knows. Where junctions switch, starts of other quantities bind the states, or constraints
+    are kept by projection, a run may change a state otherwise than by its rate: then there are none.
+    """
+    if space.switches or space.claims or space.invariants or space.balances:
+        return frozenset()
+    return _Rest(space, settable).found()
+
+
+def without(system: EquationSystem, zero: Set[int]) -> EquationSystem:
+    """Return the equations with these variables put to zero; those that are states are no longer states."""
+    nothing = Formula(0, ZERO)
+    variables = list(system.variables)
+    assignments = [
+        Assignment(a.target, nothing, (), a.span, a.owner) if a.target in zero else a for a in system.assignments
+    ]
+    for state in (s for s in system.states if s.variable in zero):
+        variables[state.variable] = replace(variables[state.variable], role="computed")
+        assignments.append(Assignment(state.variable, nothing, (), state.span, variables[state.variable].name))
+    return replace(
+        system, variables=tuple(variables), assignments=tuple(assignments),
+        states=tuple(s for s in system.states if s.variable not in zero),
+        following=tuple(f for f in system.following if f.state not in zero),
+    )  # fmt: skip
+
+
+class _Rest:
+    def __init__(self, space: StateSpace, settable: Set[str]) -> None:
+        self.space, self.settable = space, settable
+        self.zero: set[int] = set()
+        self.values: dict[int, Expression | None] = {}  # a number, its symbol, or None if it may have no value
+        self.certain = False  # True once all values are known
+
+    def found(self) -> frozenset[int]:
+        self.zero |= self._candidates()
+        if self.zero:
+            for step in self.space.steps:
+                if self._vanishes(step):
+                    self.zero.update(_targets(step))
+            self._remove_moving()
+        if self.zero.isdisjoint(s.variable for s in self.space.states):
+            return frozenset()
+        for step in self.space.steps:
+            if isinstance(step, Assignment) and not step.implicit:
+                self.values[step.target] = self._settled(step, self._value)
+        self.certain = True
+        self._remove_moving()
+        return frozenset() if self.zero.isdisjoint(s.variable for s in self.space.states) else frozenset(self.zero)
+
+    def _candidates(self) -> set[int]:
+        """States with a start of 0 that no event reads or sets."""
+        space = self.space
+        inputs: list[tuple[int, ...]] = [()] * len(space.variables)
+        for step in space.steps if space.events else ():
+            for target in _targets(step):
+                inputs[target] = _read(step)
+        roots = [v for e in space.events for v in (e.condition, *(s.target for s in e.settings))]
+        return {s.variable for s in space.states if s.start == 0.0 and isinstance(s.start, float)} - needed(roots, inputs)  # fmt: skip
+
+    def _remove_moving(self) -> None:
+        """Remove what does not vanish, and then what no longer does."""
+        users: dict[int, list[Step]] = {}
+        for step in self.space.steps:
+            if not self.zero.isdisjoint(_targets(step)):
+                for variable in _read(step):
+                    users.setdefault(variable, []).append(step)
+        moved_by: dict[int, list[int]] = {}
+        for state in self.space.states:
+            moved_by.setdefault(state.rate, []).append(state.variable)
+        waiting = [s.variable for s in self.space.states if s.variable in self.zero and s.rate not in self.zero]
+        if self.certain:
+            waiting += [t for s in self.space.steps for t in _targets(s) if t in self.zero and not self._vanishes(s)]
+        while waiting:
+            variable = waiting.pop()
+            if variable in self.zero:
+                self.zero.remove(variable)
+                waiting += moved_by.get(variable, ())
+                waiting += [t for s in users.get(variable, ()) if not self._vanishes(s) for t in _targets(s)]
+
+    def _vanishes(self, step: Step) -> bool:
+        """Return True if what a step computes is zero; as long as values are not known, if it may be."""
+        if isinstance(step, LinearLoop):
+            solved = len(step.targets) <= LARGEST and all(isinstance(self._value(g), Number) for g in step.gains)
+            return all(map(self._is_zero, step.right)) and (solved or not self.certain)
+        if step.implicit:
+            return False
+        if self.certain:
+            return self._settled(step, lambda v: ZERO if v in self.zero else self._value(v)) == ZERO
+        return _may_vanish(step.formula, frozenset(i for i, a in enumerate(step.arguments) if self._is_zero(a)))
+
+    def _is_zero(self, entry: Entry) -> bool:
+        return entry == 0.0 if isinstance(entry, float) else entry in self.zero
+
+    def _value(self, variable: int) -> Expression | None:
+        known = self.space.variables[variable]
+        if known.role == "computed":
+            found = self.values.get(variable)
+            return found if found is None or isinstance(found, Number) else Symbol(variable)
+        if known.role == "parameter" and known.value is not None and known.name not in self.settable:
+            return Number(known.value)
+        return Symbol(variable)
+
+    @staticmethod
+    def _settled(step: Assignment, read: Callable[[int], Expression | None]) -> Expression | None:
+        """Return the value of a step with known numbers put in; None if there may be none."""
+
+        def walk(x: Expression) -> Expression | None:
+            if isinstance(x, Symbol):
+                argument: Argument = step.arguments[x.key]
+                return Number(argument) if isinstance(argument, float) else read(argument)
+            if not isinstance(x, Apply):
+                return x
+            operands = [o for o in map(walk, x.operands) if o is not None]
+            return _applied(x.operator, operands) if len(operands) == len(x.operands) else None
+
+        return walk(step.formula.expression)
+
+
+def _applied(operator: str, operands: list[Expression]) -> Expression | None:
+    """Return an operator applied to operands that have values; None if it may have none, or jumps or is infinitely steep there."""
+    row = OPERATORS[operator]
+    if all(isinstance(o, Number) for o in operands):
+        steep = operands[0] == ZERO and operator in ("sqrt", "power") and not _is_whole(operands[-1])
+        value = call(operator, *operands) if row.kind == "function" and not steep else None
+        return value if isinstance(value, Number) and (row.smooth or operator in CONTINUOUS) else None
+    total = operator in TOTAL or (operator == "power" and _is_whole(operands[1]))
+    if operator == "divide" and isinstance(operands[1], Number) and operands[1] != ZERO:
+        total = True
+    return call(operator, *operands) if total else None
+
+
+def _is_whole(exponent: Expression) -> bool:
+    return isinstance(exponent, Number) and exponent.value >= 1 and exponent.value == int(exponent.value)
+
+
+@lru_cache(maxsize=65536)
+def _may_vanish(formula: Formula, zeros: frozenset[int]) -> bool:
+    return substitute(formula.expression, lambda s: ZERO if s.key in zeros else s) == ZERO
+
+
+def _targets(step: Step) -> tuple[int, ...]:
+    return step.targets if isinstance(step, LinearLoop) else (step.target,)
+
+
+def _read(step: Step) -> tuple[int, ...]:
+    return step.read if isinstance(step, LinearLoop) else tuple(a for a in step.arguments if isinstance(a, int))
