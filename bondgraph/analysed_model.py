@@ -82,8 +82,8 @@ class AnalysedModel(CompiledModel):
 
         check_keywords(self.linearize, options, PointKeywords.__optional_keys__)
         by = self.inputs if inputs is None else tuple(inputs)
-        asked = AnalysisRequest(outputs=names_of(outputs), by=by, upstream=outputs is not None, **options)
-        return linearization(self.operating_point(asked))
+        request = AnalysisRequest(outputs=names_of(outputs), by=by, upstream=outputs is not None, **options)
+        return linearization(self.operating_point(request))
 
     def modes(
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
@@ -97,8 +97,8 @@ class AnalysedModel(CompiledModel):
         from .analysis.modes import modes
         from .analysis.operating_point import AnalysisRequest
 
-        asked = AnalysisRequest(experiment, settings, names_of(outputs), (), state, time, outputs is not None)
-        return modes(self.operating_point(asked))
+        request = AnalysisRequest(experiment, settings, names_of(outputs), (), state, time, outputs is not None)
+        return modes(self.operating_point(request))
 
     def sensitivity(
         self, parameters: Sequence[str] | None = None, of: str | tuple[str, ...] = ("equilibrium", "modes"),
@@ -237,8 +237,8 @@ class AnalysedModel(CompiledModel):
 
         check_keywords(self.response, options, PointKeywords.__optional_keys__)
         by = self.inputs if inputs is None else names_of(inputs) or ()
-        asked = AnalysisRequest(outputs=names_of(outputs), by=by, upstream=outputs is not None, **options)
-        point = self.operating_point(asked)
+        request = AnalysisRequest(outputs=names_of(outputs), by=by, upstream=outputs is not None, **options)
+        point = self.operating_point(request)
         if is_sampled(point):
             return sampled_response(point, low, high, points)
         return response(linearization(point), low, high, points)

@@ -58,6 +58,8 @@ class Certificate:
         """The certificate in one line."""
         parts = [self.form + (f", reduced from index {self.index}" if self.reduced else "")]
         parts.append(_count(len(self.states), "state"))
+        if self.unexcited:
+            parts.append(f"{_count(len(self.unexcited), 'state')} that nothing excites")
         if self.states or self.loops:
             parts.append(("linear" if self.linear else "nonlinear") + (", time-varying" if self.time_varying else ""))
             parts.append("driven" if self.driven else "autonomous")

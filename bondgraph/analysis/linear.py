@@ -24,7 +24,7 @@ class Linearization(Summarised):
     """Matrices A (n, n), B (n, k), C (m, n), D (m, k), in SI, for `states`, `inputs` and `outputs` by the author's names.
 
     `states` are the free ones: coordinates tied by loop joints follow them, unknowns of loops are eliminated. `x` (n,), `u` (k,), `y` (m,) are the
-    values at the point, `rates` (n,) is x' there: zero at an equilibrium. `left_out`: states that no requested output depends on.
+    values at the point, `rates` (n,) is x' there: zero at an equilibrium. `unneeded`: states that no requested output depends on.
     """
 
     model: str
@@ -42,12 +42,12 @@ class Linearization(Summarised):
     u: Array
     y: Array
     rates: Array
-    left_out: tuple[str, ...] = ()
+    unneeded: tuple[str, ...] = ()
 
     @property
     def note(self) -> str:
         """Note on the states that are left out; empty for the whole model."""
-        return part_note(self.left_out)
+        return part_note(self.unneeded)
 
     def to_scipy(self) -> Any:
         """Return a continuous `scipy.signal.StateSpace`. Raises ValueError without an input or output, as that has no such form."""
@@ -69,7 +69,7 @@ class Linearization(Summarised):
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by the schema `bondgraph-linearization/1`, in SI.
 
-        {schema, model, experiment, time, states, inputs, outputs: {name: {value, unit}}, A, B, C, D (rows), rates}; and `left_out`, states that no
+        {schema, model, experiment, time, states, inputs, outputs: {name: {value, unit}}, A, B, C, D (rows), rates}; and `unneeded`, states that no
         requested output depends on.
         """
         entries = {**head(SCHEMA, self), "time": self.time}
@@ -78,7 +78,7 @@ class Linearization(Summarised):
         ):  # fmt: skip
             entries[word] = with_units(named(names, values), self.units)
         entries |= {word: rows_of(getattr(self, word)) for word in "ABCD"}
-        entries |= {"left_out": list(self.left_out)} if self.left_out else {}
+        entries |= {"unneeded": list(self.unneeded)} if self.unneeded else {}
         return {**entries, "rates": rows_of([self.rates])[0]}
 
 
@@ -99,7 +99,7 @@ def linearization(point: OperatingPoint, partial: bool = False) -> Linearization
     return Linearization(
         program.name, point.made.plan.experiment, point.time, tuple(program.states.names[i] for i in chosen), point.by,
         program.outputs.names, linear_units(point), state_slopes, by_slopes, output_slopes, through, point.state[chosen],
-        point.values_of(point.by), point.outputs, point.rates[chosen], point.left_out,
+        point.values_of(point.by), point.outputs, point.rates[chosen], point.unneeded,
     )  # fmt: skip
 
 
@@ -111,12 +111,12 @@ def linear_units(point: OperatingPoint) -> dict[str, str]:
     return units | {n: space.variables[space.quantities[n]].unit for n in point.by if n in space.quantities}
 
 
-def part_note(left_out: Sequence[str], more: str = "") -> str:
+def part_note(unneeded: Sequence[str], more: str = "") -> str:
     """Return the note on a part of a model: the states that are left out. Empty for the whole."""
-    if not left_out:
+    if not unneeded:
         return ""
-    names = ", ".join(f"`{n}`" for n in left_out[:NAMED]) + (", …" if len(left_out) > NAMED else "")
-    states, them = ("1 state is", "it") if len(left_out) == 1 else (f"{len(left_out)} states are", "them")
+    names = ", ".join(f"`{n}`" for n in unneeded[:NAMED]) + (", …" if len(unneeded) > NAMED else "")
+    states, them = ("1 state is", "it") if len(unneeded) == 1 else (f"{len(unneeded)} states are", "them")
     return f"{states} left out, as no requested output depends on {them}: {names}{more}"
 
 

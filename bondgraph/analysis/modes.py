@@ -106,7 +106,7 @@ class Mode:
 class Modes(Sequence[Mode], Summarised):
     """Modes at a point, slowest first; `units` of states and outputs.
 
-    `left_out`: states that no requested output depends on. Modes of these alone are not among them, and energies are those of the part that is left.
+    `unneeded`: states that no requested output depends on. Modes of these alone are not among them, and energies are those of the part that is left.
     """
 
     model: str
@@ -115,7 +115,7 @@ class Modes(Sequence[Mode], Summarised):
     modes: tuple[Mode, ...]
     units: Mapping[str, str]
     note: str = ""  # of a point that is neither at rest nor in a steady motion, and of a part
-    left_out: tuple[str, ...] = ()
+    unneeded: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.modes)
@@ -135,11 +135,11 @@ class Modes(Sequence[Mode], Summarised):
         """Return JSON values by the schema `bondgraph-modes/1`, frequencies in Hz, all else in SI.
 
         {schema, model, experiment, time, units, modes: [{eigenvalue: {re, im}, frequency, damped_frequency, damping, energy: {element: share}, shape,
-        outputs: {name: {re, im}}}]}; `note` where the point changes with time, and of a part of the model, with the states `left_out`.
+        outputs: {name: {re, im}}}]}; `note` where the point changes with time, and of a part of the model, with the states `unneeded`.
         """
         entries = {**head(SCHEMA, self), "time": self.time}
         entries |= {"note": self.note} if self.note else {}
-        entries |= {"left_out": list(self.left_out)} if self.left_out else {}
+        entries |= {"unneeded": list(self.unneeded)} if self.unneeded else {}
         return {**entries, "units": dict(self.units), "modes": [m.to_json() for m in self.modes]}
 
 
@@ -163,9 +163,9 @@ def modes(point: OperatingPoint) -> Modes:
     made = tuple(
         Mode(complex(v), names_of_all, shapes[:, i], amplitudes[:, i], shares[:, i]) for i, v in enumerate(values)
     )  # fmt: skip
-    part = part_note(linear.left_out, "; their own modes are not shown, and shapes and energies are those of the rest")
+    part = part_note(linear.unneeded, "; their own modes are not shown, and shapes and energies are those of the rest")
     note = "; ".join(filter(None, (_note(linear), part)))
-    return Modes(linear.model, linear.experiment, point.time, made, units, note, linear.left_out)
+    return Modes(linear.model, linear.experiment, point.time, made, units, note, linear.unneeded)
 
 
 def _note(linear: Linearization) -> str:

@@ -179,7 +179,7 @@ class OperatingPoint:
         return followers(self.compilation, self.constraints.parameters) if self.made.facts.following else {}
 
     @property
-    def left_out(self) -> tuple[str, ...]:
+    def unneeded(self) -> tuple[str, ...]:
         """States that no requested output depends on, if those are left out."""
         return self.made.certificate.unneeded if self.made.scene.upstream else ()
 

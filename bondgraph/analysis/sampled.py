@@ -101,7 +101,7 @@ def sampled_loop(point: OperatingPoint) -> SampledLoop:
     linear = Linearization(
         program.name, point.made.plan.experiment, point.time, states, inputs,
         program.outputs.names, linear_units(point), above[:, :r], above[:, r:], middle[:, :r], middle[:, r:], point.state[reduced.chosen],
-        np.zeros(k + len(point.by)), point.outputs, point.rates[reduced.chosen], point.left_out,
+        np.zeros(k + len(point.by)), point.outputs, point.rates[reduced.chosen], point.unneeded,
     )  # fmt: skip
     return SampledLoop(linear, sampled, periods[0])
 

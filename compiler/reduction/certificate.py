@@ -98,7 +98,7 @@ class _Dependence:
         self.moving = {s.variable for s in space.states} | {u.variable for u in space.unknowns}
         self.given = {i for i, v in enumerate(space.variables) if v.role in ("time", "input")}
         steps = list(_behind_the_rates(space))
-        read = {a for step in steps for a in _read(step)} | {s.rate for s in space.states}
+        read = {a for step in steps for a in step.read} | {s.rate for s in space.states}
         self.driven = bool(read & self.given)
         for step in steps:
             if isinstance(step, LinearLoop):
@@ -154,14 +154,7 @@ def _behind_the_rates(space: StateSpace) -> Iterator[Assignment | LinearLoop]:
         needed.update(space.outputs.values())
     kept = []
     for step in reversed(space.steps):
-        targets = step.targets if isinstance(step, LinearLoop) else (step.target,)
-        if needed.intersection(targets):
+        if needed.intersection(step.targets):
             kept.append(step)
-            needed |= _read(step)
+            needed.update(step.read)
     return reversed(kept)
-
-
-def _read(step: Assignment | LinearLoop) -> set[int]:
-    if isinstance(step, LinearLoop):
-        return set(step.read)
-    return {e for e in step.arguments if isinstance(e, int)}

@@ -14,7 +14,7 @@ from functools import lru_cache
 from ..algebra.expression import ZERO, Apply, Expression, Number, Symbol, call, substitute
 from ..algebra.formula import Formula
 from ..algebra.operators import OPERATORS
-from ..equations.system import Argument, Assignment, EquationSystem
+from ..equations.system import Assignment, EquationSystem
 from .order import needed
 from .singular import LARGEST
 from .state_space import Entry, LinearLoop, StateSpace, Step
@@ -31,7 +31,7 @@ def at_rest(space: StateSpace, settable: Set[str]) -> frozenset[int]:
     """
     if space.switches or space.claims or space.invariants or space.balances:
         return frozenset()
-    return _Rest(space, settable).found()
+    return _Rest(space, settable).variables()
 
 
 def without(system: EquationSystem, zero: Set[int]) -> EquationSystem:
@@ -54,93 +54,89 @@ def without(system: EquationSystem, zero: Set[int]) -> EquationSystem:
 class _Rest:
     def __init__(self, space: StateSpace, settable: Set[str]) -> None:
         self.space, self.settable = space, settable
-        self.zero: set[int] = set()
-        self.values: dict[int, Expression | None] = {}  # a number, its symbol, or None if it may have no value
-        self.certain = False  # True once all values are known
+        self.zero = self._candidates()
+        self.values: dict[int, Expression | None] | None = None  # a number, its symbol, or None if it may have no value
 
-    def found(self) -> frozenset[int]:
-        self.zero |= self._candidates()
-        if self.zero:
-            for step in self.space.steps:
-                if self._vanishes(step):
-                    self.zero.update(_targets(step))
-            self._remove_moving()
-        if self.zero.isdisjoint(s.variable for s in self.space.states):
-            return frozenset()
-        for step in self.space.steps:
-            if isinstance(step, Assignment) and not step.implicit:
-                self.values[step.target] = self._settled(step, self._value)
-        self.certain = True
-        self._remove_moving()
-        return frozenset() if self.zero.isdisjoint(s.variable for s in self.space.states) else frozenset(self.zero)
+    def variables(self) -> frozenset[int]:
+        """Zero variables, first by the shape of the laws alone, which is enough for most models, then with a value for all that a law reads."""
+        steps = self.space.steps if self.zero else ()
+        for step in steps:
+            if self._vanishes(step):
+                self.zero.update(step.targets)
+        self._remove([s.variable for s in self.space.states if s.rate not in self.zero])
+        if self._states:
+            self.values = {}
+            for step in steps:
+                if isinstance(step, Assignment) and not step.implicit:
+                    self.values[step.target] = _settled(step, self._value)
+            self._remove([t for s in steps if not self.zero.isdisjoint(s.targets) and not self._vanishes(s) for t in s.targets])  # fmt: skip
+        return frozenset(self.zero if self._states else ())
+
+    @property
+    def _states(self) -> bool:
+        return any(s.variable in self.zero for s in self.space.states)
 
     def _candidates(self) -> set[int]:
         """States with a start of 0 that no event reads or sets."""
-        space = self.space
-        inputs: list[tuple[int, ...]] = [()] * len(space.variables)
-        for step in space.steps if space.events else ():
-            for target in _targets(step):
-                inputs[target] = _read(step)
-        roots = [v for e in space.events for v in (e.condition, *(s.target for s in e.settings))]
-        return {s.variable for s in space.states if s.start == 0.0 and isinstance(s.start, float)} - needed(roots, inputs)  # fmt: skip
+        roots = [v for e in self.space.events for v in (e.condition, *(s.target for s in e.settings))]
+        at_events = needed(roots, self.space.inputs) if roots else set[int]()
+        return {s.variable for s in self.space.states if isinstance(s.start, float) and s.start == 0.0} - at_events
 
-    def _remove_moving(self) -> None:
-        """Remove what does not vanish, and then what no longer does."""
+    def _remove(self, moving: list[int]) -> None:
+        """Remove variables from the zeros, and then what no longer vanishes."""
         users: dict[int, list[Step]] = {}
         for step in self.space.steps:
-            if not self.zero.isdisjoint(_targets(step)):
-                for variable in _read(step):
+            if not self.zero.isdisjoint(step.targets):
+                for variable in step.read:
                     users.setdefault(variable, []).append(step)
         moved_by: dict[int, list[int]] = {}
         for state in self.space.states:
             moved_by.setdefault(state.rate, []).append(state.variable)
-        waiting = [s.variable for s in self.space.states if s.variable in self.zero and s.rate not in self.zero]
-        if self.certain:
-            waiting += [t for s in self.space.steps for t in _targets(s) if t in self.zero and not self._vanishes(s)]
-        while waiting:
-            variable = waiting.pop()
+        while moving:
+            variable = moving.pop()
             if variable in self.zero:
                 self.zero.remove(variable)
-                waiting += moved_by.get(variable, ())
-                waiting += [t for s in users.get(variable, ()) if not self._vanishes(s) for t in _targets(s)]
+                moving += moved_by.get(variable, ())
+                moving += [t for s in users.get(variable, ()) if not self._vanishes(s) for t in s.targets]
 
     def _vanishes(self, step: Step) -> bool:
-        """Return True if what a step computes is zero; as long as values are not known, if it may be."""
+        """Return True if a step computes zero; before values are known, if it may."""
         if isinstance(step, LinearLoop):
             solved = len(step.targets) <= LARGEST and all(isinstance(self._value(g), Number) for g in step.gains)
-            return all(map(self._is_zero, step.right)) and (solved or not self.certain)
+            return (solved or self.values is None) and all(map(self._is_zero, step.right))
         if step.implicit:
             return False
-        if self.certain:
-            return self._settled(step, lambda v: ZERO if v in self.zero else self._value(v)) == ZERO
-        return _may_vanish(step.formula, frozenset(i for i, a in enumerate(step.arguments) if self._is_zero(a)))
+        if self.values is None:
+            return _may_vanish(step.formula, frozenset(i for i, a in enumerate(step.arguments) if self._is_zero(a)))
+        return _settled(step, lambda v: ZERO if v in self.zero else self._value(v)) == ZERO
 
     def _is_zero(self, entry: Entry) -> bool:
         return entry == 0.0 if isinstance(entry, float) else entry in self.zero
 
     def _value(self, variable: int) -> Expression | None:
-        known = self.space.variables[variable]
-        if known.role == "computed":
-            found = self.values.get(variable)
-            return found if found is None or isinstance(found, Number) else Symbol(variable)
-        if known.role == "parameter" and known.value is not None and known.name not in self.settable:
-            return Number(known.value)
+        """Return a number, or the symbol of a variable that surely has a finite value."""
+        quantity = self.space.variables[variable]
+        if quantity.role == "computed":
+            value = None if self.values is None else self.values.get(variable)
+            return value if value is None or isinstance(value, Number) else Symbol(variable)
+        if quantity.role == "parameter" and quantity.value is not None and quantity.name not in self.settable:
+            return Number(quantity.value)
         return Symbol(variable)
 
-    @staticmethod
-    def _settled(step: Assignment, read: Callable[[int], Expression | None]) -> Expression | None:
-        """Return the value of a step with known numbers put in; None if there may be none."""
 
-        def walk(x: Expression) -> Expression | None:
-            if isinstance(x, Symbol):
-                argument: Argument = step.arguments[x.key]
-                return Number(argument) if isinstance(argument, float) else read(argument)
-            if not isinstance(x, Apply):
-                return x
-            operands = [o for o in map(walk, x.operands) if o is not None]
-            return _applied(x.operator, operands) if len(operands) == len(x.operands) else None
+def _settled(step: Assignment, read: Callable[[int], Expression | None]) -> Expression | None:
+    """Return the value of a step with zeros and known numbers put in; None if there may be none."""
 
-        return walk(step.formula.expression)
+    def walk(x: Expression) -> Expression | None:
+        if isinstance(x, Symbol):
+            argument: Entry = step.arguments[x.key]
+            return Number(argument) if isinstance(argument, float) else read(argument)
+        if not isinstance(x, Apply):
+            return x
+        operands = [o for o in map(walk, x.operands) if o is not None]
+        return _applied(x.operator, operands) if len(operands) == len(x.operands) else None
+
+    return walk(step.formula.expression)
 
 
 def _applied(operator: str, operands: list[Expression]) -> Expression | None:
@@ -163,11 +159,3 @@ def _is_whole(exponent: Expression) -> bool:
 @lru_cache(maxsize=65536)
 def _may_vanish(formula: Formula, zeros: frozenset[int]) -> bool:
     return substitute(formula.expression, lambda s: ZERO if s.key in zeros else s) == ZERO
-
-
-def _targets(step: Step) -> tuple[int, ...]:
-    return step.targets if isinstance(step, LinearLoop) else (step.target,)
-
-
-def _read(step: Step) -> tuple[int, ...]:
-    return step.read if isinstance(step, LinearLoop) else tuple(a for a in step.arguments if isinstance(a, int))

@@ -13,7 +13,7 @@ def upstream(system: EquationSystem, states: Set[int]) -> EquationSystem:
     """Return the equations with these states alone, of which no rate reads another, and with the energies of this part."""
     inputs: list[list[int]] = [[] for _ in system.variables]
     for assignment in system.assignments:
-        inputs[assignment.target] = [a for a in assignment.arguments if not isinstance(a, float)]
+        inputs[assignment.target] = [*assignment.read]
     for derivative in system.derivatives:
         inputs[derivative.target] = [derivative.of]
     behind: set[int] = set()  # all that depends on the other states
