@@ -219,14 +219,14 @@ class Compilation:
     def _at_rest(self) -> frozenset[int]:
         """Variables that stay at zero from the starts; none where a run begins otherwise, or has tolerances of states by name."""
         scene, plan = self.scene, self.plan
-        if not scene.from_start or self.everything or scene.companion or scene.preferences:
+        if not scene.from_start or self.everything or scene.companion or scene.preferences or scene.free:
             return frozenset()
         if plan.equilibrium or plan.tolerances:
             return frozenset()
         whole = self.whole_space
         if scene.opened:  # the same states as with closed loops
             whole = reduce_equations(self.equations, False, self.graph.span)
-        return at_rest(whole, self.later | scene.free)
+        return at_rest(whole, self.later)
 
     @cached_property
     def whole_space(self) -> StateSpace:

@@ -385,6 +385,7 @@ def _left_out(legs: Sequence[Phase], balance: EnergyBalance | None) -> Truncatio
 
 def _with_earlier(begin: PhaseTransition, before: PhaseTransition | None, leg: Phase) -> PhaseTransition:
     """Return a handover completed by data of earlier programs: a state that is constant in one program may move in the next."""
+    begin = replace(begin, stored={**dict.fromkeys(leg.compilation.certificate.unexcited, 0.0), **begin.stored})
     if before is not None:
         begin = replace(begin, stored={**before.stored, **begin.stored}, peaks={**before.peaks, **begin.peaks})
     past = None if leg.history is None else leg.history.past()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Set
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache
 
 from ..algebra.expression import ZERO, Apply, Expression, Number, Symbol, call, substitute
 from ..algebra.formula import Formula
@@ -102,8 +102,10 @@ class _Rest:
     def _vanishes(self, step: Step) -> bool:
         """Return True if a step computes zero; before values are known, if it may."""
         if isinstance(step, LinearLoop):
-            solved = len(step.targets) <= LARGEST and all(isinstance(self._value(g), Number) for g in step.gains)
-            return (solved or self.values is None) and all(map(self._is_zero, step.right))
+            solved = self.values is None or (
+                len(step.targets) <= LARGEST and all(isinstance(self._value(g), Number) for g in step.gains)
+            )
+            return solved and all(map(self._is_zero, step.right))
         if step.implicit:
             return False
         if self.values is None:
@@ -127,6 +129,7 @@ class _Rest:
 def _settled(step: Assignment, read: Callable[[int], Expression | None]) -> Expression | None:
     """Return the value of a step with zeros and known numbers put in; None if there may be none."""
 
+    @cache
     def walk(x: Expression) -> Expression | None:
         if isinstance(x, Symbol):
             argument: Entry = step.arguments[x.key]

@@ -216,3 +216,29 @@ def test_sweeps_from_rest() -> None:
 def test_noise_does_not_hide_a_rest() -> None:
     """A noise at the driven one alone."""
     assert unexcited(with_more("Se also : F = 1 N*noise(time, 0.1 s, 1)\n  also -> body[1]")) == SECOND
+
+
+def test_another_choice_of_states_has_those_at_rest() -> None:
+    """Two capacitors exchange their places as state; the program after that has all states, from what they are there."""
+    text = """
+model Exchange {
+  signal n = exp(12*sin(time/1 s))
+  0 left, right : electric
+  C a : q = 2 F*u { start u = 1 V }
+  C b : q = 3 F*u
+  MTF t : u1 = n*u2
+  left -> t -> right
+  left -> a
+  right -> b
+  1 idle
+  I coil : lambda = 1 H*i
+  C store : q = 1 F*u
+  R wire : u = 1 ohm*i
+  idle -> coil, store, wire
+  output ua = a.u, ub = b.u, rest = store.u
+  experiment go { simulate 0 .. 6 s; report ua, ub, rest }
+}
+"""
+    lean, whole = both(text)
+    assert set(lean.certificate.unexcited) == {"coil.lambda", "store.q"}
+    assert not lean["rest"].any() and np.abs(lean["ua"] - whole["ua"]).max() < 1e-4 * np.abs(whole["ua"]).max()
