@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph import UsageError
+from bondgraph import RunFailed, UsageError
 from bondgraph.model import Model
 from bondgraph.prepared import chosen_target
 from bondgraph.results.result import Result
@@ -137,6 +137,42 @@ def test_where_something_moves_it_or_may_nothing_is_left_out(lines: str) -> None
     assert unexcited(with_more(lines)) == ()
 
 
+READINGS = {
+    "a condition at its bound": "MSe also : F = 1 N if spring[2].x >= 0 m else 2 N\n  also -> body[1]",
+    "a strict one": "MSe also : F = 1 N if spring[2].x < 0 m else 2 N\n  also -> body[1]",
+    "a kink": "MSe also : F = 1 N*abs(spring[2].x/1 m) + 1 N*sqrt(spring[2].x/1 m)\n  also -> body[1]",
+    "a table": "output z = linear(spring[2].x, (-1 m, 2 m), (2, 3))",
+    "a requirement": 'require spring[2].x > 1 mm "too near"',
+}
+
+
+@pytest.mark.parametrize("lines", READINGS.values(), ids=list(READINGS))
+def test_what_reads_a_state_at_rest_reads_zero(lines: str) -> None:
+    assert unexcited(with_more(lines)) == SECOND
+    lean, whole = both(with_more(lines))
+    assert [str(w) for w in lean.warnings] == [str(w) for w in whole.warnings]
+    assert len(lean.warnings) == ("require" in lines)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "output z = 1 m/spring[2].x",
+        "output z = linear(spring[2].x, (1 m, 2 m), (2, 3))",
+        "MSe also : F = 1 N*linear(spring[2].x, (1 m, 2 m), (2, 3))\n  also -> body[1]",
+        "MSe also : F = 1 N*linear(spring[1].x, (-0.1 m, 0 m, 0.1 m), (-2, 0, 3))*spring[2].x/1 m\n  also -> body[2]",
+    ],
+)
+def test_what_fails_with_all_states_fails_without(lines: str) -> None:
+    model = bondgraph.load(with_more(lines))
+    with pytest.raises(RunFailed) as lean:
+        model.simulate()
+    scene = replace(settle(model, "", {}, None, False, "numpy").scene, from_start=False)
+    with pytest.raises(RunFailed) as whole:
+        run(model, scene, {}, RunOptions(target="numpy"))
+    assert str(lean.value)[:60] == str(whole.value)[:60]
+
+
 def test_settings_decide() -> None:
     """A number that a run sets is an argument of its program, for all values; so is a start that reads one."""
     assert unexcited(PAIR, {"k": 3.0}) == SECOND
@@ -242,3 +278,37 @@ model Exchange {
     lean, whole = both(text)
     assert set(lean.certificate.unexcited) == {"coil.lambda", "store.q"}
     assert not lean["rest"].any() and np.abs(lean["ua"] - whole["ua"]).max() < 1e-4 * np.abs(whole["ua"]).max()
+
+
+LINKS = (  # from a body `a` to a body `b`, by the number of the link
+    "0 j{j} : translation\n  C k{j} : F = 1.5 [N/m]*x\n  b{a} -> j{j} -> b{b}\n  j{j} -> k{j}",
+    "MR d{j} : F = 1 [N*s/m]*cos(c{a}.x/1 m)*v\n  b{b} -> d{j}",
+    "MSe s{j} : F = 0.7 [N/m^2]*c{a}.x*c{b}.x\n  s{j} -> b{b}",
+    "MSe s{j} : F = 0.4 [N*s/m]*m{a}.v\n  s{j} -> b{b}",
+    "MSe s{j} : F = off*cos(time/1 s)\n  s{j} -> b{b}",
+    "Se s{j} : F = 1 N*sin(2 [1/s]*time)\n  s{j} -> b{b}",
+    "signal w{j} = integral(c{a}.x/1 m, 0 s)\n  MSe s{j} : F = 0.2 [N/s]*w{j}\n  s{j} -> b{b}",
+    "TF t{j} : F1 = 2*F2\n  1 e{j} : translation\n  I n{j} : p = 0.3 kg*v\n  b{b} -> t{j} -> e{j} -> n{j}",
+)
+SPRINGS = ("3 [N/m]*x + 2 [N/m^3]*x^3", "2 N*sin(x/1 m)", "1 N*(exp(x/1 m) - 1)", "5 [N/m]*x + 1 [N/m^2]*x*abs(x)")
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_couplings(seed: int) -> None:
+    """Exactly the oscillators that stay at zero in a run of all states are left out."""
+    dice = np.random.default_rng(seed)
+    count, lines = int(dice.integers(3, 6)), ["model Many {", "  input off = 0 N"]
+    for k in range(count):
+        start = " { start x = 0.2 m }" if dice.random() < 0.15 else ""
+        lines += [f"  1 b{k} : translation", f"  I m{k} : p = 2 kg*v", f"  C c{k} : F = {dice.choice(SPRINGS)}{start}"]
+        lines += [f"  R r{k} : F = 0.3 N*tanh(v/1 [m/s])", f"  b{k} -> m{k}, c{k}, r{k}"]
+    for j in range(dice.integers(1, 2 * count)):
+        a, b = dice.choice(count, 2, replace=False)
+        lines.append("  " + str(dice.choice(LINKS)).format(a=a, b=b, j=j))
+    lines += [f"  output x{k} = c{k}.x" for k in range(count)]
+    lean, whole = both(
+        "\n".join([*lines, "  experiment go { simulate 0 .. 1 s { rtol = 1e-8 } }\n}\n"]), target="numpy"
+    )
+    still = {f"c{k}.x" for k in range(count) if not whole[f"x{k}"].any()}
+    assert {n for n in lean.certificate.unexcited if n.startswith("c")} == still
+    assert np.abs(lean.values - whole.values).max() < 1e-7
