@@ -2,7 +2,8 @@
 
 A run need not compute them. The set is the greatest one with that property: all states with a start of 0 are taken, then those that
 something moves are removed, each variable once. A variable counts as zero only if its equation certainly has the value zero: what is
-multiplied by a zero must have a value for all numbers, so that no division, logarithm, table or choice is passed over.
+multiplied by a zero must have a value for all numbers, so that no division by a variable, no logarithm and no table is passed over, and no
+condition may be at its bound.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from .singular import LARGEST
 from .state_space import Entry, LinearLoop, StateSpace, Step
 
 CONTINUOUS = frozenset({"abs", "min", "max"})  # besides the smooth functions
-TOTAL = CONTINUOUS | {"add", "multiply", "sin", "cos", "tanh", "atan"}  # finite for all numbers
+TOTAL = CONTINUOUS | {"add", "multiply", "sin", "cos", "tanh", "atan", "select"}  # finite for all numbers
 
 
 def at_rest(space: StateSpace, settable: Set[str]) -> frozenset[int]:
@@ -145,14 +146,16 @@ def _settled(step: Assignment, read: Callable[[int], Expression | None]) -> Expr
 def _applied(operator: str, operands: list[Expression]) -> Expression | None:
     """Return an operator applied to operands that have values; None if it may have none, or jumps or is infinitely steep there."""
     row = OPERATORS[operator]
-    if all(isinstance(o, Number) for o in operands):
-        steep = operands[0] == ZERO and operator in ("sqrt", "power") and not _is_whole(operands[-1])
-        value = call(operator, *operands) if row.kind == "function" and not steep else None
-        return value if isinstance(value, Number) and (row.smooth or operator in CONTINUOUS) else None
-    total = operator in TOTAL or (operator == "power" and _is_whole(operands[1]))
-    if operator == "divide" and isinstance(operands[1], Number) and operands[1] != ZERO:
-        total = True
-    return call(operator, *operands) if total else None
+    numbers = all(isinstance(o, Number) for o in operands)
+    if row.kind == "condition":
+        return None if numbers and operands[0] == operands[-1] else Apply(operator, tuple(operands))  # not at its bound
+    if operator == "select" or not numbers:
+        total = operator in TOTAL or (operator == "power" and _is_whole(operands[1]))
+        divides = operator == "divide" and isinstance(operands[1], Number) and operands[1] != ZERO
+        return call(operator, *operands) if total or divides else None
+    steep = operands[0] == ZERO and operator in ("sqrt", "power") and not _is_whole(operands[-1])
+    value = call(operator, *operands) if row.kind == "function" and not steep else None
+    return value if isinstance(value, Number) and (row.smooth or operator in CONTINUOUS) else None
 
 
 def _is_whole(exponent: Expression) -> bool:
@@ -161,4 +164,15 @@ def _is_whole(exponent: Expression) -> bool:
 
 @lru_cache(maxsize=65536)
 def _may_vanish(formula: Formula, zeros: frozenset[int]) -> bool:
-    return substitute(formula.expression, lambda s: ZERO if s.key in zeros else s) == ZERO
+    return _may_be_zero(substitute(formula.expression, lambda s: ZERO if s.key in zeros else s))
+
+
+def _may_be_zero(x: Expression) -> bool:
+    """Return True if an expression may be zero where its symbols are not: a product by any factor, a choice by any branch."""
+    if not isinstance(x, Apply):
+        return x == ZERO
+    if x.operator == "add":
+        return all(map(_may_be_zero, x.operands))
+    if x.operator in ("divide", "power"):
+        return _may_be_zero(x.operands[0])
+    return x.operator in TOTAL and any(map(_may_be_zero, x.operands))

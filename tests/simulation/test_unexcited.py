@@ -103,6 +103,9 @@ LAWS = {
     "quotient of a number": "R drag : F = tanh(v/0.1 [m/s])*1 N\n  body[2] -> drag",
     "exponential": "R diode : F = 1 N*(exp(v/1 [m/s]) - 1)\n  body[2] -> diode",
     "square": "R drag : F = 1 [N*s^2/m^2]*v*abs(v)\n  body[2] -> drag",
+    "choice of a factor": "MSe also : F = spring[2].x*(1 [N/m] if spring[1].x > 0.1 m else 2 [N/m])\n  also -> body[2]",
+    "stop": "parameter gap = 1 mm\n  C stop : F = 1e3 [N/m]*max(x - gap, 0)\n  MR film : F = stop.F*max(v/1 [m/s], -1)\n  body[2] -> stop, film",
+    "backlash": "parameter play = 1 mm\n  C flank : F = 1e3 [N/m]*(x - play) if x > play else 1e3 [N/m]*(x + play) if x < -play else 0 N\n  body[2] -> flank",
     "shared displacement": "C also : F = 2 [N/m]*x\n  body[2] -> also",
     "transformer": "TF lever : F1 = 3*F2\n  1 far\n  I also : p = 2 kg*v\n  body[2] -> lever -> far -> also",
     "algebraic loop": "0 j\n  R a : F = 1 [N*s/m]*v\n  R b : F = 2 [N*s/m]*v\n  1 e\n  R c : F = 1 [N*s/m]*v\n  body[2] -> j -> a, e\n  e -> b, c",
@@ -128,7 +131,7 @@ EXCITED = {
     "a switched junction": "mode on = true\n  when time > 0.3 s { on = false }\n  1 gate { active = on }\n  R brake : F = 1 [N*s/m]*v\n  C soft : F = 1 [N/m]*x\n  gate -> brake, soft\n  0 j\n  body[2] -> j -> gate",
     "a jump at rest": "R dry : F = 0.1 N*sign(v)\n  body[2] -> dry",
     "a quotient by a state": "MSe also : F = spring[2].x*1 [N*m]/(spring[1].x + 9 m)/1 m\n  also -> body[2]",
-    "a choice": "MSe also : F = spring[2].x*(1 [N/m] if spring[1].x > 0.1 m else 2 [N/m])\n  also -> body[2]",
+    "a stop that is reached": "C stop : F = 1e3 [N/m]*(x - 1 mm) if x > -1 mm else 0 N\n  body[2] -> stop",
 }  # fmt: skip
 
 
@@ -160,6 +163,7 @@ def test_what_reads_a_state_at_rest_reads_zero(lines: str) -> None:
         "output z = 1 m/spring[2].x",
         "output z = linear(spring[2].x, (1 m, 2 m), (2, 3))",
         "MSe also : F = 1 N*linear(spring[2].x, (1 m, 2 m), (2, 3))\n  also -> body[1]",
+        "R dry : F = 0.1 N if v > 0 [m/s] else -0.1 N\n  body[2] -> dry",  # slides along its condition
         "MSe also : F = 1 N*linear(spring[1].x, (-0.1 m, 0 m, 0.1 m), (-2, 0, 3))*spring[2].x/1 m\n  also -> body[2]",
     ],
 )
