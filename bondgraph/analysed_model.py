@@ -86,29 +86,31 @@ class AnalysedModel(CompiledModel):
     ) -> Linearization:  # fmt: skip
         """Return A, B, C, D by exact derivatives of the equations, at the equilibrium, the "start", or given states (by name, in SI).
 
-        From `inputs` (None: the model's; parameters and signals are allowed too) to `outputs` (None: all). `options`: `experiment`, `settings`, `state`,
-        `time` as for `modes`. Raises as `operating_point`.
+        From `inputs` (None: the model's; parameters and signals are allowed too) to `outputs` (None: all, and all states; else without the states that none of
+        them depends on). `options`: `experiment`, `settings`, `state`, `time` as for `modes`. Raises as `operating_point`.
         """
         from .analysis.linear import linearization
         from .analysis.operating_point import AnalysisRequest
 
         check_keywords(self.linearize, options, PointKeywords.__optional_keys__)
         by = self.inputs if inputs is None else tuple(inputs)
-        return linearization(self.operating_point(AnalysisRequest(outputs=names_of(outputs), by=by, **options)))
+        request = AnalysisRequest(outputs=names_of(outputs), by=by, upstream=outputs is not None, **options)
+        return linearization(self.operating_point(request))
 
     def modes(
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
-        state: str | Mapping[str, float] = "equilibrium", time: float | None = None,
+        state: str | Mapping[str, float] = "equilibrium", time: float | None = None, outputs: Sequence[str] | None = None,
     ) -> Modes:  # fmt: skip
         """Return frequencies (Hz), damping, shapes and the energy of each element, at the equilibrium, the "start" or given states (`state`).
 
         `experiment`: its settings and start values are used (None: none, "": the first). `settings`: parameters and inputs by name. `time`: the instant at
-        which inputs are held (s; None: begin of the experiment).
+        which inputs are held (s; None: begin of the experiment). `outputs`: only these, and only modes of the states that they depend on (None: all).
         """
         from .analysis.modes import modes
         from .analysis.operating_point import AnalysisRequest
 
-        return modes(self.operating_point(AnalysisRequest(experiment, settings, state=state, time=time)))
+        request = AnalysisRequest(experiment, settings, names_of(outputs), (), state, time, outputs is not None)
+        return modes(self.operating_point(request))
 
     def sensitivity(
         self, parameters: Sequence[str] | None = None, of: str | tuple[str, ...] = ("equilibrium", "modes"),
@@ -247,7 +249,8 @@ class AnalysedModel(CompiledModel):
 
         check_keywords(self.response, options, PointKeywords.__optional_keys__)
         by = self.inputs if inputs is None else names_of(inputs) or ()
-        point = self.operating_point(AnalysisRequest(outputs=names_of(outputs), by=by, **options))
+        request = AnalysisRequest(outputs=names_of(outputs), by=by, upstream=outputs is not None, **options)
+        point = self.operating_point(request)
         if is_sampled(point):
             return sampled_response(point, low, high, points)
         return response(linearization(point), low, high, points)

@@ -46,6 +46,7 @@ class Certificate:
     redundant: tuple[str, ...] = ()  # those that follow from others where the mechanism was drawn
     events: tuple[str, ...] = ()  # events: `when`, `every`, switched junctions, delays, with their lines
     following: tuple[str, ...] = ()  # storages and `integral` signals that share the state of another
+    unexcited: tuple[str, ...] = ()  # states that stay at zero, as nothing moves them: a run does not compute them
 
     @property
     def reduced(self) -> bool:
@@ -57,6 +58,8 @@ class Certificate:
         """The certificate in one line."""
         parts = [self.form + (f", reduced from index {self.index}" if self.reduced else "")]
         parts.append(_count(len(self.states), "state"))
+        if self.unexcited:
+            parts.append(f"{_count(len(self.unexcited), 'state')} that nothing excites")
         if self.states or self.loops:
             parts.append(("linear" if self.linear else "nonlinear") + (", time-varying" if self.time_varying else ""))
             parts.append("driven" if self.driven else "autonomous")
@@ -89,6 +92,7 @@ class Certificate:
             yield f"{word} loop of {_count(loop.size, 'unknown')} through", loop.members
         yield "left out, as it gives nothing", self.left_out
         yield "left out, as no output needs it", self.unneeded
+        yield "left out, as nothing excites it", self.unexcited
 
     def to_json(self) -> dict[str, Any]:
         """Data for `json.dumps`: `bondgraph-certificate/1`, the fields under their own names."""
@@ -99,7 +103,7 @@ class Certificate:
             "linear": self.linear, "time_varying": self.time_varying, "driven": self.driven,
             "left_out": list(self.left_out), "unneeded": list(self.unneeded), "notes": list(self.notes),
             "constraints": self.constraints, "redundant": list(self.redundant), "events": list(self.events),
-            "following": list(self.following),
+            "following": list(self.following), "unexcited": list(self.unexcited),
         }  # fmt: skip
 
 

@@ -40,6 +40,8 @@ from .reduction import (
     without_what_cancels,
 )
 from .reduction.errors import DerivativeWithoutEnd, SingularLoop
+from .reduction.unexcited import at_rest, without
+from .reduction.upstream import upstream
 from .scene import Plan, RunMetadata, Scene
 from .semantics import Built, build_graph, is_part
 from .semantics.expressions.unit_ambiguity import ambiguous_products, unit_notes
@@ -186,8 +188,49 @@ class Compilation:
         with self._instances():
             return derive_equations(self.causal, self.zeros, self._free, self._changed)
 
-    @cached_property
+    @property
     def state_space(self) -> StateSpace:
+        """The equations that this scene computes: of a run without states that nothing excites, of a part without those behind no output."""
+        return self._computed[0]
+
+    @property
+    def unexcited(self) -> tuple[str, ...]:
+        """States that stay at zero in a run of this scene, which does not compute them."""
+        return self._computed[1]
+
+    @cached_property
+    def _computed(self) -> tuple[StateSpace, tuple[str, ...]]:
+        whole, system, left = self.whole_space, self.equations, self._at_rest
+        if left:
+            system = without(system, left)
+        elif self.scene.upstream and self.scene.outputs is not None:
+            part = reduce_equations(system, False, self.graph.span, self.scene.opened)
+            system = upstream(system, {s.variable for s in part.states})
+        else:
+            return whole, ()
+        try:
+            space = reduce_equations(system, self.everything, self.graph.span, self.scene.opened)
+        except CompilationFailed:  # nothing would remain, or what cancels was left out
+            return whole, ()
+        variables = self.equations.variables
+        return space, tuple(variables[s.variable].name for s in self.equations.states if s.variable in left)
+
+    @property
+    def _at_rest(self) -> frozenset[int]:
+        """Variables that stay at zero from the starts; none where a run begins otherwise, or has tolerances of states by name."""
+        scene, plan = self.scene, self.plan
+        if not scene.from_start or self.everything or scene.companion or scene.preferences or scene.free:
+            return frozenset()
+        if plan.equilibrium or plan.tolerances:
+            return frozenset()
+        whole = self.whole_space
+        if scene.opened:  # the same states as with closed loops
+            whole = reduce_equations(self.equations, False, self.graph.span)
+        return at_rest(whole, self.later)
+
+    @cached_property
+    def whole_space(self) -> StateSpace:
+        """The equations behind the outputs, or all of them, in which each loop has a solution."""
         with self._instances():
             try:
                 space = self._reduced
@@ -291,7 +334,7 @@ class Compilation:
             *self._notes_on_settings,
             *wishes,
         )
-        return certify(self.state_space, self.equations, left_out, told)
+        return certify(self.state_space, self.equations, (left_out, self.unexcited), told)
 
     @property
     def _notes_on_settings(self) -> Iterator[str]:
@@ -310,18 +353,18 @@ class Compilation:
         quantities = self.whole_graph.quantities
         units = {name: quantities[name].unit for name in sorted(self.later)}
         positive = tuple((words, over_arguments(bound, quantities)) for words, bound in self._built.positive)
-        looped = frozenset() if not self.later else behind_loops(space) & self.later
+        looped = frozenset() if not self.later else behind_loops(self.whole_space) & self.later
         unknown = {u.variable: i for i, u in enumerate(space.unknowns)}
         laws = tuple((unknown[w.row], unknown[w.argument], unknown[w.value], w.effort) for w in space.laws)
         return RunMetadata(
             mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written),
             _following(space, places), self.valves, self.gaps,
-            integrands(self.whole_graph), laws, zero_divisors(space, self.later),
+            integrands(self.whole_graph), laws, zero_divisors(self.whole_space, self.later),
         )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:
         """Raise `CompilationFailed` if a linear loop has no solution with these values of quantities set when a run begins."""
-        space = self.state_space
+        space = self.whole_space
         known = tuple(replace(v, value=values.get(v.name, v.value)) for v in space.variables)
         refuse_singular_loops(replace(space, variables=known), self.equations, self.scene.free)
 

@@ -55,6 +55,8 @@ class Scene:
     companion: bool = False  # the companion network instead of the model; `off` are then its other switched junctions
     # loops are cut at both variables of each nonlinear law in them, for a solution that has to be looked for
     opened: bool = False
+    from_start: bool = False  # a run from the starts, which leaves out states that nothing excites
+    upstream: bool = False  # an analysis without the states on which none of `outputs` depends
 
 
 @dataclass(frozen=True, slots=True)

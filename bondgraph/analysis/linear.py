@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from .json_values import head, named, rows_of, with_units
 from .operating_point import OperatingPoint
 
 SCHEMA = "bondgraph-linearization/1"
+NAMED = 6  # most names in a note
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +24,7 @@ class Linearization(Summarised):
     """Matrices A (n, n), B (n, k), C (m, n), D (m, k), in SI, for `states`, `inputs` and `outputs` by the author's names.
 
     `states` are the free ones: coordinates tied by loop joints follow them, unknowns of loops are eliminated. `x` (n,), `u` (k,), `y` (m,) are the
-    values at the point, `rates` (n,) is x' there: zero at an equilibrium.
+    values at the point, `rates` (n,) is x' there: zero at an equilibrium. `unneeded`: states that no requested output depends on.
     """
 
     model: str
@@ -41,6 +42,12 @@ class Linearization(Summarised):
     u: Array
     y: Array
     rates: Array
+    unneeded: tuple[str, ...] = ()
+
+    @property
+    def note(self) -> str:
+        """Note on the states that are left out; empty for the whole model."""
+        return part_note(self.unneeded)
 
     def to_scipy(self) -> Any:
         """Return a continuous `scipy.signal.StateSpace`. Raises ValueError without an input or output, as that has no such form."""
@@ -62,7 +69,8 @@ class Linearization(Summarised):
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by the schema `bondgraph-linearization/1`, in SI.
 
-        {schema, model, experiment, time, states, inputs, outputs: {name: {value, unit}}, A, B, C, D (rows), rates}.
+        {schema, model, experiment, time, states, inputs, outputs: {name: {value, unit}}, A, B, C, D (rows), rates}; and `unneeded`, states that no
+        requested output depends on.
         """
         entries = {**head(SCHEMA, self), "time": self.time}
         for word, names, values in (
@@ -70,6 +78,7 @@ class Linearization(Summarised):
         ):  # fmt: skip
             entries[word] = with_units(named(names, values), self.units)
         entries |= {word: rows_of(getattr(self, word)) for word in "ABCD"}
+        entries |= {"unneeded": list(self.unneeded)} if self.unneeded else {}
         return {**entries, "rates": rows_of([self.rates])[0]}
 
 
@@ -90,7 +99,7 @@ def linearization(point: OperatingPoint, partial: bool = False) -> Linearization
     return Linearization(
         program.name, point.made.plan.experiment, point.time, tuple(program.states.names[i] for i in chosen), point.by,
         program.outputs.names, linear_units(point), state_slopes, by_slopes, output_slopes, through, point.state[chosen],
-        point.values_of(point.by), point.outputs, point.rates[chosen],
+        point.values_of(point.by), point.outputs, point.rates[chosen], point.unneeded,
     )  # fmt: skip
 
 
@@ -100,6 +109,15 @@ def linear_units(point: OperatingPoint) -> dict[str, str]:
     units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
     units |= dict(zip(program.states.names, program.states.units, strict=True))
     return units | {n: space.variables[space.quantities[n]].unit for n in point.by if n in space.quantities}
+
+
+def part_note(unneeded: Sequence[str], more: str = "") -> str:
+    """Return the note on a part of a model: the states that are left out. Empty for the whole."""
+    if not unneeded:
+        return ""
+    names = ", ".join(f"`{n}`" for n in unneeded[:NAMED]) + (", …" if len(unneeded) > NAMED else "")
+    states, them = ("1 state is", "it") if len(unneeded) == 1 else (f"{len(unneeded)} states are", "them")
+    return f"{states} left out, as no requested output depends on {them}: {names}{more}"
 
 
 def state_matrix(point: OperatingPoint) -> Array:

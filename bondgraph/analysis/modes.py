@@ -18,7 +18,7 @@ from compiler.api import Array, ComplexArray, Leaf, letters
 from ..numerics.scales import nonzero
 from ..rendering import Summarised
 from .json_values import finite, head, pair
-from .linear import Linearization, linearization, state_matrix
+from .linear import Linearization, linearization, part_note, state_matrix
 from .operating_point import OperatingPoint
 from .spectrum import spectrum
 
@@ -104,14 +104,18 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class Modes(Sequence[Mode], Summarised):
-    """Modes at a point, slowest first; `units` of states and outputs."""
+    """Modes at a point, slowest first; `units` of states and outputs.
+
+    `unneeded`: states that no requested output depends on. Modes of these alone are not among them, and energies are those of the part that is left.
+    """
 
     model: str
     experiment: str | None
     time: float
     modes: tuple[Mode, ...]
     units: Mapping[str, str]
-    note: str = ""  # of a point that is neither at rest nor in a steady motion
+    note: str = ""  # of a point that is neither at rest nor in a steady motion, and of a part
+    unneeded: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.modes)
@@ -131,10 +135,11 @@ class Modes(Sequence[Mode], Summarised):
         """Return JSON values by the schema `bondgraph-modes/1`, frequencies in Hz, all else in SI.
 
         {schema, model, experiment, time, units, modes: [{eigenvalue: {re, im}, frequency, damped_frequency, damping, energy: {element: share}, shape,
-        outputs: {name: {re, im}}}]}; and `note` where the point changes with time.
+        outputs: {name: {re, im}}}]}; `note` where the point changes with time, and of a part of the model, with the states `unneeded`.
         """
         entries = {**head(SCHEMA, self), "time": self.time}
         entries |= {"note": self.note} if self.note else {}
+        entries |= {"unneeded": list(self.unneeded)} if self.unneeded else {}
         return {**entries, "units": dict(self.units), "modes": [m.to_json() for m in self.modes]}
 
 
@@ -158,7 +163,9 @@ def modes(point: OperatingPoint) -> Modes:
     made = tuple(
         Mode(complex(v), names_of_all, shapes[:, i], amplitudes[:, i], shares[:, i]) for i, v in enumerate(values)
     )  # fmt: skip
-    return Modes(linear.model, linear.experiment, point.time, made, units, _note(linear))
+    part = part_note(linear.unneeded, "; their own modes are not shown, and shapes and energies are those of the rest")
+    note = "; ".join(filter(None, (_note(linear), part)))
+    return Modes(linear.model, linear.experiment, point.time, made, units, note, linear.unneeded)
 
 
 def _note(linear: Linearization) -> str:

@@ -54,7 +54,7 @@ class AnalysisRequest:
     """Request for an operating point.
 
     `state`: "equilibrium", "start", or values of states by name (the rest as at the start). `by`: quantities by which derivatives are taken;
-    `outputs`: None for all.
+    `outputs`: None for all. `upstream`: without the states that no named output depends on.
     """
 
     experiment: str | None = None
@@ -63,6 +63,7 @@ class AnalysisRequest:
     by: tuple[str, ...] = ()
     state: str | Mapping[str, float] = "equilibrium"
     time: float | None = None  # None: where the experiment begins
+    upstream: bool = False
 
 
 class OperatingPoint:
@@ -176,6 +177,11 @@ class OperatingPoint:
         from .following import followers
 
         return followers(self.compilation, self.constraints.parameters) if self.made.facts.following else {}
+
+    @property
+    def unneeded(self) -> tuple[str, ...]:
+        """States that no requested output depends on, if those are left out."""
+        return self.made.certificate.unneeded if self.made.scene.upstream else ()
 
     @property
     def left(self) -> tuple[LimitLeft, ...]:
@@ -431,13 +437,14 @@ def operating_point(
     settings = asked.settings or {}
     settled = settle(model, asked.experiment, settings, asked.outputs, True, target)
     if settled.values or moved:
-        scene = replace(settled.scene, free=frozenset(asked.by), by=asked.by)
+        scene = replace(settled.scene, free=frozenset(asked.by), by=asked.by, upstream=asked.upstream)
         try:
             return placed(model.prepared(scene, True, target), asked, {**settled.values, **(moved or {})})
         except RunFailed:
             if moved or all(settled.values.values()):
                 raise  # otherwise a zero may change the equations of the model: it is compiled in
-    scene = replace(model.scene(asked.experiment, settings, asked.by, asked.outputs), by=asked.by)
+    scene = model.scene(asked.experiment, settings, asked.by, asked.outputs)
+    scene = replace(scene, by=asked.by, upstream=asked.upstream)
     return placed(model.prepared(scene, True, target), asked)
 
 

@@ -57,12 +57,14 @@ def prices(
     model: CompiledModel, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None, seconds: float
 ) -> Prices:  # fmt: skip
     """Compile an experiment for each output alone, and for zeros of its parameters and inputs as long as `seconds` last. Raises `CompilationFailed`."""
-    compilation = model.compilation(model.scene(experiment, settings, outputs=outputs))
+
+    def compiled(names: tuple[str, ...] | None, zero: Mapping[str, float]) -> Compilation:
+        scene = model.scene(experiment, {**settings, **zero}, outputs=names)
+        return model.compilation(replace(scene, fixed=frozenset(zero), from_start=True))
+
+    compilation = compiled(outputs, {})
     whole, until = _price(compilation), clock.monotonic() + seconds
-    alone = {
-        name: _price(model.compilation(model.scene(experiment, settings, outputs=(name,))))
-        for name in compilation.lowered.space.outputs
-    }
+    alone = {name: _price(compiled((name,), {})) for name in compilation.lowered.space.outputs}
     zeros: dict[str, Price] = {}
     untried = []
     quantities = compilation.whole_graph.quantities
@@ -71,8 +73,7 @@ def prices(
             untried.append(name)
             continue
         try:
-            scene = model.scene(experiment, {**settings, name: 0.0}, outputs=outputs)
-            price = _price(model.compilation(replace(scene, fixed=frozenset([name]))))
+            price = _price(compiled(outputs, {name: 0.0}))
         except CompilationFailed:  # it divides, or nothing moves without it
             continue
         if (price.states, price.rates + price.jacobian) < (whole.states, whole.rates + whole.jacobian):

@@ -117,8 +117,9 @@ def response(linear: Linearization, low: float | None, high: float | None, point
     frequencies = frequencies_between(np.linalg.eigvals(linear.A), low, high, points)
     found = bounded_eigenvalues(linear.A)
     undamped = (np.abs(found.values.real) <= found.bounds) & (np.abs(found.values.imag) > found.bounds)
+    notes = tuple(filter(None, (linear.note,)))
     return with_extrema(
-        Response(linear.model, linear.experiment, linear.inputs, linear.outputs, linear.units, frequencies, np.zeros((0, 0, 0), dtype=complex)),
+        Response(linear.model, linear.experiment, linear.inputs, linear.outputs, linear.units, frequencies, np.zeros((0, 0, 0), dtype=complex), notes=notes),
         lambda f: transfer(linear, 2j * np.pi * f), found.values, undamped,
     )  # fmt: skip
 

@@ -101,7 +101,7 @@ def sampled_loop(point: OperatingPoint) -> SampledLoop:
     linear = Linearization(
         program.name, point.made.plan.experiment, point.time, states, inputs,
         program.outputs.names, linear_units(point), above[:, :r], above[:, r:], middle[:, :r], middle[:, r:], point.state[reduced.chosen],
-        np.zeros(k + len(point.by)), point.outputs, point.rates[reduced.chosen],
+        np.zeros(k + len(point.by)), point.outputs, point.rates[reduced.chosen], point.unneeded,
     )  # fmt: skip
     return SampledLoop(linear, sampled, periods[0])
 
@@ -193,7 +193,10 @@ def sampled_response(point: OperatingPoint, low: float | None, high: float | Non
         min(float(np.abs(poles).min(initial=np.inf)) / 20 / np.pi, nyquist / 100) if low is None and len(poles) else low
     )
     frequencies = frequencies_between(poles, low, nyquist if high is None else high, points)
-    notes = (f"sampled every {loop.period:g} s: the part of the outputs at the frequency of the input, up to {nyquist:g} Hz",)  # fmt: skip
+    note = (
+        f"sampled every {loop.period:g} s: the part of the outputs at the frequency of the input, up to {nyquist:g} Hz"
+    )
+    notes = tuple(filter(None, (note, linear.note)))
     made = Response(
         linear.model, linear.experiment, point.by, linear.outputs, linear.units, frequencies, np.zeros((0, 0, 0), dtype=complex), notes=notes
     )  # fmt: skip

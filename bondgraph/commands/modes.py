@@ -8,7 +8,7 @@ from .analysis import AnalysisCall, analysis, picture_option
 from .options import seconds_of, state_option, time_option
 
 
-@analysis("modes", of_outputs=False)
+@analysis("modes")
 @state_option
 @picture_option("M.svg", "Draw the shapes on the mechanism, rest behind them")
 @click.option("--mechanism", metavar="NAME", help="Of this mechanism, if there are several.")
@@ -18,7 +18,7 @@ def command(asked: AnalysisCall, state: str, mechanism: str | None, shapes: int,
     """Print frequencies, damping, and where the energy of each mode is; draw their shapes."""
     model, plot = asked.model, asked.files.plot
     if plot is not None:
-        if asked.settings or state != "equilibrium" or time is not None:
-            raise click.UsageError("--plot draws the modes at rest: set in an experiment what is to be set")
+        if asked.settings or asked.outputs or state != "equilibrium" or time is not None:
+            raise click.UsageError("--plot draws all modes at rest: set in an experiment what is to be set")
         model.draw_mechanism(plot, mechanism, asked.experiment, modes=shapes)
-    asked.print(model.modes(asked.experiment, asked.settings, state, seconds_of(time)))
+    asked.print(model.modes(asked.experiment, asked.settings, state, seconds_of(time), asked.outputs))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import PurePath
 
 import click
@@ -89,7 +90,8 @@ def explain(
 
     chosen = load(file, model)
     experiment_name, assignments, names = named(experiment), settings_by_name(settings), tuple(outputs) or None
-    explanation = explained(chosen.compilation(chosen.scene(experiment_name, assignments, outputs=names)))
+    scene = replace(chosen.scene(experiment_name, assignments, outputs=names), from_start=True)
+    explanation = explained(chosen.compilation(scene))
     prices = chosen.prices(experiment_name, assignments, names, seconds_of(duration) or 0.0)
     if as_json:
         click.echo(json.dumps({**explanation.to_json(), "prices": prices.to_json()}, indent=2))

@@ -140,6 +140,10 @@ def run(
     solver = chosen_solver(wanted.solver if wanted.solver is not None else plan.solver)
     scene = _conserving(scene, solver)
     prepared = made(scene, energy)
+    before = None if start is None else start.checkpoint
+    if before is not None and scene.from_start and before.identity != prepared.facts.identity:
+        scene = replace(scene, from_start=False)  # what nothing excites here may have moved in a run of other starts
+        prepared = made(scene, energy)
     accuracy = (
         plan.settings.get("accuracy") if wanted.accuracy is None else _checked("accuracy", wanted.accuracy, *ACCURACY)
     )
@@ -381,6 +385,7 @@ def _left_out(legs: Sequence[Phase], balance: EnergyBalance | None) -> Truncatio
 
 def _with_earlier(begin: PhaseTransition, before: PhaseTransition | None, leg: Phase) -> PhaseTransition:
     """Return a handover completed by data of earlier programs: a state that is constant in one program may move in the next."""
+    begin = replace(begin, stored={**dict.fromkeys(leg.compilation.certificate.unexcited, 0.0), **begin.stored})
     if before is not None:
         begin = replace(begin, stored={**before.stored, **begin.stored}, peaks={**before.peaks, **begin.peaks})
     past = None if leg.history is None else leg.history.past()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded
 
@@ -32,12 +32,19 @@ class Settled:
 def settle(
     model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, everything: bool, target: str
 ) -> Settled:  # fmt: skip
-    """Return the scene and the numbers for a run of a model with some settings. Raises `CompilationFailed` for settings that are not possible."""
+    """Return the scene and the numbers for a run of a model with some settings. Raises `CompilationFailed` for settings that are not possible.
+
+    `everything`: all states and powers are needed; a run without them leaves out what nothing excites.
+    """
+
+    def scene_with(settings: Settings, **others: Any) -> Scene:
+        return replace(model.scene(experiment, settings, (), outputs), from_start=not everything, **others)
+
     numbers = {name.replace(" ", ""): found for name, x in settings.items() if (found := _number(name, x)) is not None}
     later = frozenset(numbers)
     while later:
         written = {name: x for name, x in settings.items() if name.replace(" ", "") not in later}
-        scene = model.scene(experiment, written, (), outputs)
+        scene = scene_with(written)
         overrides = [*scene.overrides, *(_argument(name) for name in sorted(later))]
         scene = replace(scene, overrides=tuple(overrides))
         try:
@@ -46,7 +53,7 @@ def settle(
             values = {n: numbers[n].value for n in sorted(later)}
             zeros = frozenset(name for name, number in numbers.items() if number.value == 0)
             if any(names <= zeros for names in facts.zero_divisors):
-                return Settled(replace(model.scene(experiment, settings, (), outputs), fixed=zeros), {})
+                return Settled(scene_with(settings, fixed=zeros), {})
             if _fits(facts, {n: numbers[n] for n in later}, values):
                 if any(n in facts.looped for n in later):
                     prepared.compilation.refuse_values(values)
@@ -58,7 +65,7 @@ def settle(
         except CompilationFailed:
             pass  # raised again below, with the values, if they are wrong too
         break
-    return Settled(model.scene(experiment, settings, (), outputs), {})
+    return Settled(scene_with(settings), {})
 
 
 def compiled_in(

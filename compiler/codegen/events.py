@@ -13,7 +13,7 @@ from dataclasses import field
 from ..algebra.expression import Expression, Symbol
 from ..equations.system import EventRow
 from ..fast_dataclass import dataclass
-from ..reduction import LinearLoop, StateSpace
+from ..reduction import StateSpace
 from ..reduction.order import needed
 from ..source import Span
 from .program import ConditionNote, EventNote, SettingNote
@@ -63,18 +63,10 @@ class LoweredEvents:
 
 def behind_the_run(space: StateSpace) -> set[int]:
     """Variables that rates, residuals and conditions of events depend on: a step must end at their jumps."""
-    inputs: list[list[int]] = [[] for _ in space.variables]
-    for step in space.steps:
-        if isinstance(step, LinearLoop):
-            read = list(dict.fromkeys(step.read))
-            for target in step.targets:
-                inputs[target] = read
-        else:
-            inputs[step.target] = [a for a in step.arguments if isinstance(a, int)]
     wanted = [s.rate for s in space.states] + [u.residual for u in space.unknowns]
     wanted += [d.value for d in space.delays]
     wanted += [e.condition for e in space.events] + [s.condition for s in space.switches]
-    return needed(wanted, inputs)
+    return needed(wanted, space.inputs)
 
 
 def event_variables(space: StateSpace) -> list[int]:

@@ -33,7 +33,6 @@ from ..algebra.operators import CONDITIONS
 from ..algebra.systems import BandLayout, band_of, solutions
 from ..equations.system import Assignment
 from ..reduction import LinearLoop, StateSpace
-from ..reduction.state_space import Step
 from .dependence import MODE, PARAMETER, STATE, TIME
 from .events import behind_the_run, event_notes, event_variables
 from .limits import Leaf, ranges, requirement
@@ -74,7 +73,7 @@ def lower(
             _lower_assignment(result, step, slopes, switching, formulas)
             if uses[step.target] > 1:
                 result.values[step.target] = closed(result.values[step.target])
-        for target in (seeds.keys() & targets(step)) if seeds else ():
+        for target in (seeds.keys() & set(step.targets)) if seeds else ():
             slopes.setdefault(target, {})[seeds[target]] = ONE
     if not whole:
         slopes = {}
@@ -190,11 +189,6 @@ def _signals(result: Lowered) -> Iterable[Expression]:
             stack.extend(node.operands)
 
 
-def targets(step: Step) -> tuple[int, ...]:
-    """Variables that a step computes."""
-    return step.targets if isinstance(step, LinearLoop) else (step.target,)
-
-
 def moving(space: StateSpace) -> list[int]:
     """Variables in the state of a program: the states, then the unknowns of its loops."""
     return [*(s.variable for s in space.states), *(u.variable for u in space.unknowns)]
@@ -206,10 +200,7 @@ def _used(space: StateSpace) -> set[int]:
         used.add(limit.condition)
         used.update(entry for _, entry, _ in limit.values if isinstance(entry, int))
     for step in space.steps:
-        if isinstance(step, LinearLoop):
-            used.update(step.read)
-        else:
-            used.update(a for a in step.arguments if not isinstance(a, float))
+        used.update(step.read)
     for state in space.states:
         used.add(state.rate)
         used.update(e for e in (state.start, state.nominal, state.drawn) if isinstance(e, int))

@@ -418,7 +418,7 @@ class EquationBuilder:
             assignment = self._explicit(variable)
             if assignment is None or variable in self._bond_variables:
                 return False
-            waiting += [a for a in assignment.arguments if not isinstance(a, float)]
+            waiting += assignment.read
         return True
 
     def held(self, expression: Expression, name: str, unit: str, span: Span) -> int:

@@ -46,6 +46,16 @@ class Assignment:
     residual: Bound | None = None
 
     @property
+    def targets(self) -> tuple[int, ...]:
+        """The variable that it computes."""
+        return (self.target,)
+
+    @property
+    def read(self) -> tuple[int, ...]:
+        """Variables among the arguments."""
+        return tuple(a for a in self.arguments if not isinstance(a, float))
+
+    @property
     def expression(self) -> Expression:
         """Right side over variable numbers."""
         return over(self.formula.expression, self.arguments)

@@ -21,9 +21,9 @@ SPEEDS = ("m/s", "1/s")
 
 
 def certify(
-    space: StateSpace, system: EquationSystem, left_out: tuple[str, ...], notes: tuple[str, ...]
+    space: StateSpace, system: EquationSystem, left_out: tuple[tuple[str, ...], tuple[str, ...]], notes: tuple[str, ...]
 ) -> Certificate:
-    """Certificate of the state space of a system. `left_out` are the nodes that pruning removed from the graph, `notes` those on its laws."""
+    """Certificate of the state space of a system. `left_out`: nodes that pruning removed from the graph, states that nothing excites; `notes`: on laws."""
     loops = tuple(_loops(space))
     needed = {s.variable for s in space.states}
     dependence = _Dependence(space)
@@ -38,10 +38,11 @@ def certify(
     return Certificate(
         space.name, form, space.index, tuple(space.variables[s.variable].name for s in space.states), space.dependent, loops,
         dependence.linear, dependence.varying, dependence.driven,
-        left_out,
-        tuple(system.variables[s.variable].name for s in system.states if s.variable not in needed),
+        left_out[0],
+        tuple(n for s in system.states if s.variable not in needed and (n := _name(space, s.variable)) not in left_out[1]),
         max(0, _degrees_of_freedom(space, system) - bound + len(redundant)), notes, bound, redundant, tuple(_events(space)),
         tuple(f"{_name(space, f.variable)} follows {_name(space, f.state)}" for f in space.following),
+        left_out[1],
     )  # fmt: skip
 
 
@@ -97,7 +98,7 @@ class _Dependence:
         self.moving = {s.variable for s in space.states} | {u.variable for u in space.unknowns}
         self.given = {i for i, v in enumerate(space.variables) if v.role in ("time", "input")}
         steps = list(_behind_the_rates(space))
-        read = {a for step in steps for a in _read(step)} | {s.rate for s in space.states}
+        read = {a for step in steps for a in step.read} | {s.rate for s in space.states}
         self.driven = bool(read & self.given)
         for step in steps:
             if isinstance(step, LinearLoop):
@@ -153,14 +154,7 @@ def _behind_the_rates(space: StateSpace) -> Iterator[Assignment | LinearLoop]:
         needed.update(space.outputs.values())
     kept = []
     for step in reversed(space.steps):
-        targets = step.targets if isinstance(step, LinearLoop) else (step.target,)
-        if needed.intersection(targets):
+        if needed.intersection(step.targets):
             kept.append(step)
-            needed |= _read(step)
+            needed.update(step.read)
     return reversed(kept)
-
-
-def _read(step: Assignment | LinearLoop) -> set[int]:
-    if isinstance(step, LinearLoop):
-        return set(step.read)
-    return {e for e in step.arguments if isinstance(e, int)}

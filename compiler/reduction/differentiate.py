@@ -100,7 +100,7 @@ class Differentiator:
             if assignment is None:
                 self._moving[node] = self.variables[node].role != "parameter"
             else:
-                inner = [a for a in assignment.arguments if isinstance(a, int)]
+                inner = assignment.read
                 if assignment.implicit or node in self.order or any(self._moving.get(a) for a in inner):
                     self._moving[node] = True
                 else:

@@ -48,7 +48,7 @@ class _Reduction:
         system = self.system
         inputs: list[list[int]] = [[] for _ in self.variables]
         for target, assignment in self.assigned.items():
-            inputs[target] = [a for a in assignment.arguments if not isinstance(a, float)]
+            inputs[target] = [*assignment.read]
         rates = {s.variable: s.rate for s in system.states}
         reach = [*inputs]
         for variable, rate in rates.items():
@@ -198,7 +198,7 @@ class _Reduction:
         if partial:
             inputs = [*inputs]
             for v in partial:
-                inputs[v] = [a for a in self.assigned[v].arguments if not isinstance(a, float)]
+                inputs[v] = [*self.assigned[v].read]
         cut, order = tear(free, inputs)
         if bound:  # unknowns of a step: the system stays sparse for any number of loops
             return self._nonlinear([*bound, *cut], order, members)

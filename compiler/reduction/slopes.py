@@ -60,7 +60,7 @@ def _behind(space: StateSpace, steps: Mapping[int, Assignment], targets: Iterabl
         if number not in needed:
             needed.add(number)
             if number in steps:
-                stack.extend(a for a in steps[number].arguments if isinstance(a, int))
+                stack.extend(steps[number].read)
     return [s for s in space.steps if not isinstance(s, LinearLoop) and s.target in needed]
 
 

@@ -125,6 +125,16 @@ class StateSpace:
     laws: tuple[OpenedLaw, ...] = ()  # of loops that are opened
 
     @property
+    def inputs(self) -> list[tuple[int, ...]]:
+        """Variables that each variable is computed from."""
+        inputs: list[tuple[int, ...]] = [()] * len(self.variables)
+        for step in self.steps:
+            read = tuple(dict.fromkeys(step.read))
+            for target in step.targets:
+                inputs[target] = read
+        return inputs
+
+    @property
     def posed(self) -> tuple[Claim, ...]:
         """Claims on coordinates of mechanisms alone."""
         return tuple(c for c in self.claims if c.on_pose)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -30,7 +31,7 @@ model A {
 
 def price_of(text: str, outputs: tuple[str, ...] | None = None) -> Price:
     model = bondgraph.load(text)
-    lowered = model.compilation(model.scene(outputs=outputs)).lowered
+    lowered = model.compilation(replace(model.scene(outputs=outputs), from_start=True)).lowered
     count = cost(lowered)
     return Price(len(lowered.space.states), count.rates, count.jacobian)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from compiler.codegen.lower import targets
 from compiler.reduction.state_space import LinearLoop
 from tests.compiling import Running, compiled
 
@@ -41,7 +40,7 @@ def test_conjugates_of_all_that_is_stored(everything: bool) -> None:
 
 def test_a_loop_has_several_targets_and_an_assignment_one() -> None:
     space = compiled(TEXT).state_space
-    assert {targets(s) for s in space.steps if not isinstance(s, LinearLoop)} == {
+    assert {s.targets for s in space.steps if not isinstance(s, LinearLoop)} == {
         (s.target,) for s in space.steps if not isinstance(s, LinearLoop)
     }
     ladder = compiled(
@@ -56,4 +55,4 @@ def test_a_loop_has_several_targets_and_an_assignment_one() -> None:
         free=("*",),
     ).state_space
     (loop,) = [s for s in ladder.steps if isinstance(s, LinearLoop)]
-    assert targets(loop) == loop.targets and len(loop.targets) == 2
+    assert len(loop.targets) == 2

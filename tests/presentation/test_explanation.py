@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 from bondgraph.presentation.text.explanation import explain
 from tests.compiling import MODELS, compiled
@@ -72,3 +73,14 @@ def test_what_happens_at_instants_is_listed() -> None:
     assert lines[2] == "  a condition on states in `s` (text.bg:3)" and lines[3].startswith("  1 bend of laws")
     assert told.to_json()["certificate"]["events"] == list(told.certificate.events)
     assert "2 events" in told.certificate.line
+
+
+def test_what_nothing_excites_is_told() -> None:
+    """Of a run; the model's own certificate counts all states, as its analyses do."""
+    compilation = compiled(TEXT.replace("x { start", "x*i { start").replace("start x = 1 m", "start x = (2 - i)*1 m"))
+    assert not explain(compilation).certificate.unexcited
+    run = replace(compilation, scene=replace(compilation.scene, from_start=True))
+    found = explain(run)
+    assert set(found.certificate.unexcited) == {"mass[2].p", "spring[2].x"} and not found.certificate.unneeded
+    assert "nothing excites 2 states, at zero in the whole run: mass[2].p, spring[2].x" in found.text()
+    assert found.to_json()["unexcited"] == found.to_json()["certificate"]["unexcited"]

@@ -87,6 +87,7 @@ def linearization_text(found: Linearization) -> str:
     ):  # fmt: skip
         if matrix.size:
             parts.append(_matrix(name, matrix, rows, columns))
+    parts += [f"note: {visible(found.note)}"] if found.note else []
     return "\n\n".join(parts)
 
 

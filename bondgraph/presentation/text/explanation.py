@@ -51,7 +51,7 @@ class RunExplanation:
         return {
             "schema": SCHEMA, "model": self.model, "experiment": self.experiment, "outputs": list(self.outputs),
             "gives_nothing": [{"name": x.name, "place": x.place, "because": list(x.because)} for x in self.left_out],
-            "unneeded": list(self.certificate.unneeded),
+            "unneeded": list(self.certificate.unneeded), "unexcited": list(self.certificate.unexcited),
             "certificate": self.certificate.to_json(),
             "operations": {
                 "once": count.once, "with_time": count.with_time, "rates": count.rates, "jacobian": count.jacobian,
@@ -73,7 +73,7 @@ class RunExplanation:
         yield from ("", "left out")
         if self.bandwidth is not None:
             yield f"  what rings faster than {frequency_text(self.bandwidth)}, if it does: the run tells what that was, and what it would have done"
-        elif not self.left_out and not self.certificate.unneeded:
+        elif not (self.left_out or self.certificate.unneeded or self.certificate.unexcited):
             yield "  nothing: all of the model is needed"
         for item in self.left_out:
             yield f"  {item.name} ({item.place}) gives nothing" + (
@@ -81,6 +81,8 @@ class RunExplanation:
             )
         if self.certificate.unneeded:
             yield f"  no output needs {counted(len(self.certificate.unneeded), 'state')}: {_some(self.certificate.unneeded)}"
+        if self.certificate.unexcited:
+            yield f"  nothing excites {counted(len(self.certificate.unexcited), 'state')}, at zero in the whole run: {_some(self.certificate.unexcited)}"
         if self.certificate.following:
             yield from ("", "what shares a state", *(f"  {told}" for told in self.certificate.following))
         if self.certificate.events or self.conditions or self.bends:

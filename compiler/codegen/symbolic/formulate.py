@@ -16,7 +16,7 @@ from ...reduction import LinearLoop, StateSpace
 from ...reduction.order import needed
 from ...source import Span
 from ..events import behind_the_run, event_variables
-from .partials import inputs_of, partials, size_of
+from .partials import partials, size_of
 from .state_equations import (
     Entry,
     EventEquations,
@@ -103,7 +103,7 @@ class _Formulation:
     def equations(self) -> StateEquations:
         space, variables = self.space, self.space.variables
         roles: dict[str, list[int]] = {"parameter": [], "input": [], "time": []}
-        read = needed(_roots(space), inputs_of(space))
+        read = needed(_roots(space), space.inputs)
         for number, variable in enumerate(variables):
             if variable.role in roles and number in read:
                 roles[variable.role].append(number)

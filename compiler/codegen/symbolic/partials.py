@@ -24,18 +24,6 @@ LARGE = 24  # operations from which on a nested expression gets a line of its ow
 SHARED = 3  # operations from which on an expression with several uses gets one
 
 
-def inputs_of(space: StateSpace) -> list[list[int]]:
-    """Variables that each variable is computed from."""
-    inputs: list[list[int]] = [[] for _ in space.variables]
-    for step in space.steps:
-        if isinstance(step, LinearLoop):
-            for target in step.targets:
-                inputs[target] = list(step.read)
-        else:
-            inputs[step.target] = [a for a in step.arguments if isinstance(a, int)]
-    return inputs
-
-
 def partials(
     space: StateSpace, rows: Sequence[int], columns: Sequence[int], symbol: Callable[[int], Basic], fresh: Callable[[str], Basic]
 ) -> Partials:  # fmt: skip
@@ -60,7 +48,7 @@ def partials(
 
 def _accumulated(space: StateSpace, rows: Sequence[int], columns: Sequence[int]) -> Slopes:
     slopes: Slopes = {variable: {column: ONE} for column, variable in enumerate(columns)}
-    wanted = needed(rows, inputs_of(space))
+    wanted = needed(rows, space.inputs)
     for step in space.steps:
         if isinstance(step, LinearLoop):
             if wanted & {*step.targets}:
