@@ -14,8 +14,9 @@ import numpy as np
 from compiler.api import AUTOMATIC, SOLVERS, Array
 
 from ...errors import UsageError
-from ..integrators.compiled.fields import is_sparse
-from ..integrators.methods import EXPLICIT, METHODS, RADAU
+from ..integrators.compiled.fields import is_piecewise_linear, is_sparse
+from ..integrators.linear_algebra.exponentials import LARGEST as FEW
+from ..integrators.methods import EXPLICIT, EXPONENTIAL, METHODS, RADAU
 from ..integrators.radau import StepFailed
 from ..segments.timeline import Segment
 from .native_integrator import explicit_trial
@@ -37,10 +38,15 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
     """Return the method that goes on from state x. Raises `UsageError` where the requested one is not possible."""
     if stepper.solver != AUTOMATIC:
         solver = SOLVERS[stepper.solver]
-        if obstacle := _obstacle(stepper, solver.refused, len(x), compiled):
+        obstacle = _obstacle(stepper, solver.refused, len(x), compiled)
+        if solver.exact and not obstacle and (word := _inexact(stepper, stretch)):
+            obstacle = dict(solver.refused)[word]
+        if obstacle:
             sentence, advice = solver.refusal
             raise UsageError("BR712", f"{sentence}: {obstacle};", f"{advice}")
         return METHODS.index(solver)
+    if stepper.result.settled is None and is_piecewise_linear(stepper.program) and not _inexact(stepper, stretch):
+        return EXPONENTIAL
     if (
         _obstacle(stepper, METHODS[EXPLICIT].refused, len(x), compiled)
         or stepper.program.bends is not None
@@ -59,6 +65,21 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
     if key not in known:
         known[key] = _by_spectrum(stepper, stretch, x)
     return known[key]
+
+
+def _inexact(stepper: IntegrationState, stretch: Segment) -> str:
+    """Return the property because of which the matrix exponential is not possible on a segment, of those that depend on numbers; empty if there is none."""
+    signals, key = stepper.signals(stretch), np.asarray(stretch.mode).tobytes()
+    if len(signals.allowed) and not signals.steady:
+        return "signals"
+    if key not in stepper.blurred:
+        from ..integrators.exponential import is_blurred
+
+        magnitude, fixed = stepper.tolerances.magnitude, (stepper.inputs, stepper.constants, stretch.mode)
+        matrix = np.asarray(stepper.program.jacobian(stretch.start, np.zeros(len(magnitude)), *fixed), dtype=float)
+        matrix = matrix * magnitude / magnitude[:, None]
+        stepper.blurred[key] = not np.isfinite(matrix).all() or is_blurred(matrix, stepper.whole)
+    return "rounding" if stepper.blurred[key] else ""
 
 
 def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
@@ -86,8 +107,10 @@ def _obstacle(stepper: IntegrationState, refused: tuple[tuple[str, str], ...], s
         "kinks": program.bends is not None,
         "size": states > LARGEST and not compiled,
         "sparse": is_sparse(program),
+        "many": states > FEW,
+        "laws": program.hybrid is None or not program.hybrid.affine or program.bends is not None,
     }
-    return next((reason.format(most=LARGEST, states=states) for name, reason in refused if has[name]), "")
+    return next((reason.format(most=LARGEST, few=FEW, states=states) for name, reason in refused if has.get(name)), "")
 
 
 def _spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> Any:
