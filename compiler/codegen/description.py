@@ -54,7 +54,8 @@ def _is_affine(lowered: Lowered) -> bool:
         return False
     nodes = operations(Apply("add", lowered.rates))
     rough = (node for node in nodes if node.operator in OPERATORS and not OPERATORS[node.operator].smooth)
-    return not any(lowered.dependence(node) & STATE for node in rough)
+    parts = (node.operands[0] if node.operator == "select" else node for node in rough)
+    return not any(lowered.dependence(part) & STATE for part in parts)
 
 
 def _of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]:

@@ -6,6 +6,7 @@ with the states: where a stiff matrix has lost the digits of slow motions, the r
 
 from __future__ import annotations
 
+from math import pow
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ MATRICES = 4  # number of matrices whose tables are stored
 LEVELS = 36  # most lengths of each
 LARGEST = 32  # most states
 SMALL = 0.5  # norm of the matrix times the shortest length
+SQUARED = 4  # times that a matrix is squared for a bound of its fastest mode
 TERMS = 16  # of Taylor's series: the remainder is below 1e-18 at that norm
 LEAST, MOST = 2.0**-200, 2.0**60  # bounds of the shortest length, s
 
@@ -32,6 +34,7 @@ class ExponentialTables(Record):
     newest: int  # the one stored last
     filled: Ints  # MATRICES: number of lengths so far
     unit: Floats  # MATRICES: the shortest length
+    fastest: Floats  # MATRICES: bound of the rate of the fastest mode
     entries: Floats  # MATRICES entry_count
     matrix: Floats  # MATRICES n n
     growth: Floats  # MATRICES LEVELS n n: exp(A h) - 1
@@ -46,7 +49,7 @@ class ExponentialTables(Record):
 
 def room_for_tables(n: int, entry_count: int) -> ExponentialTables:
     """Return empty tables for matrices of n rows with so many entries."""
-    lengths = {"filled": MATRICES, "unit": MATRICES, "entries": MATRICES * entry_count, "matrix": MATRICES * n * n}
+    lengths = {"filled": MATRICES, "unit": MATRICES, "fastest": MATRICES, "entries": MATRICES * entry_count, "matrix": MATRICES * n * n}
     lengths |= dict.fromkeys(("growth", "once", "twice"), MATRICES * LEVELS * n * n)
     lengths |= dict.fromkeys(("drift", "rate", "by_rate", "by_drift"), n)
     room: dict[str, Any] = {a: np.zeros(count, np.int64 if a == "filled" else float) for a, count in lengths.items()}
@@ -84,12 +87,7 @@ def has_entries(count: int, one: Floats, two: Floats) -> bool:
 def put_shortest(t: ExponentialTables, matrix: Floats) -> None:
     """Choose the shortest length, a power of two, and compute its tables by Taylor's series."""
     n = t.n
-    norm = 0.0
-    for j in range(n):
-        total = 0.0
-        for i in range(n):
-            total += abs(matrix[i * n + j])
-        norm = max(norm, total)
+    norm = size_of(n, matrix)
     unit = 1.0
     while unit * norm > SMALL and unit > LEAST:
         unit *= 0.5
@@ -99,11 +97,21 @@ def put_shortest(t: ExponentialTables, matrix: Floats) -> None:
     growth = t.growth[first:]
     once = t.once[first:]
     twice = t.twice[first:]
+    t.fastest[t.used] = norm
+    for i in range(n * n):
+        once[i] = matrix[i] / norm if norm > 0.0 else 0.0
+    exponent = 1.0
+    for _ in range(SQUARED):  # the size of a power is at least that of the largest eigenvalue
+        matrix_product(n, once, once, growth)
+        exponent *= 0.5
+        t.fastest[t.used] = min(t.fastest[t.used], norm * pow(size_of(n, growth), exponent))
+        for i in range(n * n):
+            once[i] = growth[i]
     for i in range(n * n):
         twice[i] = 0.0
     for i in range(n):
         twice[i * n + i] = 1.0
-    for term in range(TERMS, 0, -1):  # Horner's scheme; `growth` is work space
+    for term in range(TERMS, 0, -1):  # Horner's scheme
         matrix_product(n, matrix, twice, growth)
         for i in range(n * n):
             twice[i] = growth[i] * unit / float(term + 2)
@@ -117,6 +125,17 @@ def put_shortest(t: ExponentialTables, matrix: Floats) -> None:
     matrix_product(n, matrix, once, growth)
     t.unit[t.used] = unit
     t.filled[t.used] = 1
+
+
+def size_of(n: int, matrix: Floats) -> float:
+    """Return the largest column sum of absolute values."""
+    largest = 0.0
+    for j in range(n):
+        total = 0.0
+        for i in range(n):
+            total += abs(matrix[i * n + j])
+        largest = max(largest, total)
+    return largest
 
 
 def matrix_product(n: int, a: Floats, b: Floats, out: Floats) -> None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PLACES, LAST = indicators.PLACES, indicators.LAST
 SHARES, COEFFICIENTS = tuple(indicators.SHARES.tolist()), tuple(indicators.COEFFICIENTS.ravel().tolist())
 LEVELS = exponentials.LEVELS
-FIRST = 2.0  # first step, in units of the shortest tabulated length
+FIRST = 1.0  # first step, in time constants of the fastest mode
 GROWN = 4.0  # ratio of a step to the one before
 RESOLVED = 1e-8  # of the largest value of a state: error of the polynomial through the places of a step
 AFFINE = 1e-9  # relative to their terms: difference of the rates at the end of a step from those of the model
@@ -35,16 +35,19 @@ def exponential_step(s: IntegratorWorkspace) -> int:
     use_matrix(s.exponentials, s.rows, s.columns, s.jacobian)
     put_drift(s)
     unit = s.exponentials.unit[s.exponentials.used]
+    fastest = s.exponentials.fastest[s.exponentials.used]
     longest = unit
     for _ in range(LEVELS):
         longest *= 2.0
-    size = min(FIRST * unit if s.last_size == 0.0 else GROWN * s.last_size, longest, s.longest)
+    size = min(GROWN * s.last_size, longest, s.longest)
+    if s.last_size == 0.0:
+        size = min(longest, s.longest) if fastest * longest <= FIRST else min(FIRST / fastest, s.longest)
     for i in range(n):
         s.slope[i] = s.rate[i]
     while True:
         end = s.stop if s.time + 1.01 * size >= s.stop else s.time + size
         put_places(s, end - s.time)
-        if size <= FIRST * unit or is_resolved(s):
+        if size <= unit or is_resolved(s):
             break
         s.rejected += 1
         size *= 0.5
