@@ -188,7 +188,9 @@ def _in_part(
     high = float(times[first])
     grid = part[0] + (part[1] - part[0]) * FINER
     before = float(grid[max(int(np.searchsorted(grid, high)) - 1, 0)])
-    low = max(before, float(times[first - 1]) if first else part[0])
+    low = float(times[first - 1]) if first else part[0]
+    if before > low and not _wrong(events, roots(np.array([before]), True), said).any():
+        low = before  # else rounding has hidden the place at which the polynomial crosses
     return _narrowed(events, low, high, seen[first], said, roots)
 
 

@@ -221,6 +221,8 @@ class NativeIntegrator:
         else:
             solver.put_mode(self.stretch.mode)
             solver.doubt(stepper.floor)
+            if exact and self.stretch is not before:
+                solver.record.last_size = 0.0  # the matrix is another
         if stepper.flip is not None:
             solver.end_at(stepper.flip.time)
         else:

@@ -7,6 +7,7 @@ short as the fastest of them; later ones grow as fast modes die out.
 
 from __future__ import annotations
 
+from math import ulp
 from typing import TYPE_CHECKING
 
 from ....numerics import indicators
@@ -24,30 +25,36 @@ SHARES, COEFFICIENTS = tuple(indicators.SHARES.tolist()), tuple(indicators.COEFF
 LEVELS = exponentials.LEVELS
 FIRST = 1.0  # first step, in time constants of the fastest mode
 GROWN = 4.0  # ratio of a step to the one before
-RESOLVED = 1e-8  # of the largest value of a state: error of the polynomial through the places of a step
+RESOLVED = 1e-8  # of the largest value of a state: least tolerated error of the polynomial through the places of a step
 AFFINE = 1e-9  # relative to their terms: difference of the rates at the end of a step from those of the model
 
 
 def exponential_step(s: IntegratorWorkspace) -> int:
     """Make one step; return 0, or `STIFF` (`ERROR` if no other method may go on) where the rates are not affine, to rounding."""
     n = s.n
-    renew(s)
-    use_matrix(s.exponentials, s.rows, s.columns, s.jacobian)
-    put_drift(s)
+    begins = s.last_size == 0.0  # also where another mode holds from here on
+    if begins:
+        renew(s)
+        use_matrix(s.exponentials, s.rows, s.columns, s.jacobian)
+        put_drift(s)
+    least = 10.0 * ulp(s.time)
     unit = s.exponentials.unit[s.exponentials.used]
     fastest = s.exponentials.fastest[s.exponentials.used]
     longest = unit
     for _ in range(LEVELS):
         longest *= 2.0
-    size = min(GROWN * s.last_size, longest, s.longest)
-    if s.last_size == 0.0:
-        size = min(longest, s.longest) if fastest * longest <= FIRST else min(FIRST / fastest, s.longest)
+    size = min(longest, s.longest)
+    if not begins:
+        size = min(GROWN * s.last_size, size)
+    elif fastest * size > FIRST:
+        size = FIRST / fastest
+    size = max(size, least)
     for i in range(n):
         s.slope[i] = s.rate[i]
     while True:
         end = s.stop if s.time + 1.01 * size >= s.stop else s.time + size
         put_places(s, end - s.time)
-        if size <= unit or is_resolved(s):
+        if size <= max(unit, least) or is_resolved(s):
             break
         s.rejected += 1
         size *= 0.5
@@ -100,7 +107,7 @@ def is_resolved(s: IntegratorWorkspace) -> bool:
             for place in range(PLACES):
                 total += COEFFICIENTS[k * PLACES + place] * s.slope[(place + 1) * n + i]
             error += abs(total)
-        if not error <= RESOLVED * largest:
+        if not error <= max(RESOLVED, s.relative) * largest:
             return False
     return True
 
