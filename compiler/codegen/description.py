@@ -45,7 +45,16 @@ def _hybrid_note(lowered: Lowered) -> HybridNote | None:
     modes = NameTable(tuple(v.name for v in variables), tuple(v.unit for v in variables))
     conditions = tuple(item.note for item in events.located)
     switched = any(lowered.dependence(signal) & EVENT for signal in lowered.signals)
-    return HybridNote(events.size, modes, tuple(events.timed), conditions, events.events, events.junctions, switched, _is_affine(lowered))
+    return HybridNote(
+        events.size,
+        modes,
+        tuple(events.timed),
+        conditions,
+        events.events,
+        events.junctions,
+        switched,
+        _is_affine(lowered),
+    )
 
 
 def _is_affine(lowered: Lowered) -> bool:

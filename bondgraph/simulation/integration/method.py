@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import AUTOMATIC, SOLVERS, Array
+from compiler.api import AUTOMATIC, SOLVERS, Array, Solver
 
 from ...errors import UsageError
-from ..integrators.compiled.fields import is_piecewise_linear, is_sparse
+from ..integrators.compiled.fields import is_piecewise_affine, is_sparse
 from ..integrators.linear_algebra.exponentials import LARGEST as FEW
 from ..integrators.methods import EXPLICIT, EXPONENTIAL, METHODS, RADAU
 from ..integrators.radau import StepFailed
@@ -38,17 +38,14 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
     """Return the method that goes on from state x. Raises `UsageError` where the requested one is not possible."""
     if stepper.solver != AUTOMATIC:
         solver = SOLVERS[stepper.solver]
-        obstacle = _obstacle(stepper, solver.refused, len(x), compiled)
-        if solver.exact and not obstacle and (word := _inexact(stepper, stretch)):
-            obstacle = dict(solver.refused)[word]
-        if obstacle:
+        if obstacle := _obstacle(stepper, stretch, solver, compiled):
             sentence, advice = solver.refusal
             raise UsageError("BR712", f"{sentence}: {obstacle};", f"{advice}")
         return METHODS.index(solver)
-    if stepper.result.settled is None and is_piecewise_linear(stepper.program) and not _inexact(stepper, stretch):
+    if stepper.result.settled is None and not _obstacle(stepper, stretch, METHODS[EXPONENTIAL], compiled):
         return EXPONENTIAL
     if (
-        _obstacle(stepper, METHODS[EXPLICIT].refused, len(x), compiled)
+        _obstacle(stepper, stretch, METHODS[EXPLICIT], compiled)
         or stepper.program.bends is not None
         or stepper.history is not None
         or (len(x) > LARGEST_INTERPRETED and not compiled)
@@ -67,21 +64,6 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
     return known[key]
 
 
-def _inexact(stepper: IntegrationState, stretch: Segment) -> str:
-    """Return the property because of which the matrix exponential is not possible on a segment, of those that depend on numbers; empty if there is none."""
-    signals, key = stepper.signals(stretch), np.asarray(stretch.mode).tobytes()
-    if len(signals.allowed) and not signals.steady:
-        return "signals"
-    if key not in stepper.blurred:
-        from ..integrators.exponential import is_blurred
-
-        magnitude, fixed = stepper.tolerances.magnitude, (stepper.inputs, stepper.constants, stretch.mode)
-        matrix = np.asarray(stepper.program.jacobian(stretch.start, np.zeros(len(magnitude)), *fixed), dtype=float)
-        matrix = matrix * magnitude / magnitude[:, None]
-        stepper.blurred[key] = not np.isfinite(matrix).all() or is_blurred(matrix, stepper.whole)
-    return "rounding" if stepper.blurred[key] else ""
-
-
 def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
     """Return the method that fits the eigenvalues on a segment."""
     rates = _spectrum(stepper, stretch, x)
@@ -96,9 +78,10 @@ def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
     return _tried(stepper, stretch, x)
 
 
-def _obstacle(stepper: IntegrationState, refused: tuple[tuple[str, str], ...], states: int, compiled: bool) -> str:
-    """Return the reason why a method that refuses these properties is not possible; empty if it is."""
+def _obstacle(stepper: IntegrationState, stretch: Segment, solver: Solver, compiled: bool) -> str:
+    """Return the reason why a method is not possible on a segment; empty if it is."""
     program = stepper.program
+    states = len(program.states.names) + len(program.unknowns.names)
     has = {
         "constraints": bool(stepper.constraints),
         "unknowns": bool(program.unknowns.names),
@@ -107,10 +90,29 @@ def _obstacle(stepper: IntegrationState, refused: tuple[tuple[str, str], ...], s
         "kinks": program.bends is not None,
         "size": states > LARGEST and not compiled,
         "sparse": is_sparse(program),
+        "laws": not is_piecewise_affine(program),
         "many": states > FEW,
-        "laws": program.hybrid is None or not program.hybrid.affine or program.bends is not None,
     }
-    return next((reason.format(most=LARGEST, few=FEW, states=states) for name, reason in refused if has.get(name)), "")
+    reasons = dict(solver.refused)
+    found = next((reason for name, reason in reasons.items() if has.get(name)), "")
+    if solver.exact and not found:
+        found = reasons.get(_inexact(stepper, stretch), "")
+    return found.format(most=LARGEST, few=FEW, states=states)
+
+
+def _inexact(stepper: IntegrationState, stretch: Segment) -> str:
+    """Return the property because of which the matrix exponential is not possible on a segment, of those that depend on numbers; empty if there is none."""
+    signals, key = stepper.signals(stretch), np.asarray(stretch.mode).tobytes()
+    if len(signals.allowed) and not signals.steady:
+        return "signals"
+    if key not in stepper.blurred:
+        from ..integrators.exponential import is_blurred
+
+        magnitude, fixed = stepper.tolerances.magnitude, (stepper.inputs, stepper.constants, stretch.mode)
+        matrix = np.asarray(stepper.program.jacobian(stretch.start, np.zeros(len(magnitude)), *fixed), dtype=float)
+        matrix = matrix * magnitude / magnitude[:, None]
+        stepper.blurred[key] = not np.isfinite(matrix).all() or is_blurred(matrix, stepper.whole)
+    return "rounding" if stepper.blurred[key] else ""
 
 
 def _spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> Any:

@@ -213,7 +213,11 @@ class NativeIntegrator:
         self.stretch = stepper.follow_step(solver.last_step, parts, self.stretch, self._states_at, solver.roots)
         flip = stepper.flip
         exact = METHODS[solver.record.method].exact
-        if flip is not None and not exact and not is_sure(stepper, start, flip.time, self.stretch.mode, self._states_at):
+        if (
+            flip is not None
+            and not exact
+            and not is_sure(stepper, start, flip.time, self.stretch.mode, self._states_at)
+        ):
             stepper.go_back(mark)
             self.stretch = before
             solver.put_mode(before.mode)

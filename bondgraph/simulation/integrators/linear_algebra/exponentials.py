@@ -49,7 +49,13 @@ class ExponentialTables(Record):
 
 def room_for_tables(n: int, entry_count: int) -> ExponentialTables:
     """Return empty tables for matrices of n rows with so many entries."""
-    lengths = {"filled": MATRICES, "unit": MATRICES, "fastest": MATRICES, "entries": MATRICES * entry_count, "matrix": MATRICES * n * n}
+    lengths = {
+        "filled": MATRICES,
+        "unit": MATRICES,
+        "fastest": MATRICES,
+        "entries": MATRICES * entry_count,
+        "matrix": MATRICES * n * n,
+    }
     lengths |= dict.fromkeys(("growth", "once", "twice"), MATRICES * LEVELS * n * n)
     lengths |= dict.fromkeys(("drift", "rate", "by_rate", "by_drift"), n)
     room: dict[str, Any] = {a: np.zeros(count, np.int64 if a == "filled" else float) for a, count in lengths.items()}
