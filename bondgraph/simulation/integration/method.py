@@ -94,10 +94,10 @@ def _obstacle(stepper: IntegrationState, stretch: Segment, solver: Solver, compi
         "many": states > FEW,
     }
     reasons = dict(solver.refused)
-    found = next((reason for name, reason in reasons.items() if has.get(name)), "")
-    if solver.exact and not found:
-        found = reasons.get(_inexact(stepper, stretch), "")
-    return found.format(most=LARGEST, few=FEW, states=states)
+    obstacle = next((reason for name, reason in reasons.items() if has.get(name)), "")
+    if solver.exact and not obstacle:
+        obstacle = reasons.get(_inexact(stepper, stretch), "")
+    return obstacle.format(most=LARGEST, few=FEW, states=states)
 
 
 def _inexact(stepper: IntegrationState, stretch: Segment) -> str:
