@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from compiler.api import Floats, Ints
 
 MATRICES = 4  # number of matrices whose tables are stored
-LEVELS = 36  # most lengths of each
+LEVELS = 40  # most lengths of each
 LARGEST = 32  # most states
-SMALL = 0.5  # norm of the matrix times the shortest length
+SMALL = 2.0**-5  # norm of the matrix times the shortest length
 SQUARED = 4  # times that a matrix is squared for a bound of its fastest mode
-TERMS = 16  # of Taylor's series: the remainder is below 1e-18 at that norm
+TERMS = 10  # of Taylor's series: the remainder is below 1e-19 at that norm
 LEAST, MOST = 2.0**-200, 2.0**60  # bounds of the shortest length, s
 
 
@@ -185,7 +185,7 @@ def put_next(t: ExponentialTables) -> None:
     t.filled[t.used] = level + 1
 
 
-def propagate(t: ExponentialTables, span: float, x: Floats) -> None:
+def propagate(t: ExponentialTables, rows: Ints, columns: Ints, span: float, x: Floats) -> None:
     """Carry the state x, and the rates in `rate`, over a time."""
     length = t.unit[t.used]
     level = 0
@@ -202,7 +202,7 @@ def propagate(t: ExponentialTables, span: float, x: Floats) -> None:
         length *= 0.5
         level -= 1
     if left != 0.0:
-        carry_by_series(t, left, x)
+        carry_by_series(t, rows, columns, left, x)
 
 
 def carry(t: ExponentialTables, at: int, x: Floats) -> None:
@@ -227,10 +227,10 @@ def carry(t: ExponentialTables, at: int, x: Floats) -> None:
         t.rate[i] += t.by_rate[i]
 
 
-def carry_by_series(t: ExponentialTables, span: float, x: Floats) -> None:
+def carry_by_series(t: ExponentialTables, rows: Ints, columns: Ints, span: float, x: Floats) -> None:
     """Carry state and rates over a time shorter than the shortest length, by Taylor's series."""
     n = t.n
-    matrix = t.matrix[t.used * n * n :]
+    entries = t.entries[t.used * t.entry_count :]
     for i in range(n):
         t.by_rate[i] = t.rate[i]
         x[i] += span * t.rate[i]
@@ -238,10 +238,9 @@ def carry_by_series(t: ExponentialTables, span: float, x: Floats) -> None:
     for order in range(1, TERMS):
         factor *= span / float(order)
         for i in range(n):
-            total = t.drift[i] if order == 1 else 0.0
-            for j in range(n):
-                total += matrix[i * n + j] * t.by_rate[j]
-            t.by_drift[i] = total
+            t.by_drift[i] = t.drift[i] if order == 1 else 0.0
+        for k in range(t.entry_count):
+            t.by_drift[rows[k]] += entries[k] * t.by_rate[columns[k]]
         for i in range(n):
             t.by_rate[i] = t.by_drift[i]
             t.rate[i] += factor * t.by_rate[i]

@@ -27,6 +27,7 @@ FIRST = 1.0  # first step, in time constants of the fastest mode
 GROWN = 4.0  # ratio of a step to the one before
 RESOLVED = 1e-8  # of the largest value of a state: least tolerated error of the polynomial through the places of a step
 AFFINE = 1e-9  # relative to their terms: difference of the rates at the end of a step from those of the model
+ROUNDED = 1e-12  # relative to the largest of these terms: rounding of the matrices in each of the states
 
 
 def exponential_step(s: IntegratorWorkspace) -> int:
@@ -91,7 +92,7 @@ def put_places(s: IntegratorWorkspace, size: float) -> None:
         for i in range(n):
             out[i] = s.state[i]
             s.exponentials.rate[i] = s.slope[i]
-        propagate(s.exponentials, size if place + 1 == PLACES else SHARES[place] * size, out)
+        propagate(s.exponentials, s.rows, s.columns, size if place + 1 == PLACES else SHARES[place] * size, out)
 
 
 def is_resolved(s: IntegratorWorkspace) -> bool:
@@ -116,9 +117,12 @@ def ends_affine(s: IntegratorWorkspace, end: float) -> bool:
     """Evaluate the rates at the end of a step, in `new`; return True if they are those of the affine form."""
     put_terms(s, s.new)
     rates(s, min(end, s.latest), s.new, s.rate)
+    largest = 0.0
     for i in range(s.n):
-        size = s.terms[i] + abs(s.rate[i]) + abs(s.slope[i])
-        if not abs(s.rate[i] - s.exponentials.rate[i]) <= AFFINE * size:
+        s.terms[i] += abs(s.rate[i]) + abs(s.slope[i])
+        largest = max(largest, s.terms[i])
+    for i in range(s.n):
+        if not abs(s.rate[i] - s.exponentials.rate[i]) <= AFFINE * s.terms[i] + ROUNDED * largest:
             return False
     return True
 
@@ -129,4 +133,4 @@ def exponential_within(s: IntegratorWorkspace, time: float, out: Floats) -> None
     for i in range(s.n):
         out[i] = s.end_state[before * s.n + i]
         s.exponentials.rate[i] = s.slope[i]
-    propagate(s.exponentials, time - s.end_time[before], out)
+    propagate(s.exponentials, s.rows, s.columns, time - s.end_time[before], out)
