@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from .semantics.names.scope import RESERVED
     from .semantics.expressions.unit import read_unit
     from .semantics.names.project_folder import project_folder
-    from .solvers import AUTOMATIC, SOLVERS
+    from .solvers import AUTOMATIC, SOLVERS, Solver
     from .source import Source, Span, read_text
     from .source_file import read_source
     from .steps import ANALYSIS_STEPS

@@ -26,6 +26,7 @@ class Solver:
     stiff: bool = False
     through_ends: bool = False
     conserving: bool = False  # equal steps that keep the stored energy
+    exact: bool = False  # states within a step satisfy the equations
     others: tuple[str, ...] = ("automatic",)
     refused: tuple[tuple[str, str], ...] = ()
     refusal: tuple[str, str] = ("", "")  # sentence and advice
@@ -37,10 +38,19 @@ _CONSTRAINTS = "constraints", "closed loops hold its states on constraints"
 _UNKNOWNS = "unknowns", "the unknowns of its algebraic loops are found with each step"
 _ROWS = (
     Solver(AUTOMATIC),
-    Solver("exponential", "matrix exponential", "linear models", others=("explicit", "radau")),
     Solver(
         "explicit", "Dormand-Prince 8", parts=4, estimate=8, others=("radau",),
         refused=(_CONSTRAINTS, _UNKNOWNS), refusal=(f"an explicit method {_CANNOT}", _OTHERS),
+    ),
+    Solver(
+        "exponential", "matrix exponential", "linear models", parts=1, exact=True, others=("explicit", "radau"),
+        refused=(
+            ("laws", "its rates are not affine in its states from event to event"),
+            _CONSTRAINTS, _UNKNOWNS, ("delays", "it has delayed signals"), ("many", "it is for up to {few} states between events"),
+            ("signals", "with events on states, it takes no signals that vary but straight lines in time"),
+            ("rounding", "rounding of its stiff matrix would change slow motions"),
+        ),
+        refusal=(f"the matrix exponential {_CANNOT}", _OTHERS),
     ),
     Solver("radau", "Radau IIA 5", parts=1, stiff=True, through_ends=True, others=("rodas", "radau")),
     Solver(

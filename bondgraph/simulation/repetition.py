@@ -86,7 +86,7 @@ def with_error(result: Result, repeat: Repeat, wanted: RunOptions) -> Result:
         failure, closer = "", None
         try:
             # the matrix exponential has rounding errors only: other parts of time have others
-            parts = PARTS if result.solver == SOLVERS["exponential"].name or rtol == result.rtol else 1
+            parts = PARTS if result.solver.startswith(SOLVERS["exponential"].name) or rtol == result.rtol else 1
             closer = repeat(replace(wanted, rtol=rtol, points=len(result.time), energy=False, parts=parts))
         except RunFailed as failed:
             failure = str(failed)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .dependence import EVENT
+from ..algebra.expression import Apply, operations
+from ..algebra.operators import OPERATORS
+from .dependence import EVENT, STATE, TIME
 from .lower import count_operations
 from .lowered import Lowered
 from .multipliers import solved_for
@@ -43,7 +45,26 @@ def _hybrid_note(lowered: Lowered) -> HybridNote | None:
     modes = NameTable(tuple(v.name for v in variables), tuple(v.unit for v in variables))
     conditions = tuple(item.note for item in events.located)
     switched = any(lowered.dependence(signal) & EVENT for signal in lowered.signals)
-    return HybridNote(events.size, modes, tuple(events.timed), conditions, events.events, events.junctions, switched)
+    return HybridNote(
+        events.size,
+        modes,
+        tuple(events.timed),
+        conditions,
+        events.events,
+        events.junctions,
+        switched,
+        _is_affine(lowered),
+    )
+
+
+def _is_affine(lowered: Lowered) -> bool:
+    """Return True if the slopes of the rates depend on no state and not on time, and nothing that jumps or has a kink in a state is outside the mode."""
+    if any(lowered.dependence(slope) & (STATE | TIME) for slope in lowered.jacobian.values()):
+        return False
+    nodes = operations(Apply("add", lowered.rates))
+    rough = (node for node in nodes if node.operator in OPERATORS and not OPERATORS[node.operator].smooth)
+    parts = (node.operands[0] if node.operator == "select" else node for node in rough)
+    return not any(lowered.dependence(part) & STATE for part in parts)
 
 
 def _of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]:

@@ -148,6 +148,7 @@ class HybridNote:
     events: tuple[EventNote, ...]
     junctions: tuple[tuple[str, Span], ...]
     switches_signals: bool  # True if `Program.signals` change at events that depend on states
+    affine: bool  # True if in each mode the rates are affine in the states, with slopes that do not depend on time
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,8 @@ class EventIntegrator(SegmentIntegrator):
         self.events, self.off = problem.events, problem.off
         self.switched = False  # True if other junctions are off now
         self.most_events = MOST_EVENTS
-        self.linear = self.linear and not len(problem.events.places)
+        self.has_conditions = len(self.events.places) > 0
+        self.linear = self.linear and not self.has_conditions
 
     def run_to_end(self, stretch: Segment, x: Array, first: bool) -> Any:
         """Integrate one segment, from event to event; return the state at its end."""

@@ -111,6 +111,7 @@ class IntegrationState:
         self.position = 0  # index of the next instant to be reported
         self._signals: dict[tuple[float, bytes], Signals] = {}
         self.exponentials: dict[bytes, tuple[Any, Any]] = {}  # exponentials of linear segments, by their matrices
+        self.blurred: dict[bytes, bool] = {}  # modes with a matrix that rounding changes too much
         self.methods: dict[bytes, int] = {}  # methods chosen, by mode: each spectrum is examined once
         self.result = into if into is not None else empty(program, instants)
 

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import AUTOMATIC, SOLVERS, Array
+from compiler.api import AUTOMATIC, SOLVERS, Array, Solver
 
 from ...errors import UsageError
-from ..integrators.compiled.fields import is_sparse
-from ..integrators.methods import EXPLICIT, METHODS, RADAU
+from ..integrators.compiled.fields import is_piecewise_affine, is_sparse
+from ..integrators.linear_algebra.exponentials import LARGEST as FEW
+from ..integrators.methods import EXPLICIT, EXPONENTIAL, METHODS, RADAU
 from ..integrators.radau import StepFailed
 from ..segments.timeline import Segment
 from .native_integrator import explicit_trial
@@ -29,6 +30,7 @@ STIFF = 3000.0  # the same for a mode that decays: it has done so long before th
 DAMPED = 0.3  # least ratio of decay rate to rate of a mode that decays
 LARGEST = 200  # most states for which the spectrum is computed
 LARGEST_INTERPRETED = 60  # most states for which the explicit steps run in Python
+FEWEST = 6  # most states for which the steps of the matrix exponential run in Python
 TRIAL = 60  # trial steps
 ENOUGH = 64  # most discrete modes examined: others are assumed to be like most of them
 
@@ -37,12 +39,15 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
     """Return the method that goes on from state x. Raises `UsageError` where the requested one is not possible."""
     if stepper.solver != AUTOMATIC:
         solver = SOLVERS[stepper.solver]
-        if obstacle := _obstacle(stepper, solver.refused, len(x), compiled):
+        if obstacle := _obstacle(stepper, stretch, solver, compiled):
             sentence, advice = solver.refusal
             raise UsageError("BR712", f"{sentence}: {obstacle};", f"{advice}")
         return METHODS.index(solver)
+    fits = stepper.result.settled is None and (compiled or len(x) <= FEWEST)
+    if fits and not _obstacle(stepper, stretch, METHODS[EXPONENTIAL], compiled):
+        return EXPONENTIAL
     if (
-        _obstacle(stepper, METHODS[EXPLICIT].refused, len(x), compiled)
+        _obstacle(stepper, stretch, METHODS[EXPLICIT], compiled)
         or stepper.program.bends is not None
         or stepper.history is not None
         or (len(x) > LARGEST_INTERPRETED and not compiled)
@@ -75,9 +80,10 @@ def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
     return _tried(stepper, stretch, x)
 
 
-def _obstacle(stepper: IntegrationState, refused: tuple[tuple[str, str], ...], states: int, compiled: bool) -> str:
-    """Return the reason why a method that refuses these properties is not possible; empty if it is."""
+def _obstacle(stepper: IntegrationState, stretch: Segment, solver: Solver, compiled: bool) -> str:
+    """Return the reason why a method is not possible on a segment; empty if it is."""
     program = stepper.program
+    states = len(program.states.names) + len(program.unknowns.names)
     has = {
         "constraints": bool(stepper.constraints),
         "unknowns": bool(program.unknowns.names),
@@ -86,8 +92,29 @@ def _obstacle(stepper: IntegrationState, refused: tuple[tuple[str, str], ...], s
         "kinks": program.bends is not None,
         "size": states > LARGEST and not compiled,
         "sparse": is_sparse(program),
+        "laws": not is_piecewise_affine(program),
+        "many": states > FEW,
     }
-    return next((reason.format(most=LARGEST, states=states) for name, reason in refused if has[name]), "")
+    reasons = dict(solver.refused)
+    obstacle = next((reason for name, reason in reasons.items() if has.get(name)), "")
+    if solver.exact and not obstacle:
+        obstacle = reasons.get(_inexact(stepper, stretch), "")
+    return obstacle.format(most=LARGEST, few=FEW, states=states)
+
+
+def _inexact(stepper: IntegrationState, stretch: Segment) -> str:
+    """Return the property because of which the matrix exponential is not possible on a segment, of those that depend on numbers; empty if there is none."""
+    signals, key = stepper.signals(stretch), np.asarray(stretch.mode).tobytes()
+    if len(signals.allowed) and not signals.steady:
+        return "signals"
+    if key not in stepper.blurred:
+        from ..integrators.exponential import is_blurred
+
+        magnitude, fixed = stepper.tolerances.magnitude, (stepper.inputs, stepper.constants, stretch.mode)
+        matrix = np.asarray(stepper.program.jacobian(stretch.start, np.zeros(len(magnitude)), *fixed), dtype=float)
+        matrix = matrix * magnitude / magnitude[:, None]
+        stepper.blurred[key] = not np.isfinite(matrix).all() or is_blurred(matrix, stepper.whole)
+    return "rounding" if stepper.blurred[key] else ""
 
 
 def _spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> Any:

@@ -10,7 +10,7 @@ from compiler.api import AUTOMATIC, Array
 
 from ...errors import StepsCollapsed
 from ..integrators.compiled.run import CompiledRadau, obstacle, steps
-from ..integrators.methods import EXPLICIT, METHODS, PARTS, RADAU
+from ..integrators.methods import EXPLICIT, EXPONENTIAL, METHODS, PARTS, RADAU
 from ..integrators.outcomes import FINISHED, FLIP, HANDOVER, MORE, STIFF
 from ..integrators.projection.limits import NEAR
 from ..integrators.radau import StepFailed
@@ -71,7 +71,7 @@ def _solver(stepper: IntegrationState, stretch: Segment, x: Array, method: int) 
 
 def _automatic(stepper: IntegrationState, method: int) -> int:
     """Return 1 if another method may take over, else 0."""
-    return int(stepper.solver == AUTOMATIC and method == EXPLICIT)
+    return int(stepper.solver == AUTOMATIC and method in (EXPLICIT, EXPONENTIAL))
 
 
 class NativeIntegrator:
@@ -212,7 +212,12 @@ class NativeIntegrator:
         mark, before, start = stepper.marked(), self.stretch, solver.last_step[0]
         self.stretch = stepper.follow_step(solver.last_step, parts, self.stretch, self._states_at, solver.roots)
         flip = stepper.flip
-        if flip is not None and not is_sure(stepper, start, flip.time, self.stretch.mode, self._states_at):
+        exact = METHODS[solver.record.method].exact
+        if (
+            flip is not None
+            and not exact
+            and not is_sure(stepper, start, flip.time, self.stretch.mode, self._states_at)
+        ):
             stepper.go_back(mark)
             self.stretch = before
             solver.put_mode(before.mode)
@@ -220,6 +225,8 @@ class NativeIntegrator:
         else:
             solver.put_mode(self.stretch.mode)
             solver.doubt(stepper.floor)
+            if exact and self.stretch is not before:
+                solver.record.last_size = 0.0  # the matrix is another
         if stepper.flip is not None:
             solver.end_at(stepper.flip.time)
         else:

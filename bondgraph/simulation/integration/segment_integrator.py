@@ -24,6 +24,7 @@ class SegmentIntegrator(IntegrationState):
     """Integrator over successive smooth segments, with the requested results."""
 
     machine: NativeIntegrator | None = None  # the integrator of steps, from the first segment on
+    has_conditions = False  # True if conditions on states are located
 
     def let_go(self) -> None:
         """Release the integrator of steps, which refers to this object, so that memory is freed at once, without the garbage collector."""
@@ -73,12 +74,12 @@ class SegmentIntegrator(IntegrationState):
             end = exactly(self, stretch, x)
             if end is not None:
                 return end
-        if self.solver == "exponential":
+        if self.solver == "exponential" and not self.has_conditions:
             from .exact import check_driven
 
             check_driven(self, stretch, x)
             raise UsageError(
-                "BR715", "the matrix exponential takes linear models of up to a few hundred states, without events on states, noise and delays, whose inputs "
+                "BR715", "the matrix exponential takes linear models of up to a few hundred states, without noise and delays, whose inputs "
                 "a few thousand polynomials can follow;", "leave the solver to choose",
             )  # fmt: skip
         if self.linear:  # the exact solution was not possible

@@ -155,12 +155,12 @@ def linear_form(program: Program, inputs: Array, constants: Array, stretch: Segm
     if count + len(active) * (DEGREE + 1) > LARGEST_MATRIX:
         return None
     balanced = matrix * scale / scale[:, None]
-    if _blurred(balanced, high - low):
+    if is_blurred(balanced, high - low):
         return None
     return Linear(program, fixed, stretch, balanced, scale, active, seen)
 
 
-def _blurred(matrix: Array, span: float) -> bool:
+def is_blurred(matrix: Array, span: float) -> bool:
     """Return True if rounding of its entries alone changes the effect of a stiff matrix on slow motions.
 
     Next to a conductance of 1e12, one of 1 keeps four digits in their sum; the rates themselves, as differences, keep them all.

@@ -7,11 +7,11 @@ from compiler.api import AUTOMATIC, SOLVERS
 from ...errors import UsageError
 
 METHODS = tuple(row for row in SOLVERS.values() if row.parts)
-EXPLICIT, RADAU = (METHODS.index(SOLVERS[word]) for word in ("explicit", "radau"))
+EXPLICIT, EXPONENTIAL, RADAU = (METHODS.index(SOLVERS[word]) for word in ("explicit", "exponential", "radau"))
 # Facts of the methods, for compiled code.
 PARTS, ESTIMATES = (tuple(getattr(row, name) for row in METHODS) for name in ("parts", "estimate"))
-STIFF, CONSERVING, THROUGH_ENDS = (
-    tuple(int(getattr(row, name)) for row in METHODS) for name in ("stiff", "conserving", "through_ends")
+STIFF, CONSERVING, EXACT, THROUGH_ENDS = (
+    tuple(int(getattr(row, name)) for row in METHODS) for name in ("stiff", "conserving", "exact", "through_ends")
 )
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from compiler.api import Record
 
+from .linear_algebra.exponentials import ExponentialTables
 from .linear_algebra.factors import ComplexFactors, Factors
 from .linear_algebra.sparse import Pattern
 from .projection.projection import ProjectionWorkspace
@@ -121,6 +122,7 @@ class IntegratorWorkspace(Record):
     nodes: Floats  # 6
     coefficients: Floats  # 6 n: coefficients of the polynomial through them
     node_count: int  # 0: not yet computed
+    exponentials: ExponentialTables  # of the matrix exponential
     # energy-conserving method
     energy: float  # energy to be conserved
     energies: Floats  # 1 + n: energy of a state, and its gradient

@@ -13,7 +13,7 @@ from ..acceptance.step_acceptance import add_work, grow, steep
 from ..acceptance.zero_crossings import may_flip
 from ..dense_output.dense_output import sample
 from ..dop853 import OFTEN
-from ..methods import CONSERVING, ESTIMATES, METHODS
+from ..methods import CONSERVING, ESTIMATES, EXACT, METHODS
 from ..outcomes import FINISHED, FLIP, HANDOVER, LOOK, MORE, STIFF
 from ..radau import FIRST_ULPS
 from ..steps.energy_step import take_energy
@@ -66,11 +66,21 @@ def one_step(s: IntegratorWorkspace) -> int:
 
 
 def begin(s: IntegratorWorkspace) -> None:
-    """Compute the first rates and the first step size (Hairer, Nørsett and Wanner, Solving ODEs I, section II.4)."""
+    """Compute the first rates, and the first step size if the method has an error estimate."""
     rates(s, s.time, s.state, s.rate)
     begin_watch(s)
     if CONSERVING[s.method] != 0:
         take_energy(s)
+    if EXACT[s.method] == 0:
+        put_first_size(s)
+    s.ends = 1
+    s.end_time[0] = s.time
+    for i in range(s.n):
+        s.end_state[i] = s.state[i]
+
+
+def put_first_size(s: IntegratorWorkspace) -> None:
+    """Compute the first step size (Hairer, Nørsett and Wanner, Solving ODEs I, section II.4)."""
     span = s.stop - s.time
     d0 = 0.0
     d1 = 0.0
@@ -95,7 +105,3 @@ def begin(s: IntegratorWorkspace) -> None:
     if not isfinite(h1):
         h1 = h0
     s.size = min(max(min(100.0 * h0, h1), FIRST_ULPS * ulp(s.time)), span)
-    s.ends = 1
-    s.end_time[0] = s.time
-    for i in range(s.n):
-        s.end_state[i] = s.state[i]

@@ -14,6 +14,7 @@ from ....numerics.indicators import PLACES
 from ...monitors.state_selection import WORST
 from ...segments.timeline import LOOKS, Segment, Signals, inside
 from .. import dop853
+from ..linear_algebra.exponentials import LARGEST, room_for_tables
 from ..linear_algebra.factorise import is_large
 from ..linear_algebra.factors import ComplexFactors, Factors, room_for
 from ..methods import METHODS
@@ -30,6 +31,12 @@ def is_sparse(program: Program) -> bool:
     """Return True if the linear algebra is sparse."""
     count = len(program.states.names) + len(program.unknowns.names)
     return is_large(count, len(program.pattern[0])) or count > LARGEST_DENSE
+
+
+def is_piecewise_affine(program: Program) -> bool:
+    """Return True if in each mode the rates are affine in the states."""
+    hybrid = program.hybrid
+    return hybrid is not None and hybrid.affine and program.bends is None and not program.unknowns.names
 
 
 def given_at(
@@ -99,6 +106,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "dependent_count": dependents, "stored_peak": room(differential + dependents), "worst": WORST, "power_count": 0, "work": room(0),
         "power": room(0), "partial": room(0), "traffic": 0.0, "pending": 0, "steps": 0, "rejected": 0,
         "derivatives": 0, "jacobians": 0, "factorisations": 0,
+        "exponentials": room_for_tables(*((n, entries) if is_piecewise_affine(program) and n <= LARGEST else (0, 0))),
         "energy": 0.0, "energies": room(1 + n), "dropped": room(n),
         "slope": room(dop853.ALL_STAGES * n), "dense": room(7 * n), "dense_known": 0,
         "automatic": 0, "fastest": 0.0, "direction": room(n), "since_looked": dop853.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0,

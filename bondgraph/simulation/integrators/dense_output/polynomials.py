@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .. import radau
-from ..methods import CONSERVING, THROUGH_ENDS
+from ..methods import CONSERVING, EXACT, THROUGH_ENDS
 from ..steps.dop853_dense import polynomial
 from ..steps.energy_step import within_step
+from ..steps.exponential_step import exponential_within
 from ..workspace import IntegratorWorkspace
 
 if TYPE_CHECKING:
@@ -50,6 +51,9 @@ def collocation(s: IntegratorWorkspace, time: float, out: Floats) -> None:
     """Put the polynomial of the method in the last step, scaled states, into `out`."""
     if CONSERVING[s.method] != 0:
         within_step(s, time, out)
+        return
+    if EXACT[s.method] != 0:
+        exponential_within(s, time, out)
         return
     if THROUGH_ENDS[s.method] == 0:
         polynomial(s, time, out)
