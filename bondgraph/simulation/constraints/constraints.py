@@ -7,6 +7,7 @@ rows are dependent.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
@@ -16,6 +17,7 @@ from compiler.api import Array, Program
 
 from ..integrators.projection.limits import ITERATIONS, NOISE, ROUNDING, WEAK
 from ..loops.loops import LoopSolver
+from ..segments.run_values import RunValues
 
 if TYPE_CHECKING:
     from ..integrators.compiled.constraint_functions import CompiledConstraints
@@ -35,9 +37,13 @@ class Assembled:
 class Constraints:
     """Invariants of a program. `parameters` decide which rows are active; `magnitude`: of its states (and unknowns), shape (n,)."""
 
-    def __init__(self, program: Program, parameters: Array, inputs: Array, magnitude: Array) -> None:
+    def __init__(
+        self, program: Program, parameters: Array, inputs: Array, magnitude: Array, values: RunValues | None = None
+    ) -> None:
+        """`values`: the same parameters and inputs, with answers for them."""
         self.program, self.parameters, self.inputs = program, np.array(parameters, dtype=float), inputs
-        self.constants = program.constants(self.parameters)
+        self.constants = program.constants(self.parameters) if values is None else values.constants
+        self.known = values
         self.count = len(program.states.names)
         self.gaps = len(program.multipliers)
         self.rows, self.columns = (np.asarray(a, dtype=int) for a in program.invariant_pattern)
@@ -88,6 +94,13 @@ class Constraints:
                 self.parameters[place] = float(takes)
         self.constants = self.program.constants(self.parameters)
         self._compiled = None
+
+    def recall(self, key: tuple[object, ...], find: Callable[[], Any]) -> Any:
+        """Return what an earlier run with these parameters has found, else find it. The key has everything else that it depends on, but for the
+        active rows and the magnitudes. What delayed signals decide is found again."""
+        if self.known is None or self.program.delays is not None:
+            return find()
+        return self.known.recall((key, self.taking.tobytes(), self.magnitude.tobytes()), find)
 
     @property
     def compiled(self) -> CompiledConstraints | None:
