@@ -112,7 +112,13 @@ class Constraints:
         if self._compiled is None or self._compiled.native != native:
             from ..integrators.compiled.constraint_functions import CompiledConstraints
 
-            self._compiled = CompiledConstraints(self, native)
+            if self.gaps or self.program.eliminated:
+                self._compiled = CompiledConstraints(self, native)
+            else:  # no step reads it, so all runs share one
+                empty = self.program.kept.setdefault(("no constraints", native), None) or CompiledConstraints(
+                    self, native
+                )
+                self._compiled = self.program.kept["no constraints", native] = empty
         return self._compiled
 
     # ------------------------------------------------------------ values and Jacobians
