@@ -199,9 +199,10 @@ class IntegrationState:
 
     def tell_crawling(self, solver: CompiledRadau, steps: int, mode: Array) -> None:
         """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
+        context = self.context
         self.result.notes += [
-            *notes_of(self.context, solver, steps, mode, self.solver == "explicit"),
-            *growth_notes(self.context, solver, self.result.notes),
+            *notes_of(context, solver, steps, mode, self.solver == "explicit"),
+            *growth_notes(context, solver, self.result.notes),
         ]
 
     def name(self, method: int, target: str) -> None:

@@ -41,6 +41,8 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
             sentence, advice = solver.refusal
             raise UsageError("BR712", f"{sentence}: {obstacle};", f"{advice}")
         return METHODS.index(solver)
+    if stepper.result.settled is not None:
+        return stepper.result.settled
     if (
         _obstacle(stepper, METHODS[EXPLICIT].refused, len(x), compiled)
         or stepper.program.bends is not None
@@ -48,8 +50,6 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
         or (len(x) > LARGEST_INTERPRETED and not compiled)
     ):
         return RADAU
-    if stepper.result.settled is not None:
-        return stepper.result.settled
     if stepper.program.hybrid is None:
         return _by_spectrum(stepper, stretch, x)
     # Events return to modes that have been examined before.
