@@ -124,7 +124,9 @@ class Phase:
         if self.history is not None or program not in known:
             constants, parts = self.constraints.constants, self.parts
             known[program] = self.constraints.recall(
-                ("timeline", ends, parts), lambda: timeline_in_parts(program, constants, ends, parts)
+                ("timeline", ends, parts),
+                lambda: timeline_in_parts(program, constants, ends, parts),
+                lambda course: len(course.segments),
             )
             return replace(known[program], segments=list(known[program].segments))
         return replace(known[program], segments=rest_of(known[program].segments, ends[0]))

@@ -96,6 +96,16 @@ def test_a_second_call_finds_nothing_again(name: str, monkeypatch: pytest.Monkey
     assert told(model.simulate()) == told(first)
 
 
+@pytest.mark.parametrize("name", ["duffing", "quarter_car", "four_bar"])
+def test_an_interpreted_run_shows_in_no_other(name: str) -> None:
+    model = bondgraph.load(MODELS / f"{name}.bg")
+    whole = float(model.simulate(points=2).time[-1])
+    first, native = (told(model.simulate(to=0.05 * whole, target=target)) for target in ("numpy", "native"))
+    model.simulate(to=0.1 * whole, rtol=1e-4, target="numpy")
+    assert told(model.simulate(to=0.05 * whole, target="numpy")) == first
+    assert told(model.simulate(to=0.05 * whole, target="native")) == native
+
+
 def test_threads_share_what_was_found() -> None:
     """Runs of several settings at once, more than are kept, are those of one after the other."""
     model = bondgraph.load(MODELS / "quarter_car.bg")

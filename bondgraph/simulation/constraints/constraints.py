@@ -95,12 +95,14 @@ class Constraints:
         self.constants = self.program.constants(self.parameters)
         self._compiled = None
 
-    def recall(self, key: tuple[object, ...], find: Callable[[], Any]) -> Any:
+    def recall(
+        self, key: tuple[object, ...], find: Callable[[], Any], size: Callable[[Any], int] = lambda answer: 1
+    ) -> Any:
         """Return what an earlier run with these parameters has found, else find it. The key has everything else that it depends on, but for the
         active rows and the magnitudes. What delayed signals decide is found again."""
         if self.known is None or self.program.delays is not None:
             return find()
-        return self.known.recall((key, self.taking.tobytes(), self.magnitude.tobytes()), find)
+        return self.known.recall((key, self.taking.tobytes(), self.magnitude.tobytes()), find, size)
 
     @property
     def compiled(self) -> CompiledConstraints | None:
@@ -112,13 +114,11 @@ class Constraints:
         if self._compiled is None or self._compiled.native != native:
             from ..integrators.compiled.constraint_functions import CompiledConstraints
 
-            if self.gaps or self.program.eliminated:
-                self._compiled = CompiledConstraints(self, native)
-            else:  # no step reads it, so all runs share one
-                empty = self.program.kept.setdefault(("no constraints", native), None) or CompiledConstraints(
-                    self, native
-                )
-                self._compiled = self.program.kept["no constraints", native] = empty
+            # without constraints no step reads it, so all runs share one
+            shared = {} if self.gaps or self.program.eliminated else self.program.kept
+            if ("no constraints", native) not in shared:
+                shared["no constraints", native] = CompiledConstraints(self, native)
+            self._compiled = shared["no constraints", native]
         return self._compiled
 
     # ------------------------------------------------------------ values and Jacobians

@@ -66,7 +66,9 @@ def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
     tolerances = stepper.tolerances
     sizes = tolerances.relative, tolerances.absolute.tobytes(), tolerances.held.tobytes()
     key = "method", *stretch.key, x.tobytes(), *sizes, stepper.whole
-    method, evaluations, settled = stepper.constraints.recall(key, lambda: _examined(stepper, stretch, x))
+    method, evaluations, settled = stepper.constraints.recall(
+        key, lambda: _examined(stepper, stretch, x), lambda answer: len(x) // LARGEST
+    )
     stepper.count(evaluations)
     if settled:
         stepper.result.settled = method

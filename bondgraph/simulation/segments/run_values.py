@@ -14,6 +14,7 @@ from ...memo import keep
 
 MOST = 8  # sets of parameters of a program whose answers are cached
 ANSWERS = 24  # answers of each of them
+LARGEST = 64  # most parts of an answer, such as segments with their signals
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,12 +26,16 @@ class RunValues:
     constants: Any
     answers: dict[object, Any] = field(default_factory=dict)
 
-    def recall(self, key: object, find: Callable[[], Any]) -> Any:
-        """Return the answer for a key, which nobody changes; found at its first use. It depends on these values and the key alone."""
+    def recall(self, key: object, find: Callable[[], Any], size: Callable[[Any], int]) -> Any:
+        """Return the answer for a key, which nobody changes; found at its first use. It depends on these values and the key alone.
+
+        One of a `size` above `LARGEST` is not kept.
+        """
         answer = self.answers.get(key)
         if answer is None:
             answer = find()
-            keep(self.answers, key, answer, ANSWERS)
+            if size(answer) <= LARGEST:
+                keep(self.answers, key, answer, ANSWERS)
         return answer
 
 
