@@ -124,7 +124,8 @@ class Phase:
         if self.history is not None or program not in known:
             constants, parts = self.constraints.constants, self.parts
             known[program] = self.constraints.recall(
-                ("timeline", ends, parts),
+                "timeline",
+                (*ends, parts),
                 lambda: timeline_in_parts(program, constants, ends, parts),
                 lambda course: len(course.segments),
             )
@@ -192,8 +193,8 @@ class Phase:
 
         if self.plan.equilibrium and program.hybrid is not None:  # its search prepares the events of this run
             return find()[:3]
-        key = "start", *first.key, horizon, *sorted(self.modes_at_start.items()), self.plan.equilibrium
-        full, segment, notes, constraints.assembled, taking = constraints.recall(key, find)
+        key = *first.key, horizon, *sorted(self.modes_at_start.items()), self.plan.equilibrium
+        full, segment, notes, constraints.assembled, taking = constraints.recall("start", key, find)
         if not np.array_equal(taking, constraints.taking):
             constraints.leave_out(taking)
         return full.copy(), segment, notes
@@ -294,9 +295,9 @@ class Phase:
             return self._magnitudes_now()
         first, last = self.stretches[0], self.stretches[-1]
         on = () if self.events is None else (self.events.horizon, *sorted(self.events.on.items()))
-        key = "magnitudes", *first.key, last.stop, self.parts, self.looked_from.tobytes(), self.state.tobytes(), on
+        key = *first.key, last.stop, self.parts, self.looked_from.tobytes(), self.state.tobytes(), on
         values, self.doubts, magnitudes = self.constraints.recall(
-            key, lambda: (self._magnitudes_now(), self.doubts, dict(self.known))
+            "magnitudes", key, lambda: (self._magnitudes_now(), self.doubts, dict(self.known))
         )
         self.known = dict(magnitudes)
         if self.events is not None:

@@ -123,10 +123,10 @@ def test_shared_values_are_not_written() -> None:
     (values,) = prepared.program.kept["run values"].values()
 
     def arrays() -> list[bytes]:
-        timelines = [answer for key, answer in values.answers.items() if key[0][0] == "timeline"]
-        modes = [np.asarray(s.mode).tobytes() for t in timelines for s in t.segments]
-        assert modes
-        return [*modes, *(a.tobytes() for a in (values.parameters, values.inputs, values.constants))]
+        modes = [s.mode for course in values.answers["timeline"].values() for s in course.segments]
+        signals = [a for s in values.answers["signals"].values() for a in (s.allowed, s.times, s.values)]
+        assert modes and signals
+        return [np.asarray(a).tobytes() for a in (values.parameters, values.inputs, values.constants, *modes, *signals)]
 
     before = arrays()
     model.simulate(rtol=1e-9)

@@ -96,13 +96,13 @@ class Constraints:
         self._compiled = None
 
     def recall(
-        self, key: tuple[object, ...], find: Callable[[], Any], size: Callable[[Any], int] = lambda answer: 1
+        self, kind: str, key: tuple[object, ...], find: Callable[[], Any], size: Callable[[Any], int] = lambda answer: 1
     ) -> Any:
         """Return what an earlier run with these parameters has found, else find it. The key has everything else that it depends on, but for the
         active rows and the magnitudes. What delayed signals decide is found again."""
         if self.known is None or self.program.delays is not None:
             return find()
-        return self.known.recall((key, self.taking.tobytes(), self.magnitude.tobytes()), find, size)
+        return self.known.recall(kind, (*key, self.taking.tobytes(), self.magnitude.tobytes()), find, size)
 
     @property
     def compiled(self) -> CompiledConstraints | None:

@@ -149,7 +149,10 @@ class IntegrationState:
         if key not in self._signals:
             if len(self._signals) >= MOST_KNOWN:
                 self._signals.clear()
-            self._signals[key] = signals_on(self.program, self.inputs, self.constants, stretch, self.whole)
+            fixed = self.program, self.inputs, self.constants
+            self._signals[key] = self.constraints.recall(
+                "signals", (*stretch.key, self.whole), lambda: signals_on(*fixed, stretch, self.whole)
+            )
         return self._signals[key]
 
     def done(self, x: Array, mode: Array) -> Trajectory:

@@ -65,9 +65,9 @@ def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
     """Return the method that fits the eigenvalues on a segment; count the evaluations of trial steps, also where an earlier run has made them."""
     tolerances = stepper.tolerances
     sizes = tolerances.relative, tolerances.absolute.tobytes(), tolerances.held.tobytes()
-    key = "method", *stretch.key, x.tobytes(), *sizes, stepper.whole
+    key = *stretch.key, x.tobytes(), *sizes, stepper.whole
     method, evaluations, settled = stepper.constraints.recall(
-        key, lambda: _examined(stepper, stretch, x), lambda answer: len(x) // LARGEST
+        "method", key, lambda: _examined(stepper, stretch, x), lambda answer: len(x) // LARGEST
     )
     stepper.count(evaluations)
     if settled:

@@ -13,7 +13,7 @@ from compiler.api import Array, Program
 from ...memo import keep
 
 MOST = 8  # sets of parameters of a program whose answers are cached
-ANSWERS = 24  # answers of each of them
+ANSWERS = 16  # answers of each kind for one of them
 LARGEST = 64  # most parts of an answer, such as segments with their signals
 
 
@@ -24,18 +24,19 @@ class RunValues:
     parameters: Any
     inputs: Any
     constants: Any
-    answers: dict[object, Any] = field(default_factory=dict)
+    answers: dict[str, dict[object, Any]] = field(default_factory=dict)
 
-    def recall(self, key: object, find: Callable[[], Any], size: Callable[[Any], int]) -> Any:
-        """Return the answer for a key, which nobody changes; found at its first use. It depends on these values and the key alone.
+    def recall(self, kind: str, key: object, find: Callable[[], Any], size: Callable[[Any], int]) -> Any:
+        """Return the answer of a kind for a key, which nobody changes; found at its first use. It depends on these values and the key alone.
 
         One of a `size` above `LARGEST` is not kept.
         """
-        answer = self.answers.get(key)
+        answers = self.answers.setdefault(kind, {})
+        answer = answers.get(key)
         if answer is None:
             answer = find()
             if size(answer) <= LARGEST:
-                keep(self.answers, key, answer, ANSWERS)
+                keep(answers, key, answer, ANSWERS)
         return answer
 
 
