@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from math import frexp, ldexp
+from math import frexp, isqrt, ldexp
 from typing import Any
 
 import numpy as np
@@ -98,7 +98,7 @@ class Linear:
                 place = slice(count + number * more, count + (number + 1) * more)
                 whole[row, place] = AT_START
                 whole[place, place] = SHIFT
-            found = exponential(whole)
+            found = _exponential(whole.tobytes()) if len(whole) <= EXTENDED else exponential(whole)
             self.known[length] = found[:count, :count], found[:count, count:].reshape(count, sources, more)
         return self.known[length]
 
@@ -179,6 +179,13 @@ def _blurred(matrix: Array, span: float) -> bool:
     )
 
 
+@lru_cache(maxsize=256)  # the next run needs the same ones
+def _exponential(entries: bytes) -> Any:
+    """Return the exponential of a small matrix (its bytes), which nobody writes into."""
+    numbers = np.frombuffer(entries)
+    return exponential(numbers.reshape(isqrt(len(numbers)), -1))
+
+
 def exponential(matrix: Array) -> Any:
     """Return exp(matrix), shape (n, n), by Taylor's series of a small part and squaring, for small matrices in extended precision.
 
@@ -243,12 +250,12 @@ def intervals(form: Linear, instants: Array, longest: float) -> Intervals | None
         parts = np.ceil(gaps / longest * (1 - 1e-9)).astype(int).clip(1)
         if parts.sum() > MOST_INTERVALS + len(gaps):
             return None
-        starts = np.concatenate(
-            [a + h * np.arange(n) / n for a, h, n in zip(edges[:-1], gaps, parts, strict=True)]
-        )  # fmt: skip
+        ends = np.cumsum(parts)
+        begins, wide, several = (np.repeat(a, parts) for a in (edges[:-1], gaps, parts))
+        starts = begins + wide * (np.arange(ends[-1]) - np.repeat(ends - parts, parts)) / several
         lengths = _few(np.repeat(gaps / parts, parts))
         if _is_followed(form, starts, lengths):
-            return Intervals(starts, lengths, np.cumsum(parts) - 1)
+            return Intervals(starts, lengths, ends - 1)
         longest *= 0.5
 
 
@@ -267,8 +274,9 @@ def march(form: Linear, cut: Intervals, state: Array) -> Any | None:
         chosen = cut.lengths == length
         pushes[chosen] = form.moved(cut.starts[chosen], length, np.zeros(len(form.scale)))
     ahead = {length: form.ahead(length) for length in different}
-    for number, length in enumerate(cut.lengths.tolist()):
-        result[number + 1] = ahead[length] @ result[number] + pushes[number]
+    rows = list(result)
+    for before, after, push, length in zip(rows, rows[1:], list(pushes), cut.lengths.tolist()):  # noqa: B905
+        np.add(ahead[length] @ before, push, after)
     return result * form.scale if np.isfinite(result).all() else None
 
 
@@ -300,7 +308,8 @@ def _few(lengths: Array) -> Any:
     order = np.argsort(lengths)
     groups = np.split(order, np.flatnonzero(np.diff(lengths[order]) > 1e-9 * lengths[order][1:]) + 1)
     for group in groups:
-        result[group] = lengths[group].mean()
+        if len(group) > 1:
+            result[group] = lengths[group].mean()
     return result
 
 
