@@ -129,7 +129,7 @@ class Phase:
                 lambda: timeline_in_parts(program, constants, ends, parts),
                 lambda course: len(course.segments),
             )
-            return replace(known[program], segments=list(known[program].segments))
+            return Timeline(list(known[program].segments), known[program].notes)
         return replace(known[program], segments=rest_of(known[program].segments, ends[0]))
 
     def _start(
@@ -545,7 +545,7 @@ class Phase:
 
     def _within(self, stretch: Segment) -> slice:
         """Return the slice of the reported instants that lie in a segment."""
-        return slice(*np.searchsorted(self.instants, (stretch.start, stretch.stop)).tolist())
+        return slice(*self.instants.searchsorted((stretch.start, stretch.stop)).tolist())
 
     def _output(self, times: Array | float, states: Array, mode: Array) -> Any:
         return self.program.output(times, states, self.inputs, self.constants, mode)

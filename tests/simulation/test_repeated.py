@@ -15,6 +15,7 @@ pytest.importorskip("llvmlite")
 import bondgraph
 from bondgraph.simulation import phase
 from bondgraph.simulation.integration import method
+from bondgraph.simulation.integrators import exponential
 from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.ordering import on_diagonal, ordered
 from bondgraph.simulation.integrators.compiled.record_layout import RecordArray, form_of
@@ -132,6 +133,27 @@ def test_shared_values_are_not_written() -> None:
     model.simulate(rtol=1e-9)
     model.simulate(energy=False, solver="radau")
     assert arrays() == before
+
+
+def test_exponentials_of_a_sampled_model_are_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Segments between samples have one matrix: its scales, its exponentials and the trust in them are those of the first."""
+    text = (
+        "plain model Sampled {\n mode u = 0\n signal x = integral(v, 1)\n signal v = integral(-3*x - v + u, 0)\n"
+        " every 0.1 { u = -2*x }\n output y = x\n}\n"
+    )
+    computed: list[int] = []
+    original = exponential.exponential
+    monkeypatch.setattr(exponential, "exponential", lambda matrix: computed.append(len(matrix)) or original(matrix))
+    for cache in (exponential._exponential, exponential._balance):
+        cache.cache_clear()
+    model = bondgraph.load(text)
+    first = told(model.simulate(None, to=5))
+    assert len(computed) < 12 and exponential._balance.cache_info().misses == 1
+    computed.clear()
+    assert told(model.simulate(None, to=5)) == first
+    assert computed == []
+    exponential._exponential.cache_clear()
+    assert told(bondgraph.load(text).simulate(None, to=5)) == first
 
 
 def test_what_is_delayed_is_found_again() -> None:

@@ -69,9 +69,10 @@ class Constraints:
         """Set the magnitudes by which changes are measured."""
         self.magnitude = np.array(magnitude, dtype=float)
         self.reach = self.magnitude[: self.count]
-        turns = [p for p in self.positions if self.program.states.units[p] == "1"]
-        self.turning = float(self.reach[turns].max(initial=0.0)) or 1.0  # magnitude of the angles
+        self.turning = 1.0  # magnitude of the angles
         if self.gaps:  # without residuals there is nothing to rebuild
+            turns = [p for p in self.positions if self.program.states.units[p] == "1"]
+            self.turning = float(self.reach[turns].max(initial=0.0)) or 1.0
             self._compiled = None
 
     def __bool__(self) -> bool:
