@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from compiler import api
 
 from .errors import UsageError
+from .memo import keep
 
 if TYPE_CHECKING:
     import networkx
@@ -63,7 +64,7 @@ class CompiledModel:
             like = self._compilations.get((replace(scene, preferences=(), off=None), everything))
             if like is not None and "_built" in like.__dict__:  # expand it only once
                 compilation.__dict__["_built"] = like.__dict__["_built"]
-            _kept(self._compilations, key, compilation)
+            keep(self._compilations, key, compilation, MOST_KEPT)
         return compilation
 
     @property
@@ -87,7 +88,7 @@ class CompiledModel:
                 self.source, scene, everything, target, lambda: self.compilation(scene, everything),
                 lambda: self.prepared(replace(scene, opened=True), everything, target),
             )  # fmt: skip
-            _kept(self._prepared, key, made)
+            keep(self._prepared, key, made, MOST_KEPT)
         return made
 
     @cached_property
@@ -179,13 +180,6 @@ def certify(path_or_text: str | Path, model: str | None = None) -> tuple[tuple[D
     except api.CompilationFailed as failed:  # the file is no text
         return failed.diagnostics, None
     return api.examine(source, model, LIBRARY)
-
-
-def _kept(things: dict[Any, Any], key: object, thing: object) -> None:
-    """Store a value by its key, and keep only the latest ones. Threads that share a model may do so at once."""
-    for old in list(things)[: max(0, len(things) - MOST_KEPT + 1)]:
-        things.pop(old, None)
-    things[key] = thing
 
 
 def _override(name: str, value: str | float) -> Override:

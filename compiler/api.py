@@ -91,7 +91,7 @@ def __getattr__(name: str) -> Any:
     if name not in _imports():
         raise AttributeError(f"module 'compiler.api' has no attribute {name!r}")
     module, original = _imports()[name]
-    return getattr(import_module(module, __package__), original)
+    return globals().setdefault(name, getattr(import_module(module, __package__), original))
 
 
 def __dir__() -> list[str]:

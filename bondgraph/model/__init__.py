@@ -215,7 +215,7 @@ class Model(Shown, AnalysedModel):
                 "check the whole run",
             )
         given = _options(self.simulate, {**options, "to": to, "points": points})
-        run_options = replace(given.wanted, check=check, error=error)
+        run_options = replace(given.wanted, check=check, error=error) if check or error else given.wanted
         return simulate(self, experiment, settings or {}, given.outputs, run_options, before)
 
     def simulate_many(

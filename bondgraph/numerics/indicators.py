@@ -29,32 +29,35 @@ EXACT = 1e-9  # relative to the variation: a smaller part does not reduce this e
 
 @dataclass(frozen=True, slots=True)
 class Interpolants:
-    """Polynomials of all indicators on a part of a step: coefficients (PLACES, conditions), error and variation of each (conditions,)."""
+    """Polynomials of all indicators on a part of a step: coefficients (PLACES, conditions), error and variation of each (conditions,).
+
+    `finite`: mask of the values; `converged`: of the polynomials that are accurate between their places.
+    """
 
     values: Array
+    finite: BoolArray
     coefficients: Array
     error: Array
     variation: Array
+    converged: BoolArray
 
     @classmethod
     def through(cls, values: Array) -> Interpolants:
         """Return the polynomials through the values at the places; shape (PLACES, conditions)."""
-        coefficients = COEFFICIENTS @ np.where(np.isfinite(values), values, 0.0)
+        finite = np.isfinite(values)
+        coefficients = COEFFICIENTS @ np.where(finite, values, 0.0)
         size = np.abs(coefficients)
-        return cls(values, coefficients, size[-LAST:].sum(axis=0), size[1:].sum(axis=0))
-
-    @property
-    def converged(self) -> BoolArray:
-        """Mask of the polynomials that are accurate between their places."""
-        return (self.error <= CONVERGED * self.variation) & np.isfinite(self.values).all(axis=0)
+        error, variation = size[-LAST:].sum(axis=0), size[1:].sum(axis=0)
+        return cls(
+            values, finite, coefficients, error, variation, (error <= CONVERGED * variation) & finite.all(axis=0)
+        )
 
     def far(self, floor: Array) -> BoolArray:
         """Return a mask of the indicators without a zero: the mean exceeds all variation, all values are below rounding, or no value is finite."""
         middle = np.abs(self.coefficients[0])
         around = np.where(self.converged, self.variation + SURE * self.error, 2 * self.variation)
         still = (np.abs(self.values) < floor).all(axis=0)
-        finite = np.isfinite(self.values)
-        return np.asarray(((middle > around) & finite.all(axis=0)) | still | ~finite.any(axis=0))
+        return np.asarray(((middle > around) & self.finite.all(axis=0)) | still | ~self.finite.any(axis=0))
 
     def dips(self, values: Array, left: BoolArray) -> BoolArray:
         """Return a mask of the grid places near which a polynomial, with these values there, may touch or cross zero; shape as the values.

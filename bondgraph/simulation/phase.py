@@ -22,6 +22,7 @@ from .magnitudes.nominal_magnitudes import Magnitudes, least_tolerances, nominal
 from .magnitudes.pilot_run import PilotObservation
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor
+from .segments.run_values import run_values
 from .segments.timeline import Segment, Timeline, discrete_variables, mode_after, rest_of, timeline_in_parts
 from .segments.trajectory import Tolerances, Trajectory, empty
 from .segments.transition import PhaseTransition
@@ -77,8 +78,10 @@ class Phase:
         self.history = None if compilation.program.delays is None else self._history(compilation.program)
         self.program = program = compilation.program if self.history is None else self.history.program
         self.instants, self.rtol, self.atol, self.energy = instants, options.rtol, options.atol, options.energy
-        self.inputs = np.array(program.input_defaults, dtype=float)
-        self.constraints = Constraints(program, self._given(program), self.inputs, np.ones(len(program.states.names)))
+        values = run_values(program, self._given(program))
+        self.inputs = values.inputs
+        size = np.ones(len(program.states.names))
+        self.constraints = Constraints(program, values.parameters, self.inputs, size, values)
         start = instants[0] if begin is None else begin.time
         course = self._timeline(program, (start, float(instants[-1])), {} if smooth is None else smooth)
         self.stretches, self.timed = course.segments, course.notes
@@ -119,8 +122,14 @@ class Phase:
     def _timeline(self, program: Program, ends: tuple[float, float], known: dict[Program, Timeline]) -> Timeline:
         """Return the segments of this phase; for a program used before in the run, its remaining segments. `known`: timelines of all programs of the run."""
         if self.history is not None or program not in known:
-            known[program] = timeline_in_parts(program, self.constraints.constants, ends, self.parts)
-            return replace(known[program], segments=list(known[program].segments))
+            constants, parts = self.constraints.constants, self.parts
+            known[program] = self.constraints.recall(
+                "timeline",
+                (*ends, parts),
+                lambda: timeline_in_parts(program, constants, ends, parts),
+                lambda course: len(course.segments),
+            )
+            return Timeline(list(known[program].segments), known[program].notes)
         return replace(known[program], segments=rest_of(known[program].segments, ends[0]))
 
     def _start(
@@ -150,14 +159,7 @@ class Phase:
 
             full = carried_over(constraints, state, first, self.begin)
             return constraints.loops(np.ones(len(state))).solve(first.start, full, first.mode), ()
-        if program.hybrid is not None:
-            from .events.begin import with_mode, with_modes
-
-            first = with_modes(program, first, self.modes_at_start)
-            first = with_mode(compilation, constraints, state, first, horizon)
-        full, notes = consistent_start(program, compilation, constants, self.inputs, state, first, constraints)
-        if self.plan.equilibrium:
-            full, first = self._at_rest(compilation, constraints, full, first, horizon)
+        full, first, notes = self._consistent(compilation, constraints, state, first, horizon)
         if program.hybrid is not None:
             from .events.begin import begun, off_in
 
@@ -169,6 +171,33 @@ class Phase:
                 full, first = moment.state, replace(first, mode=moment.mode)
             stretches[0] = first
         return full, notes
+
+    def _consistent(
+        self, compilation: Prepared, constraints: Constraints, state: Array, first: Segment, horizon: float
+    ) -> tuple[Any, Segment, tuple[str, ...]]:
+        """Return the consistent state before any event acts, the first segment with the mode that fits it, and notes. Raises `RunFailed`."""
+        program = constraints.program
+
+        def find() -> tuple[Any, ...]:
+            segment = first
+            if program.hybrid is not None:
+                from .events.begin import with_mode, with_modes
+
+                segment = with_modes(program, segment, self.modes_at_start)
+                segment = with_mode(compilation, constraints, state, segment, horizon)
+            fixed = constraints.constants, self.inputs, state
+            full, notes = consistent_start(program, compilation, *fixed, segment, constraints)
+            if self.plan.equilibrium:
+                full, segment = self._at_rest(compilation, constraints, full, segment, horizon)
+            return full, segment, notes, constraints.assembled, constraints.taking
+
+        if self.plan.equilibrium and program.hybrid is not None:  # its search prepares the events of this run
+            return find()[:3]
+        key = *first.key, horizon, *sorted(self.modes_at_start.items()), self.plan.equilibrium
+        full, segment, notes, constraints.assembled, taking = constraints.recall("start", key, find)
+        if not np.array_equal(taking, constraints.taking):
+            constraints.leave_out(taking)
+        return full.copy(), segment, notes
 
     def _at_rest(
         self, compilation: Prepared, constraints: Constraints, full: Array, first: Segment, horizon: float
@@ -262,6 +291,20 @@ class Phase:
 
     def _magnitudes(self) -> Any:
         """Return magnitudes of all states and unknowns."""
+        if self.begin is not None or self.companion is not None:
+            return self._magnitudes_now()
+        first, last = self.stretches[0], self.stretches[-1]
+        on = () if self.events is None else (self.events.horizon, *sorted(self.events.on.items()))
+        key = *first.key, last.stop, self.parts, self.looked_from.tobytes(), self.state.tobytes(), on
+        values, self.doubts, magnitudes = self.constraints.recall(
+            "magnitudes", key, lambda: (self._magnitudes_now(), self.doubts, dict(self.known))
+        )
+        self.known = dict(magnitudes)
+        if self.events is not None:
+            self.events.measure(values.copy())
+        return values.copy()
+
+    def _magnitudes_now(self) -> Any:
         mechanisms = self.compilation.facts.mechanisms
 
         def found_with(choice: PilotObservation, largest: Array | float = 0.0) -> Magnitudes:
@@ -502,7 +545,7 @@ class Phase:
 
     def _within(self, stretch: Segment) -> slice:
         """Return the slice of the reported instants that lie in a segment."""
-        return slice(*np.searchsorted(self.instants, (stretch.start, stretch.stop)).tolist())
+        return slice(*self.instants.searchsorted((stretch.start, stretch.stop)).tolist())
 
     def _output(self, times: Array | float, states: Array, mode: Array) -> Any:
         return self.program.output(times, states, self.inputs, self.constants, mode)

@@ -252,6 +252,7 @@ def test_sparse_factors_where_the_order_must_change(monkeypatch: pytest.MonkeyPa
     """Small models by sparse factors; orders are chosen again as pivots become small, and the steps stay those of the reference."""
     monkeypatch.setattr(pilot_run, "is_sparse", lambda program: True)
     monkeypatch.setattr(fields, "is_sparse", lambda program: True)
+    monkeypatch.setattr(compiled, "is_sparse", lambda program: True)
     monkeypatch.setattr(compiled, "SMALL", 0.3)
     chosen: list[float] = []
     original = compiled.Ordered.choose

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,9 @@ import pytest
 pytest.importorskip("llvmlite")
 
 import bondgraph
+from bondgraph.simulation import phase
+from bondgraph.simulation.integration import method
+from bondgraph.simulation.integrators import exponential
 from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.ordering import on_diagonal, ordered
 from bondgraph.simulation.integrators.compiled.record_layout import RecordArray, form_of
@@ -44,6 +49,120 @@ def test_no_run_shows_in_another(case: int) -> None:
     values(model, other, solver="radau", rtol=1e-4)
     np.testing.assert_array_equal(values(model, other), values(alone, other))
     np.testing.assert_array_equal(values(model, one), first)
+
+
+def told(result: Any) -> tuple[Any, ...]:
+    """All that a run gives, but for its time on the clock."""
+    return (
+        result.values.tobytes(), result.steps, dict(result.evaluations), result.notes, result.warnings, result.solver, result.events,
+        json.dumps(result.checkpoint.to_json()), result.energy,
+    )  # fmt: skip
+
+
+SAME = [
+    "manipulator", "published/transistor_amplifier", "published/robertson", "quarter_car", "duffing", "pendulum", "rectifier", "four_bar", "crane",
+    "end_stops", "rlc", "car",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_a_second_call_finds_nothing_again(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Magnitudes, consistent starts and methods are those of the first call, also of one with other settings between them."""
+    calls: list[str] = []
+
+    def count(owner: Any, function: str) -> None:
+        original = getattr(owner, function)
+
+        def counted(*given: Any) -> Any:
+            calls.append(function)
+            return original(*given)
+
+        monkeypatch.setattr(owner, function, counted)
+
+    for owner, function in ((PilotRun, "peak"), (phase, "consistent_start"), (method, "_examined")):
+        count(owner, function)
+    model = bondgraph.load(MODELS / f"{name}.bg")
+    first = model.simulate()
+    assert "consistent_start" in calls
+    parameter, value = next((n, p.value) for n, p in model.parameters.items() if p.value)
+    other = model.simulate(settings={parameter: 1.01 * value}, rtol=1e-5, points=7)
+    calls.clear()
+    again = model.simulate()
+    assert calls == []
+    assert told(again) == told(first)
+    fresh = bondgraph.load(MODELS / f"{name}.bg").simulate(settings={parameter: 1.01 * value}, rtol=1e-5, points=7)
+    assert told(fresh) == told(other)
+    half, whole = model.simulate(to=0.5 * first.time[-1]), float(first.time[-1])
+    assert told(model.simulate(start=half, to=whole)) == told(model.simulate(start=half, to=whole))
+    assert told(model.simulate()) == told(first)
+
+
+@pytest.mark.parametrize("name", ["duffing", "quarter_car", "four_bar"])
+def test_an_interpreted_run_shows_in_no_other(name: str) -> None:
+    model = bondgraph.load(MODELS / f"{name}.bg")
+    whole = float(model.simulate(points=2).time[-1])
+    first, native = (told(model.simulate(to=0.05 * whole, target=target)) for target in ("numpy", "native"))
+    model.simulate(to=0.1 * whole, rtol=1e-4, target="numpy")
+    assert told(model.simulate(to=0.05 * whole, target="numpy")) == first
+    assert told(model.simulate(to=0.05 * whole, target="native")) == native
+
+
+def test_threads_share_what_was_found() -> None:
+    """Runs of several settings at once, more than are kept, are those of one after the other."""
+    model = bondgraph.load(MODELS / "quarter_car.bg")
+    loads = [{"m": 250.0 + 5 * i} for i in range(11)]
+    alone = [told(bondgraph.load(MODELS / "quarter_car.bg").simulate(settings=s)) for s in loads]
+    with ThreadPoolExecutor(4) as threads:
+        found = threads.map(lambda s: told(model.simulate(settings=s)), 4 * loads)
+    assert [*found] == 4 * alone
+
+
+def test_shared_values_are_not_written() -> None:
+    model = bondgraph.load(MODELS / "quarter_car.bg")
+    model.simulate()
+    (prepared,) = model._prepared.values()
+    (values,) = prepared.program.kept["run values"].values()
+
+    def arrays() -> list[bytes]:
+        modes = [s.mode for course in values.answers["timeline"].values() for s in course.segments]
+        signals = [a for s in values.answers["signals"].values() for a in (s.allowed, s.times, s.values)]
+        assert modes and signals
+        return [np.asarray(a).tobytes() for a in (values.parameters, values.inputs, values.constants, *modes, *signals)]
+
+    before = arrays()
+    model.simulate(rtol=1e-9)
+    model.simulate(energy=False, solver="radau")
+    assert arrays() == before
+
+
+def test_exponentials_of_a_sampled_model_are_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Segments between samples have one matrix: its scales, its exponentials and the trust in them are those of the first."""
+    text = (
+        "plain model Sampled {\n mode u = 0\n signal x = integral(v, 1)\n signal v = integral(-3*x - v + u, 0)\n"
+        " every 0.1 { u = -2*x }\n output y = x\n}\n"
+    )
+    computed: list[int] = []
+    original = exponential.exponential
+    monkeypatch.setattr(exponential, "exponential", lambda matrix: computed.append(len(matrix)) or original(matrix))
+    for cache in (exponential._exponential, exponential._balance):
+        cache.cache_clear()
+    model = bondgraph.load(text)
+    first = told(model.simulate(None, to=5))
+    assert len(computed) < 12 and exponential._balance.cache_info().misses == 1
+    computed.clear()
+    assert told(model.simulate(None, to=5)) == first
+    assert computed == []
+    exponential._exponential.cache_clear()
+    assert told(bondgraph.load(text).simulate(None, to=5)) == first
+
+
+def test_what_is_delayed_is_found_again() -> None:
+    """Delayed signals are values of a run, not of its parameters."""
+    text = "plain model Late {\n parameter T = 0.3\n signal x = integral(-2*delay(x, T) - x^3, 1)\n output y = x\n}\n"
+    model = bondgraph.load(text)
+    first = told(model.simulate(None, to=4))
+    model.simulate(None, {"T": 0.4}, to=4)
+    assert told(model.simulate(None, to=4)) == first == told(bondgraph.load(text).simulate(None, to=4))
 
 
 def matrix_of(count: int, diagonal: float) -> tuple[Any, Any, Any]:

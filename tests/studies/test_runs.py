@@ -111,6 +111,7 @@ def test_what_is_wrong_in_all_is_told_at_once() -> None:
 def test_threads_that_share_a_model_may_forget_what_another_keeps(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thread keeps its own result, even if others have just removed it from the cache."""
     from bondgraph import compiled_model as compiled
+    from bondgraph.simulation.segments import run_values
 
     class Racing(dict[object, object]):
         """Another thread is always first."""
@@ -120,9 +121,10 @@ def test_threads_that_share_a_model_may_forget_what_another_keeps(monkeypatch: p
             return super().pop(key, *default)
 
     things = Racing({i: i for i in range(compiled.MOST_KEPT)})
-    compiled._kept(things, "new", "thing")
+    compiled.keep(things, "new", "thing", compiled.MOST_KEPT)
     assert len(things) == compiled.MOST_KEPT and things["new"] == "thing" and 0 not in things
-    monkeypatch.setattr(compiled, "_kept", lambda things, key, thing: things.clear())
+    monkeypatch.setattr(compiled, "keep", lambda things, key, thing, most: things.clear())
+    monkeypatch.setattr(run_values, "keep", lambda things, key, thing, most: things.clear())
     assert len(bondgraph.load(TEXT).simulate_many(SETTINGS, workers=1)) == len(SETTINGS)
 
 

@@ -7,6 +7,7 @@ rows are dependent.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
@@ -16,6 +17,7 @@ from compiler.api import Array, Program
 
 from ..integrators.projection.limits import ITERATIONS, NOISE, ROUNDING, WEAK
 from ..loops.loops import LoopSolver
+from ..segments.run_values import RunValues
 
 if TYPE_CHECKING:
     from ..integrators.compiled.constraint_functions import CompiledConstraints
@@ -35,9 +37,13 @@ class Assembled:
 class Constraints:
     """Invariants of a program. `parameters` decide which rows are active; `magnitude`: of its states (and unknowns), shape (n,)."""
 
-    def __init__(self, program: Program, parameters: Array, inputs: Array, magnitude: Array) -> None:
+    def __init__(
+        self, program: Program, parameters: Array, inputs: Array, magnitude: Array, values: RunValues | None = None
+    ) -> None:
+        """`values`: the same parameters and inputs, with answers for them."""
         self.program, self.parameters, self.inputs = program, np.array(parameters, dtype=float), inputs
-        self.constants = program.constants(self.parameters)
+        self.constants = program.constants(self.parameters) if values is None else values.constants
+        self.known = values
         self.count = len(program.states.names)
         self.gaps = len(program.multipliers)
         self.rows, self.columns = (np.asarray(a, dtype=int) for a in program.invariant_pattern)
@@ -63,9 +69,10 @@ class Constraints:
         """Set the magnitudes by which changes are measured."""
         self.magnitude = np.array(magnitude, dtype=float)
         self.reach = self.magnitude[: self.count]
-        turns = [p for p in self.positions if self.program.states.units[p] == "1"]
-        self.turning = float(self.reach[turns].max(initial=0.0)) or 1.0  # magnitude of the angles
+        self.turning = 1.0  # magnitude of the angles
         if self.gaps:  # without residuals there is nothing to rebuild
+            turns = [p for p in self.positions if self.program.states.units[p] == "1"]
+            self.turning = float(self.reach[turns].max(initial=0.0)) or 1.0
             self._compiled = None
 
     def __bool__(self) -> bool:
@@ -89,6 +96,15 @@ class Constraints:
         self.constants = self.program.constants(self.parameters)
         self._compiled = None
 
+    def recall(
+        self, kind: str, key: tuple[object, ...], find: Callable[[], Any], size: Callable[[Any], int] = lambda answer: 1
+    ) -> Any:
+        """Return what an earlier run with these parameters has found, else find it. The key has everything else that it depends on, but for the
+        active rows and the magnitudes. What delayed signals decide is found again."""
+        if self.known is None or self.program.delays is not None:
+            return find()
+        return self.known.recall(kind, (*key, self.taking.tobytes(), self.magnitude.tobytes()), find, size)
+
     @property
     def compiled(self) -> CompiledConstraints | None:
         """Native version of the constraints, if the program has machine code."""
@@ -99,7 +115,11 @@ class Constraints:
         if self._compiled is None or self._compiled.native != native:
             from ..integrators.compiled.constraint_functions import CompiledConstraints
 
-            self._compiled = CompiledConstraints(self, native)
+            # without constraints no step reads it, so all runs share one
+            shared = {} if self.gaps or self.program.eliminated else self.program.kept
+            if ("no constraints", native) not in shared:
+                shared["no constraints", native] = CompiledConstraints(self, native)
+            self._compiled = shared["no constraints", native]
         return self._compiled
 
     # ------------------------------------------------------------ values and Jacobians

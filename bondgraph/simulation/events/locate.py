@@ -149,10 +149,10 @@ def _suspects(events: Events, seen: Interpolants, on_grid: Array, said: BoolArra
     wrong[0] &= events.unsettled(low)  # at the start the mode holds: a change just behind it begins there
     begins = wrong & ~np.concatenate([np.zeros_like(wrong[:1]), wrong[:-1]])
     depth = np.where(wrong, np.abs(on_grid), 0.0)
-    deepest = wrong & (depth >= np.roll(depth, 1, axis=0)) & (depth >= np.roll(depth, -1, axis=0))
-    if high - low > HIDDEN * float(
-        np.spacing(max(abs(low), abs(high)))
-    ):  # rounding may hide the crossing at the first place
+    before, after = np.concatenate([depth[-1:], depth[:-1]]), np.concatenate([depth[1:], depth[:1]])
+    deepest = wrong & (depth >= before) & (depth >= after)
+    rounding = float(np.spacing(max(abs(low), abs(high))))
+    if high - low > HIDDEN * rounding:  # it may hide the crossing at the first place
         begins |= np.concatenate([np.zeros_like(begins[:1]), begins[:-1]]) & wrong
     shares.append(FINER[(begins | deepest).any(axis=1)])
     times = low + (high - low) * np.unique(np.concatenate(shares))
@@ -208,8 +208,9 @@ def _narrowed(events: Events, low: float, high: float, there: Array, said: BoolA
         """Return the largest distance of a condition behind its zero crossing; negative before all crossings."""
         nonlocal flipping
         seen = roots(np.array([time]), True)[0]
-        distance = np.where(events.truth(seen) != said, np.abs(seen), -np.abs(seen)) - events.floor
-        wrong = _wrong(events, seen, said)
+        size, changed = np.abs(seen), events.truth(seen) != said
+        distance = np.where(changed, size, -size) - events.floor
+        wrong = np.isfinite(seen) & changed & (size >= events.floor)
         if wrong.any():
             flipping = wrong
         found = float((distance / scale)[flipping].max())

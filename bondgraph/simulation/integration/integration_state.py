@@ -110,7 +110,7 @@ class IntegrationState:
         self.traffic = 0.0  # energy turnover: absolute work at all ports so far
         self.position = 0  # index of the next instant to be reported
         self._signals: dict[tuple[float, bytes], Signals] = {}
-        self.exponentials: dict[bytes, tuple[Any, Any]] = {}  # exponentials of linear segments, by their matrices
+        self.exponentials: dict[bytes, tuple[Any, Any, Any]] = {}  # exponentials of linear segments, by their matrices
         self.blurred: dict[bytes, bool] = {}  # modes with a matrix that rounding changes too much
         self.methods: dict[bytes, int] = {}  # methods chosen, by mode: each spectrum is examined once
         self.result = into if into is not None else empty(program, instants)
@@ -150,7 +150,10 @@ class IntegrationState:
         if key not in self._signals:
             if len(self._signals) >= MOST_KNOWN:
                 self._signals.clear()
-            self._signals[key] = signals_on(self.program, self.inputs, self.constants, stretch, self.whole)
+            fixed = self.program, self.inputs, self.constants
+            self._signals[key] = self.constraints.recall(
+                "signals", (*stretch.key, self.whole), lambda: signals_on(*fixed, stretch, self.whole)
+            )
         return self._signals[key]
 
     def done(self, x: Array, mode: Array) -> Trajectory:
@@ -200,9 +203,10 @@ class IntegrationState:
 
     def tell_crawling(self, solver: CompiledRadau, steps: int, mode: Array) -> None:
         """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
+        context = self.context
         self.result.notes += [
-            *notes_of(self.context, solver, steps, mode, self.solver == "explicit"),
-            *growth_notes(self.context, solver, self.result.notes),
+            *notes_of(context, solver, steps, mode, self.solver == "explicit"),
+            *growth_notes(context, solver, self.result.notes),
         ]
 
     def name(self, method: int, target: str) -> None:

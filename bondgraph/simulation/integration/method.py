@@ -43,8 +43,9 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
             sentence, advice = solver.refusal
             raise UsageError("BR712", f"{sentence}: {obstacle};", f"{advice}")
         return METHODS.index(solver)
-    fits = stepper.result.settled is None and (compiled or len(x) <= FEWEST)
-    if fits and not _obstacle(stepper, stretch, METHODS[EXPONENTIAL], compiled):
+    if stepper.result.settled is not None:
+        return stepper.result.settled
+    if (compiled or len(x) <= FEWEST) and not _obstacle(stepper, stretch, METHODS[EXPONENTIAL], compiled):
         return EXPONENTIAL
     if (
         _obstacle(stepper, stretch, METHODS[EXPLICIT], compiled)
@@ -53,8 +54,6 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
         or (len(x) > LARGEST_INTERPRETED and not compiled)
     ):
         return RADAU
-    if stepper.result.settled is not None:
-        return stepper.result.settled
     if stepper.program.hybrid is None:
         return _by_spectrum(stepper, stretch, x)
     # Events return to modes that have been examined before.
@@ -67,16 +66,30 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
 
 
 def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
-    """Return the method that fits the eigenvalues on a segment."""
+    """Return the method that fits the eigenvalues on a segment; count the evaluations of trial steps, also where an earlier run has made them."""
+    tolerances = stepper.tolerances
+    sizes = tolerances.relative, tolerances.absolute.tobytes(), tolerances.held.tobytes()
+    key = *stretch.key, x.tobytes(), *sizes, stepper.whole
+    method, evaluations, settled = stepper.constraints.recall(
+        "method", key, lambda: _examined(stepper, stretch, x), lambda answer: len(x) // LARGEST
+    )
+    stepper.count(evaluations)
+    if settled:
+        stepper.result.settled = method
+    return int(method)
+
+
+def _examined(stepper: IntegrationState, stretch: Segment, x: Array) -> tuple[int, dict[str, int], bool]:
+    """Return the method, evaluations of trial steps, and True if it is also that of all further segments."""
     rates = _spectrum(stepper, stretch, x)
     if rates is None:
-        return RADAU
+        return RADAU, {}, False
     turns = np.abs(rates).max(initial=0.0) * (stretch.stop - stretch.start)
     if turns <= EASY:
-        return EXPLICIT
+        return EXPLICIT, {}, False
     dying = rates[-rates.real >= DAMPED * np.abs(rates)]
     if np.abs(dying).max(initial=0.0) * (stretch.stop - stretch.start) > STIFF:
-        return RADAU
+        return RADAU, {}, False
     return _tried(stepper, stretch, x)
 
 
@@ -137,14 +150,10 @@ def _spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> Any:
         return None
 
 
-def _tried(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
-    """Return the method chosen by some trial steps of the explicit one, which are not kept."""
+def _tried(stepper: IntegrationState, stretch: Segment, x: Array) -> tuple[int, dict[str, int], bool]:
+    """Return the same from some trial steps of the explicit method, which are not kept."""
     try:
         evaluations, stiff, finished = explicit_trial(stepper, stretch, x, TRIAL)
     except StepFailed:
-        return RADAU
-    stepper.count(evaluations)
-    method = RADAU if stiff and not finished else EXPLICIT
-    if not finished:
-        stepper.result.settled = method
-    return method
+        return RADAU, {}, False
+    return RADAU if stiff and not finished else EXPLICIT, evaluations, not finished

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import frexp, ldexp
+from functools import lru_cache
+from math import frexp, isqrt, ldexp
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ CLOSE = 1e-12  # error of b relative to its largest value
 BETWEEN = 1e-10  # the same at places between the nodes of the polynomials
 AFFINE = 1e-9  # relative difference of the affine form from the program's rates
 BLURRED = 1e-7  # relative change of the states by rounding from which on it matters
+TRIED = 33  # instants of a segment at which the affine form is compared with the rates
 EXTENDED = 40  # size of a matrix up to which its exponential is computed in extended precision
 TERMS = 22  # terms of the series: the remainder is below 1e-24 at a norm of 1/4
 BALANCINGS = 20
@@ -54,26 +56,24 @@ class Linear:
     fixed: tuple[Any, Any]  # inputs, constants
     stretch: Segment
     matrix: Any  # A, balanced
+    norm: float  # largest sum of the absolute values of a column of it
     scale: Any  # scales of the states
     active: Any  # rows of b that are not zero everywhere
     seen: Any  # places at which b is checked whatever the intervals, rising
     known: dict[float, tuple[Any, Any]] = field(default_factory=dict)  # E and G by the length of an interval
     near: dict[float, float] = field(default_factory=dict)  # the lengths in `known` by rounded length
+    trusted: dict[float, bool] = field(default_factory=dict)  # True for lengths in `known` whose E is accurate
 
-    def share(self, others: dict[bytes, tuple[Any, Any]]) -> None:
+    def share(self, others: dict[bytes, tuple[Any, Any, Any]]) -> None:
         """Reuse the exponentials of other segments with the same matrix: pulses of one length give many segments."""
         key = self.matrix.tobytes() + self.active.tobytes()
-        self.known, self.near = others.setdefault(key, (self.known, self.near))
+        self.known, self.near, self.trusted = others.setdefault(key, (self.known, self.near, self.trusted))
 
     def close_to(self, length: float) -> float:
         """Return a known length that is close enough for the first order of the difference to be exact to rounding; otherwise `length`."""
         part, exponent = frexp(length)
         found = self.near.setdefault(ldexp(round(part * SHORTENED), exponent), length)
-        return (
-            found
-            if abs(found - length) * float(np.abs(self.matrix).sum(axis=0).max(initial=0.0)) <= FIRST_ORDER
-            else length
-        )
+        return found if found == length or abs(found - length) * self.norm <= FIRST_ORDER else length
 
     def ahead(self, length: float) -> Any:
         """Return E of an interval, (n, n)."""
@@ -98,7 +98,7 @@ class Linear:
                 place = slice(count + number * more, count + (number + 1) * more)
                 whole[row, place] = AT_START
                 whole[place, place] = SHIFT
-            found = exponential(whole)
+            found = _exponential(whole.tobytes()) if len(whole) <= EXTENDED else exponential(whole)
             self.known[length] = found[:count, :count], found[:count, count:].reshape(count, sources, more)
         return self.known[length]
 
@@ -138,10 +138,9 @@ def linear_form(program: Program, inputs: Array, constants: Array, stretch: Segm
     matrix: Any = np.asarray(program.jacobian(low, np.zeros(count), *fixed, stretch.mode), dtype=float)
     if not np.isfinite(matrix).all():
         return None
-    scale = _balance(matrix)
-    times: Any = np.linspace(low, high, 33)
-    random = np.random.default_rng(1)
-    states = scale * random.standard_normal((len(times), count))
+    scale = _balance(matrix.tobytes(), count)
+    times: Any = np.linspace(low, high, TRIED)
+    states = scale * _random(count)
     given = program.derivative(times, np.zeros_like(states), *fixed, stretch.mode)
     rates = program.derivative(times, states, *fixed, stretch.mode)
     if not (np.isfinite(given).all() and np.isfinite(rates).all()):
@@ -157,7 +156,8 @@ def linear_form(program: Program, inputs: Array, constants: Array, stretch: Segm
     balanced = matrix * scale / scale[:, None]
     if is_blurred(balanced, high - low):
         return None
-    return Linear(program, fixed, stretch, balanced, scale, active, seen)
+    norm = float(np.abs(balanced).sum(axis=0).max(initial=0.0))
+    return Linear(program, fixed, stretch, balanced, norm, scale, active, seen)
 
 
 def is_blurred(matrix: Array, span: float) -> bool:
@@ -177,6 +177,13 @@ def is_blurred(matrix: Array, span: float) -> bool:
         bool(np.abs(exponential(part * span * matrix) - exponential(part * span * shaken)).max() > BLURRED)
         for part in (1.0, 0.1, 0.01)
     )
+
+
+@lru_cache(maxsize=256)  # the next run needs the same ones
+def _exponential(entries: bytes) -> Any:
+    """Return the exponential of a small matrix (its bytes), which nobody writes into."""
+    numbers = np.frombuffer(entries)
+    return exponential(numbers.reshape(isqrt(len(numbers)), -1))
 
 
 def exponential(matrix: Array) -> Any:
@@ -200,8 +207,16 @@ def exponential(matrix: Array) -> Any:
     return (np.eye(len(matrix)) + result).astype(float)
 
 
-def _balance(matrix: Array) -> Any:
-    """Return powers of two that give rows and columns of a matrix equal size (Parlett and Reinsch, 1969); shape (n,)."""
+@lru_cache(maxsize=16)
+def _random(count: int) -> Any:
+    """Return random states at the instants at which the form is compared with the rates, shape (TRIED, count)."""
+    return np.random.default_rng(1).standard_normal((TRIED, count))
+
+
+@lru_cache(maxsize=16)  # segments between events often have one matrix
+def _balance(entries: bytes, count: int) -> Any:
+    """Return powers of two that give rows and columns of a matrix (its bytes) equal size (Parlett and Reinsch, 1969); shape (n,)."""
+    matrix = np.frombuffer(entries).reshape(count, count)
     away = np.abs(matrix) * (1 - np.eye(len(matrix)))
     scale = np.ones(len(matrix))
     for _ in range(BALANCINGS):
@@ -235,12 +250,12 @@ def intervals(form: Linear, instants: Array, longest: float) -> Intervals | None
         parts = np.ceil(gaps / longest * (1 - 1e-9)).astype(int).clip(1)
         if parts.sum() > MOST_INTERVALS + len(gaps):
             return None
-        starts = np.concatenate(
-            [a + h * np.arange(n) / n for a, h, n in zip(edges[:-1], gaps, parts, strict=True)]
-        )  # fmt: skip
+        ends = np.cumsum(parts)
+        begins, wide, several = (np.repeat(a, parts) for a in (edges[:-1], gaps, parts))
+        starts = begins + wide * (np.arange(ends[-1]) - np.repeat(ends - parts, parts)) / several
         lengths = _few(np.repeat(gaps / parts, parts))
         if _is_followed(form, starts, lengths):
-            return Intervals(starts, lengths, np.cumsum(parts) - 1)
+            return Intervals(starts, lengths, ends - 1)
         longest *= 0.5
 
 
@@ -249,17 +264,19 @@ def march(form: Linear, cut: Intervals, state: Array) -> Any | None:
 
     None if the exponentials are not accurate or the solution overflows.
     """
-    if not all(_is_trusted(form, length) for length in np.unique(cut.lengths).tolist()):
+    different = sorted(set(cut.lengths.tolist()))
+    if not all(_is_trusted(form, length) for length in different):
         return None
     result = np.empty((len(cut.starts) + 1, len(form.scale)))
     result[0] = state / form.scale
     pushes = np.empty((len(cut.starts), len(form.scale)))
-    for length in np.unique(cut.lengths):
+    for length in different:
         chosen = cut.lengths == length
         pushes[chosen] = form.moved(cut.starts[chosen], length, np.zeros(len(form.scale)))
-    ahead = {length: form.ahead(length) for length in np.unique(cut.lengths).tolist()}
-    for number, length in enumerate(cut.lengths.tolist()):
-        result[number + 1] = ahead[length] @ result[number] + pushes[number]
+    ahead = {length: form.ahead(length) for length in different}
+    rows = list(result)
+    for before, after, push, length in zip(rows, rows[1:], list(pushes), cut.lengths.tolist()):  # noqa: B905
+        np.add(ahead[length] @ before, push, after)
     return result * form.scale if np.isfinite(result).all() else None
 
 
@@ -291,7 +308,8 @@ def _few(lengths: Array) -> Any:
     order = np.argsort(lengths)
     groups = np.split(order, np.flatnonzero(np.diff(lengths[order]) > 1e-9 * lengths[order][1:]) + 1)
     for group in groups:
-        result[group] = lengths[group].mean()
+        if len(group) > 1:
+            result[group] = lengths[group].mean()
     return result
 
 
@@ -319,6 +337,8 @@ def _is_followed(form: Linear, starts: Array, lengths: Array) -> bool:
 def _is_trusted(form: Linear, length: float) -> bool:
     """Return True if the exponential of an interval is the square of that of its half."""
     length = form.close_to(length)
-    whole, half = form.matrices(length)[0], form.matrices(0.5 * length)[0]
-    size = np.abs(half) @ np.abs(half)
-    return bool(np.isfinite(whole).all() and np.linalg.norm(whole - half @ half) <= DOUBLED * np.linalg.norm(size))
+    if length not in form.trusted:
+        whole, half = form.matrices(length)[0], form.matrices(0.5 * length)[0]
+        size, off = np.linalg.norm(np.abs(half) @ np.abs(half)), np.linalg.norm(whole - half @ half)
+        form.trusted[length] = bool(np.isfinite(whole).all() and off <= DOUBLED * size)
+    return form.trusted[length]

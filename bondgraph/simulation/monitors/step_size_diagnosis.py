@@ -90,7 +90,10 @@ def growth_notes(context: SegmentContext, solver: LastStep, notes: Sequence[str]
     names, units = context.program.states.names, context.program.states.units
     tolerances = context.tolerances
     count = len(names)
-    far = np.where(tolerances.held[:count], 0.0, np.abs(np.asarray(solver.state)[:count]))
+    far = np.abs(np.asarray(solver.state)[:count])
+    if not (far > BEYOND).any():
+        return []
+    far = np.where(tolerances.held[:count], 0.0, far)
     if not (far > BEYOND).any():
         return []
     worst = int(np.argmax(far))

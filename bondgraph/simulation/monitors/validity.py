@@ -7,7 +7,7 @@ of a violation is found by bisection on the dense output.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ class ValidityMonitor:
     def __init__(self, program: Program, constants: Array, inputs: Array, rtol: float) -> None:
         self.program, self.fixed, self.rtol = program, (inputs, constants), rtol
         self.left: dict[int, LimitLeft] = {}
-        ends = np.cumsum([0, *(len(note.values) for note in program.limits)])
+        ends = accumulate((len(note.values) for note in program.limits), initial=0)
         self.places = [slice(a, b) for a, b in pairwise(ends)]
 
     @property

@@ -51,6 +51,11 @@ class Segment:
     # cache of `signals_on`
     seen: dict[float, tuple[Any, ...]] = field(default_factory=dict, init=False, compare=False, repr=False)
 
+    @property
+    def key(self) -> tuple[object, ...]:
+        """All that it is, to compare with; with its sampling places, whose notes belong to a run."""
+        return self.start, self.stop, np.asarray(self.mode).tobytes(), self.resolution
+
     def up_to(self, start: float, stop: float, mode: Array | None = None) -> Segment:
         """Return a part of the segment, in another mode if one is given; the segment itself if the part is all of it."""
         if mode is None and (start, stop) == (self.start, self.stop):

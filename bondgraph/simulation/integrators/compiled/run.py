@@ -24,7 +24,7 @@ from ..outcomes import FAILURES, LOOK, MORE, NEWTON, ORDER
 from ..radau import StepFailed
 from ..workspace import IntegratorWorkspace
 from .code import POINTER, WHOLE, called
-from .fields import given_at, room_of, signal_fields
+from .fields import given_at, is_sparse, room_of, signal_fields
 from .ordering import DIAGONAL, on_diagonal, ordered, room_in
 from .plain import Unordered, record_for
 from .record_layout import RecordArray, form_of
@@ -95,6 +95,15 @@ class Ordered:
         self.record.ready, self.record.small, self.record.tolerant = 1, small, 0
 
 
+def order_of(program: Program) -> Ordered:
+    """Return a new order for sparse factors. Where they are dense no step reads it, so all runs share one."""
+    if is_sparse(program):
+        return Ordered(program, SMALL)
+    shared: Ordered = program.kept.get("no order") or Ordered(program, SMALL)
+    program.kept["no order"] = shared
+    return shared
+
+
 class CompiledRadau:
     """Steps of a method over one segment, in machine code if `native`."""
 
@@ -103,7 +112,7 @@ class CompiledRadau:
     ) -> None:  # fmt: skip
         program = context.program
         self.program, self.constraints, self.native = program, constraints, constraints.native
-        self.order = Ordered(program, SMALL) if self.native else Unordered(program)
+        self.order = order_of(program) if self.native else Unordered(program)
         given = given_at(context, stretch, state, longest, signals)
         given |= {"closed": constraints.values, "redundant": int(constraints.redundant), "pattern": self.order.values}
 
