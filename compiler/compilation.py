@@ -26,7 +26,7 @@ from .graph.network import BondGraph, Element
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .graph.run_time_parameters import over_arguments
 from .graph.samples import sample_notes
-from .graph.switch import off_at_the_start, switch_off
+from .graph.switch import decided, off_at_the_start, switch_off
 from .graph.valves import Valve, switched_gaps, with_gaps
 from .pipeline import Request, derive
 from .reduction import (
@@ -96,8 +96,13 @@ class Compilation:
     @cached_property
     def zeros(self) -> frozenset[str]:
         """Quantities that are always zero in this run."""
+        return known_zeros(self.whole_graph, self._settable)
+
+    @property
+    def _settable(self) -> frozenset[str]:
+        """Quantities whose values are no part of the program."""
         overridden = {o.path for o in self.scene.overrides if o.role == "set"} - self.scene.fixed
-        return known_zeros(self.whole_graph, self.scene.free | overridden)
+        return self.scene.free | overridden
 
     @property
     def later(self) -> frozenset[str]:
@@ -124,12 +129,13 @@ class Compilation:
     @cached_property
     def _switched(self) -> tuple[BondGraph, tuple[Valve, ...]]:
         """The whole graph with a gap for each ideal valve, and these."""
-        return with_gaps(self.whole_graph) if self.whole_graph.switches else (self.whole_graph, ())
+        graph = decided(self.whole_graph, self._settable) if self.whole_graph.switches else self.whole_graph
+        return with_gaps(graph) if graph.switches else (graph, ())
 
     @cached_property
     def gaps(self) -> tuple[str, ...]:
         """All two-terminal switches, valves first."""
-        return switched_gaps(*self._switched) if self.whole_graph.switches else ()
+        return switched_gaps(*self._switched) if self._switched[0].switches else ()
 
     @property
     def _free(self) -> frozenset[str]:
@@ -145,7 +151,7 @@ class Compilation:
         """Switched junctions that are off; at the start, those that the modes alone determine to be off."""
         if self.scene.off is not None:
             return self.scene.off
-        return off_at_the_start(self._switched[0], self.plan.start) if self.whole_graph.switches else ()
+        return off_at_the_start(self._switched[0], self.plan.start) if self._switched[0].switches else ()
 
     @cached_property
     def given_way(self) -> tuple[str, ...]:

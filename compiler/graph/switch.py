@@ -12,6 +12,7 @@ from dataclasses import replace
 from ..algebra.expression import ZERO, Symbol, evaluate
 from .elements import Kind
 from .network import TIME, Bond, BondEnd, BondGraph, Element, Junction, Law, Node, Own, Port, Quantity
+from .prune import adjustable
 from .sharing import shared
 
 
@@ -40,6 +41,34 @@ def switch_off(graph: BondGraph, names: Iterable[str], valves: frozenset[str] = 
 
     bonds = tuple(Bond(moved(b.tail, n), moved(b.head, n), b.domain, b.span) for n, b in enumerate(graph.bonds))
     return shared(replace(graph, nodes=tuple(nodes), bonds=bonds), valves, off, frozenset(holding))
+
+
+def decided(graph: BondGraph, settable: frozenset[str]) -> BondGraph:
+    """The graph in which junctions whose condition reads constants alone are on or off for the whole run. `settable`: quantities that a run may set."""
+
+    def is_constant(reference: object) -> bool:
+        if not isinstance(reference, Quantity):
+            return isinstance(reference, float)
+        named = graph.quantities.get(reference.name)
+        if named is None or named.role not in ("parameter", "constant") or named.value is None:
+            return False
+        if named.name in settable or ("*" in settable and adjustable(named)):
+            return False
+        return named.definition is None or all(map(is_constant, named.definition.arguments))
+
+    def value(reference: object) -> float:
+        number = graph.quantities[reference.name].value if isinstance(reference, Quantity) else reference
+        assert isinstance(number, float)
+        return number
+
+    left, off = [], []
+    for switch in graph.switches:
+        condition = switch.active
+        if not all(map(is_constant, condition.arguments)):
+            left.append(switch)
+        elif evaluate(condition.formula.expression, lambda slot, b=condition: value(b.arguments[slot])) != 1.0:  # type: ignore[misc]
+            off.append(switch.junction)
+    return graph if len(left) == len(graph.switches) else replace(switch_off(graph, off), switches=tuple(left))
 
 
 def off_at_the_start(graph: BondGraph, time: float) -> tuple[str, ...]:
