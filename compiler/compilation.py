@@ -64,6 +64,7 @@ class Compilation:
     scene: Scene
     library: Path | None = None
     everything: bool = False  # all states and powers, as an energy balance needs
+    cancels = False  # True once the equations were reduced without what cancels
 
     @cached_property
     def tree(self) -> SyntaxTree:
@@ -209,14 +210,14 @@ class Compilation:
         whole, system, left = self.whole_space, self.equations, self._at_rest
         if left:
             system = without(system, left)
-        elif self.scene.upstream and self.scene.outputs is not None:
+        elif self.scene.upstream and self.scene.outputs is not None and not self.cancels:
             part = reduce_equations(system, False, self.graph.span, self.scene.opened)
             system = upstream(system, {s.variable for s in part.states})
         else:
             return whole, ()
         try:
             space = reduce_equations(system, self.everything, self.graph.span, self.scene.opened)
-        except CompilationFailed:  # nothing would remain, or what cancels was left out
+        except CompilationFailed:  # nothing would remain, or something cancels
             return whole, ()
         variables = self.equations.variables
         return space, tuple(variables[s.variable].name for s in self.equations.states if s.variable in left)
@@ -230,6 +231,8 @@ class Compilation:
         if plan.equilibrium or plan.tolerances:
             return frozenset()
         whole = self.whole_space
+        if self.cancels:
+            return frozenset()
         if scene.opened:  # the same states as with closed loops
             whole = reduce_equations(self.equations, False, self.graph.span)
         return at_rest(whole, self.later)
@@ -303,6 +306,7 @@ class Compilation:
             less = without_what_cancels(self.equations)
             if less is None or not all(isinstance(d, DerivativeWithoutEnd) for d in failed.diagnostics):
                 raise
+        self.cancels = True
         # Parts that nothing reads any longer must have a solution too.
         refuse_singular_loops(reduce_equations(less, True, span), less, self.scene.free)
         return reduce_equations(less, self.everything, span, self.scene.opened)

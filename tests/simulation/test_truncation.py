@@ -264,8 +264,10 @@ def test_a_ringing_that_is_set_off_again_and_again(frequency: float, damping: fl
 
 
 def test_where_it_was_looked_at_is_told() -> None:
-    """Beside a mass at rest on a spring that is not linear (0 Hz there)."""
-    model = bondgraph.load("plain model Still { signal x = integral(v, 0), v = integral(-x^3, 0) \n output a = x }")
+    """Beside a mass on a spring that is not linear (0 Hz there), from rest: a force that grows excites it, else there was nothing to look at."""
+    model = bondgraph.load(
+        "plain model Still { signal x = integral(v, 0), v = integral(time - x^3, 0) \n output a = x }"
+    )
     told = model.simulate(to=1, bandwidth=10).truncation
     assert told is not None and "its fastest motion is one of 0 Hz at t = 0 s where it was looked at" in told.reason
 
