@@ -30,7 +30,7 @@ STIFF = 3000.0  # the same for a mode that decays: it has done so long before th
 DAMPED = 0.3  # least ratio of decay rate to rate of a mode that decays
 LARGEST = 200  # most states for which the spectrum is computed
 LARGEST_INTERPRETED = 60  # most states for which the explicit steps run in Python
-FEWEST = 6  # most states for which the steps of the matrix exponential run in Python
+FEWER, FEWEST = 16, 6  # most states for which the matrix exponential is chosen; the same where its steps run in Python
 TRIAL = 60  # trial steps
 ENOUGH = 64  # most discrete modes examined: others are assumed to be like most of them
 
@@ -45,7 +45,8 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
         return METHODS.index(solver)
     if stepper.result.settled is not None:
         return stepper.result.settled
-    if (compiled or len(x) <= FEWEST) and not _obstacle(stepper, stretch, METHODS[EXPONENTIAL], compiled):
+    fits = len(x) <= (FEWER if compiled else FEWEST)
+    if fits and not _obstacle(stepper, stretch, METHODS[EXPONENTIAL], compiled):
         return EXPONENTIAL
     if (
         _obstacle(stepper, stretch, METHODS[EXPLICIT], compiled)
