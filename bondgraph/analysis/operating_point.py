@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 JUMP = 1e-9  # relative to the terms of a rate: a smaller change at a condition is rounding
 Lookup = Callable[[Leaf], float]
 LIMITS = 1e-9  # relative to a table's range: rounding beyond its ends
+SAME_REST = 1e-6  # relative to the largest state of its unit: difference of one rest found twice
 AHEAD = 1.0  # s: length of the timeline that is searched for a single instant
 
 
@@ -432,6 +433,35 @@ def operating_point(
     `moved`: values of `by` in a program that was made with the author's: decisions that depend on these (coinciding parts of a mechanism, a choice
     between laws) stay unchanged. Raises `CompilationFailed`, `UsageError`, `RunFailed`.
     """
+    point = _point(model, asked, target, moved)
+    program = point.program
+    if not asked.upstream or asked.state != "equilibrium" or point.made.certificate.linear:
+        return point
+    try:
+        whole = _point(model, replace(asked, upstream=False, outputs=None), target, moved)
+    except (RunFailed, UsageError):  # what lies downstream has no rest
+        return point
+    rest = dict(zip(whole.program.states.names, whole.state.tolist(), strict=False))
+    if _is_at(point, rest):
+        return point
+    if program.hybrid is not None:
+        raise UsageError(
+            "BR265", "the part on which these outputs depend has several rests, and finds another one than the whole model:", "name no outputs",
+        )  # fmt: skip
+    return _point(model, replace(asked, state={name: rest[name] for name in program.states.names}), target, moved)
+
+
+def _is_at(point: OperatingPoint, rest: Mapping[str, float]) -> bool:
+    """Return True if the states of a point are those of a rest, relative to the largest of their unit."""
+    names, units = point.program.states.names, point.program.states.units
+    largest: dict[str, float] = {}
+    for name, unit in zip(names, units, strict=True):
+        largest[unit] = max(largest.get(unit, 0.0), abs(rest[name]))
+    far = np.abs(point.state[: len(names)] - [rest[name] for name in names])
+    return bool((far <= SAME_REST * np.array([largest[unit] for unit in units])).all())
+
+
+def _point(model: CompiledModel, asked: AnalysisRequest, target: str, moved: Mapping[str, float] | None) -> OperatingPoint:  # fmt: skip
     from ..simulation.settings import settle
 
     settings = asked.settings or {}
@@ -484,7 +514,8 @@ def placed(made: Prepared, asked: AnalysisRequest, values: Mapping[str, float] |
             )
         state, mode = leg.state, leg.stretches[0].mode
         if isinstance(asked.state, Mapping):
-            state = _given(leg, asked.state, begins, mode)
+            left_out = made.certificate.unneeded if made.scene.upstream else ()
+            state = _given(leg, {n: v for n, v in asked.state.items() if n not in left_out}, begins, mode)
         elif asked.state not in ("equilibrium", "start"):
             raise UsageError("BR220", f"a state is `equilibrium`, `start` or values by name; not `{asked.state}`")
     return OperatingPoint(made, leg.constraints, state, mode, begins, asked.by, values).check_limits()

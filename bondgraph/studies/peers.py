@@ -134,7 +134,7 @@ class _Problem:
             try:
                 states = np.array(solver(x0=self.start / magnitude)["xf"]).T * magnitude
             except RuntimeError as failed:
-                raise RunFailed("BR493", f"CasADi gave up: {str(failed).splitlines()[-1]}") from None
+                raise _gave_up("CasADi", str(failed).splitlines()[-1]) from None
             statistics = solver.stats()
             steps, evaluations = (int(statistics.get(name, 0)) for name in ("nsteps", "nfevals"))
             return self._result("CasADi CVODES", np.vstack([self.start, states]), rtol, steps, evaluations)
@@ -175,4 +175,8 @@ class _Problem:
 
 def _check(method: str, solution: Any) -> None:
     if not solution.success:
-        raise RunFailed("BR493", f"{method} gave up: {solution.message}")
+        raise _gave_up(method, solution.message)
+
+
+def _gave_up(method: str, why: str) -> RunFailed:
+    return RunFailed("BR493", f"{method} gave up: {why}")

@@ -153,7 +153,9 @@ def _applied(operator: str, operands: list[Expression]) -> Expression | None:
         total = operator in TOTAL or (operator == "power" and _is_whole(operands[1]))
         divides = operator == "divide" and isinstance(operands[1], Number) and operands[1] != ZERO
         return call(operator, *operands) if total or divides else None
-    steep = operands[0] == ZERO and operator in ("sqrt", "power") and not _is_whole(operands[-1])
+    first = operands[0]
+    ends = isinstance(first, Number) and first.value in row.domain  # as sqrt at 0, acos at 1
+    steep = ends or (operator == "power" and first == ZERO and not _is_whole(operands[-1]))
     value = call(operator, *operands) if row.kind == "function" and not steep else None
     return value if isinstance(value, Number) and (row.smooth or operator in CONTINUOUS) else None
 

@@ -131,3 +131,41 @@ def test_coupled_parts_stay_whole() -> None:
     part, whole = model.modes(outputs="x"), model.modes()
     assert part.unneeded == () and np.allclose(part.frequencies, whole.frequencies, rtol=1e-12)
     assert model.simulate("push_x", to="1 us").certificate.unexcited == ()
+
+
+RESTS = """
+model B {
+  input push = 1 N
+  1 body
+  I mass : p = 2 kg*v
+  C spring : F = -8 [N/m]*x + 3 [N/m^3]*x^3
+  R damper : F = 0.5 [N*s/m]*v
+  MSe drive : F = push
+  drive -> body -> mass, spring, damper
+  signal far = integral((spring.x - far)/1 s, 0 m)
+  output x = spring.x, w = far
+  experiment go { start spring.x = -0.3 m; simulate 0 .. 1 s }
+}
+"""
+
+
+@pytest.mark.parametrize("push", [1.0, 2.0, 5.0])
+def test_of_several_rests_the_part_has_that_of_the_whole(push: float) -> None:
+    """A search in a part may end at another rest than one in the whole model."""
+    model = bondgraph.load(RESTS)
+    scene = {"experiment": "go", "settings": {"push": push}}
+    part, whole = model.linearize(outputs=("x",), **scene), model.linearize(**scene)
+    rest = model.equilibrium("go", {"push": push})
+    assert part.y[0] == pytest.approx(whole.y[0], rel=1e-9) == pytest.approx(rest.outputs["x"], rel=1e-9)
+    swing = model.modes(outputs=("x",), **scene)[0].frequency
+    assert min(abs(mode.frequency - swing) for mode in model.modes(**scene)) < 1e-6 * swing
+
+
+def test_a_given_state_may_name_what_is_left_out() -> None:
+    model = bondgraph.load(CHAIN)
+    state = {"spring.x": 0.2, "cap.q": 1.0}
+    part, whole = model.linearize(outputs=("x",), state=state), model.linearize(state=state)
+    assert "cap.q" in part.unneeded and part.x[part.states.index("spring.x")] == 0.2
+    assert np.array_equal(part.y, whole.y[[whole.outputs.index("x")]])
+    with pytest.raises(bondgraph.UsageError, match="is no state; states are"):
+        model.linearize(outputs=("x",), state={"cup.q": 1.0})

@@ -131,6 +131,7 @@ EXCITED = {
     "a switched junction": "mode on = true\n  when time > 0.3 s { on = false }\n  1 gate { active = on }\n  R brake : F = 1 [N*s/m]*v\n  C soft : F = 1 [N/m]*x\n  gate -> brake, soft\n  0 j\n  body[2] -> j -> gate",
     "a jump at rest": "R dry : F = 0.1 N*sign(v)\n  body[2] -> dry",
     "a quotient by a state": "MSe also : F = spring[2].x*1 [N*m]/(spring[1].x + 9 m)/1 m\n  also -> body[2]",
+    "a root": "MSe also : F = 1 N*sqrt(spring[2].x/1 m)\n  also -> body[2]",
     "a stop that is reached": "C stop : F = 1e3 [N/m]*(x - 1 mm) if x > -1 mm else 0 N\n  body[2] -> stop",
 }  # fmt: skip
 
@@ -163,6 +164,8 @@ def test_what_reads_a_state_at_rest_reads_zero(lines: str) -> None:
         "output z = 1 m/spring[2].x",
         "output z = linear(spring[2].x, (1 m, 2 m), (2, 3))",
         "MSe also : F = 1 N*linear(spring[2].x, (1 m, 2 m), (2, 3))\n  also -> body[1]",
+        "MSe also : F = 1 N*acosh(1 + spring[2].x/1 m)\n  also -> body[2]",  # as steep as a root
+        "MSe also : F = 1 N*acos(1 - spring[2].x/1 m)\n  also -> body[2]",
         "R dry : F = 0.1 N if v > 0 [m/s] else -0.1 N\n  body[2] -> dry",  # slides along its condition
         "MSe also : F = 1 N*linear(spring[1].x, (-0.1 m, 0 m, 0.1 m), (-2, 0, 3))*spring[2].x/1 m\n  also -> body[2]",
     ],
