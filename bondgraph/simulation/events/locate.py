@@ -27,9 +27,7 @@ NARROWEST = 2.0**-44  # smallest part, as a fraction of the interval searched, f
 SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump lies at one of its places
 GOLDEN = 0.5 * (5**0.5 - 1)  # share of a bracket that a golden section keeps
 CONSTANT = 1e-13  # of the largest range of an indicator in a run: a smaller one is rounding
-HIDDEN = (
-    2.0**20
-)  # units in the last place of a time: in a shorter part, a crossing that is located late is so by rounding
+HIDDEN = 2.0**20  # units in the last place of a time: in a shorter part, rounding may locate a crossing late
 MOST_HIDDEN = 1000  # most parts that are halved for a peak that their places do not show
 FEWEST = 1 / 64  # smallest first part, as a fraction of the interval searched
 MOST_PARTS = 1 << 15  # most parts of the interval searched
@@ -151,8 +149,8 @@ def _suspects(events: Events, seen: Interpolants, on_grid: Array, said: BoolArra
     depth = np.where(wrong, np.abs(on_grid), 0.0)
     before, after = np.concatenate([depth[-1:], depth[:-1]]), np.concatenate([depth[1:], depth[:1]])
     deepest = wrong & (depth >= before) & (depth >= after)
-    rounding = float(np.spacing(max(abs(low), abs(high))))
-    if high - low > HIDDEN * rounding:  # it may hide the crossing at the first place
+    # Rounding may hide the crossing at the first place. Laws that jump to and fro within rounding have run through that so far: only linear ones go on.
+    if events.hybrid.affine and high - low > HIDDEN * float(np.spacing(max(abs(low), abs(high)))):
         begins |= np.concatenate([np.zeros_like(begins[:1]), begins[:-1]]) & wrong
     shares.append(FINER[(begins | deepest).any(axis=1)])
     times = low + (high - low) * np.unique(np.concatenate(shares))
