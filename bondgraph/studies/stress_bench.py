@@ -173,7 +173,9 @@ def _other_errors(certain: ErrorEstimate, own: ErrorEstimate, cap: float) -> str
         return ""
     for row in certain.outputs:
         errors = sorted((row.difference, own.of(row.name)))
-        if errors[1] > max(cap * row.magnitude, UNLIKE * errors[0]):
+        if (
+            0 < errors[0] < errors[1] / UNLIKE and errors[1] > cap * row.magnitude
+        ):  # 0: it rests there, to rounding here
             return f"the estimated error of `{row.name}` is {errors[0]:.3g}{behind(row.unit)} in some units and {errors[1]:.3g} in others"
     return ""
 

@@ -274,6 +274,7 @@ def test_what_is_made_before_ctrl_c_or_a_death_is_kept(end: str, tmp_path: Path)
     assert (
         run(f"""
 os.setsid()
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores it
 told = mp.get_context("fork").Event()
 def call(point, here):
     if point == 700:
