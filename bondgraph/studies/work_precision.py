@@ -19,8 +19,8 @@ DISTINCT = 3.0  # smallest ratio of an error to the disagreement of the referenc
 class WorkPoint:
     """Runs of one solver at one tolerance. `errors`: largest errors of the outputs relative to their magnitudes, `error`: the largest of these.
 
-    `seconds`: median time of a whole run once its program exists; `failure`: reason why there is no error, or "". `peer`: another program's solver,
-    whose `steps` are 0 if it does not report them.
+    `seconds`: median time of a repeated run: program, magnitudes and start are known; `failure`: reason why there is no error, or "".
+    `peer`: another program's solver, whose `steps` are 0 if it does not report them.
     """
 
     solver: str

@@ -23,6 +23,7 @@ def work_precision_text(found: WorkPrecision) -> str:
     parts = [
         title(found.model, found.experiment, "work and precision"), aligned(rows, "<>>>>><"),
         f"errors beside {' and '.join(found.references)}{agree}; of outputs, relative to their largest magnitudes",
+        "times of a repeated run: program, magnitudes and start are known, to the solvers of other programs, too",
         *(visible(f"{solver}: {reason}") for solver, reason in found.refused.items()), found.sentence,
     ]  # fmt: skip
     return "\n\n".join(parts)
