@@ -125,7 +125,7 @@ def run(
 ) -> Result:
     """Run a scene of a model; `values` are parameters set when it begins."""
     began = clock.perf_counter()
-    to, points, rtol, atol, energy = wanted.to, wanted.points, wanted.rtol, wanted.atol, wanted.energy
+    to, points, atol, energy = wanted.to, wanted.points, wanted.atol, wanted.energy
     target = chosen_target(wanted.target)
 
     def made(scene: Scene, everything: bool) -> Prepared:
@@ -144,12 +144,7 @@ def run(
     if before is not None and scene.from_start and before.identity != prepared.facts.identity:
         scene = replace(scene, from_start=False)  # what nothing excites here may have moved in a run of other starts
         prepared = made(scene, energy)
-    accuracy = (
-        plan.settings.get("accuracy") if wanted.accuracy is None else _checked("accuracy", wanted.accuracy, *ACCURACY)
-    )
-    if rtol is None and accuracy is not None:
-        rtol = max(min(accuracy / 10, plan.settings.get("rtol", accuracy)), LEAST_RTOL)
-    rtol = _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), *RTOL)
+    rtol, accuracy = _rtol(plan, wanted)
     count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
     if atol is None:
         atol = plan.settings.get("atol")
@@ -198,6 +193,18 @@ def run(
         error.result = result
         raise error from broken
     return run.result("")
+
+
+def _rtol(plan: Plan, wanted: RunOptions) -> tuple[float, float | None]:
+    """Return the tolerance of a run, and its accuracy if there is one, from which the tolerance is chosen."""
+    rtol, accuracy = wanted.rtol, wanted.accuracy
+    if accuracy is None:
+        accuracy = plan.settings.get("accuracy")
+    else:
+        _checked("accuracy", accuracy, *ACCURACY)
+    if rtol is None and accuracy is not None:
+        rtol = max(min(accuracy / 10, plan.settings.get("rtol", accuracy)), LEAST_RTOL)
+    return _checked("rtol", rtol if rtol is not None else plan.settings.get("rtol", DEFAULT_RTOL), *RTOL), accuracy
 
 
 def _conserving(scene: Scene, solver: str | None) -> Scene:
