@@ -11,12 +11,12 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import MissingPackage
+from ..quantities import listed
 from ..rendering import Summarised
 from .json_values import head, named, rows_of, with_units
 from .operating_point import OperatingPoint
 
 SCHEMA = "bondgraph-linearization/1"
-NAMED = 6  # most names in a note
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +115,8 @@ def part_note(unneeded: Sequence[str], more: str = "") -> str:
     """Return the note on a part of a model: the states that are left out. Empty for the whole."""
     if not unneeded:
         return ""
-    names = ", ".join(f"`{n}`" for n in unneeded[:NAMED]) + (", …" if len(unneeded) > NAMED else "")
     states, them = ("1 state is", "it") if len(unneeded) == 1 else (f"{len(unneeded)} states are", "them")
-    return f"{states} left out, as no requested output depends on {them}: {names}{more}"
+    return f"{states} left out, as no requested output depends on {them}: {listed(unneeded)}{more}"
 
 
 def state_matrix(point: OperatingPoint) -> Array:

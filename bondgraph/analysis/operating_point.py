@@ -434,7 +434,6 @@ def operating_point(
     between laws) stay unchanged. Raises `CompilationFailed`, `UsageError`, `RunFailed`.
     """
     point = _point(model, asked, target, moved)
-    program = point.program
     if not asked.upstream or asked.state != "equilibrium" or point.made.certificate.linear:
         return point
     try:
@@ -442,6 +441,7 @@ def operating_point(
     except (RunFailed, UsageError):  # what lies downstream has no rest
         return point
     rest = dict(zip(whole.program.states.names, whole.state.tolist(), strict=False))
+    program = point.program
     if _is_at(point, rest):
         return point
     if program.hybrid is not None:
@@ -462,6 +462,7 @@ def _is_at(point: OperatingPoint, rest: Mapping[str, float]) -> bool:
 
 
 def _point(model: CompiledModel, asked: AnalysisRequest, target: str, moved: Mapping[str, float] | None) -> OperatingPoint:  # fmt: skip
+    """Return the same, for a part at the rest that a search in the part finds."""
     from ..simulation.settings import settle
 
     settings = asked.settings or {}

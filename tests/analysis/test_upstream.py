@@ -161,6 +161,19 @@ def test_of_several_rests_the_part_has_that_of_the_whole(push: float) -> None:
     assert min(abs(mode.frequency - swing) for mode in model.modes(**scene)) < 1e-6 * swing
 
 
+def test_another_rest_of_a_part_with_events_is_refused() -> None:
+    """The state of the whole alone does not say in which mode the part rests."""
+    text = RESTS.replace(
+        "MSe drive : F = push",
+        "mode up = false\n  when spring.x > 1 m { up = true }\n  when spring.x < 0.5 m { up = false }\n  MSe drive : F = push + (0.1 N if up else 0 N)",
+    )
+    model = bondgraph.load(text)
+    scene = {"experiment": "go", "settings": {"push": 5.0}}
+    assert model.linearize(**scene).y.shape == (2,)
+    with pytest.raises(bondgraph.UsageError, match="has several rests, and finds another one"):
+        model.linearize(outputs=("x",), **scene)
+
+
 def test_a_given_state_may_name_what_is_left_out() -> None:
     model = bondgraph.load(CHAIN)
     state = {"spring.x": 0.2, "cap.q": 1.0}
