@@ -45,16 +45,8 @@ def _hybrid_note(lowered: Lowered) -> HybridNote | None:
     modes = NameTable(tuple(v.name for v in variables), tuple(v.unit for v in variables))
     conditions = tuple(item.note for item in events.located)
     switched = any(lowered.dependence(signal) & EVENT for signal in lowered.signals)
-    return HybridNote(
-        events.size,
-        modes,
-        tuple(events.timed),
-        conditions,
-        events.events,
-        events.junctions,
-        switched,
-        _is_affine(lowered),
-    )
+    timed, affine = tuple(events.timed), _is_affine(lowered)
+    return HybridNote(events.size, modes, timed, conditions, events.events, events.junctions, switched, affine)
 
 
 def _is_affine(lowered: Lowered) -> bool:

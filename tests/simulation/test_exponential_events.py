@@ -10,8 +10,7 @@ import pytest
 
 import bondgraph
 
-IDEAL = """import IdealDiode, Switch from electric
-model Buck {
+PULSED = """model Buck {
   parameter T = 10 us, duty = 0.4, load = 5 ohm
   Se s : u = 24 V
   mode on = true
@@ -19,7 +18,11 @@ model Buck {
   every T { on = true; saw = 0 s }
   when saw > duty*T { on = false }
   0 n : electric
-  IdealDiode d
+"""
+IDEAL = (
+    "import IdealDiode, Switch from electric\n"
+    + PULSED
+    + """  IdealDiode d
   Switch sw { closed = 1 if on else 0 }
   I l : lambda = 100 uH*i
   C c : u = q/(100 uF)
@@ -30,15 +33,10 @@ model Buck {
   n -> 1(l) -> 0(c, r)
   output u = c.u, i = l.i
 }"""
-RESISTIVE = """model Buck {
-  parameter T = 10 us, duty = 0.4, load = 5 ohm
-  Se s : u = 24 V
-  mode on = true
-  signal saw = integral(1 - 0*time/1 s, 0 s)
-  every T { on = true; saw = 0 s }
-  when saw > duty*T { on = false }
-  0 n : electric
-  MR sw : i = u/(10 mohm) if on else u/(100 kohm)
+)
+RESISTIVE = (
+    PULSED
+    + """  MR sw : i = u/(10 mohm) if on else u/(100 kohm)
   R d : i = u/(20 mohm) if u > 0 V else u/(100 kohm)
   C snub : u = q/(1 nF)
   R r_snub : u = 10 ohm*i
@@ -54,6 +52,7 @@ RESISTIVE = """model Buck {
   n -> 1(l) -> 0(c, r)
   output u = c.u, i = l.i
 }"""
+)
 SLIP = """model Slip {
   I mass : p = 1 kg*v
   C spring : F = 100 [N/m]*x
