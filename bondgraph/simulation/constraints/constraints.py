@@ -224,7 +224,7 @@ class Constraints:
             return states
         if self.compiled is None:
             return np.stack([self._projected(t, x, mode) for t, x in zip(times, states, strict=True)])
-        held, weak = self.compiled.hold(times, states, mode)
+        held, weak = self.compiled.project(times, states, mode)
         for k in np.flatnonzero(weak):  # rows are dependent there: use singular values
             held[k] = self._projected(times[k], states[k], mode)
         return held

@@ -107,7 +107,7 @@ class SingularPoseMonitor:
         if not rows or rows > columns:
             return np.full(len(times), np.inf if not rows else 0.0)
         if self.constraints.compiled is not None:
-            return self.constraints.compiled.least(times, states, mode)
+            return self.constraints.compiled.least_singular_values(times, states, mode)
         if columns > LARGEST:
             return np.full(len(times), np.inf)
         slopes = (self._scaled(t, x, mode)[0] for t, x in zip(times, states, strict=True))

@@ -6,7 +6,7 @@ from math import pow
 
 from ..outcomes import CROSS, REDUNDANT
 from ..projection.limits import APART, FINE, LOOK, MISSES, NEAR, NEVER
-from ..projection.projection import least
+from ..projection.projection import least_singular_value
 from ..workspace import IntegratorWorkspace
 
 GOES_ON = 0
@@ -19,10 +19,10 @@ def begin_watch(s: IntegratorWorkspace) -> None:
     s.tried = NEVER
     s.comes = 0
     s.longest = s.usual
-    if s.closed.gaps > 0:
+    if s.closed.residuals > 0:
         in_units(s)
         s.pose_time[0] = s.time
-        s.pose_least[0] = least(s.closed, s.closed.positions, s.time, s.si)
+        s.pose_least[0] = least_singular_value(s.closed, s.closed.positions, s.time, s.si)
         s.poses = 1
 
 
@@ -42,7 +42,7 @@ def watch(s: IntegratorWorkspace) -> int:
     else:
         s.poses += 1
     last = s.poses - 1
-    now = least(s.closed, s.closed.positions, s.time, s.si)
+    now = least_singular_value(s.closed, s.closed.positions, s.time, s.si)
     s.pose_time[last] = s.time
     s.pose_least[last] = now
     slope = (now - s.pose_least[last - 1]) / (s.time - s.pose_time[last - 1])
@@ -73,7 +73,7 @@ def opened(s: IntegratorWorkspace) -> bool:
     for i in range(s.closed.positions.rows):
         smallest = min(smallest, s.closed.positions.size[i])
     s.closed.invariant(s.time, s.si, s.inputs, s.constants, s.mode, s.closed.values)
-    for i in range(s.closed.gaps):
+    for i in range(s.closed.residuals):
         if abs(s.closed.values[i]) > APART * smallest:
             return True
     return False

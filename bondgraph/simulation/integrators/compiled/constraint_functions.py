@@ -17,19 +17,19 @@ from .plain import record_for
 def fields_of(program: Program, inputs: Array, constants: Array, magnitude: Array, taking: BoolArray) -> dict[str, Any]:
     """Return the fields of a `ProjectionWorkspace`; `taking`: mask of the active residuals. Empty where a program has no constraints."""
     count, full = len(program.states.names), len(program.states.names) + len(program.unknowns.names)
-    gaps = len(program.multipliers)
+    residuals = len(program.multipliers)
     rows, columns = program.invariant_pattern
     rates = np.asarray(program.rates, dtype=int)
     lengths = [u == "m" for u in program.invariants.units]
     bound = [count + m for m in program.eliminated]
     squares = {
         name: square(rows, columns, chosen, lengths)
-        for name, chosen in (("positions", np.flatnonzero(taking)), ("speeds", rates[taking & (rates >= 0)]))
+        for name, chosen in (("positions", np.flatnonzero(taking)), ("velocities", rates[taking & (rates >= 0)]))
     }
     squares["positions"]["vector"] = squares["positions"]["fresh"].copy()
     return {
-        "inputs": inputs, "constants": constants, "mode": np.zeros(mode_size(program, constants)), "active": int(gaps > 0), "n": full,
-        "count": count, "gaps": gaps, "magnitude": np.array(magnitude, dtype=float), "values": np.zeros(len(program.invariants.names)),
+        "inputs": inputs, "constants": constants, "mode": np.zeros(mode_size(program, constants)), "active": int(residuals > 0), "n": full,
+        "count": count, "residuals": residuals, "magnitude": np.array(magnitude, dtype=float), "values": np.zeros(len(program.invariants.names)),
         "slopes": np.zeros(len(rows)), "multipliers": len(bound), "place": bound, "solution": np.zeros(full + len(bound)),
         "full": np.zeros(full),
     } | squares  # fmt: skip
@@ -63,20 +63,20 @@ class CompiledConstraints:
         self.values = record_for(ProjectionWorkspace, program, taking.tobytes(), values, given, native)
         self.native, self.redundant = native, not taking.all()
 
-    def hold(self, times: Array, states: Array, mode: Array) -> tuple[Any, Any]:
+    def project(self, times: Array, states: Array, mode: Array) -> tuple[Any, Any]:
         """Return the states projected on their invariants, and the number of nearly dependent rows at each."""
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.array(states, dtype=float)
         weak = np.zeros(len(times), dtype=np.int64)
-        self.values.call("hold_all", len(times), times, states, weak)
+        self.values.call("project_all", len(times), times, states, weak)
         return states, weak
 
-    def least(self, times: Array, states: Array, mode: Array) -> Any:
+    def least_singular_values(self, times: Array, states: Array, mode: Array) -> Any:
         """Return the smallest singular value of the residuals' Jacobian at each instant."""
         self.values["mode"][:] = mode
         times, states = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(states, dtype=float)
         out = np.empty(len(times))
-        self.values.call("least_all", len(times), times, states, out)
+        self.values.call("least_singular_values", len(times), times, states, out)
         return out
 
     def rates(self, times: Array, scaled: Array, unknowns: Array, mode: Array) -> tuple[Any, Any]:
@@ -85,5 +85,5 @@ class CompiledConstraints:
         self.values["full"][self.values["count"] :] = unknowns
         times, scaled = np.ascontiguousarray(times, dtype=float), np.ascontiguousarray(scaled, dtype=float)
         out, weak = np.empty_like(scaled), np.zeros(len(times), dtype=np.int64)
-        self.values.call("rates_all", len(times), times, scaled, out, weak)
+        self.values.call("rates_projected", len(times), times, scaled, out, weak)
         return out, weak

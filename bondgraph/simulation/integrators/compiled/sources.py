@@ -13,13 +13,13 @@ from ..linear_algebra.least_degree import least_degree
 from ..linear_algebra.sparse import real_factors
 from ..pilot.loop import coarse
 from ..pilot.step import euler
-from ..projection.projection import hold_all, least_all, rates_all
+from ..projection.projection import least_singular_values, project_all, rates_projected
 from .advance import advance, begin
 
 SOURCES: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        begin, advance, euler, coarse, roots_along, states_along, scaled_along, hold_all, least_all, rates_all,
+        begin, advance, euler, coarse, roots_along, states_along, scaled_along, least_singular_values, project_all, rates_projected,
         balance, real_factors, least_degree, plan_eliminations, put_rows,
     )
 }  # fmt: skip

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from .. import dop853, radau
 from ..methods import CONSERVING, THROUGH_ENDS
-from ..projection.projection import hold
+from ..projection.projection import project
 from ..steps.energy_step import sample_step
 from ..workspace import IntegratorWorkspace
 from .polynomials import interpolated
@@ -77,8 +77,8 @@ def state_at(s: IntegratorWorkspace, time: float, out: Floats) -> None:
     scaled_at(s, time, out)
     for i in range(s.n):
         out[i] *= s.magnitude[i]
-    if s.closed.gaps > 0:
-        hold(s.closed, time, out)
+    if s.closed.residuals > 0:
+        project(s.closed, time, out)
 
 
 def scaled_along(s: IntegratorWorkspace, count: int, times: Floats, out: Floats) -> None:

@@ -11,7 +11,7 @@ from compiler.api import IntArray
 
 
 def square(rows: IntArray, columns: IntArray, chosen: IntArray, lengths: list[bool]) -> dict[str, Any]:
-    """Return the fields of a `projection.Square` for some of the rows of a pattern; `lengths`: mask of the rows that are lengths."""
+    """Return the fields of a `projection.NormalEquations` for some of the rows of a pattern; `lengths`: mask of the rows that are lengths."""
     entries: dict[int, list[int]] = {int(i): [] for i in chosen}
     for k, row in enumerate(rows):
         if int(row) in entries:

@@ -26,7 +26,7 @@ FRESH = 0.3  # share of a random vector mixed into that of the last pose, so tha
 Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], None]
 
 
-class Square(Record):
+class NormalEquations(Record):
     """J J' of some rows of the Jacobian, in the order of its factors."""
 
     rows: int
@@ -66,27 +66,27 @@ class ProjectionWorkspace(Record):
     active: int  # 1 if there are any
     n: int  # states and unknowns
     count: int  # states
-    gaps: int
+    residuals: int
     magnitude: Floats  # n
     values: Floats  # values of all invariants
     slopes: Floats
-    positions: Square
-    speeds: Square
+    positions: NormalEquations
+    velocities: NormalEquations
     multipliers: int
     place: Ints  # multipliers: index of each among the n
     solution: Floats  # n + multipliers
     full: Floats  # n
 
 
-def hold(h: ProjectionWorkspace, time: float, x: Floats) -> int:
+def project(w: ProjectionWorkspace, time: float, x: Floats) -> int:
     """Project a full state in SI on its invariants; return the number of weak pivots."""
-    weak = close(h, h.positions, time, x)
-    if h.speeds.rows > 0:
-        weak += stand(h, h.speeds, time, x)
+    weak = project_positions(w, w.positions, time, x)
+    if w.velocities.rows > 0:
+        weak += project_velocities(w, w.velocities, time, x)
     return weak
 
 
-def close(h: ProjectionWorkspace, q: Square, time: float, x: Floats) -> int:
+def project_positions(w: ProjectionWorkspace, q: NormalEquations, time: float, x: Floats) -> int:
     """Make the residuals vanish by Newton's method, with the Jacobian of its first state as long as it converges."""
     known = 0
     weak = 0
@@ -94,10 +94,10 @@ def close(h: ProjectionWorkspace, q: Square, time: float, x: Floats) -> int:
     for i in range(q.rows):
         q.size[i] = 1.0
     for _ in range(ITERATIONS):
-        h.invariant(time, x, h.inputs, h.constants, h.mode, h.values)
+        w.invariant(time, x, w.inputs, w.constants, w.mode, w.values)
         worst = 0.0
         for i in range(q.rows):
-            q.right[i] = h.values[q.invariant[i]]
+            q.right[i] = w.values[q.invariant[i]]
             worst = max(worst, abs(q.right[i]) / q.size[i])
         if worst <= ROUNDING:
             break
@@ -106,37 +106,37 @@ def close(h: ProjectionWorkspace, q: Square, time: float, x: Floats) -> int:
                 break
             known = 0
         if known == 0:
-            h.invariant_slopes(time, x, h.inputs, h.constants, h.mode, h.slopes)
-            weak = factorise_square(q, h.slopes, h.magnitude)
-            measure_gaps(q)
+            w.invariant_slopes(time, x, w.inputs, w.constants, w.mode, w.slopes)
+            weak = factorise_normal(q, w.slopes, w.magnitude)
+            measure_rows(q)
             known = 1
-        solve_square(q, q.right)
-        move(q, h.magnitude, x)
+        solve_normal(q, q.right)
+        apply_correction(q, w.magnitude, x)
         before = worst
     return weak
 
 
-def stand(h: ProjectionWorkspace, q: Square, time: float, x: Floats) -> int:
-    """Make the rates of the residuals vanish; they are linear in the speeds, the second pass is for round-off."""
-    h.invariant_slopes(time, x, h.inputs, h.constants, h.mode, h.slopes)
-    weak = factorise_square(q, h.slopes, h.magnitude)
+def project_velocities(w: ProjectionWorkspace, q: NormalEquations, time: float, x: Floats) -> int:
+    """Make the rates of the residuals vanish; they are linear in the velocities, the second pass is for round-off."""
+    w.invariant_slopes(time, x, w.inputs, w.constants, w.mode, w.slopes)
+    weak = factorise_normal(q, w.slopes, w.magnitude)
     for _ in range(2):
-        h.invariant(time, x, h.inputs, h.constants, h.mode, h.values)
+        w.invariant(time, x, w.inputs, w.constants, w.mode, w.values)
         for i in range(q.rows):
-            q.right[i] = h.values[q.invariant[i]]
-        solve_square(q, q.right)
-        move(q, h.magnitude, x)
+            q.right[i] = w.values[q.invariant[i]]
+        solve_normal(q, q.right)
+        apply_correction(q, w.magnitude, x)
     return weak
 
 
-def move(q: Square, magnitude: Floats, x: Floats) -> None:
+def apply_correction(q: NormalEquations, magnitude: Floats, x: Floats) -> None:
     """Subtract from the state the minimum-norm change that belongs to the solution in `right`."""
     for i in range(q.rows):
         for k in range(q.entry_start[i], q.entry_start[i + 1]):
             x[q.column[k]] -= magnitude[q.column[k]] * (q.value[k] * q.right[i])
 
 
-def measure_gaps(q: Square) -> None:
+def measure_rows(q: NormalEquations) -> None:
     """Compute the sizes of the rows as `Constraints.sizes`: rows of one unit share the largest."""
     lengths = 0.0
     others = 0.0
@@ -150,7 +150,7 @@ def measure_gaps(q: Square) -> None:
         q.size[i] = sqrt(largest) if largest > 0.0 else 1.0
 
 
-def factorise_square(q: Square, slopes: Floats, magnitude: Floats) -> int:
+def factorise_normal(q: NormalEquations, slopes: Floats, magnitude: Floats) -> int:
     """Factorise the square as L D L'; return the number of weak pivots."""
     for k in range(q.entry_start[q.rows]):
         q.value[k] = slopes[q.entry[k]] * magnitude[q.column[k]]
@@ -184,7 +184,7 @@ def factorise_square(q: Square, slopes: Floats, magnitude: Floats) -> int:
     return weak
 
 
-def solve_square(q: Square, b: Floats) -> None:
+def solve_normal(q: NormalEquations, b: Floats) -> None:
     """Replace the right-hand side by the solution."""
     for k in range(q.rows):
         for r in range(q.l_start[k], q.l_start[k + 1]):
@@ -196,11 +196,11 @@ def solve_square(q: Square, b: Floats) -> None:
         b[k] = total
 
 
-def least(h: ProjectionWorkspace, q: Square, time: float, x: Floats) -> float:
+def least_singular_value(w: ProjectionWorkspace, q: NormalEquations, time: float, x: Floats) -> float:
     """Return the smallest singular value of the residuals' Jacobian, rows in units of their sizes, by inverse iteration."""
-    h.invariant_slopes(time, x, h.inputs, h.constants, h.mode, h.slopes)
-    factorise_square(q, h.slopes, h.magnitude)
-    measure_gaps(q)
+    w.invariant_slopes(time, x, w.inputs, w.constants, w.mode, w.slopes)
+    factorise_normal(q, w.slopes, w.magnitude)
+    measure_rows(q)
     if q.weakest <= DROPPED:
         return 0.0
     for i in range(q.rows):
@@ -214,7 +214,7 @@ def least(h: ProjectionWorkspace, q: Square, time: float, x: Floats) -> float:
         for i in range(q.rows):
             q.vector[i] /= norm
             q.right[i] = q.size[i] * q.vector[i]
-        solve_square(q, q.right)
+        solve_normal(q, q.right)
         found = 0.0
         for i in range(q.rows):
             q.right[i] *= q.size[i]
@@ -227,31 +227,33 @@ def least(h: ProjectionWorkspace, q: Square, time: float, x: Floats) -> float:
     return 1.0 / sqrt(last)
 
 
-def put_multipliers(h: ProjectionWorkspace, time: float, x: Floats) -> None:
+def put_multipliers(w: ProjectionWorkspace, time: float, x: Floats) -> None:
     """Put the multipliers that belong to a state into it."""
-    h.solved(time, x, h.inputs, h.constants, h.mode, h.solution)
-    for k in range(h.multipliers):
-        x[h.place[k]] = h.solution[h.n + k]
+    w.solved(time, x, w.inputs, w.constants, w.mode, w.solution)
+    for k in range(w.multipliers):
+        x[w.place[k]] = w.solution[w.n + k]
 
 
-def hold_all(h: ProjectionWorkspace, instants: int, times: Floats, states: Floats, weak: Ints) -> None:
+def project_all(w: ProjectionWorkspace, instants: int, times: Floats, states: Floats, weak: Ints) -> None:
     """Project states at several instants on their invariants."""
     for k in range(instants):
-        weak[k] = hold(h, times[k], states[k * h.n :])
+        weak[k] = project(w, times[k], states[k * w.n :])
 
 
-def least_all(h: ProjectionWorkspace, instants: int, times: Floats, states: Floats, out: Floats) -> None:
+def least_singular_values(w: ProjectionWorkspace, instants: int, times: Floats, states: Floats, out: Floats) -> None:
     """Compute the smallest singular values at several instants."""
     for k in range(instants):
-        out[k] = least(h, h.positions, times[k], states[k * h.n :])
+        out[k] = least_singular_value(w, w.positions, times[k], states[k * w.n :])
 
 
-def rates_all(h: ProjectionWorkspace, instants: int, times: Floats, scaled: Floats, out: Floats, weak: Ints) -> None:
+def rates_projected(
+    w: ProjectionWorkspace, instants: int, times: Floats, scaled: Floats, out: Floats, weak: Ints
+) -> None:
     """Compute the rates at the projections of states, all in units of the magnitudes; `full` holds the unknowns that are not computed."""
     for k in range(instants):
-        for i in range(h.count):
-            h.full[i] = scaled[k * h.count + i] * h.magnitude[i]
-        weak[k] = hold(h, times[k], h.full)
-        h.solved(times[k], h.full, h.inputs, h.constants, h.mode, h.solution)
-        for i in range(h.count):
-            out[k * h.count + i] = h.solution[i] / h.magnitude[i]
+        for i in range(w.count):
+            w.full[i] = scaled[k * w.count + i] * w.magnitude[i]
+        weak[k] = project(w, times[k], w.full)
+        w.solved(times[k], w.full, w.inputs, w.constants, w.mode, w.solution)
+        for i in range(w.count):
+            out[k * w.count + i] = w.solution[i] / w.magnitude[i]

@@ -13,7 +13,12 @@ import bondgraph
 from bondgraph.simulation import phase
 from bondgraph.simulation.constraints.constraints import Constraints
 from bondgraph.simulation.integrators.compiled.constraint_functions import CompiledConstraints, fields_of
-from bondgraph.simulation.integrators.projection.projection import ProjectionWorkspace, Square, hold, least
+from bondgraph.simulation.integrators.projection.projection import (
+    NormalEquations,
+    ProjectionWorkspace,
+    least_singular_value,
+    project,
+)
 from tests.compiling import MODELS
 
 pytestmark = pytest.mark.machine_code
@@ -43,9 +48,9 @@ def as_python(constraints: Constraints, mode: Any) -> ProjectionWorkspace:
     magnitude[: len(constraints.magnitude)] = constraints.magnitude
     values = fields_of(program, constraints.inputs, constraints.constants, magnitude, constraints.taking)
     values["mode"] = np.array(mode, dtype=float)
-    for name in ("positions", "speeds"):
+    for name in ("positions", "velocities"):
         fields = {k: np.asarray(v) if isinstance(v, list) else v for k, v in values[name].items()}
-        values[name] = Square(**fields)
+        values[name] = NormalEquations(**fields)
     for name in ("invariant", "invariant_slopes", "solved"):
         values[name] = _into(getattr(program, name))
     return ProjectionWorkspace(**values)
@@ -64,14 +69,14 @@ def test_the_same_source_runs_as_python(name: str, monkeypatch: pytest.MonkeyPat
     constraints, state, mode = started(name, monkeypatch)
     states, times = beside(constraints, state, 4), np.zeros(4)
     machine = CompiledConstraints(constraints, True)  # its vector for singular values is as it begins
-    held, weak = machine.hold(times, states, mode)
-    smallest = machine.least(times, held, mode)
+    held, weak = machine.project(times, states, mode)
+    smallest = machine.least_singular_values(times, held, mode)
     python = as_python(constraints, mode)
     for k in range(4):
-        assert hold(python, 0.0, states[k]) == weak[k]
+        assert project(python, 0.0, states[k]) == weak[k]
         np.testing.assert_array_equal(states[k], held[k])
     for k in range(4):
-        assert least(python, python.positions, 0.0, states[k]) == smallest[k]
+        assert least_singular_value(python, python.positions, 0.0, states[k]) == smallest[k]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -79,9 +84,9 @@ def test_projections_and_singular_values_are_those_of_dense_algebra(name: str, m
     constraints, state, mode = started(name, monkeypatch)
     assert constraints.compiled is not None
     states, times = beside(constraints, state, 5), np.zeros(5)
-    held, weak = constraints.compiled.hold(times, states, mode)
+    held, weak = constraints.compiled.project(times, states, mode)
     assert not weak.any()
-    smallest = constraints.compiled.least(times, held, mode)
+    smallest = constraints.compiled.least_singular_values(times, held, mode)
     for k in range(5):
         reference = constraints._projected(0.0, states[k], mode)
         moved = np.abs((reference - states[k])[: constraints.count] / constraints.reach).max()
