@@ -34,21 +34,23 @@ def _parser() -> Parser:
     return Parser()
 
 
-def parse(source: Source) -> SyntaxTree:
-    """Parse one file. Raises `CompilationFailed` with all syntax errors that could be separated."""
-    tree, mistakes = parse_what_can_be_read(source)
+def parse(source: Source, part: str | None = None) -> SyntaxTree:
+    """Parse one file. Raises `CompilationFailed` with all syntax errors that could be separated. `part`: its text with spaces for what is left out."""
+    tree, mistakes = parse_what_can_be_read(source, part)
     if tree is None or mistakes:
         raise CompilationFailed(mistakes)
     return tree
 
 
-def parse_what_can_be_read(source: Source) -> tuple[SyntaxTree | None, list[Diagnostic]]:
+def parse_what_can_be_read(source: Source, part: str | None = None) -> tuple[SyntaxTree | None, list[Diagnostic]]:
     """Return the tree without the lines that have errors, and the errors; no tree if the rest cannot be parsed either."""
     if len(source.text) > MAXIMUM_SIZE:
         return None, [TooLarge(Span(source, 0, 0), len(source.text), MAXIMUM_SIZE)]
     statements = None
     mistakes: list[Diagnostic] = []
     text, hidden = without_hidden(source)
+    if part is not None and not hidden:
+        text = part
     while True:
         try:
             statements = read_words(source, text)

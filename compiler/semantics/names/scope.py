@@ -12,6 +12,7 @@ from ...graph.network import Reference
 from ...graph.units import Dimension
 from ...source import Source, Span
 from ...syntax import tree
+from ...syntax.outline import Outline
 from .column_file import Sheet
 from .port_domains import DomainTable
 
@@ -198,6 +199,8 @@ class FileScope:
     root: Path | None = None  # the project folder
     library: Path | None = None
     sheets: dict[Path, Sheet] = field(default_factory=dict)  # files of columns that have been read
+    places: dict[str, Span] = field(default_factory=dict)  # of all names
+    outline: Outline | None = None  # of an imported file: its models that are not parsed yet
 
 
 @dataclass(slots=True, eq=False)
