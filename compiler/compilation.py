@@ -44,7 +44,7 @@ from .reduction.unexcited import at_rest, without
 from .reduction.upstream import upstream
 from .scene import Plan, RunMetadata, Scene
 from .semantics import Built, build_graph, is_part
-from .semantics.expressions.unit_ambiguity import ambiguous_products, unit_notes
+from .semantics.names.compound_units import ambiguous_products, in_one_literal, unit_notes, with_compound_units
 from .semantics.names.errors import TooLongRow
 from .source import Source, Span
 from .syntax import SyntaxTree, parse
@@ -68,7 +68,7 @@ class Compilation:
 
     @cached_property
     def tree(self) -> SyntaxTree:
-        return parse(self.source)
+        return with_compound_units(parse(self.source))
 
     @property
     def is_part(self) -> bool:
@@ -349,7 +349,8 @@ class Compilation:
     @property
     def _notes_on_settings(self) -> Iterator[str]:
         for override in self.scene.overrides:
-            yield from ambiguous_products(override.value, self.source)
+            value = in_one_literal(override.value, self.whole_graph.quantities.keys())
+            yield from ambiguous_products(value, self.source)
 
     @cached_property
     def facts(self) -> RunMetadata:

@@ -12,6 +12,7 @@ from .garbage_collection import uncollected
 from .reduction import Certificate
 from .scene import Scene
 from .semantics import check_parts
+from .semantics.names.compound_units import with_compound_units
 from .source import Source
 from .syntax import SyntaxTree, parse_what_can_be_read
 
@@ -37,6 +38,7 @@ def _examine(
 ) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
     certificate: Certificate | None = None
     tree, mistakes = parse_what_can_be_read(source)
+    tree = None if tree is None else with_compound_units(tree)
     broken = frozenset[str]() if tree is None else _models_with(mistakes, tree)
     if tree is None or (mistakes and not broken):
         return CompilationFailed(mistakes).diagnostics, None

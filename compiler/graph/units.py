@@ -156,7 +156,17 @@ _PREFIXED: Mapping[str, Scale] = {
     "L": Scale(METRE**3, Fraction(1, 1000)),
     "eV": Scale(JOULE, Fraction(1602176634, 10**28)),
     "rad": Scale(ONE),
+    "Nm": Scale(JOULE),
+    "VA": Scale(WATT),
+    "Wh": Scale(JOULE, Fraction(3600)),
+    "Ah": Scale(AMPERE * SECOND, Fraction(3600)),
+    "cal": Scale(JOULE, Fraction(4184, 1000)),  # thermochemical
 }
+_INCH, _POUND, _GRAVITY = (
+    Fraction(254, 10000),
+    Fraction(45359237, 10**8),
+    Fraction(980665, 10**5),
+)  # exact by definition
 _PLAIN: Mapping[str, Scale] = {
     "deg": Scale(ONE, Fraction(1, 180), 1),
     "rev": Scale(ONE, Fraction(2), 1),
@@ -169,7 +179,24 @@ _PLAIN: Mapping[str, Scale] = {
     "degC": Scale(KELVIN, offset=Fraction(27315, 100)),
     "atm": Scale(PASCAL, Fraction(101325)),
     "t": Scale(KILOGRAM, Fraction(1000)),
-    "inch": Scale(METRE, Fraction(254, 10000)),
+    "inch": Scale(METRE, _INCH),
+    "ft": Scale(METRE, 12 * _INCH),
+    "mile": Scale(METRE, 63360 * _INCH),
+    "mph": Scale(METRE / SECOND, 63360 * _INCH / 3600),
+    "kn": Scale(METRE / SECOND, Fraction(1852, 3600)),
+    "lb": Scale(KILOGRAM, _POUND),
+    "lbf": Scale(NEWTON, _POUND * _GRAVITY),
+    "kgf": Scale(NEWTON, _GRAVITY),
+    "psi": Scale(PASCAL, _POUND * _GRAVITY / _INCH**2),
+    "Torr": Scale(PASCAL, Fraction(101325, 760)),
+    "mmHg": Scale(PASCAL, Fraction(133322387415, 10**9)),
+    "gal": Scale(METRE**3, 231 * _INCH**3),
+    "hp": Scale(WATT, 550 * 12 * _INCH * _POUND * _GRAVITY),
+    "degF": Scale(KELVIN, Fraction(5, 9), offset=Fraction(45967, 180)),
+    "angstrom": Scale(METRE, Fraction(1, 10**10)),
+    "week": Scale(SECOND, Fraction(7 * 86400)),
+    "year": Scale(SECOND, Fraction(31557600)),
+    "%": Scale(ONE, Fraction(1, 100)),
 }
 
 

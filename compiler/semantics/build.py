@@ -15,6 +15,7 @@ from ..source import Source, Span
 from ..syntax import SyntaxTree, parse_expression, tree
 from .experiments.initial_values import read_initial_values
 from .experiments.plan import choose_experiment, experiment_overrides, experiments_of, read_plan
+from .names.compound_units import in_one_literal, names_in
 from .names.domain_table import slot_defaults, wall_items
 from .names.errors import NoSingleModel, UnknownName
 from .names.imports import Loader
@@ -57,14 +58,19 @@ def _with_outputs(definition: ModelDefinition, outputs: Sequence[tuple[str, str]
     """Return a model with more outputs at its end. Raises `CompilationFailed` for a text that is no expression."""
     if not outputs:
         return definition
-    items = []
+    items, names = [], _names_read_in(definition)
     for name, text in outputs:
         source = Source(f"output {name}", text)
         span = Span(source, 0, len(text))
-        items.append(tree.Item(span, name, None, None, parse_expression(source), None))
+        value = in_one_literal(parse_expression(source), names)
+        items.append(tree.Item(span, name, None, None, value, None))
     model = definition.model
     statement = tree.Quantities(items[0].span, "output", tuple(items))
     return replace(definition, model=replace(model, statements=(*model.statements, statement)))
+
+
+def _names_read_in(definition: ModelDefinition) -> set[str]:
+    return names_in(definition.model) | definition.file.constants.keys()
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +199,8 @@ class _Opened:
     ) -> _Opened:
         experiment, told = choose_experiment(definition, scene.experiment)
         overrides = [*experiment_overrides(experiment), *scene.overrides]  # the command line comes last and wins
+        names = _names_read_in(definition)
+        overrides = [replace(o, value=in_one_literal(o.value, names)) for o in overrides]
         elaborator = Elaborator(overrides, part, known)
         elaborator.diagnostics += [*earlier, *told]
         steps = experiment.steps if experiment is not None else ()

@@ -313,7 +313,7 @@ class Builder:
         unit = parts[len(parts) // 2] if len(parts) > 1 else None  # number; number, name; number, `[`, unit, `]`
         if isinstance(unit, Token):
             span = self._span([unit])
-            unit = tree.Unit(span, ((unit.value, ONE, span),), ONE)
+            unit = tree.Unit(span, ((_latin(unit), ONE, span),), ONE)
         return tree.Literal(self._span(parts), 1, self._number(parts[0]), unit)
 
     # ------------------------------------------------------------ units
@@ -351,7 +351,7 @@ class Builder:
         power = ONE if exponent is None else exponent
         if isinstance(base, Token):
             span = self._span([base])
-            return tree.Unit(span, ((base.value, power, span),), ONE)
+            return tree.Unit(span, ((_latin(base), power, span),), ONE)
         factors = [(name, p * power, span) for name, p, span in base.factors]
         if power.denominator != 1 and base.number != 1:
             raise Refused(WrongUnit, base.span.start, base.span.end, what="A number in a unit has no root")
@@ -372,6 +372,15 @@ class Builder:
                 WrongUnit, parts[0].start_pos, parts[-1].end_pos, what="The exponent of a unit lies between -20 and 20"
             )
         return (-numbers[0] if sign < 0 else numbers[0]) if bottom is ONE else sign * numbers[0] / bottom
+
+
+_GREEK = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u03a9": "ohm", "\u2126": "ohm"})
+
+
+def _latin(symbol: Token) -> str:
+    """Symbol of a unit without Greek letters."""
+    text = str(symbol)
+    return text if text.isascii() else text.translate(_GREEK)
 
 
 def _items(index: tuple[Any, ...] | None) -> tree.Index | None:

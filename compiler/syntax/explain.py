@@ -31,8 +31,9 @@ _CHARACTERS = {
 _FOREIGN = {
     "²": "A power is written with `^`: `[m^2]`.",
     "³": "A power is written with `^`: `[m^3]`.",
-    "µ": "Write `u` for micro: `um`.",
-    "μ": "Write `u` for micro: `um`.",
+    "µ": "It is read in a unit behind a number, `3 µm`, and in brackets, `5 [N/µm]`.",
+    "μ": "It is read in a unit behind a number, `3 μm`, and in brackets, `5 [N/μm]`.",
+    "Ω": "It is read in a unit behind a number, `3 kΩ`, and in brackets, `5 [kΩ*m]`.",
 }
 
 
@@ -48,6 +49,9 @@ def explain(source: Source, problem: Unreadable) -> Diagnostic:
         end = len(source.text.rstrip())
         return Unexpected(Span(source, max(0, end - 1), max(1, end)), "The end of the file", _hint(problem, source))
     start, _ = place_of(word)
+    if word.type == "UNIT_SYMBOL":
+        strange = next((k for k, character in enumerate(str(word)) if not character.isascii()), 0)
+        return _character(source, start + strange, problem)
     text = "The end of the line" if word.type == "_NL" else f"`{str(word).strip()}`"
     end = start + 1 if word.type == "_NL" else start + len(word)
     return Unexpected(Span(source, start, end), text, _hint(problem, source))
@@ -118,7 +122,7 @@ def _hint(problem: Unreadable, source: Source) -> str:
         {
             "an operator" if e in _OPERATORS else _WORDS.get(e, f"`{e.lower()}`")
             for e in expected
-            if not e.startswith("$")
+            if not e.startswith("$") and e != "UNIT_SYMBOL"
         }
     )
     if not words:
@@ -135,6 +139,18 @@ def _special(token: Token, expected: set[str], before: str) -> str:
         return f"It belongs into a model: `model Name {{ {text} … }}`; outside of models stand imports, constants and functions."
     if re.search(r"(?<![A-Za-z0-9_])[0-9]+_[0-9_]+$", before):
         return "Digits stand without separators: `1000`."
+    if text == "/" and (before.endswith("/") or not before.strip()):
+        return "A comment begins with `#`."
+    if text == "[" and re.search(r"=\s*$", before):
+        return "A list stands in parentheses: `(1, 2, 3)`. There are no matrices."
+    run = re.match(r"\s*(?:experiment\s+\w+\s*\{)?.*\bsimulate\s+([^.;{}]+)$", before)
+    if run and "__ANON_2" in expected:
+        return f"A run goes from a time to a time: `simulate 0 .. {run[1].strip()}`."
+    if (
+        re.fullmatch(r"\s*(?:[Rr]eal|[Ff]loat|[Dd]ouble|[Ii]nt|[Ii]nteger|[Vv]ariable|var|let)\s+\w+", before)
+        and text == "="
+    ):
+        return f"A number with a name is declared by `parameter {before.split()[1]} = …`, one that changes by `signal {before.split()[1]} = …`."
     if text == "*" and before.endswith("*"):
         return "A power is written `^`: `a^2`."
     if text == "=":

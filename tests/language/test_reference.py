@@ -277,7 +277,7 @@ def test_the_units_of_the_table_are_all_units() -> None:
     built = {"dB"} & set(UNITS)
     for line in section.group(1).splitlines()[2:]:
         symbols, prefixes = line.strip("|").split("|")
-        for symbol in re.findall(r"`(\w+)`", symbols):
+        for symbol in re.findall(r"`(\w+|%)`", symbols):
             built |= {symbol, *(p + symbol for p in re.findall(r"\b[a-zA-Z]\b", prefixes.replace("none", "")))}
     assert built == set(UNITS)
 

@@ -10,7 +10,7 @@ from bondgraph.commands import commands
 from compiler.graph.units import UNITS
 from tests.compiling import compiled
 
-SYMBOLS = sorted(set(UNITS) - {"rad", "degC", "dB"} | {"rad"})
+SYMBOLS = sorted(set(UNITS) - {"degC", "degF", "dB", "%"})
 
 
 def notes(text: str, settings: dict[str, str | float] | None = None, experiment: str | None = None) -> tuple[str, ...]:

@@ -200,7 +200,25 @@ def test_usual_prefixed_units_exist(symbol: str) -> None:
 
 @pytest.mark.parametrize(
     "symbol",
-    ["Nm", "sec", "kgf", "mu", "micro", "hN", "dN", "cN", "kdeg", "mmin", "kbarr", "degF", "lb", "Ω", "kkg", "mh"],
+    [
+        "Ns",
+        "sec",
+        "mu",
+        "micro",
+        "hN",
+        "dN",
+        "cN",
+        "kdeg",
+        "mmin",
+        "kbarr",
+        "degR",
+        "lbs",
+        "Ω",
+        "kkg",
+        "mh",
+        "kpsi",
+        "feet",
+    ],
 )
 def test_what_is_no_unit(symbol: str) -> None:
     """A closed list: a spelling that means nothing is not guessed."""

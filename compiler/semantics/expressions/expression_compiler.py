@@ -30,7 +30,7 @@ from ..names.errors import (
 from ..names.scope import Scope
 from ..names.statement_errors import Wrong, describe, suggestion
 from . import tables
-from .functions import FUNCTIONS
+from .functions import ELSEWHERE, FUNCTIONS
 from .own_functions import may_read
 from .scales import bare, is_absolute, scale_of
 from .template import (
@@ -360,6 +360,7 @@ class ExpressionCompiler:
                 ],
                 "A product is written with `*`.",
             )
+            hint = ELSEWHERE.get(node.function, hint)
             raise Wrong(UnknownFunction(node.span, node.function, hint))
         count, usage, build = rule
         if len(node.arguments) != count:

@@ -8,6 +8,7 @@ from ...errors import CompilationFailed, Diagnostic
 from ...source import Source, Span, read_text
 from ...syntax import SyntaxTree, parse, tree
 from ...syntax.outline import Outline
+from .compound_units import with_compound_units
 from .domain_table import ELEMENT_KINDS
 from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes, WrongImport
 from .project_folder import is_there, project_folder, within_project
@@ -85,9 +86,9 @@ class Loader:
                 source = Source(_shown(target, scope.source), read_text(target), target)
                 outline = Outline(source.text)
                 loaded = FileScope(source, {}, {}, {}, root=scope.root, library=self.library, outline=outline)
-                self._declare(loaded, parse(source, outline.next_text(names)), chain)
+                self._declare(loaded, with_compound_units(parse(source, outline.next_text(names))), chain)
             elif loaded.outline is not None and names & loaded.outline.unused.keys():
-                self._declare(loaded, parse(loaded.source, loaded.outline.next_text(names)), chain)
+                self._declare(loaded, with_compound_units(parse(loaded.source, loaded.outline.next_text(names))), chain)
         except OSError as error:
             what = f"`{statement.place}` cannot be read"
             raise Wrong(WrongImport(statement.span, what, str(error.strerror or error))) from None

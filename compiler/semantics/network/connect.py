@@ -92,6 +92,9 @@ class Connector:
         if source.kind in ELEMENTS and ELEMENTS[source.kind].receives:
             word = source.words
             hint = f"Power counts as positive into C, I and R: turn the arrow, `{target.words} {arrow} {word}`."
+            if target.kind in ELEMENTS and ELEMENTS[target.kind].receives:
+                both = f"({word}, {target.words})"
+                hint = f"A chain of bonds ends there. What shares a flow stands at a 1-junction, `1{both}`, what shares an effort at a 0-junction, `0{both}`."
             raise Wrong(WrongConnection(tail.span, f"An arrow out of `{word}`", hint))
         multi = source.multi or target.multi
         if arrow == "->" and multi:

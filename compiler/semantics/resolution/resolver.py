@@ -19,7 +19,7 @@ from ...graph.domains import DOMAINS, Domain
 from ...graph.mechanism import domain_of
 from ...graph.network import TIME, Named, Quantity, Reading
 from ...graph.run_time_parameters import behind
-from ...graph.units import ONE, SECOND, Dimension, Scale
+from ...graph.units import ONE, SECOND, UNITS, Dimension, Scale
 from ...scene import Override
 from ...source import Span
 from ...syntax import tree
@@ -286,6 +286,8 @@ class Resolver(ABC):
             here = scope.names() if path.steps else _readable(scope)  # an element may be before a point
             names = chain(here, scope.definition.file.constants)
             hint = suggestion(path.head, names, "Declare it with `parameter`, `constant`, `signal` or `input`.")
+            if path.head in UNITS and not path.steps:
+                hint += f" As a part of a unit it stands in brackets behind the number: `5 [N*{path.head}]`."
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
         name = path.head
         for step in path.steps:

@@ -1,0 +1,189 @@
+"""Units without brackets: `100 rad/s` is one quantity where `s` is no name; where it is one, a note tells both readings."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Set
+from dataclasses import fields, replace
+from fractions import Fraction
+from itertools import takewhile
+from typing import Any, TypeVar
+
+from ...graph.domains import DOMAINS
+from ...graph.units import UNITS
+from ...source import Source, Span
+from ...syntax import SyntaxTree, tree
+from ...syntax.build import MAXIMUM_UNIT_POWER
+
+_CANDIDATE = re.compile(r"\d\s*[A-Za-z%\u03a9\u2126\u00b5\u03bc]+\s*(?:[*/]\s*([A-Za-z]\w*)\b(?!\s*[.(\[])|(\^))")
+Value = TypeVar("Value")
+_SIGNS = {1: "*", -1: "/"}
+_NAMED = tree.Item | tree.PortItem | tree.Component | tree.Declared | tree.LoopSyntax | tree.MechanismSyntax
+
+
+def with_compound_units(syntax: SyntaxTree) -> SyntaxTree:
+    """Return the tree with one literal for each number and the symbols of units behind it that are no names of its model, nor letters of a law."""
+    if not _has_candidate(syntax.source.text):  # else the tree is not walked through
+        return syntax
+    shared = names_in(tuple(s for s in syntax.statements if not isinstance(s, tree.ModelSyntax)))
+    return replace(syntax, statements=tuple(_folded(s, shared | names_in(s)) for s in syntax.statements))
+
+
+def in_one_literal(value: Value, names: Set[str]) -> Value:
+    """Return an expression that is read where these names are known, as `with_compound_units` does; what is no expression stays as it is."""
+    folded: Value = _folded(value, names)
+    return folded
+
+
+def names_in(statements: object) -> set[str]:
+    """Return the names that statements declare, at any depth."""
+    names: set[str] = set()
+    for node in tree.nodes_in(statements):
+        if isinstance(node, _NAMED):
+            names.add(node.name)
+        elif isinstance(node, tree.FunctionSyntax):
+            names |= {node.name, *node.parameters}
+    return names
+
+
+def _has_candidate(text: str) -> bool:
+    return any(candidate[2] or candidate[1] in UNITS for candidate in _CANDIDATE.finditer(text))
+
+
+def _folded(node: Any, names: Set[str]) -> Any:
+    """Return a node, or several, with compound units in one literal; the same object if there are none."""
+    if isinstance(node, tuple):
+        items = tuple(_folded(item, names) for item in node)
+        return items if any(new is not old for new, old in zip(items, node, strict=True)) else node
+    if not isinstance(node, tree.SyntaxNode) or (
+        isinstance(node, tree.ExpressionSyntax) and not _has_candidate(node.span.text)
+    ):
+        return node
+    if isinstance(node, tree.LawSyntax):
+        names = names | _letters(_folded(node.equations, names))
+    changes = {
+        field.name: new
+        for field in fields(node)
+        if field.name != "span" and (new := _folded(old := getattr(node, field.name), names)) is not old
+    }
+    node = replace(node, **changes) if changes else node
+    if isinstance(node, tree.Power):
+        return _folded_power(node)
+    return _folded_product(node, names) if isinstance(node, tree.Product) else node
+
+
+def _letters(equations: object) -> set[str]:
+    """Return the letters of all domains of which these equations use a letter."""
+    used = {node.head for node in tree.nodes_in(equations) if isinstance(node, tree.PathSyntax)}
+    return {
+        letter
+        for domain in DOMAINS.values()
+        if used.intersection(domain.letters)
+        for letter in domain.letters
+        if letter
+    }
+
+
+def _folded_power(node: tree.Power) -> tree.ExpressionSyntax:
+    """Return `5 m^2` as one literal; `(5 m)^2` as it is."""
+    power, literal = _exponent(node.exponent), _bracketless(node.base)
+    if power is None or literal is None or literal is not node.base or literal.unit is None:
+        return node
+    source, start, end = literal.span.source, literal.span.end, node.exponent.span.end
+    if source.text[start : node.exponent.span.start].strip() != "^":
+        return node
+    factors = tuple((symbol, exponent * power, span) for symbol, exponent, span in literal.unit.factors)
+    unit = tree.Unit(Span(source, literal.unit.span.start, end), factors, literal.unit.number)
+    return replace(literal, span=Span(source, literal.span.start, end), unit=unit)
+
+
+def _folded_product(product: tree.Product, names: Set[str]) -> tree.ExpressionSyntax:
+    factors: list[tuple[int, tree.ExpressionSyntax]] = []
+    rest = list(product.factors)
+    while rest:
+        direction, factor = rest.pop(0)
+        literal = _bracketless(factor) if direction > 0 else None
+        units = [] if literal is None else list(takewhile(lambda f: _symbol(f[1]) not in {"", *names}, rest))
+        if literal is not None and 0 < len(units) <= MAXIMUM_UNIT_POWER:
+            number = _with_unit(literal, units)
+            factor = replace(factor, operand=number) if isinstance(factor, tree.Negative) else number
+            del rest[: len(units)]
+        factors.append((direction, factor))
+    if len(factors) == len(product.factors):
+        return product
+    return replace(product, factors=tuple(factors)) if len(factors) > 1 else factors[0][1]
+
+
+def _with_unit(literal: tree.Literal, units: list[tuple[int, tree.ExpressionSyntax]]) -> tree.Literal:
+    """Return the literal with more factors in its unit."""
+    assert literal.unit is not None
+    source, end = literal.span.source, units[-1][1].span.end
+    powers = []
+    for sign, factor in units:
+        power = _exponent(factor.exponent) if isinstance(factor, tree.Power) else Fraction(1)
+        assert power is not None
+        powers.append((_symbol(factor), sign * power, factor.span))
+    unit = tree.Unit(Span(source, literal.unit.span.start, end), (*literal.unit.factors, *powers), literal.unit.number)
+    return replace(literal, span=Span(source, literal.span.start, end), unit=unit)
+
+
+def _exponent(exponent: tree.ExpressionSyntax) -> Fraction | None:
+    """Return a number with its sign; None for anything else, and for one that is too large for a unit."""
+    literal = exponent.operand if isinstance(exponent, tree.Negative) else exponent
+    if not isinstance(literal, tree.Literal) or literal.unit is not None or literal.number > MAXIMUM_UNIT_POWER:
+        return None
+    return literal.number if literal is exponent else -literal.number
+
+
+def _bracketless(factor: tree.ExpressionSyntax) -> tree.Literal | None:
+    """Return the number with a unit of one symbol without brackets that a factor is, with or without a sign."""
+    literal = factor.operand if isinstance(factor, tree.Negative) else factor
+    return (
+        literal
+        if isinstance(literal, tree.Literal) and literal.unit is not None and "[" not in literal.span.text
+        else None
+    )
+
+
+def unit_notes(syntax: SyntaxTree) -> Iterator[str]:
+    """Notes on products in which a number with a unit is followed by names that are also symbols of units."""
+    if _has_candidate(syntax.source.text):
+        yield from ambiguous_products(syntax.statements, syntax.source)
+
+
+def ambiguous_products(node: object, home: Source) -> Iterator[str]:
+    """Notes on a statement, an expression, or several. A place outside of the text `home` is given with its file name."""
+    if isinstance(node, tuple):
+        for item in node:
+            yield from ambiguous_products(item, home)
+    elif isinstance(node, tree.SyntaxNode):
+        if isinstance(node, tree.Product):
+            yield from _notes(node, home)
+        for field in fields(node):
+            if field.name != "span":
+                yield from ambiguous_products(getattr(node, field.name), home)
+
+
+def _notes(product: tree.Product, home: Source) -> Iterator[str]:
+    for position, (_, factor) in enumerate(product.factors, 1):
+        literal = _bracketless(factor)
+        units = list(takewhile(lambda f: _symbol(f[1]), product.factors[position:]))
+        if literal is None or not units:
+            continue
+        assert literal.unit is not None
+        rest = "".join(f"{_SIGNS[direction]}{f.span.text}" for direction, f in units)
+        names = " and ".join(f"`{n}`" for n in dict.fromkeys(_symbol(f) for _, f in units))
+        unit = literal.unit.span.text
+        number = literal.span.text.removesuffix(unit).strip()
+        span = literal.span
+        place = f"line {span.line}" if span.source is home else span.source.name
+        yield (
+            f"{place}: `{number} {unit}{rest}` is read as `{number} [{unit}]{rest}`, where {names} {'is a name' if len(units) == 1 else 'are names'} "
+            f"of the model; for the unit write `{number} [{unit}{rest}]`"
+        )
+
+
+def _symbol(factor: tree.ExpressionSyntax) -> str:
+    """Unit symbol that a factor, or the base of a power, is written as; else empty."""
+    base = factor.base if isinstance(factor, tree.Power) and _exponent(factor.exponent) is not None else factor
+    return base.head if isinstance(base, tree.PathSyntax) and not base.steps and base.head in UNITS else ""
