@@ -41,6 +41,11 @@ class Diagnostic:
         """Advice for the author."""
         return self._fill(self.advice)
 
+    @property
+    def cause(self) -> tuple[str, str, int, str]:
+        """Equal for one error of a definition in all its instances: code, file, place, and the words without names."""
+        return self.code, self.span.source.name, self.span.start, re.sub(r"`[^`]*`", "", self.sentence)
+
     def related(self) -> tuple[tuple[Span, str], ...]:
         """Other relevant places, each with a word why."""
         return ()
@@ -65,9 +70,8 @@ class CompilationFailed(Exception):
 
     def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
         unique: dict[tuple[str, str, int, str], Diagnostic] = {}
-        for item in diagnostics:  # an error in a definition is reported once, not once for each instance
-            words = re.sub(r"`[^`]*`", "", item.sentence)
-            unique.setdefault((item.code, item.span.source.name, item.span.start, words), item)
+        for item in diagnostics:
+            unique.setdefault(item.cause, item)
         self.diagnostics = tuple(sorted(unique.values(), key=lambda d: (d.span.source.name, d.span.start, d.code)))
         super().__init__("\n\n".join(render(item) for item in self.diagnostics))
 

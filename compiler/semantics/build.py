@@ -246,6 +246,7 @@ class _Opened:
 def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
     settable = [p.name for p in elaborator.pending if p.role in ("parameter", "input")]
     known = f"Parameters and inputs: {', '.join(settable[:12])}{'…' if len(settable) > 12 else ''}."
+    known = known if settable else "It has neither parameters nor inputs."
     roles = {p.name: p.role for p in elaborator.pending}
     lists = {n for n in elaborator.quantities if "[" in n}
     for path, override in elaborator.overrides.items():

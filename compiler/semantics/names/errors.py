@@ -160,7 +160,7 @@ class DomainConflict(Diagnostic):
 
     code = "BG115"
     title = "`{name}` is {first} here, but joined to `{neighbour}`, which is {second}"
-    advice = "Two domains meet only through a transducer: TF, GY or a field with a port in each."
+    advice = "Two domains meet only through a transducer: TF, GY or a field with a port in each. Members of one array have one domain."
     name: str
     first: str
     neighbour: str

@@ -82,6 +82,7 @@ class Resolver(ABC):
         self.asked: dict[str, Span] = {}  # quantities without a value whose value decides something, and where it does
         self.positive: list[tuple[str, Bound]] = []  # expressions that a run must find not negative
         self.diagnostics: list[Diagnostic] = []
+        self._causes: set[tuple[str, str, int, str]] = set()
         self.quantities: dict[str, Named] = {}
         self.pending: list[Pending] = []
         self.element_names: dict[str, ElementEntry] = {}
@@ -91,7 +92,10 @@ class Resolver(ABC):
         self._keep = known.nodes
 
     def tell(self, diagnostic: Diagnostic) -> None:
-        """Collect an error. Raises `CompilationFailed` if there are too many."""
+        """Collect an error, unless the same was found in another instance. Raises `CompilationFailed` if there are too many."""
+        if diagnostic.cause in self._causes:
+            return
+        self._causes.add(diagnostic.cause)
         self.diagnostics.append(diagnostic)
         if len(self.diagnostics) >= MAXIMUM_MISTAKES:
             raise CompilationFailed([*self.diagnostics, TooManyMistakes(diagnostic.span, MAXIMUM_MISTAKES)])
