@@ -127,7 +127,7 @@ def _root(number: Fraction, degree: int) -> Fraction | None:
     return Fraction(top, bottom) if Fraction(top, bottom) ** degree == number else None
 
 
-_PREFIXES = {
+PREFIXES = {
     "f": -15, "p": -12, "n": -9, "u": -6, "m": -3, "c": -2, "d": -1, "": 0, "h": 2, "k": 3, "M": 6, "G": 9, "T": 12,
 }  # fmt: skip
 
@@ -203,7 +203,7 @@ _PLAIN: Mapping[str, Scale] = {
 def _table() -> dict[str, Scale]:
     table = dict(_PLAIN)
     for symbol, scale in _PREFIXED.items():
-        for prefix, exponent in _PREFIXES.items():
+        for prefix, exponent in PREFIXES.items():
             if prefix in "cdh" and prefix and symbol not in ("m", "L", "Pa"):
                 continue
             table.setdefault(prefix + symbol, Scale(scale.dimension, scale.number * Fraction(10) ** exponent))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ..errors import Diagnostic
 from ..source import Source, Span
 from .errors import StrangeCharacter, Unclosed, Unexpected
+from .foreign_lines import advice_on
 from .refused import Unreadable, place_of
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ _CHARACTERS = {
 _FOREIGN = {
     "²": "A power is written with `^`: `[m^2]`.",
     "³": "A power is written with `^`: `[m^3]`.",
+    "°": "It is written `deg` for an angle, `degC` and `degF` for a temperature.",
     "µ": "It is read in a unit behind a number, `3 µm`, and in brackets, `5 [N/µm]`.",
     "μ": "It is read in a unit behind a number, `3 μm`, and in brackets, `5 [N/μm]`.",
     "Ω": "It is read in a unit behind a number, `3 kΩ`, and in brackets, `5 [kΩ*m]`.",
@@ -61,7 +63,7 @@ def _character(source: Source, start: int, problem: Unreadable) -> Diagnostic:
     character = source.text[start] if start < len(source.text) else ""
     span = Span(source, start, start + 1)
     if character.isascii() and character.isprintable():
-        return Unexpected(span, f"`{character}`", _CHARACTERS.get(character) or _hint(problem, source))
+        return Unexpected(span, f"`{character}`", _hint(problem, source, _CHARACTERS.get(character, "")))
     shown = f"`{character}`" if character.isprintable() else f"U+{ord(character):04X}"
     advice = _FOREIGN.get(character, "Names are made of the letters a to z, A to Z, digits and `_`.")
     return StrangeCharacter(span, shown, advice)
@@ -110,14 +112,19 @@ _IN_A_MODEL = frozenset(
 )
 
 
-def _hint(problem: Unreadable, source: Source) -> str:
+def _hint(problem: Unreadable, source: Source, otherwise: str = "") -> str:
     expected, word = problem.expected, problem.word
-    if word is not None:
-        start, _ = place_of(word)
-        before = source.text[source.line_starts[Span(source, start, start).line - 1] : start].rstrip()
-        special = _special(word, expected, before)
-        if special:
-            return special
+    start = problem.position if word is None else place_of(word)[0]
+    line = Span(source, start, start).line
+    begin = source.line_starts[line - 1]
+    before = source.text[begin:start].rstrip()
+    special = "" if word is None else _special(word, expected, before)
+    special = special or advice_on(source.line(line), start - begin) or otherwise
+    if not special and line > 1 and not before:  # what the line before began
+        special = advice_on(source.line(line - 1), len(source.line(line - 1)))
+    special = special or ("" if word is None else _missing(word, expected, before))
+    if special:
+        return special
     words = sorted(
         {
             "an operator" if e in _OPERATORS else _WORDS.get(e, f"`{e.lower()}`")
@@ -139,21 +146,9 @@ def _special(token: Token, expected: set[str], before: str) -> str:
         return f"It belongs into a model: `model Name {{ {text} … }}`; outside of models stand imports, constants and functions."
     if re.search(r"(?<![A-Za-z0-9_])[0-9]+_[0-9_]+$", before):
         return "Digits stand without separators: `1000`."
-    if text == "/" and (before.endswith("/") or not before.strip()):
-        return "A comment begins with `#`."
-    if text == "[" and re.search(r"=\s*$", before):
-        return "A list stands in parentheses: `(1, 2, 3)`. There are no matrices."
-    run = re.match(r"\s*(?:experiment\s+\w+\s*\{)?.*\bsimulate\s+([^.;{}]+)$", before)
-    if run and "__ANON_2" in expected:
-        return f"A run goes from a time to a time: `simulate 0 .. {run[1].strip()}`."
-    if (
-        re.fullmatch(r"\s*(?:[Rr]eal|[Ff]loat|[Dd]ouble|[Ii]nt|[Ii]nteger|[Vv]ariable|var|let)\s+\w+", before)
-        and text == "="
-    ):
-        return f"A number with a name is declared by `parameter {before.split()[1]} = …`, one that changes by `signal {before.split()[1]} = …`."
     if text == "*" and before.endswith("*"):
         return "A power is written `^`: `a^2`."
-    if text == "=":
+    if text == "=" and "=" in before:
         return "A comparison is written `==`; a statement has one `=`."
     if text == "." and re.search(r"[0-9]$|[^A-Za-z0-9_\])]$", before):
         return "A number has digits on both sides of its point: `0.5`, `5.0`."
@@ -165,6 +160,12 @@ def _special(token: Token, expected: set[str], before: str) -> str:
     if alone and token.type != "NAME" and len(inside := alone[1].rsplit(",", 1)) == 2:
         first, last = (part.strip() for part in inside)
         return f"A junction in place is one end of a bond: `{before.strip()[:2]}{first}) -> {last}`."
+    return ""
+
+
+def _missing(token: Token, expected: set[str], before: str) -> str:
+    """Advice where two words follow each other that cannot."""
+    text = str(token)
     if token.type not in ("NAME", "NUMBER") or "NAME" in expected:
         return ""
     number_with_unit = re.search(r"(?<![A-Za-z0-9_.])[0-9][0-9.]*(?:[eE][+-]?[0-9]+)?[ \t]+([A-Za-z_]\w*)$", before)

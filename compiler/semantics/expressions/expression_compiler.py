@@ -16,6 +16,7 @@ from ...graph.units import ONE, UNITS, Dimension, Scale
 from ...source import Span
 from ...syntax import tree
 from ...syntax.errors import NumberTooLarge
+from ..names import foreign_words
 from ..names.errors import (
     NO_NAMES,
     Cycle,
@@ -30,7 +31,7 @@ from ..names.errors import (
 from ..names.scope import Scope
 from ..names.statement_errors import Wrong, describe, suggestion
 from . import tables
-from .functions import ELSEWHERE, FUNCTIONS
+from .functions import FUNCTIONS
 from .own_functions import may_read
 from .scales import bare, is_absolute, scale_of
 from .template import (
@@ -360,7 +361,7 @@ class ExpressionCompiler:
                 ],
                 "A product is written with `*`.",
             )
-            hint = ELSEWHERE.get(node.function, hint)
+            hint = foreign_words.function_advice(node.function, FUNCTIONS) or hint
             raise Wrong(UnknownFunction(node.span, node.function, hint))
         count, usage, build = rule
         if len(node.arguments) != count:

@@ -15,17 +15,6 @@ from ..names.errors import DimensionMismatch
 from ..names.statement_errors import Wrong, describe
 from .template import Typed, Value, common_dimension
 
-# Functions of other languages, and what stands for them here.
-ELSEWHERE = {
-    "der": "Rates are read from elements: `spring.v` is the rate of `spring.x` of a C, `mass.F` that of `mass.p` of an I. A law has none: `I mass : p = m*v` "
-    "and `C spring : F = k*x` store.",
-    "table": 'A curve through points is `linear(x, xs, ys)`, `cubic(…)` or `monotone(…)`; a column of a file is the list `column("file.csv", "name")`.',
-    "pow": "A power is written with `^`: `a^2`.",
-    "int": "An integral over time is `integral(rate, start)`.",
-    "integrate": "An integral over time is `integral(rate, start)`.",
-    "mod": "A remainder is `x - y*floor(x/y)`, of bare numbers.",
-    "round": "A rounded number is `floor(x + 0.5)`.",
-}
 # name -> (number of arguments, usage, builder)
 Builder = Callable[[tree.Call, list[Typed]], Value]
 

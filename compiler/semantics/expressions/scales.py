@@ -5,6 +5,7 @@ from __future__ import annotations
 from ...graph.units import ONE, UNITS, Scale
 from ...syntax import tree
 from ..names.errors import UnknownUnit
+from ..names.foreign_words import unit_advice
 from ..names.statement_errors import Wrong, suggestion
 
 
@@ -49,23 +50,7 @@ def _unit_advice(symbol: str) -> str:
         return "A ratio in dB stands alone after its number: `20 dB`."
     if symbol.startswith("_"):
         return "Digits stand without separators: `1000`."
-    for cut in range(1, len(symbol)):
-        if symbol[:cut] in UNITS and symbol[cut:] in UNITS:
-            return f"A product is written in brackets: `[{symbol[:cut]}*{symbol[cut:]}]`."
-    usual = {
-        "sec": "s",
-        "seconds": "s",
-        "meter": "m",
-        "Ohm": "ohm",
-        "degree": "deg",
-        "l": "L",
-        "gram": "g",
-        "volt": "V",
-        "amp": "A",
-    }
-    if symbol in usual:
-        return f"Write `{usual[symbol]}`."
-    return suggestion(symbol, list(UNITS), "See the list of units in the language reference.")
+    return unit_advice(symbol) or suggestion(symbol, list(UNITS), "See the list of units in the language reference.")
 
 
 def bare(expression: tree.ExpressionSyntax) -> bool:

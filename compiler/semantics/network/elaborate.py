@@ -16,6 +16,7 @@ from ..expressions.own_functions import check_function
 from ..mechanisms.blocks import declare_mechanism
 from ..names.domain_table import ELEMENT_KINDS, element_ports, wall_components
 from ..names.errors import Cycle, DuplicateName, TooMany, UnknownAttribute, UnknownKind, Unsupported, WrongType
+from ..names.foreign_words import kind_advice
 from ..names.scope import (
     Broken,
     ElementEntry,
@@ -175,6 +176,7 @@ class Elaborator(Declarations):
                 known,
                 f"Kinds: {' '.join(ELEMENT_KINDS)}, and the models of this file or imported into it.",
             )
+            hint = kind_advice(statement.kind, known, scope.definition.file.library) or hint
             raise Wrong(UnknownKind(statement.span, statement.kind, hint))
         if definition in chain:
             names = " -> ".join(d.name for d in (*chain[chain.index(definition) :], definition))

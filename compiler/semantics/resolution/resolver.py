@@ -19,7 +19,7 @@ from ...graph.domains import DOMAINS, Domain
 from ...graph.mechanism import domain_of
 from ...graph.network import TIME, Named, Quantity, Reading
 from ...graph.run_time_parameters import behind
-from ...graph.units import ONE, SECOND, UNITS, Dimension, Scale
+from ...graph.units import ONE, SECOND, Dimension, Scale
 from ...scene import Override
 from ...source import Span
 from ...syntax import tree
@@ -37,6 +37,7 @@ from ..names.errors import (
     WrongIndex,
     WrongType,
 )
+from ..names.foreign_words import name_advice
 from ..names.members import (
     element_member,
     group_member,
@@ -290,8 +291,7 @@ class Resolver(ABC):
             here = scope.names() if path.steps else _readable(scope)  # an element may be before a point
             names = chain(here, scope.definition.file.constants)
             hint = suggestion(path.head, names, "Declare it with `parameter`, `constant`, `signal` or `input`.")
-            if path.head in UNITS and not path.steps:
-                hint += f" As a part of a unit it stands in brackets behind the number: `5 [N*{path.head}]`."
+            hint = hint if path.steps else name_advice(path.head) or hint
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
         name = path.head
         for step in path.steps:

@@ -1,0 +1,68 @@
+"""Lines as users of 20-sim, Modelica, SPICE, MATLAB and Python write them, with the line that is meant here."""
+
+from __future__ import annotations
+
+import re
+
+_ARROW = "A bond is an arrow that points where power counts as positive:"
+_START = "A start is an attribute of its element, or a step of an experiment:"
+_TYPE = "(?:[Rr]eal|[Ff]loat|[Dd]ouble|[Ii]nt(?:eger)?)"
+_PLACE = r"[\w.\[\]]+"
+# Pattern of what is written, advice with its groups. The first row that covers the place of the error counts.
+_ROWS = (
+    (r"^\s*(?:/\*|--|%|;).*|//", "A comment begins with `#`."),
+    (r"\bsimulate\s+(?P<a>[^.;{}]+?)\s+to\s+(?P<b>[^;{}]+)", "A run goes from a time to a time: `simulate {a} .. {b}`."),
+    (r"\bsimulate\s+(?P<a>[^.;{}]+?)\s*(?=[;}]|$)", "A run goes from a time to a time: `simulate 0 .. {a}`."),
+    (r"\b(?:run|sim)\s+(?P<a>[^;{}]+?\.\.[^;{}]+)", "A run is `simulate {a}`."),
+    (r"\bsimulate\b[^;{}]*\s(?:step|dt)\b.*", "The solver chooses its steps; `--points 501` chooses how many instants are reported."),
+    (r"\bsimulate\b[^;{}]*\s(?P<a>report|set|modes|sweep)\b.*", "Steps of an experiment stand on lines of their own, or `;` is between them: `; {a} …`."),
+    (r"^\s*simulate\b.*", "It belongs into an experiment: `experiment run {{ simulate 0 .. 1 s }}`."),
+    (r"\bplot\s+(?P<a>[^;{}]+)", "Results are chosen by `report {a}`."),
+    (r"\breport\s+(?P<a>\S+)\s+(?:as|unit)\s+(?P<b>\S+)", "A unit follows the word `in`: `report {a} in {b}`."),
+    (r"^\s*when\b.*\bthen\b.*", "An event is `when condition {{ name = value }}`; it sets what elements store, modes and integrals."),
+    (r"(?:=\s*if\b|\bif\b.*\bthen\b|\?).*", "A choice is `a if condition else b`."),
+    (r"\breinit\s*\(\s*(?P<a>[\w.]+)\s*,\s*(?P<b>[^)]*)\)", "An event sets by an equation: `{a} = {b}`."),
+    (r"[&|].*", "Conditions are joined by `and` and `or`, and `not` negates one."),
+    (r":=", "An equation is written `=`."),
+    (rf"^\s*(?P<a>{_PLACE})\s*<-+\s*(?P<b>{_PLACE})", f"{_ARROW} `{{b}} -> {{a}}`."),
+    (rf"^\s*(?P<a>{_PLACE})\s*(?:<->|<=>|-+)\s*(?P<b>{_PLACE})\s*$", f"{_ARROW} `{{a}} -> {{b}}`."),
+    (rf"^\s*connect\b[\s(]*(?P<a>{_PLACE})\s*,?\s*(?P<b>{_PLACE}).*", f"{_ARROW} `{{a}} -> {{b}}`."),
+    (r"^\s*der\s*\(.*|\w'", "Rates are read from elements: the flow of a C is the rate of its displacement, the effort of an I that of its momentum."),
+    (r"^\s*(?:equation|algorithm|begin|end|annotation|protected|public)\b.*", "Statements stand between the braces of `model Name {{ … }}`, in any order."),
+    (r"^\s*(?:initial|start|init)\s+\w+\.(?P<b>\w+)\s*=\s*(?P<c>.+)", f"{_START} `{{{{ start {{b}} = {{c}} }}}}`."),
+    (r"\b\w+\.(?P<b>\w+)\s*\(0\)\s*=.*", f"{_START} `{{{{ start {{b}} = … }}}}`."),
+    (r"^\s*\w+\.(?P<b>\w+)\s*=.*", f"What drives is a source, `Se` or `Sf`. {_START} `{{{{ start {{b}} = … }}}}`."),
+    (r"^\s*(?P<a>[01])\s*-?\s*[Jj]unction\s+(?P<b>\w+)", "A junction is declared by its number: `{a} {b}`."),
+    (r"^\s*[A-Za-z]\w*(?:\s+\d+){2,}.*", "An element has a kind, a name and a law, `R wire : u = 10 [kohm]*i`; bonds join it: `node -> wire`."),
+    (
+        r"^\s*(?:def\s+|function\s+)(?P<a>\w+\s*\([^)]*\))\s*[:={]+\s*(?:return\s+)?(?P<b>[^}]*?)\s*\}?\s*$",
+        "A function is one expression: `function {a} = {b}`.",
+    ),
+    (r"^\s*for\s*\(?\s*(?P<a>\w+)\s*(?:=|in)\s*(?P<b>\w+)\s*(?::|\.\.)\s*(?P<c>\w+).*", "A loop is `for {a} in {b}..{c} {{ … }}`."),
+    (r"^\s*for\s*\(?\s*(?P<a>\w+)\s+in\s+range\s*\(\s*(?P<b>\w+)\s*\).*", "A loop counts from one number to another: `for {a} in 1..{b} {{ … }}`."),
+    (r"=\s*[\[{].*", "A list stands in parentheses, with commas: `(1, 2, 3)`. There are no matrices."),
+    (r"(?<![\w.(])(?P<a>\d+),(?P<b>\d+)", "A number has a point: `{a}.{b}`."),
+    (r"\b(?:Math|math|np|numpy|Modelica)\.(?P<a>\w+)\s*\(", "A function stands alone: `{a}(…)`."),
+    (r"(?<![\w.])(?P<a>\d+)(?P<b>[A-Za-z_]\w*\.\w+)", "A product is written with `*`: `{a}*{b}`."),
+    (r"^\s*(?P<a>[\w\[\]]+)\s*:\s*(?P<b>Se|Sf|C|I|R|TF|GY)\b\s*:?\s*(?P<c>.*)", "The kind comes first: `{b} {a} : {c}`."),
+    (r"^\s*(?P<a>M?Se|M?Sf|C|I|R|TF|GY)\s+(?P<b>\w+)\s*=.*", "An element has a law behind a colon: `Se {b} : u = 5 V`, `I {b} : p = m*v`."),
+    (rf"^\s*parameter\s+{_TYPE}\s+(?P<a>\w+)", "A parameter has a unit instead of a type: `parameter {a} = 100 [N/m]`."),
+    (r"^\s*[A-Z]\w*\s+(?P<a>\w+)\s*\(\s*\w+\s*=.*", "Parameters of a part stand in braces: `Part {a} {{ r = 10 ohm }}`."),
+    (r"^\s*const(?:ants?)?\s+(?P<a>\w+)\s*=\s*(?P<b>.*)", "It is written `constant {a} = {b}`."),
+    (
+        rf"^\s*(?:(?:param(?:eter)?s?|{_TYPE}|[Vv]ar(?:iable)?s?|let)\s+)?(?P<a>\w+)\s*=(?=\s*(?P<b>[^={{}}]+)$)",
+        "A number with a name is declared, `parameter {a} = {b}`; what changes is a signal, `signal {a} = …`.",
+    ),
+)  # fmt: skip
+HABITS = tuple((re.compile(pattern), advice) for pattern, advice in _ROWS)
+LONGEST = 400  # characters of a line that is looked at
+
+
+def advice_on(line: str, column: int) -> str:
+    """Return the advice for a line with an error at a column (from 0), if it is written as in another language; else an empty text."""
+    text = line[:LONGEST].partition("#")[0].rstrip()
+    for pattern, advice in HABITS:
+        for match in pattern.finditer(text):
+            if match.start() <= column <= match.end() + 1:
+                return advice.format(**{name: words.strip() for name, words in match.groupdict().items()})
+    return ""

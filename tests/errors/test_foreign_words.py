@@ -1,0 +1,85 @@
+"""Lines as users of 20-sim, Modelica, SPICE, MATLAB and Python type them: the advice names what is meant, and works when it is followed."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from compiler.errors import Diagnostic
+from compiler.examination import check
+from compiler.source import Source
+from tests.compiling import LIBRARY
+
+MODEL = """IMPORTmodel A {
+  parameter m = 1 kg, k: N/m = 100, n = 2
+  I mass : p = m*v { start v = 1 [m/s] }
+  C spring : F = k*x
+  R damper : F = 0.5 [N*s/m]*v
+  1 body
+  body -> mass, damper
+  output v = mass.v
+  LINE
+}
+"""
+CASES = [  # the line; words of the advice; the line when it is followed
+    ("c = 3", "parameter c = 3", "parameter c = 3"), ("parameters c = 3", "`parameter c = 3`", "parameter c = 3"), ("var c = 3", "`parameter c = 3`", "parameter c = 3"),
+    ("double c = 3;", "`parameter c = 3;`", "parameter c = 3;"), ("parameter Real c = 3", "instead of a type", "parameter c = 3 [N/m]"), ("const c = 3", "constant c = 3", "constant c = 3"),
+    ("output y := mass.v", "written `=`", "output y = mass.v"), ("output y = 2mass.v", "`2*mass.v`", "output y = 2*mass.v"), ("output y = mass.v**2", "a^2", "output y = mass.v^2"),
+    ("output y = 1,5*mass.v", "`1.5`", "output y = 1.5*mass.v"), ("output y = .5*mass.v", "`0.5`", "output y = 0.5*mass.v"), ("output y = SIN(1)", "`sin`", "output y = sin(1)"),
+    ("output y = Math.sin(1)", "`sin(…)`", "output y = sin(1)"), ("output y = np.exp(1)", "`exp(…)`", "output y = exp(1)"), ("output y = arctan(1)", "`atan`", "output y = atan(1)"),
+    ("output y = pow(n, 2)", "a^2", "output y = n^2"), ("output y = 2*PI", "`pi`", "output y = 2*pi"), ("output y = t", "`time`", "output y = time"),
+    ("output y = e", "exp(1)", "output y = exp(1)"), ("output y = der(mass.p)", "mass.F", "output y = mass.F"), ("output y = ddt(spring.x)", "spring.v", "output y = spring.v"),
+    ("output y = mod(n, 2)", "floor", "output y = n - 2*floor(n/2)"), ("output y = integrate(mass.v)", "integral(rate, start)", "output y = integral(mass.v, 0 m)"),
+    ("output y = if n > 1 then 2 else 3", "a if condition else b", "output y = 2 if n > 1 else 3"), ("output y = n > 1 ? 2 : 3", "a if condition else b", "output y = 2 if n > 1 else 3"),
+    ("output y = 1 if n > 1 && n < 3 else 0", "`and`", "output y = 1 if n > 1 and n < 3 else 0"), ("output y = 1 if n > 1 || n < 0 else 0", "`or`", "output y = 1 if n > 1 or n < 0 else 0"),
+    ("output y = table(n, 1)", "linear(x, xs, ys)", "output y = linear(n, (1, 2), (3, 4))"), ("output y = 1_000", "1000", "output y = 1000"),
+    ("parameter r = 10k", "10 kohm", "parameter r = 10 kohm"), ("parameter r = 4k7", "4.7 kohm", "parameter r = 4.7 kohm"), ("parameter f = 50 hz", "`Hz`", "parameter f = 50 Hz"),
+    ("parameter f = 50 hertz", "`Hz`", "parameter f = 50 Hz"), ("parameter T = 300 kelvin", "`K`", "parameter T = 300 K"), ("parameter T = 25 °C", "`degC`", "parameter T = 25 degC"),
+    ("parameter d = 3 millimeters", "`mm`", "parameter d = 3 mm"), ("parameter d = 3 MM", "`mm`", "parameter d = 3 mm"), ("parameter w = 3 RPM", "`rpm`", "parameter w = 3 rpm"),
+    ("parameter d = 3 feet", "`ft`", "parameter d = 3 ft"), ("parameter d = 3 inches", "`inch`", "parameter d = 3 inch"), ("parameter u = 3 kilovolt", "`kV`", "parameter u = 3 kV"),
+    ("parameter a = 9.81 m/s²", "`^`", "parameter a = 9.81 m/s^2"), ("parameter a = 2 m s", "[m*s]", "parameter a = 2 [m*s]"), ("parameter w = 3 rad/sec", "[N*s]", "parameter w = 3 [rad/s]"),
+    ("parameter xs = {1, 2, 3}", "(1, 2, 3)", "parameter xs = (1, 2, 3)"), ("parameter xs = [1 2 3]", "(1, 2, 3)", "parameter xs = (1, 2, 3)"),
+    ("connect(body, spring)", "`body -> spring`", "body -> spring"), ("connect body spring", "`body -> spring`", "body -> spring"), ("body - spring", "`body -> spring`", "body -> spring"),
+    ("spring <- body", "`body -> spring`", "body -> spring"), ("body <-> spring", "`body -> spring`", "body -> spring"), ("body --- spring", "`body -> spring`", "body -> spring"),
+    ("spring2 : C : F = k*x", "`C spring2 : F = k*x`", "C spring2 : F = k*x; body -> spring2"), ("mass2: I : p = m*v", "`I mass2 : p = m*v`", "I mass2 : p = m*v; body -> mass2"),
+    ("Se push = 1 N", "law behind a colon", "Se push : F = 1 N; push -> body"), ("SE push : F = 1 N", "`Se`", "Se push : F = 1 N; push -> body"),
+    ("1-junction j2", "`1 j2`", "1 j2; body -> j2"), ("OneJunction j2", "`1 name`", "1 j2; body -> j2"), ("zero j2 : translation", "`0 name`", "0 j2 : translation; body -> j2"),
+    ("R1 1 2 10", "`R wire : u", "R wire : F = 1 [N*s/m]*v; body -> wire"), ("Resistor r { R = 10 ohm }", "import Resistor from electric", "import"), ("resistor r", "import Resistor from electric", "import"),
+    ("Friction f(mu=1)", "in braces", ""), ("mass.v = 3", "start v", ""), ("start mass.v = 3 [m/s]", "start v = 3 [m/s]", ""),
+    ("spring -> mass -> body", "1(spring, mass)", ""), ("for i = 1:3 { 1 j[i] }", "for i in 1..3", "for i in 1..3 { 1 j[i]; body -> j[i] }"),
+    ("for i in range(3) { 1 j[i] }", "for i in 1..3", "for i in 1..3 { 1 j[i]; body -> j[i] }"), ("for (i in 1..3) { 1 j[i] }", "for i in 1..3", "for i in 1..3 { 1 j[i]; body -> j[i] }"),
+    ("function f(x) { return 2*x }", "`function f(x) = 2*x`", "function f(x) = 2*x"), ("def f(x): return 2*x", "`function f(x) = 2*x`", "function f(x) = 2*x"),
+    ("function f(x): 2*x", "`function f(x) = 2*x`", "function f(x) = 2*x"), ("when mass.v < 0 then mass.v = 0", "when condition {", "when mass.v < 0 { mass.v = 0 }"),
+    ("when mass.v < 0 { reinit(mass.v, 0) }", "`mass.v = 0`", "when mass.v < 0 { mass.v = 0 }"), ("when mass.v < 0 { mass.v := 0 }", "written `=`", "when mass.v < 0 { mass.v = 0 }"),
+    ("// comment", "`#`", "# comment"), ("% comment", "`#`", "# comment"), ("/* comment */", "`#`", "# comment */"),
+    ("parameter c = 3 // comment", "`#`", "parameter c = 3 # comment"), ("equation", "between the braces", ""), ("annotation(x=1);", "between the braces", ""),
+    ("simulate 0 .. 1 s", "experiment", "experiment e { simulate 0 .. 1 s }"), ("experiment e { simulate 5 s }", "`simulate 0 .. 5 s`", "experiment e { simulate 0 .. 5 s }"),
+    ("experiment e { simulate 0 to 5 s }", "`simulate 0 .. 5 s`", "experiment e { simulate 0 .. 5 s }"), ("experiment e { run 0 .. 5 s }", "`simulate 0 .. 5 s`", "experiment e { simulate 0 .. 5 s }"),
+    ("experiment e { simulate 0 .. 5 s; plot v }", "`report v`", "experiment e { simulate 0 .. 5 s; report v }"),
+    ("experiment e { simulate 0 .. 5 s; report v as mm/s }", "`report v in mm/s`", "experiment e { simulate 0 .. 5 s; report v in mm/s }"),
+    ("experiment e { simulate 0 .. 5 s report v }", "; report", "experiment e { simulate 0 .. 5 s; report v }"),
+    ("experiment e { simulate 0 .. 5 s step 1 ms }", "--points", "experiment e { simulate 0 .. 5 s }"),
+]  # fmt: skip
+
+
+def told(line: str, top: str = "") -> tuple[Diagnostic, ...]:
+    text = MODEL.replace("LINE", line).replace("IMPORT", top)
+    if not re.search(r"\bspring\b(?!\.)", line):
+        text = text.replace("body -> mass, damper", "body -> mass, damper, spring")
+    return check(Source("text", text), None, LIBRARY)
+
+
+@pytest.mark.parametrize(("line", "words", "followed"), CASES, ids=[case[0] for case in CASES])
+def test_the_advice_names_what_is_meant_and_works(line: str, words: str, followed: str) -> None:
+    found = told(line)
+    assert found and words in found[0].help, [d.help for d in found]
+    if followed == "import":
+        part = "Resistor r { R = 10 ohm }; Se u : u = 1 V; u -> r.pins"
+        assert not told(part, "import Resistor from electric\n")
+    elif followed:
+        assert not told(followed)
+
+
+def test_there_are_many() -> None:
+    assert len({line for line, _, _ in CASES}) >= 80
