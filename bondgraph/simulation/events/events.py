@@ -32,6 +32,7 @@ MOST_AT_ONCE = 60  # most simultaneous events
 MOST_ROUNDS = 100  # most rounds of events that cause each other at one instant
 LEFT = 3  # times in a row that an event makes its condition false before it is expected to
 SHRUNK = 1e-2  # fraction of the longest interval between events: a shorter one shows that they accumulate
+BEYOND = 2  # in units of the rounding of a root: from there on, a crossing that the flow had contradicted counts
 LATE = 32  # units in the last place of a time: the change of a root within it counts as zero
 CLOSE = 1e-9  # relative accuracy with which a reset value must hold
 UPHELD = 1e4  # in units of rounding: largest violation of a valve's sign
@@ -184,8 +185,13 @@ class Events:
             )
         for number in changed:
             place = self.places[number]
-            if not acted and not self.steers[number] and now.mode[place] == at.mode[place]:
+            if acted or now.mode[place] != at.mode[place]:
+                continue
+            if not self.steers[number]:
                 self.touches.setdefault(int(number), at.time)
+            # the flow contradicts the step within rounding: it counts as crossing again where it is no longer in doubt
+            doubt = self.noise(now, self.roots(now.time, now.state, now.mode))[number]
+            self.floor[number] = max(self.floor[number], BEYOND * doubt)
         self._record(Happening(at.time, tuple(map(int, changed)), tuple(acted)))
         self._check_left(at.time, acted)
         return now
