@@ -32,7 +32,6 @@ MOST_AT_ONCE = 60  # most simultaneous events
 MOST_ROUNDS = 100  # most rounds of events that cause each other at one instant
 LEFT = 3  # times in a row that an event makes its condition false before it is expected to
 SHRUNK = 1e-2  # fraction of the longest interval between events: a shorter one shows that they accumulate
-BEYOND = 2  # in units of the rounding of a root: from there on, a crossing that the flow had contradicted counts
 LATE = 32  # units in the last place of a time: the change of a root within it counts as zero
 CLOSE = 1e-9  # relative accuracy with which a reset value must hold
 UPHELD = 1e4  # in units of rounding: largest violation of a valve's sign
@@ -185,13 +184,8 @@ class Events:
             )
         for number in changed:
             place = self.places[number]
-            if acted or now.mode[place] != at.mode[place]:
-                continue
-            if not self.steers[number]:
+            if not acted and not self.steers[number] and now.mode[place] == at.mode[place]:
                 self.touches.setdefault(int(number), at.time)
-            # the flow contradicts the step within rounding: it counts as crossing again where it is no longer in doubt
-            doubt = self.noise(now, self.roots(now.time, now.state, now.mode))[number]
-            self.floor[number] = max(self.floor[number], BEYOND * doubt)
         self._record(Happening(at.time, tuple(map(int, changed)), tuple(acted)))
         self._check_left(at.time, acted)
         return now
@@ -372,21 +366,25 @@ class Events:
         if not doubtful.any():
             return truth
         truth[doubtful] = at.mode[self.places][doubtful] == 1.0  # where nothing moves, the truth values stay
-        moved = np.zeros(len(roots))
+        moved, sought = np.zeros(len(roots)), doubtful.copy()
         flow = self._flow(at)
         for reach in REACHES:
             ahead = None if flow is None else self._ahead(at, reach, *flow)
             if ahead is None:
                 break
-            change = self.roots(ahead.time, ahead.state, at.mode) - roots
-            found = doubtful & (moved == 0) & (np.abs(change) > 4 * noise)
-            moved[found] = change[found]
-            if (moved[doubtful] != 0).all():
+            change, again = (self.roots(m.time, m.state, at.mode) - roots for m in ahead)
+            # where iterations disagree on the sign, time constants are shorter than this reach
+            found = sought & (np.fmax(np.abs(change), np.abs(again)) > 4 * noise)
+            moved[found] = np.where(change * again > 0, change, 0.0)[found]
+            sought &= ~found
+            if not sought.any():
                 break
         truth[moved != 0] = moved[moved != 0] < 0
-        # A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then.
-        still = np.maximum(0.25 * noise, 2 * np.abs(roots))
-        self.floor = np.where(doubtful, np.where(moved != 0, 0.25 * noise, still), 0.0)
+        # A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then. One on the side
+        # that the flow contradicts must get farther, until it is beyond doubt.
+        behind = (moved == 0) | (truth != self.truth(roots))
+        floor = np.maximum(0.25 * noise, np.where(behind, 2 * np.abs(roots), 0.0))
+        self.floor = np.where(doubtful, floor, 0.0)
         return truth
 
     def noise(self, at: Moment, roots: Array) -> Any:
@@ -422,16 +420,21 @@ class Events:
         speed = float((np.abs(first) / self.magnitude[: self.count]).max())
         return (first, min(self.horizon, 1 / speed if speed > 0 else np.inf)) if np.isfinite(speed) else None
 
-    def _ahead(self, at: Moment, reach: float, first: Array, whole: float) -> Moment | None:
-        """Return the hybrid state a little later, by Heun's method, such that no state moves by more than a fraction `reach`."""
-        n, fixed = self.count, (self.inputs, self.constants, at.mode)
+    def _ahead(self, at: Moment, reach: float, first: Array, whole: float) -> tuple[Moment, Moment] | None:
+        """Return the hybrid state a little later, such that no state moves by more than a fraction `reach`: by Heun's method, and iterated once more."""
         span = reach * whole
-        try:
-            state = np.concatenate([at.state[:n] + span * first, at.state[n:]])
-            state = self.loops.solve(at.time + span, state, at.mode)
-            second = self.program.derivative(at.time + span, state, *fixed)[:n]
-            state = np.concatenate([at.state[:n] + 0.5 * span * (first + second), state[n:]])
+
+        def moved(rates: Array) -> Moment:
+            state = np.concatenate([at.state[: self.count] + span * rates, at.state[self.count :]])
             return Moment(at.time + span, self.loops.solve(at.time + span, state, at.mode), at.mode)
+
+        def between(later: Moment) -> Any:
+            rates = self.program.derivative(later.time, later.state, self.inputs, self.constants, at.mode)
+            return 0.5 * (first + rates[: self.count])
+
+        try:
+            heun = moved(between(moved(first)))
+            return heun, moved(between(heun))
         except RunFailed:
             return None
 
@@ -498,14 +501,6 @@ class Events:
             first = self.log[-MOST_AT_ONCE]
             if happening.time - first.time <= SHORT * max(abs(happening.time), 1e-300):
                 raise self._piled(happening.time, self.log[-MOST_AT_ONCE:])
-
-    def unsettled(self, time: float) -> BoolArray:
-        """Return a mask of the conditions that changed twice at an instant without any event: rounding of unknowns of loops decides them there."""
-        result = np.zeros(len(self.places), dtype=bool)
-        last = [set(h.conditions) for h in self.log[-2:] if not h.events and time - h.time <= SHORT * abs(time)]
-        if len(last) == 2:
-            result[list(last[0] & last[1])] = True
-        return result
 
     def _piled(self, time: float, last: Sequence[Happening]) -> RunFailed:
         events = dict.fromkeys(i for h in last for i in h.events)

@@ -143,7 +143,7 @@ def _suspects(events: Events, seen: Interpolants, on_grid: Array, said: BoolArra
     low, high = part
     shares = [SHARES[_wrong(events, seen.values, said).any(axis=1)]]
     wrong = _wrong(events, on_grid, said) & seen.converged
-    wrong[0] &= events.unsettled(low)  # at the start the mode holds: a change just behind it begins there
+    wrong[0] = False  # at the start the mode holds
     begins = wrong & ~np.concatenate([np.zeros_like(wrong[:1]), wrong[:-1]])
     depth = np.where(wrong, np.abs(on_grid), 0.0)
     before, after = np.concatenate([depth[-1:], depth[:-1]]), np.concatenate([depth[1:], depth[:1]])
