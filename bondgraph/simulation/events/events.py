@@ -32,6 +32,7 @@ MOST_AT_ONCE = 60  # most simultaneous events
 MOST_ROUNDS = 100  # most rounds of events that cause each other at one instant
 LEFT = 3  # times in a row that an event makes its condition false before it is expected to
 SHRUNK = 1e-2  # fraction of the longest interval between events: a shorter one shows that they accumulate
+BEYOND = 2  # in units of the rounding of a root: a crossing that the flow contradicts counts from there on
 LATE = 32  # units in the last place of a time: the change of a root within it counts as zero
 CLOSE = 1e-9  # relative accuracy with which a reset value must hold
 UPHELD = 1e4  # in units of rounding: largest violation of a valve's sign
@@ -164,6 +165,7 @@ class Events:
         changed = np.flatnonzero(flipped) if flipped is not None else np.array([], dtype=int)
         mode[self.places[changed]] = 1.0 - mode[self.places[changed]]
         acted: list[int] = []
+        floor = self.floor
         now = self.settled(Moment(at.time, at.state, mode))
         for _ in range(MOST_ROUNDS):
             holds = self.triggers(now)
@@ -182,13 +184,25 @@ class Events:
             raise RunFailed(
                 "BR774", f"at t = {at.time:.9g} s {names} cause each other without end;", "let one of them ask for more"
             )
-        for number in changed:
-            place = self.places[number]
-            if not acted and not self.steers[number] and now.mode[place] == at.mode[place]:
-                self.touches.setdefault(int(number), at.time)
+        if not acted and len(changed):
+            places = self.places[changed]
+            self._contradict(now, changed[now.mode[places] == at.mode[places]], floor)
         self._record(Happening(at.time, tuple(map(int, changed)), tuple(acted)))
         self._check_left(at.time, acted)
         return now
+
+    def _contradict(self, at: Moment, conditions: IntArray, floor: Array) -> None:
+        """Keep conditions as they are that the flow leads back within rounding of a located zero crossing, until they are beyond doubt.
+
+        `floor`: before this instant; it stays where conditions change again and again at an instant, each as the rounding of the others lets it.
+        """
+        for number in conditions[~self.steers[conditions]]:
+            self.touches.setdefault(int(number), at.time)
+        if self.log and at.time - self.log[-1].time <= SHORT * abs(at.time):
+            self.floor = np.maximum(self.floor, floor)
+        if len(conditions):
+            beyond = BEYOND * self.noise(at, self.roots(at.time, at.state, at.mode))
+            self.floor[conditions] = np.maximum(self.floor, beyond)[conditions]
 
     def _with_valves(self, at: Moment) -> tuple[Moment, list[int]]:
         """Return the hybrid state with all valves as they are just after, and the events of those that switch: then another program goes on."""
@@ -380,11 +394,9 @@ class Events:
             if not sought.any():
                 break
         truth[moved != 0] = moved[moved != 0] < 0
-        # A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then. One on the side
-        # that the flow contradicts must get farther, until it is beyond doubt.
-        behind = (moved == 0) | (truth != self.truth(roots))
-        floor = np.maximum(0.25 * noise, np.where(behind, 2 * np.abs(roots), 0.0))
-        self.floor = np.where(doubtful, floor, 0.0)
+        # A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then.
+        still = np.maximum(0.25 * noise, 2 * np.abs(roots))
+        self.floor = np.where(doubtful, np.where(moved != 0, 0.25 * noise, still), 0.0)
         return truth
 
     def noise(self, at: Moment, roots: Array) -> Any:
