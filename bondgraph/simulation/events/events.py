@@ -198,11 +198,12 @@ class Events:
         """
         for number in conditions[~self.steers[conditions]]:
             self.touches.setdefault(int(number), at.time)
-        if self.log and at.time - self.log[-1].time <= SHORT * abs(at.time):
-            self.floor = np.maximum(self.floor, floor)
-        if len(conditions):
-            beyond = BEYOND * self.noise(at, self.roots(at.time, at.state, at.mode))
-            self.floor[conditions] = np.maximum(self.floor, beyond)[conditions]
+        again = self.log and at.time - self.log[-1].time <= SHORT * abs(at.time)
+        if again or len(conditions):
+            most = BEYOND * self.noise(at, self.roots(at.time, at.state, at.mode))
+            least = np.minimum(floor, most) if again else np.zeros(len(most))
+            least[conditions] = most[conditions]
+            self.floor = np.maximum(self.floor, least)
 
     def _with_valves(self, at: Moment) -> tuple[Moment, list[int]]:
         """Return the hybrid state with all valves as they are just after, and the events of those that switch: then another program goes on."""

@@ -143,7 +143,7 @@ def _suspects(events: Events, seen: Interpolants, on_grid: Array, said: BoolArra
     low, high = part
     shares = [SHARES[_wrong(events, seen.values, said).any(axis=1)]]
     wrong = _wrong(events, on_grid, said) & seen.converged
-    wrong[0] = False  # at the start the mode holds
+    wrong[0] = False  # at the start the mode holds: a change just behind it begins there
     begins = wrong & ~np.concatenate([np.zeros_like(wrong[:1]), wrong[:-1]])
     depth = np.where(wrong, np.abs(on_grid), 0.0)
     before, after = np.concatenate([depth[-1:], depth[:-1]]), np.concatenate([depth[1:], depth[:1]])
@@ -219,13 +219,14 @@ def _narrowed(
     width = 0.5 * WIDTH * float(np.spacing(max(abs(low), abs(high))))
     if high - low <= 2 * width:
         return high
-    first, last = beyond(low), beyond(high)
+    first = beyond(low)
     if first > 0 and low > right:
         low, high, first, last = right, low, beyond(right), first
-    first = -abs(first)
+    else:
+        last = beyond(high)
     if last < 0:  # a loop that is solved for once more has another rounding
         return high
-    (a, at_a), (b, _) = narrowed(beyond, (low, first), (high, last), width)
+    (a, at_a), (b, _) = narrowed(beyond, (low, -abs(first)), (high, last), width)
     return a if at_a > 0 else b
 
 
