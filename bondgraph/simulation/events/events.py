@@ -32,6 +32,7 @@ MOST_AT_ONCE = 60  # most simultaneous events
 MOST_ROUNDS = 100  # most rounds of events that cause each other at one instant
 LEFT = 3  # times in a row that an event makes its condition false before it is expected to
 SHRUNK = 1e-2  # fraction of the longest interval between events: a shorter one shows that they accumulate
+BEYOND = 2  # in units of the rounding of a root: a crossing that the flow contradicts counts from there on
 LATE = 32  # units in the last place of a time: the change of a root within it counts as zero
 CLOSE = 1e-9  # relative accuracy with which a reset value must hold
 UPHELD = 1e4  # in units of rounding: largest violation of a valve's sign
@@ -164,6 +165,7 @@ class Events:
         changed = np.flatnonzero(flipped) if flipped is not None else np.array([], dtype=int)
         mode[self.places[changed]] = 1.0 - mode[self.places[changed]]
         acted: list[int] = []
+        floor = self.floor
         now = self.settled(Moment(at.time, at.state, mode))
         for _ in range(MOST_ROUNDS):
             holds = self.triggers(now)
@@ -182,13 +184,26 @@ class Events:
             raise RunFailed(
                 "BR774", f"at t = {at.time:.9g} s {names} cause each other without end;", "let one of them ask for more"
             )
-        for number in changed:
-            place = self.places[number]
-            if not acted and not self.steers[number] and now.mode[place] == at.mode[place]:
-                self.touches.setdefault(int(number), at.time)
+        if not acted and len(changed):
+            places = self.places[changed]
+            self._contradict(now, changed[now.mode[places] == at.mode[places]], floor)
         self._record(Happening(at.time, tuple(map(int, changed)), tuple(acted)))
         self._check_left(at.time, acted)
         return now
+
+    def _contradict(self, at: Moment, conditions: IntArray, floor: Array) -> None:
+        """Keep conditions as they are that the flow leads back within rounding of a located zero crossing, until they are beyond doubt.
+
+        `floor`: before this instant; it stays where conditions change again and again at an instant, each as the rounding of the others lets it.
+        """
+        for number in conditions[~self.steers[conditions]]:
+            self.touches.setdefault(int(number), at.time)
+        again = self.log and at.time - self.log[-1].time <= SHORT * abs(at.time)
+        if again or len(conditions):
+            most = BEYOND * self.noise(at, self.roots(at.time, at.state, at.mode))
+            least = np.minimum(floor, most) if again else np.zeros(len(most))
+            least[conditions] = most[conditions]
+            self.floor = np.maximum(self.floor, least)
 
     def _with_valves(self, at: Moment) -> tuple[Moment, list[int]]:
         """Return the hybrid state with all valves as they are just after, and the events of those that switch: then another program goes on."""
@@ -366,16 +381,18 @@ class Events:
         if not doubtful.any():
             return truth
         truth[doubtful] = at.mode[self.places][doubtful] == 1.0  # where nothing moves, the truth values stay
-        moved = np.zeros(len(roots))
+        moved, sought = np.zeros(len(roots)), doubtful.copy()
         flow = self._flow(at)
         for reach in REACHES:
             ahead = None if flow is None else self._ahead(at, reach, *flow)
             if ahead is None:
                 break
-            change = self.roots(ahead.time, ahead.state, at.mode) - roots
-            found = doubtful & (moved == 0) & (np.abs(change) > 4 * noise)
-            moved[found] = change[found]
-            if (moved[doubtful] != 0).all():
+            change, again = (self.roots(m.time, m.state, at.mode) - roots for m in ahead)
+            # where iterations disagree on the sign, time constants are shorter than this reach
+            found = sought & (np.fmax(np.abs(change), np.abs(again)) > 4 * noise)
+            moved[found] = np.where(change * again > 0, change, 0.0)[found]
+            sought &= ~found
+            if not sought.any():
                 break
         truth[moved != 0] = moved[moved != 0] < 0
         # A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then.
@@ -416,16 +433,21 @@ class Events:
         speed = float((np.abs(first) / self.magnitude[: self.count]).max())
         return (first, min(self.horizon, 1 / speed if speed > 0 else np.inf)) if np.isfinite(speed) else None
 
-    def _ahead(self, at: Moment, reach: float, first: Array, whole: float) -> Moment | None:
-        """Return the hybrid state a little later, by Heun's method, such that no state moves by more than a fraction `reach`."""
-        n, fixed = self.count, (self.inputs, self.constants, at.mode)
+    def _ahead(self, at: Moment, reach: float, first: Array, whole: float) -> tuple[Moment, Moment] | None:
+        """Return the hybrid state a little later, such that no state moves by more than a fraction `reach`: by Heun's method, and iterated once more."""
         span = reach * whole
-        try:
-            state = np.concatenate([at.state[:n] + span * first, at.state[n:]])
-            state = self.loops.solve(at.time + span, state, at.mode)
-            second = self.program.derivative(at.time + span, state, *fixed)[:n]
-            state = np.concatenate([at.state[:n] + 0.5 * span * (first + second), state[n:]])
+
+        def moved(rates: Array) -> Moment:
+            state = np.concatenate([at.state[: self.count] + span * rates, at.state[self.count :]])
             return Moment(at.time + span, self.loops.solve(at.time + span, state, at.mode), at.mode)
+
+        def between(later: Moment) -> Any:
+            rates = self.program.derivative(later.time, later.state, self.inputs, self.constants, at.mode)
+            return 0.5 * (first + rates[: self.count])
+
+        try:
+            heun = moved(between(moved(first)))
+            return heun, moved(between(heun))
         except RunFailed:
             return None
 
@@ -492,14 +514,6 @@ class Events:
             first = self.log[-MOST_AT_ONCE]
             if happening.time - first.time <= SHORT * max(abs(happening.time), 1e-300):
                 raise self._piled(happening.time, self.log[-MOST_AT_ONCE:])
-
-    def unsettled(self, time: float) -> BoolArray:
-        """Return a mask of the conditions that changed twice at an instant without any event: rounding of unknowns of loops decides them there."""
-        result = np.zeros(len(self.places), dtype=bool)
-        last = [set(h.conditions) for h in self.log[-2:] if not h.events and time - h.time <= SHORT * abs(time)]
-        if len(last) == 2:
-            result[list(last[0] & last[1])] = True
-        return result
 
     def _piled(self, time: float, last: Sequence[Happening]) -> RunFailed:
         events = dict.fromkeys(i for h in last for i in h.events)

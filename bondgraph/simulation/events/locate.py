@@ -27,7 +27,6 @@ NARROWEST = 2.0**-44  # smallest part, as a fraction of the interval searched, f
 SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump lies at one of its places
 GOLDEN = 0.5 * (5**0.5 - 1)  # share of a bracket that a golden section keeps
 CONSTANT = 1e-13  # of the largest range of an indicator in a run: a smaller one is rounding
-HIDDEN = 2.0**20  # units in the last place of a time: in a shorter part, rounding may locate a crossing late
 MOST_HIDDEN = 1000  # most parts that are halved for a peak that their places do not show
 FEWEST = 1 / 64  # smallest first part, as a fraction of the interval searched
 MOST_PARTS = 1 << 15  # most parts of the interval searched
@@ -144,14 +143,11 @@ def _suspects(events: Events, seen: Interpolants, on_grid: Array, said: BoolArra
     low, high = part
     shares = [SHARES[_wrong(events, seen.values, said).any(axis=1)]]
     wrong = _wrong(events, on_grid, said) & seen.converged
-    wrong[0] &= events.unsettled(low)  # at the start the mode holds: a change just behind it begins there
+    wrong[0] = False  # at the start the mode holds: a change just behind it begins there
     begins = wrong & ~np.concatenate([np.zeros_like(wrong[:1]), wrong[:-1]])
     depth = np.where(wrong, np.abs(on_grid), 0.0)
     before, after = np.concatenate([depth[-1:], depth[:-1]]), np.concatenate([depth[1:], depth[:1]])
     deepest = wrong & (depth >= before) & (depth >= after)
-    # Rounding may hide the crossing at the first place. Laws that jump to and fro within rounding have run through that so far: only linear ones go on.
-    if events.hybrid.affine and high - low > HIDDEN * float(np.spacing(max(abs(low), abs(high)))):
-        begins |= np.concatenate([np.zeros_like(begins[:1]), begins[:-1]]) & wrong
     shares.append(FINER[(begins | deepest).any(axis=1)])
     times = low + (high - low) * np.unique(np.concatenate(shares))
     return times[times > low]
@@ -193,12 +189,18 @@ def _in_part(
     high = float(times[first])
     grid = part[0] + (part[1] - part[0]) * FINER
     before = float(grid[max(int(np.searchsorted(grid, high)) - 1, 0)])
-    low = max(before, float(times[first - 1]) if first else part[0])
-    return _narrowed(events, low, high, seen[first], said, roots)
+    right = float(times[first - 1]) if first else part[0]
+    return _narrowed(events, (right, max(before, right), high), seen[first], said, roots)
 
 
-def _narrowed(events: Events, low: float, high: float, there: Array, said: BoolArray, roots: Callable[[Any, bool], Any]) -> float:  # fmt: skip
-    """Return the first instant between two, to rounding, at which a condition has changed; `there`: the roots at the second."""
+def _narrowed(
+    events: Events, places: tuple[float, float, float], there: Array, said: BoolArray, roots: Callable[[Any, bool], Any]
+) -> float:
+    """Return the first instant, to rounding, at which a condition has changed; `there`: the roots at the last of three places.
+
+    At the first place the mode holds. The crossing is between the others, unless rounding has hidden it from the search: then it is before both.
+    """
+    right, low, high = places
     scale = np.where((there != 0) & np.isfinite(there), np.abs(there), 1.0)
     flipping = _wrong(events, there, said)
 
@@ -217,10 +219,14 @@ def _narrowed(events: Events, low: float, high: float, there: Array, said: BoolA
     width = 0.5 * WIDTH * float(np.spacing(max(abs(low), abs(high))))
     if high - low <= 2 * width:
         return high
-    first, last = -abs(beyond(low)), beyond(high)
+    first = beyond(low)
+    if first > 0 and low > right:
+        low, high, first, last = right, low, beyond(right), first
+    else:
+        last = beyond(high)
     if last < 0:  # a loop that is solved for once more has another rounding
         return high
-    (a, at_a), (b, _) = narrowed(beyond, (low, first), (high, last), width)
+    (a, at_a), (b, _) = narrowed(beyond, (low, -abs(first)), (high, last), width)
     return a if at_a > 0 else b
 
 
