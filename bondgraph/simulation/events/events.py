@@ -8,7 +8,7 @@ the possible interpretations). Events that accumulate are reported as well.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -529,9 +529,15 @@ class Events:
         return " and ".join(dict.fromkeys(f"`{e}` ({e.span.file_and_line})" for e in events))
 
 
-def conditioned(constraints: Constraints, time: float, state: Array, mode: Array) -> Any:
-    """Return a mode with the conditions on states as evaluated."""
-    return Events(constraints, nonzero(np.abs(state)), 1.0).guess(Moment(time, state, mode))
+def conditions_of(constraints: Constraints) -> Callable[[float, Array, Array], Any]:
+    """Return a function of time, state and mode that returns the mode with the conditions on states as evaluated."""
+    events = Events(constraints, np.ones(len(constraints.magnitude)), 1.0)
+
+    def evaluated(time: float, state: Array, mode: Array) -> Any:
+        events.measure(nonzero(np.abs(state)))
+        return events.guess(Moment(time, state, mode))
+
+    return evaluated
 
 
 def _shrinks(intervals: Array) -> bool:
