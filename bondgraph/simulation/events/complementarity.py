@@ -93,6 +93,7 @@ class Companion:
         conditions: Callable[[Constraints], Conditions],
     ) -> None:  # fmt: skip
         self.valves, self.gaps = facts.valves, facts.gaps
+        self.junctions = frozenset(v.junction for v in self.valves)
         self.signs = np.array([*(v.sign for v in self.valves), *(1.0 for _ in self.gaps[len(self.valves) :])])
         self.integrals = {i.name: i for i in facts.integrals}
         self.mechanisms = tuple(f"{name}." for name in facts.mechanisms)
@@ -383,12 +384,13 @@ def complementary(slopes: Array, offset: Array, guess: BoolArray, valves: int) -
     `guess`: the set tried first. It is kept where both sides are zero, and for all ports after the first `valves` ones.
     """
     count = len(offset)
-    through, across = np.eye(count) + slopes, np.eye(count) - slopes
+    matrix, diagonal = slopes.copy(), slopes.diagonal()
     on, best, patience = np.array(guess, dtype=bool), count + 1, PATIENCE
     if not np.abs(offset).max(initial=0.0) > 0:
         return on, np.zeros(count), np.zeros(count)
     for _ in range(MOST_PIVOTS):
-        sizes, firm = _least(np.where(on[None, :], through, -across), offset, slopes)
+        matrix.reshape(-1)[:: count + 1] = np.where(on, diagonal + 1, diagonal - 1)
+        sizes, firm = _least(matrix, offset, slopes)
         wrong = np.flatnonzero(sizes[:valves] < -ZERO * np.abs(sizes).max())
         if not len(wrong):
             return (on, -sizes, np.where(on, sizes, -sizes)) if firm else None
@@ -408,6 +410,8 @@ def _least(matrix: Array, right: Array, slopes: Array) -> tuple[Any, bool]:
     left, values, rows = np.linalg.svd(matrix)
     share, size = left.T @ right, np.abs(right).max()
     values, size = values / 2, size / 2  # without energy creation no singular value exceeds 2
+    if values[-1] > OPEN:
+        return rows.T @ (1 / values * share / 2), True
     small = values <= OPEN
     misfit = small & (np.abs(share) > MET * size)
     inverse = np.where(small, 0.0, 1 / np.where(small, 1.0, values))
