@@ -301,12 +301,12 @@ class PhaseSequence:
         if not first.facts.valves and not first.facts.integrals:
             return None
         from .events.complementarity import Companion
-        from .events.events import conditioned
+        from .events.events import conditions_of
 
         def made(off: tuple[str, ...]) -> Prepared:
             return self.made(replace(self.scene, preferences=(), off=off, companion=True, conserving=False), False)
 
-        companion = Companion(first.facts, made, self.values, self.stop - self.plan.start, conditioned)
+        companion = Companion(first.facts, made, self.values, self.stop - self.plan.start, conditions_of)
         companion.switched(self.plan.start)
         return companion
 

@@ -78,7 +78,7 @@ def companion(graph: BondGraph, ports: Sequence[str]) -> BondGraph:
                     renamed[storage.name], _other(GIVEN[stored]), graph, PASSED + name, port.name
                 )
     made_graph = replace(
-        graph, nodes=tuple(nodes), bonds=tuple(bonds), outputs=outputs, requirements=(), events=(),
+        graph, nodes=tuple(nodes), bonds=tuple(bonds), outputs=outputs, requirements=(), events=(), switches=(),
         quantities={**graph.quantities, **{n.name: n for n in known}},
     )  # fmt: skip
     return _reread(made_graph, renamed)
@@ -197,8 +197,7 @@ def _reread(graph: BondGraph, renamed: Mapping[str, str]) -> BondGraph:
         for n in graph.nodes
     )
     integrals = {n: replace(i, rate=rebound(i.rate)) for n, i in graph.integrals.items()}
-    switches = tuple(replace(s, active=rebound(s.active)) for s in graph.switches)
     delays = {n: replace(d, value=rebound(d.value)) for n, d in graph.delays.items()}
     return replace(
-        graph, nodes=nodes, quantities=named(graph.quantities), outputs=named(graph.outputs), integrals=integrals, delays=delays, switches=switches,
+        graph, nodes=nodes, quantities=named(graph.quantities), outputs=named(graph.outputs), integrals=integrals, delays=delays,
     )  # fmt: skip

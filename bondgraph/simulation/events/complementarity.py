@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,7 +48,10 @@ BALANCED = 1e-6  # relative to a jump: largest misfit of the impulse that passes
 IMPULSES = (1e-7, 1e-8)  # as `STEPS`: the two steps that reveal an impulse
 
 
-Conditioned = Callable[[Constraints, float, Any, Any], Any]
+Outputs = Callable[[], Any]  # outputs of the companion at a solution, shape (outputs,)
+Conditions = Callable[
+    [float, Any, Any], Any
+]  # time, state, mode -> the mode with its conditions on states as evaluated
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,37 +65,44 @@ class Instant:
     delayed: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class CompanionNetwork:
     """A companion program with the values of this run."""
 
     program: Program
     constraints: Constraints
     places: Mapping[str, int]  # indices of its inputs
-    impedance: list[float]  # impedance of the waves; chosen at the first use
+    waves: tuple[tuple[int, int], ...]  # indices of the ports whose waves it reads, each with that of the input
+    conditions: Conditions | None  # None without discrete variables
     linear: bool  # True if one row of difference quotients is exact
     curved: tuple[str, ...]  # stored quantities with nonlinear laws
+    start: Any  # its state at the start, with the unknowns of its loops
+    last: Any  # the last of these unknowns that were found: the first guess of the next
+    impedance: float = 0.0  # impedance of the waves; chosen at the first use
 
 
 class Companion:
     """Valves of a run, and its other two-terminal switches.
 
-    `made`: the companion program for given junctions off. `values`: parameters set when the run begins. `conditioned`: the mode with its
-    conditions as evaluated, for constraints, time, state and mode.
+    `made`: the companion program for given junctions off. `values`: parameters set when the run begins. `conditions`: those of a program with
+    its values.
     """
 
     def __init__(
-        self, facts: RunMetadata, made: Callable[[tuple[str, ...]], Prepared], values: Mapping[str, float], horizon: float, conditioned: Conditioned
+        self, facts: RunMetadata, made: Callable[[tuple[str, ...]], Prepared], values: Mapping[str, float], horizon: float,
+        conditions: Callable[[Constraints], Conditions],
     ) -> None:  # fmt: skip
         self.valves, self.gaps = facts.valves, facts.gaps
+        self.junctions = frozenset(v.junction for v in self.valves)
         self.signs = np.array([*(v.sign for v in self.valves), *(1.0 for _ in self.gaps[len(self.valves) :])])
         self.integrals = {i.name: i for i in facts.integrals}
         self.mechanisms = tuple(f"{name}." for name in facts.mechanisms)
-        self.made, self.values, self.horizon, self.conditioned = made, values, horizon, conditioned
+        self.made, self.values, self.horizon, self.conditions = made, values, horizon, conditions
         self.networks: dict[tuple[str, ...], CompanionNetwork] = {}
         self.instants: list[float] = []  # the start, and the switching instants of valves
         self.stored: dict[str, float] = {}  # by name: last known values of stored quantities
         self.against: tuple[float, frozenset[bytes]] = (np.nan, frozenset())  # sets refuted at an instant
+        self.decided: tuple[object, ...] = ()  # the last problem, and the set that solves it
 
     # ------------------------------------------------------------ valves
     def another(self, at: Instant, guess: BoolArray) -> Any:
@@ -108,9 +119,20 @@ class Companion:
 
     def _not_refused(self, at: Instant, guess: BoolArray) -> Any:
         """Return the first conducting set, over the steps to try, that was not refuted at this instant; None if there is none."""
-        refused = self._refused(at.time)
+        refused, problem = self._refused(at.time), self._problem(at)
+        if self.decided == (*problem, guess.tobytes()) and guess.tobytes() not in refused:
+            return guess  # the program of this set asks again
         solved = (self._solved(at, guess, step) for step in self.steps(at.time))
-        return next((found[0] for found in solved if found is not None and found[0].tobytes() not in refused), None)
+        sets = (found[0] for found in solved if found is not None)
+        result = next((on for on in sets if on.tobytes() not in refused), None)
+        self.decided = () if result is None else (*problem, result.tobytes())
+        return result
+
+    def _problem(self, at: Instant) -> tuple[object, ...]:
+        """Return all that decides the conducting sets at an instant."""
+        program = self._network(at.off).program
+        modes = () if program.hybrid is None else program.hybrid.modes.names
+        return at.time, at.off, *map(at.stored.get, program.states.names), *map(at.modes.get, modes)
 
     def without_a_set(self, time: float) -> RunFailed:
         """Return the error that no conducting set is consistent."""
@@ -131,8 +153,7 @@ class Companion:
 
     def step(self, share: float, time: float) -> float:
         """Return a step h: a fraction of the time between the last switching instants, long enough to be resolved in rounded time."""
-        between = np.diff(np.array(self.instants[-RECENT:]))
-        usual = float(between.max()) if len(between) and between.max() > 0 else self.horizon
+        usual = max((b - a for a, b in pairwise(self.instants[-RECENT:])), default=0.0) or self.horizon
         return max(share * min(usual, self.horizon), 1e3 * float(np.spacing(abs(time))))
 
     def steps(self, time: float) -> Iterator[float]:
@@ -170,12 +191,13 @@ class Companion:
         for share in IMPULSES:
             step = self.step(share, at.time)
             found = self._solved(at, on, step, 0, moved)
-            if found is None or not np.isfinite(found[1][chosen]).all():
+            outputs_here = None if found is None else found[1]()
+            if outputs_here is None or not np.isfinite(outputs_here[chosen]).all():
                 raise RunFailed(
                     "BR768", f"at t = {at.time:.9g} s an impulse passes, and nothing determines what it adds to `{names[0]}`:",
                     "put a resistor or a damper where the storages are tied",
                 )  # fmt: skip
-            passed.append(step * found[1])
+            passed.append(step * outputs_here)
         long, short = passed
         ratio = IMPULSES[0] / IMPULSES[1]
         limit = np.where(np.abs(short) < np.abs(long) / 2, 0.0, (ratio * short - long) / (ratio - 1))
@@ -228,7 +250,7 @@ class Companion:
 
     def _solved(
         self, at: Instant, guess: BoolArray, step: float, valves: int | None = None, moved: Array | None = None
-    ) -> tuple[Any, Any] | None:
+    ) -> tuple[Any, Outputs] | None:
         """Return the mask of conducting valves and the outputs of the companion; None if no set is found. `valves`: how many of them may change;
         `moved`: jumps of the storages with nonlinear laws, shape (n,), if they are known; else Newton's method finds them."""
         network = self._network(at.off)
@@ -244,7 +266,7 @@ class Companion:
             if found is None:
                 break
             first = first or found
-            last, moved = moved, step * found[1][rates]
+            last, moved = moved, step * found[1]()[rates]
             size = np.maximum(np.abs(before), np.abs(moved)).max(initial=0.0)
             if not np.isfinite(moved).all():
                 break
@@ -254,7 +276,7 @@ class Companion:
 
     def _solved_about(
         self, at: Instant, guess: BoolArray, step: float, valves: int | None, moved: Array
-    ) -> tuple[Any, Any] | None:
+    ) -> tuple[Any, Outputs] | None:
         """Return the same with nonlinear laws linearized at these jumps."""
         network, count = self._network(at.off), len(self.gaps)
         jumped = dict(zip(network.curved, moved.tolist(), strict=True))
@@ -262,16 +284,14 @@ class Companion:
             at, stored={**at.stored, **{n: at.stored.get(n, 0.0) + x for n, x in jumped.items()}},
             delayed={**at.delayed, **{JUMP + n: x for n, x in jumped.items()}},
         ) if jumped else at  # fmt: skip
-        if not network.impedance:
-            network.impedance.append(self._impedance(network, at))
-        z = network.impedance[0]
-        states, mode = self._state(network, at, step)
+        network.impedance = z = network.impedance or self._impedance(network, at)
+        where = self._state(network, at, step)
         others = [name in at.off for name in self.gaps[len(self.valves) :]]  # a switch whose junction is off conducts
         waves, on = np.zeros(count), np.array([*guess, *others], dtype=bool)
         size = 1.0
         for _ in range(NEWTON):
             rows = np.concatenate([waves[None], waves + size * np.eye(count)])
-            seen = self._outputs(network, at, (states, mode), (step, z, rows))
+            seen = self._outputs(network, at, where, (step, z, rows))
             if not np.isfinite(seen).all():
                 return None
             back = seen[:, :count] + z * seen[:, count : 2 * count]
@@ -285,24 +305,26 @@ class Companion:
             if network.linear or np.abs(waves - before).max(initial=0.0) <= SETTLED * np.abs(waves).max(initial=0.0):
                 break
             size = 1e-4 * max(float(np.abs(waves).max()), 1e-300)
-        return on[: len(self.valves)], self._outputs(network, at, (states, mode), (step, z, waves[None]))[0]
+        return on[: len(self.valves)], lambda: self._outputs(network, at, where, (step, z, waves[None]))[0]
 
     def _outputs(self, network: CompanionNetwork, at: Instant, where: tuple[Any, Any], values: tuple[float, float, Any]) -> Any:  # fmt: skip
         """Return the outputs of the companion for rows of waves, shape (rows, outputs)."""
         program, constraints = network.program, network.constraints
-        (state, mode), (step, z, rows) = where, values
-        inputs = np.tile(constraints.inputs, (len(rows), 1))
-        given: dict[str, Any] = {STEP: step, IMPEDANCE: z, **at.delayed}
-        given |= {f"wave of {name}": rows[:, k] for k, name in enumerate(self.gaps)}
-        for name, value in given.items():
+        (state, mode), (step, z, rows), count = where, values, len(program.states.names)
+        inputs, states = np.empty((len(rows), len(constraints.inputs))), np.empty((len(rows), len(state)))
+        inputs[:], states[:] = constraints.inputs, state
+        for name, value in {STEP: step, IMPEDANCE: z, **at.delayed}.items():
             if name in network.places:
                 inputs[:, network.places[name]] = value
-        states = np.tile(state, (len(rows), 1))
-        times: Any = np.full(len(rows), at.time + step)
+        for port, place in network.waves:
+            inputs[:, place] = rows[:, port]
+        times = np.full(len(rows), at.time + step)
         if len(program.unknowns.names):
-            for row in range(len(rows)):
-                loops = LoopSolver(program, constraints.constants, inputs[row], np.ones(len(state)))
-                states[row] = loops.solve(at.time + step, states[max(row - 1, 0)], mode)
+            states[:, count:] = network.last
+            states = LoopSolver(program, constraints.constants, inputs, np.ones(len(state))).solve_all(
+                times, states, mode
+            )
+            network.last = states[0, count:]
         return np.asarray(program.output(times, states, inputs, constraints.constants, mode))
 
     def _network(self, off: tuple[str, ...]) -> CompanionNetwork:
@@ -317,7 +339,13 @@ class Companion:
             constraints = Constraints(program, parameters, inputs, np.ones(len(program.states.names)))
             places = {n: i for i, n in enumerate(program.inputs.names)}
             curved = tuple(n.removeprefix(JUMP) for n in program.inputs.names if n.startswith(JUMP))
-            self.networks[off] = CompanionNetwork(program, constraints, places, [], made.certificate.linear, curved)
+            named = (places.get(f"wave of {name}") for name in self.gaps)
+            waves = tuple((port, place) for port, place in enumerate(named) if place is not None)
+            start = np.array(program.start(constraints.constants), dtype=float)
+            self.networks[off] = CompanionNetwork(
+                program, constraints, places, waves, None if program.hybrid is None else self.conditions(constraints), made.certificate.linear,
+                curved, start, start[len(program.states.names) :],
+            )  # fmt: skip
         return self.networks[off]
 
     def _impedance(self, network: CompanionNetwork, at: Instant) -> float:
@@ -340,13 +368,13 @@ class Companion:
     def _state(self, network: CompanionNetwork, at: Instant, step: float) -> tuple[Any, Any]:
         """Return the state and the mode of a companion program at an instant."""
         program, constraints = network.program, network.constraints
-        state = np.array(program.start(constraints.constants), dtype=float)
+        state = network.start.copy()
         for place, name in enumerate(program.states.names):
             state[place] = at.stored.get(name, state[place])
         mode = np.array(program.mode_at(at.time + step, state, constraints.inputs, constraints.constants), dtype=float)
-        if program.hybrid is not None:
+        if program.hybrid is not None and network.conditions is not None:
             mode = with_discrete_variables(program.hybrid, mode, at.modes)
-            mode = self.conditioned(constraints, at.time + step, state, mode)
+            mode = network.conditions(at.time + step, state, mode)
         return state, mode
 
 
@@ -356,12 +384,13 @@ def complementary(slopes: Array, offset: Array, guess: BoolArray, valves: int) -
     `guess`: the set tried first. It is kept where both sides are zero, and for all ports after the first `valves` ones.
     """
     count = len(offset)
-    through, across = np.eye(count) + slopes, np.eye(count) - slopes
+    matrix, diagonal = slopes.copy(), slopes.diagonal()
     on, best, patience = np.array(guess, dtype=bool), count + 1, PATIENCE
     if not np.abs(offset).max(initial=0.0) > 0:
         return on, np.zeros(count), np.zeros(count)
     for _ in range(MOST_PIVOTS):
-        sizes, firm = _least(np.where(on[None, :], through, -across), offset, slopes)
+        matrix.reshape(-1)[:: count + 1] = np.where(on, diagonal + 1, diagonal - 1)
+        sizes, firm = _least(matrix, offset, slopes)
         wrong = np.flatnonzero(sizes[:valves] < -ZERO * np.abs(sizes).max())
         if not len(wrong):
             return (on, -sizes, np.where(on, sizes, -sizes)) if firm else None
@@ -381,6 +410,8 @@ def _least(matrix: Array, right: Array, slopes: Array) -> tuple[Any, bool]:
     left, values, rows = np.linalg.svd(matrix)
     share, size = left.T @ right, np.abs(right).max()
     values, size = values / 2, size / 2  # without energy creation no singular value exceeds 2
+    if values[-1] > OPEN:
+        return rows.T @ (1 / values * share / 2), True
     small = values <= OPEN
     misfit = small & (np.abs(share) > MET * size)
     inverse = np.where(small, 0.0, 1 / np.where(small, 1.0, values))

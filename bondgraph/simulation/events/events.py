@@ -8,7 +8,8 @@ the possible interpretations). Events that accumulate are reported as well.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -33,6 +34,7 @@ MOST_ROUNDS = 100  # most rounds of events that cause each other at one instant
 LEFT = 3  # times in a row that an event makes its condition false before it is expected to
 SHRUNK = 1e-2  # fraction of the longest interval between events: a shorter one shows that they accumulate
 BEYOND = 2  # in units of the rounding of a root: a crossing that the flow contradicts counts from there on
+SHARE = 1e-7  # of a magnitude, and of the time in which the flow moves a state by one: steps by which rounding of roots is found
 LATE = 32  # units in the last place of a time: the change of a root within it counts as zero
 CLOSE = 1e-9  # relative accuracy with which a reset value must hold
 UPHELD = 1e4  # in units of rounding: largest violation of a valve's sign
@@ -77,6 +79,7 @@ class Events:
         self.measure(self.magnitude)
         self.places = np.array([c.position for c in hybrid.conditions], dtype=int)
         self.strict = np.array([c.strict for c in hybrid.conditions], dtype=bool)
+        self.all_strict = bool(self.strict.all())
         self.steers = np.array([c.steers for c in hybrid.conditions], dtype=bool)
         self.keys = [(e.owner, e.span.start) for e in hybrid.events]
         self.floor = np.zeros(len(self.places))  # rounding of roots that were zero at the last instant
@@ -109,6 +112,8 @@ class Events:
         """Set the magnitudes of states and unknowns."""
         self.magnitude = magnitude
         self.loops = self.constraints.loops(magnitude)
+        # of the last hybrid state: itself, then its roots, their rounding and its flow
+        self.last: tuple[object, tuple[Any, Any, tuple[Any, float] | None]] | None = None
 
     def with_values(self, constraints: Constraints, magnitude: Array) -> Events:
         """Return the same conditions for other inputs, parameters and magnitudes: for `guess`, not for a search, whose bounds stay those of the first."""
@@ -124,14 +129,14 @@ class Events:
 
     def truth(self, roots: Array) -> Any:
         """Return the truth of the conditions with these roots."""
-        return (roots < 0) | ((roots == 0) & ~self.strict)
+        below = roots < 0
+        return below if self.all_strict else below | ((roots == 0) & ~self.strict)
 
     def guess(self, at: Moment) -> Any:
         """Return a mode with the conditions as evaluated at a hybrid state; a root below rounding counts as zero."""
         mode = np.array(at.mode, dtype=float)
         for _ in range(len(self.places) + 1):
-            roots = self.roots(at.time, at.state, mode)
-            noise = self.noise(Moment(at.time, at.state, mode), roots)
+            roots, noise, _ = self._evaluated(Moment(at.time, at.state, mode))
             truth = self.truth(np.where(np.abs(roots) <= noise, 0.0, roots))
             if (truth == mode[self.places]).all():
                 break
@@ -145,7 +150,7 @@ class Events:
     def actives(self, at: Moment) -> tuple[str, ...]:
         """Return the switched junctions that are off."""
         active = self.hybrid.actives(at.time, at.state, self.inputs, self.constants, at.mode)
-        return tuple(name for (name, _), on in zip(self.hybrid.junctions, active, strict=True) if on != 1.0)
+        return tuple(name for (name, _), on in zip(self.hybrid.junctions, active.tolist(), strict=True) if on != 1.0)
 
     # ------------------------------------------------------------ an instant
     def due(self, time: float) -> list[int]:
@@ -168,11 +173,12 @@ class Events:
         floor = self.floor
         now = self.settled(Moment(at.time, at.state, mode))
         for _ in range(MOST_ROUNDS):
-            holds = self.triggers(now)
-            holds[self.valve_events] = False
-            rising = [*due, *(i for i, key in enumerate(self.keys) if holds[i] and not self.on.get(key, False))]
+            triggers = self.triggers(now)
+            triggers[self.valve_events] = False
+            holds = dict(zip(self.keys, triggers.tolist(), strict=True))
+            rising = [*due, *(i for i, key in enumerate(self.keys) if holds[key] and not self.on.get(key, False))]
             due = ()
-            self.on.update(zip(self.keys, map(bool, holds), strict=True))
+            self.on |= holds
             if not rising:
                 now, switching = self._with_valves(now)
                 acted += switching
@@ -200,7 +206,7 @@ class Events:
             self.touches.setdefault(int(number), at.time)
         again = self.log and at.time - self.log[-1].time <= SHORT * abs(at.time)
         if again or len(conditions):
-            most = BEYOND * self.noise(at, self.roots(at.time, at.state, at.mode))
+            most = BEYOND * self._evaluated(at)[1]
             least = np.minimum(floor, most) if again else np.zeros(len(most))
             least[conditions] = most[conditions]
             self.floor = np.maximum(self.floor, least)
@@ -244,12 +250,12 @@ class Events:
         program = self.program
         fixed = (self.inputs, self.constants, at.mode)
         stored = self.companion.stored
-        stored.update(zip(program.states.names, map(float, at.state), strict=False))
-        stored.update(
-            zip(program.dependents.names, map(float, program.dependent(at.time, at.state, *fixed)), strict=True)
-        )
-        valves = {v.junction for v in self.companion.valves}
-        off = tuple(name for name in self.actives(at) if name not in valves)
+        stored.update(zip(program.states.names, at.state.tolist(), strict=False))
+        if program.dependents.names:
+            stored.update(
+                zip(program.dependents.names, program.dependent(at.time, at.state, *fixed).tolist(), strict=True)
+            )
+        off = tuple(name for name in self.actives(at) if name not in self.companion.junctions)
         return Instant(at.time, stored, discrete_variables(self.hybrid, at.mode), off)
 
     def _contradicted(self, at: Moment) -> bool:
@@ -289,10 +295,10 @@ class Events:
 
     def rising(self, at: Moment) -> bool:
         """Return True if an event would act under this mode; otherwise store the truth of the conditions."""
-        holds = self.triggers(at)
-        if any(holds[i] and not self.on.get(key, False) for i, key in enumerate(self.keys)):
+        holds = dict(zip(self.keys, self.triggers(at).tolist(), strict=True))
+        if any(held and not self.on.get(key, False) for key, held in holds.items()):
             return True
-        self.on.update(zip(self.keys, map(bool, holds), strict=True))
+        self.on |= holds
         return False
 
     # ------------------------------------------------------------ just after
@@ -373,16 +379,14 @@ class Events:
         """Return the truth of the conditions just after a hybrid state; where rounding hides it, the flow decides."""
         if not len(self.places):
             return np.zeros(0, dtype=bool)
-        roots = self.roots(at.time, at.state, at.mode)
+        roots, noise, flow = self._evaluated(at)
         truth = self.truth(roots)
-        noise = self.noise(at, roots)
         doubtful = np.abs(roots) <= noise
         self.floor = np.zeros(len(roots))
         if not doubtful.any():
             return truth
         truth[doubtful] = at.mode[self.places][doubtful] == 1.0  # where nothing moves, the truth values stay
         moved, sought = np.zeros(len(roots)), doubtful.copy()
-        flow = self._flow(at)
         for reach in REACHES:
             ahead = None if flow is None else self._ahead(at, reach, *flow)
             if ahead is None:
@@ -401,29 +405,39 @@ class Events:
         return truth
 
     def noise(self, at: Moment, roots: Array) -> Any:
-        """Return the rounding error of each root: from the states, in units of their magnitudes, and from the instant, along the flow."""
-        share = 1e-7
-        n = len(at.state)
-        times = np.full(n + 1, at.time)
-        times[-1] += share * max(abs(at.time), 1e-300)
-        states = np.empty((n + 1, n))
-        states[:] = at.state
-        states.reshape(-1)[: n * n : n + 1] += share * np.maximum(self.magnitude, np.abs(at.state))
-        change = np.abs(self.roots(times, states, at.mode) - roots)
-        return NOISE / share * np.where(np.isfinite(change), change, 0.0).sum(axis=0) + self._late(at, roots)
+        """Return the rounding error of each root: from the states, in units of their magnitudes, and from the instant: its change along the flow
+        during the uncertainty of a located one, with unknowns of loops fixed."""
+        return self._rounding(at, roots, self._flow(at))
 
-    def _late(self, at: Moment, roots: Array) -> Any:
-        """Return the change of each root along the flow during the uncertainty of a located instant; unknowns of loops stay fixed."""
-        flow = self._flow(at)
-        if flow is None:
-            return 0.0
-        first, whole = flow
-        late = LATE * float(np.spacing(max(abs(at.time), 1e-300)))
-        span = max(1e-7 * whole, late)
-        state = np.array(at.state)
-        state[: self.count] += span * first
-        moved = np.abs(self.roots(at.time + span, state, at.mode) - roots) * (late / span)
-        return np.where(np.isfinite(moved), moved, 0.0)
+    def _evaluated(self, at: Moment) -> tuple[Any, Any, tuple[Any, float] | None]:
+        """Return the roots, their rounding errors and the flow of a hybrid state; those of the last one are kept."""
+        key = at.time, at.state.tobytes(), at.mode.tobytes()
+        if self.last is None or self.last[0] != key:
+            roots, flow = self.roots(at.time, at.state, at.mode), self._flow(at)
+            self.last = key, (roots, self._rounding(at, roots, flow), flow)
+        return self.last[1]
+
+    def _rounding(self, at: Moment, roots: Array, flow: tuple[Any, float] | None) -> Any:
+        """Return the same as `noise`; `flow`: that of the hybrid state."""
+        n = len(at.state)
+        times = np.empty(n + 2)
+        times[:] = at.time
+        times[n] += SHARE * max(abs(at.time), 1e-300)
+        states = np.empty((n + 2, n))
+        states[:] = at.state
+        states.reshape(-1)[: n * n : n + 1] += SHARE * np.maximum(self.magnitude, np.abs(at.state))
+        shares = [NOISE / SHARE, 0.0]
+        if flow is not None:
+            first, whole = flow
+            late = LATE * math.ulp(max(abs(at.time), 1e-300))
+            span = max(SHARE * whole, late)
+            times[-1] += span
+            states[-1, : self.count] += span * first
+            shares[1] = late / span
+        change = np.abs(self.roots(times, states, at.mode) - roots)
+        if not np.isfinite(change).all():
+            change = np.where(np.isfinite(change), change, 0.0)
+        return shares[0] * change[:-1].sum(axis=0) + shares[1] * change[-1]
 
     def _flow(self, at: Moment) -> tuple[Any, float] | None:
         """Return the rates of the states, and the time in which the flow moves a state by its magnitude, or the run's length; None without rates."""
@@ -431,7 +445,7 @@ class Events:
             return None
         first = self.program.derivative(at.time, at.state, self.inputs, self.constants, at.mode)[: self.count]
         speed = float((np.abs(first) / self.magnitude[: self.count]).max())
-        return (first, min(self.horizon, 1 / speed if speed > 0 else np.inf)) if np.isfinite(speed) else None
+        return (first, min(self.horizon, 1 / speed if speed > 0 else np.inf)) if math.isfinite(speed) else None
 
     def _ahead(self, at: Moment, reach: float, first: Array, whole: float) -> tuple[Moment, Moment] | None:
         """Return the hybrid state a little later, such that no state moves by more than a fraction `reach`: by Heun's method, and iterated once more."""
@@ -543,9 +557,15 @@ class Events:
         return " and ".join(dict.fromkeys(f"`{e}` ({e.span.file_and_line})" for e in events))
 
 
-def conditioned(constraints: Constraints, time: float, state: Array, mode: Array) -> Any:
-    """Return a mode with the conditions on states as evaluated."""
-    return Events(constraints, nonzero(np.abs(state)), 1.0).guess(Moment(time, state, mode))
+def conditions_of(constraints: Constraints) -> Callable[[float, Array, Array], Any]:
+    """Return a function of time, state and mode that returns the mode with the conditions on states as evaluated."""
+    events = Events(constraints, np.ones(len(constraints.magnitude)), 1.0)
+
+    def evaluated(time: float, state: Array, mode: Array) -> Any:
+        events.measure(nonzero(np.abs(state)))
+        return events.guess(Moment(time, state, mode))
+
+    return evaluated
 
 
 def _shrinks(intervals: Array) -> bool:

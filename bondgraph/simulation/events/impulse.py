@@ -20,6 +20,7 @@ from ...errors import RunFailed
 from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
 from ..initialization.initial_equations import slopes_of
+from ..loops.loops import LoopSolver
 
 ITERATIONS = 100
 HALVES = 20  # of a step that leaves the domain of a law
@@ -49,12 +50,12 @@ def after_impulse(
     old = np.array([stored.get(n, np.nan) for n in names])
     size = np.array([max(abs(stored.get(n, 0.0)), peaks.get(n, 0.0)) for n in names])
     size = nonzero(size)
-    held = _Held(constraints, time, full, mode)
+    held = _Held(constraints, constraints.loops(np.ones(len(full))), time, full, mode)
     x = full[:count]
-    known = np.isfinite(old)
+    here = held.stored(x)
     # quantities that no program computed before start at their computed values
-    old = np.where(known, old, held.stored(x))
-    if (np.abs(held.stored(x) - old) <= SEEN * size).all():
+    old = np.where(np.isfinite(old), old, here)
+    if (np.abs(here - old) <= SEEN * size).all():
         return held.full(x), ()
     x = _balanced(held, x, old, size, time)
     after = held.stored(x)
@@ -67,14 +68,14 @@ class _Held:
     """Stored quantities and their conjugates, as functions of the states."""
 
     constraints: Constraints
+    loops: LoopSolver
     time: float
     start: Any
     mode: Any
 
     def full(self, x: Array) -> Any:
         """Return the state with the unknowns of loops."""
-        loops = self.constraints.loops(np.ones(len(self.start)))
-        return loops.solve(self.time, np.concatenate([x, self.start[len(x) :]]), self.mode)
+        return self.loops.solve(self.time, np.concatenate([x, self.start[len(x) :]]), self.mode)
 
     def stored(self, x: Array) -> Any:
         """Return the states, then the contents of dependent storages."""

@@ -66,9 +66,10 @@ def first_flip(
         times = low + (high - low) * SHARES
         times[[0, -1]] = low, high
         seen = Interpolants.through(roots(times, False))
-        near = ~seen.far(events.floor) | _wrong(events, seen.values[1:], said).any(axis=0)
-        if low == start:
-            near &= ~_returns(events, seen.values, said)
+        wrong = _wrong(events, seen.values, said)
+        near = ~seen.far(events.floor) | wrong[1:].any(axis=0)
+        if low == start and wrong[0].any():
+            near &= ~_returns(events, seen.values, wrong[0])
         hidden, moves, bounded = np.zeros_like(near), np.zeros_like(near), None
         if events.bounds is not None:
             bounded = events.bounds.over((low, high), times, state_at(times, False), mode, events.floor, widths)
@@ -99,8 +100,8 @@ def first_flip(
             middle = 0.5 * (low + high)
             waiting += [(middle, high, widths), (low, middle, widths)]
             continue
-        times = _suspects(events, seen, on_grid, said, (low, high))
-        clear = near & ~_wrong(events, seen.values, said).any(axis=0)
+        times = _suspects(events, on_grid, wrong, _wrong(events, on_grid, said) & seen.converged, (low, high))
+        clear = near & ~wrong.any(axis=0)
         brackets = [
             (FINER[p], FINER[p + 2], j) for p, j in zip(*np.nonzero(dips[1:-1] & clear & seen.converged), strict=True)
         ]
@@ -135,14 +136,14 @@ def _first_parts(start: float, stop: float, spacing: float) -> list[tuple[float,
     return list(pairwise([*ends, stop]))[::-1]
 
 
-def _suspects(events: Events, seen: Interpolants, on_grid: Array, said: BoolArray, part: tuple[float, float]) -> Any:
-    """Return sorted instants of a part at which conditions may have changed.
+def _suspects(events: Events, on_grid: Array, shown: BoolArray, wrong: BoolArray, part: tuple[float, float]) -> Any:
+    """Return sorted instants of a part at which conditions may have changed. `shown`, `wrong`: masks of the conditions that differ from the mode at the
+    places, and as the polynomials say on the grid.
 
     These are places that show it, sign changes and extrema of the polynomials behind the crossing, and places with least distance from zero.
     """
     low, high = part
-    shares = [SHARES[_wrong(events, seen.values, said).any(axis=1)]]
-    wrong = _wrong(events, on_grid, said) & seen.converged
+    shares = [SHARES[shown.any(axis=1)]]
     wrong[0] = False  # at the start the mode holds: a change just behind it begins there
     begins = wrong & ~np.concatenate([np.zeros_like(wrong[:1]), wrong[:-1]])
     depth = np.where(wrong, np.abs(on_grid), 0.0)
@@ -235,9 +236,10 @@ def _wrong(events: Events, roots: Array, said: BoolArray) -> Any:
     return np.isfinite(roots) & (events.truth(roots) != said) & (np.abs(roots) >= events.floor)
 
 
-def _returns(events: Events, roots: Array, said: BoolArray) -> Any:
-    """Return a mask of the conditions that rounding left behind their zero crossing at the start, and that get no further in a part of a step."""
-    left = _wrong(events, roots[0], said) & (np.abs(roots[0]) <= 4 * events.floor)
+def _returns(events: Events, roots: Array, wrong: BoolArray) -> Any:
+    """Return a mask of the conditions that rounding left behind their zero crossing at the start, and that get no further in a part of a step.
+    `wrong`: those that differ from the mode at the start."""
+    left = wrong & (np.abs(roots[0]) <= 4 * events.floor)
     return left & (np.abs(roots) <= 1.1 * np.abs(roots[0])).all(axis=0)
 
 

@@ -68,9 +68,11 @@ class EventIntegrator(SegmentIntegrator):
 
     def finish(self, last: Segment, x: Array) -> tuple[Any, Any]:
         """Return the state and the mode after the events at the very end of a run: values hold from a jump on."""
+        if self.result.handover is not None:
+            return x, self.mode
         events, stop = self.events, last.stop
         mode = mode_after(self.program, self.constants, stop, replace(last, mode=self.mode))
-        if self.result.handover is not None or ((mode == self.mode).all() and not events.due(stop)):
+        if (mode == self.mode).all() and not events.due(stop):
             return x, self.mode
         now = self._happen(Moment(stop, x, mode), None)
         self.result.pieces.append(Segment(stop, stop, now.mode))
@@ -93,13 +95,13 @@ class EventIntegrator(SegmentIntegrator):
     def _switched(self, now: Moment) -> bool:
         """Return True if the junctions that are off differ from those of this program, so that another program must go on."""
         events, choice = self.events, self.choice
-        if not events.hybrid.junctions or events.actives(now) == self.off:
+        if not events.hybrid.junctions or (off := events.actives(now)) == self.off:
             return False
         self.switched = True
         if choice is None:
             return True
         stored, peaks = choice.stored(now.time, now.state, now.mode)
-        self.result.handover = self._carrying(PhaseTransition(now.time, stored, peaks, off=events.actives(now)))
+        self.result.handover = self._carrying(PhaseTransition(now.time, stored, peaks, off=off))
         return True
 
     def _carrying(self, handover: PhaseTransition) -> PhaseTransition:

@@ -6,6 +6,7 @@ fails from the last solution, `numerics/homotopy.py` reduces the residual gradua
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -34,7 +35,8 @@ GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # in u
 class LoopSolver:
     """Solver for the unknowns of a program for given states.
 
-    `magnitude`: of states and unknowns; `parameters`: needed to open loops (see `_opened`).
+    `inputs`: the same always, or for `solve_all` a row for each instant; `magnitude`: of states and unknowns; `parameters`: needed to open loops
+    (see `_opened`).
     """
 
     def __init__(
@@ -185,21 +187,33 @@ class LoopSolver:
         if self.affine:
             return self._multipliers(times, states, mode)
         found, known = self._together(times, states, mode)
-        for k in np.flatnonzero(~known):
+        for k in np.flatnonzero(~known).tolist():
             guess = states[k]
             if k and (states[k] == states[k - 1]).all():  # the instants differ in time alone: the one before is nearer
                 guess = found[k - 1]
-            found[k] = self.solve(times[k], guess, mode)
+            found[k] = self._with_inputs(k).solve(times[k], guess, mode)
         return found
+
+    def _with_inputs(self, row: int) -> LoopSolver:
+        """Return the solver for the inputs of one instant."""
+        if self.inputs.ndim == 1:
+            return self
+        single = copy(self)
+        single.inputs = self.inputs[row]
+        return single
 
     def _together(self, times: Array, states: Array, mode: Array) -> tuple[Any, Any]:
         """Solve all instants at once by undamped Newton iterations; return the states and a mask of the instants that converged as in `newton`."""
         times, results = np.asarray(times, dtype=float), np.array(states, dtype=float)
         solved, going = np.zeros(len(times), dtype=bool), np.arange(len(times))
-        before, fixed = np.full(len(times), np.inf), (self.inputs, self.constants, mode)
-        value = self.program.derivative(times, results, *fixed)[:, self.count :]
+        before = np.full(len(times), np.inf)
+
+        def fixed() -> tuple[Any, ...]:
+            return self.inputs if self.inputs.ndim == 1 else self.inputs[going], self.constants, mode
+
+        value = self.program.derivative(times, results, *fixed())[:, self.count :]
         for _ in range(TOGETHER):
-            matrix = self._matrices(times[going], results[going], fixed)
+            matrix = self._matrices(times[going], results[going], fixed())
             scale = np.abs(matrix).max(axis=2)
             usable = np.isfinite(scale).all(axis=1) & (scale > 0).all(axis=1) & np.isfinite(value).all(axis=1)
             going, matrix, scale, value = going[usable], matrix[usable], scale[usable], value[usable]
@@ -210,7 +224,7 @@ class LoopSolver:
             there = results[going]
             size = np.abs(step / np.maximum(np.abs(there[:, self.count :]), 1e-3 * self.magnitude)).max(axis=1)
             there[:, self.count :] += step
-            after = self.program.derivative(times[going], there, *fixed)[:, self.count :]
+            after = self.program.derivative(times[going], there, *fixed())[:, self.count :]
             norm, left = (np.linalg.norm(v / scale, axis=1) for v in (value, after))
             good = (left <= (1 - 1e-4) * norm) | ((size < 1e-9) & np.isfinite(after).all(axis=1))
             ended = good & ((size <= 4e-16) | ((size < 1e-9) & (size >= 0.25 * before[going])))
