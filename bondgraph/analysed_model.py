@@ -64,7 +64,8 @@ class AnalysedModel(CompiledModel):
 
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if there is no such state.
         """
-        from .analysis.operating_point import AnalysisRequest, operating_point
+        from .analysis.operating_point import AnalysisRequest
+        from .analysis.placement import operating_point
 
         return operating_point(self, asked or AnalysisRequest())
 

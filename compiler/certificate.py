@@ -13,11 +13,16 @@ LISTED = 12  # names on one line of text
 
 @dataclass(frozen=True, slots=True)
 class LoopSummary:
-    """An algebraic loop: the number of its unknowns, and its elements and junctions."""
+    """An algebraic loop: the number of its unknowns, and its elements and junctions.
+
+    `unique` is True if it surely has no second solution: its laws rise strictly, and what joins them conserves power. This holds for all values of the
+    parameters with their signs in the text, at all states and instants. False: that is not known, as of laws with parameters that a run sets.
+    """
 
     linear: bool  # solved in each evaluation; else by Newton's method with the step of the run
     size: int
     members: tuple[str, ...]
+    unique: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,17 +94,25 @@ class Certificate:
         yield "at instants", self.events
         for loop in self.loops:
             word = "linear" if loop.linear else "nonlinear"
-            yield f"{word} loop of {_count(loop.size, 'unknown')} through", loop.members
+            solution = (
+                "one solution at most, as its laws are monotone"
+                if loop.unique
+                else "not known whether it has one solution only"
+            )
+            yield (
+                f"{word} loop of {_count(loop.size, 'unknown')}{f' ({solution})' if loop.unique or not loop.linear else ''} through",
+                loop.members,
+            )
         yield "left out, as it gives nothing", self.left_out
         yield "left out, as no output needs it", self.unneeded
         yield "left out, as nothing excites it", self.unexcited
 
     def to_json(self) -> dict[str, Any]:
-        """Data for `json.dumps`: `bondgraph-certificate/1`, the fields under their own names."""
+        """Data for `json.dumps`: `bondgraph-certificate/1`, the fields under their own names; `unique` of a loop is null where it is not known."""
         return {
             "schema": SCHEMA, "model": self.model, "form": self.form, "index": self.index, "states": list(self.states),
             "degrees_of_freedom": self.degrees_of_freedom, "dependent": list(self.dependent),
-            "loops": [{"linear": x.linear, "size": x.size, "members": list(x.members)} for x in self.loops],
+            "loops": [{"linear": x.linear, "size": x.size, "members": list(x.members), "unique": x.unique or None} for x in self.loops],
             "linear": self.linear, "time_varying": self.time_varying, "driven": self.driven,
             "left_out": list(self.left_out), "unneeded": list(self.unneeded), "notes": list(self.notes),
             "constraints": self.constraints, "redundant": list(self.redundant), "events": list(self.events),

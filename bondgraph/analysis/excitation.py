@@ -9,7 +9,8 @@ from ..errors import UsageError
 from ..simulation.repetition import simulate
 from ..simulation.run import RunOptions
 from .linear import linearization
-from .operating_point import AnalysisRequest, operating_point
+from .operating_point import AnalysisRequest
+from .placement import operating_point
 from .response import Measured, first_harmonic, settling_time
 
 if TYPE_CHECKING:

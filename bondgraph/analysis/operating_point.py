@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, IntArray, Leaf, NoSlope, Tape
+from compiler.api import Array, IntArray, Leaf, Tape
 
 from ..errors import RunFailed, UsageError
 from ..numerics.scales import nonzero
@@ -33,11 +33,11 @@ from .singular_slopes import (
     magnitudes,
     slopes_from_beside,
 )  # fmt: skip
+from .thresholds import Thresholds, thresholds
 
 if TYPE_CHECKING:
     from compiler.api import Compilation, Expression, Lowered, Program
 
-    from ..compiled_model import CompiledModel
     from ..results.records import LimitLeft
     from ..simulation.constraints.constraints import Constraints
     from ..simulation.events.events import Events
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
 JUMP = 1e-9  # relative to the terms of a rate: a smaller change at a condition is rounding
 Lookup = Callable[[Leaf], float]
 LIMITS = 1e-9  # relative to a table's range: rounding beyond its ends
-SAME_REST = 1e-6  # relative to the largest state of its unit: difference of one rest found twice
 AHEAD = 1.0  # s: length of the timeline that is searched for a single instant
 
 
@@ -288,9 +287,9 @@ class OperatingPoint:
             return state, self.mode
         from ..simulation.events.events import Moment
 
-        return state, self._conditions(size).guess(Moment(self.time, state, self.mode))
+        return state, self.conditions(size).guess(Moment(self.time, state, self.mode))
 
-    def _conditions(self, size: Array) -> Events:
+    def conditions(self, size: Array) -> Events:
         """Conditions of the model at the values of this point, made once for all points of the program."""
         from ..simulation.events.events import Events
 
@@ -351,7 +350,7 @@ class OperatingPoint:
             return np.concatenate([np.ravel(program.derivative(*at))[: self.count], np.ravel(program.output(*at))])
 
         places = jumps(beside, np.concatenate([self.rates, self.outputs]))
-        return tuple((*program.states.names, *program.outputs.names)[i] for i in places)
+        return (*((*program.states.names, *program.outputs.names)[i] for i in places), *self.thresholds.outputs)
 
     def slopes_of(self, variables: tuple[int, ...]) -> Slopes:
         """Return the same as expressions, with their places."""
@@ -394,6 +393,27 @@ class OperatingPoint:
             )  # fmt: skip
         return reduction(self)
 
+    @cached_property
+    def thresholds(self) -> Thresholds:
+        """Events that are exactly at their thresholds here."""
+        if self.program.hybrid is None:
+            return Thresholds()
+        from ..simulation.events.events import Moment
+
+        size = np.minimum(magnitudes(self.constraints, self.state), known_magnitudes(self.program, self.state))
+        return thresholds(self.conditions(size), Moment(self.time, self.state, self.mode), size)
+
+    def refuse_thresholds(self) -> None:
+        """Raise `RunFailed` if an event is exactly at its threshold, or keep it at a one-sided point."""
+        names = self.thresholds.names
+        if self.kinks is not None:
+            self.kinks += names
+        elif names:
+            raise RunFailed(
+                "BR266", f"{' and '.join(names[:3])} at this state (t = {self.time:.9g} s) is exactly at its threshold, and on one side of it changes what the "
+                "model does: there is no linear model;", "start the model beside it and analyse that (`--at start`), or give the condition a hysteresis",
+            )  # fmt: skip
+
     def of_states(self, variables: Sequence[int]) -> tuple[Any, Any]:
         """Return the derivatives of variables by the free coordinates and by `by`, with tied coordinates following."""
         slopes, reduced = self.slopes(variables), self.reduced
@@ -402,6 +422,7 @@ class OperatingPoint:
 
 def reduction(point: OperatingPoint) -> Reduced:
     """Return the reduction with unknowns and tied coordinates eliminated. Raises `RunFailed`."""
+    point.refuse_thresholds()
     n, size, k = point.count, point.all, len(point.by)
     follow = np.zeros((0, n + k))
     if size > n:
@@ -420,120 +441,3 @@ def reduction(point: OperatingPoint) -> Reduced:
     slopes = point.slopes(values)
     chosen, directions, following = tied_coordinates(slopes[:, :n], slopes[:, size:])
     return Reduced(chosen, directions, following, follow)
-
-
-# ---------------------------------------------------------------- finding one
-
-
-def operating_point(
-    model: CompiledModel, asked: AnalysisRequest, target: str = "numpy", moved: Mapping[str, float] | None = None
-) -> OperatingPoint:
-    """Return the model at the requested point; numbers that are set are arguments of one program, so that others need no compilation.
-
-    `moved`: values of `by` in a program that was made with the author's: decisions that depend on these (coinciding parts of a mechanism, a choice
-    between laws) stay unchanged. Raises `CompilationFailed`, `UsageError`, `RunFailed`.
-    """
-    point = _point(model, asked, target, moved)
-    if not asked.upstream or asked.state != "equilibrium" or point.made.certificate.linear:
-        return point
-    try:
-        whole = _point(model, replace(asked, upstream=False, outputs=None), target, moved)
-    except (RunFailed, UsageError):  # what lies downstream has no rest
-        return point
-    rest = dict(zip(whole.program.states.names, whole.state.tolist(), strict=False))
-    program = point.program
-    if _is_at(point, rest):
-        return point
-    if program.hybrid is not None:
-        raise UsageError(
-            "BR265", "the part on which these outputs depend has several rests, and finds another one than the whole model:", "name no outputs",
-        )  # fmt: skip
-    return _point(model, replace(asked, state={name: rest[name] for name in program.states.names}), target, moved)
-
-
-def _is_at(point: OperatingPoint, rest: Mapping[str, float]) -> bool:
-    """Return True if the states of a point are those of a rest, relative to the largest of their unit."""
-    names, units = point.program.states.names, point.program.states.units
-    largest: dict[str, float] = {}
-    for name, unit in zip(names, units, strict=True):
-        largest[unit] = max(largest.get(unit, 0.0), abs(rest[name]))
-    far = np.abs(point.state[: len(names)] - [rest[name] for name in names])
-    return bool((far <= SAME_REST * np.array([largest[unit] for unit in units])).all())
-
-
-def _point(model: CompiledModel, asked: AnalysisRequest, target: str, moved: Mapping[str, float] | None) -> OperatingPoint:  # fmt: skip
-    """Return the same, for a part at the rest that a search in the part finds."""
-    from ..simulation.settings import settle
-
-    settings = asked.settings or {}
-    settled = settle(model, asked.experiment, settings, asked.outputs, True, target)
-    if settled.values or moved:
-        scene = replace(settled.scene, free=frozenset(asked.by), by=asked.by, upstream=asked.upstream)
-        try:
-            return placed(model.prepared(scene, True, target), asked, {**settled.values, **(moved or {})})
-        except RunFailed:
-            if moved or all(settled.values.values()):
-                raise  # otherwise a zero may change the equations of the model: it is compiled in
-    scene = model.scene(asked.experiment, settings, asked.by, asked.outputs)
-    scene = replace(scene, by=asked.by, upstream=asked.upstream)
-    return placed(model.prepared(scene, True, target), asked)
-
-
-def _delayed(made: Prepared) -> UsageError:
-    """Return the refusal of a model with delays: the first of them, its line, and a law of states instead."""
-    space = made.compilation.state_space
-    first = space.delays[0]
-    name, place = space.variables[first.value].name, f"{first.span.source.name}:{first.span.line}"
-    what = "a signal" if name.startswith("_") or not name else f"`{name}`"
-    return UsageError(
-        "BR262", f"{place}: the `delay` of {what} is an earlier value and no state: no linear analysis is made.",
-        "Simulate, or write for `delay(x, T)` Padé's first order, `2*z - x` with `signal z = integral(2*(x - z)/T, x0)`, which "
-        "follows frequencies well below 1/T",
-    )  # fmt: skip
-
-
-def placed(made: Prepared, asked: AnalysisRequest, values: Mapping[str, float] | None = None) -> OperatingPoint:
-    """Return the same for a compiled model; `values` are set at the beginning."""
-    from ..simulation.phase import Phase, PhaseOptions
-
-    try:
-        program, plan = made.program, made.plan
-    except NoSlope as problem:
-        raise UsageError(
-            "BR218", "one of the quantities is a point of a table or a seed of noise: nothing is differentiated by these",
-        ) from problem  # fmt: skip
-    begins = plan.start if asked.time is None else asked.time
-    plan = replace(plan, equilibrium=asked.state == "equilibrium", start=begins, tolerances={})
-    if program.delays is not None:
-        raise _delayed(made)
-    with np.errstate(all="ignore"):
-        options = PhaseOptions(plan, 1e-6, None, False, values or {})
-        leg = Phase(made, np.array([begins, begins + AHEAD]), options)
-        if leg.begins_without != leg.off:
-            raise UsageError(
-                "BR219", "junctions go on or off at the very start (`active`): no linear analysis is made there"
-            )
-        state, mode = leg.state, leg.stretches[0].mode
-        if isinstance(asked.state, Mapping):
-            left_out = made.certificate.unneeded if made.scene.upstream else ()
-            state = _given(leg, {n: v for n, v in asked.state.items() if n not in left_out}, begins, mode)
-        elif asked.state not in ("equilibrium", "start"):
-            raise UsageError("BR220", f"a state is `equilibrium`, `start` or values by name; not `{asked.state}`")
-    return OperatingPoint(made, leg.constraints, state, mode, begins, asked.by, values).check_limits()
-
-
-def _given(leg: Any, given: Mapping[str, float], time: float, mode: Array) -> Any:
-    """Return the state with given values, on the constraints, with the unknowns that belong to it."""
-    from .following import led
-
-    names = leg.program.states.names
-    if any(n in leg.compilation.facts.following for n in given):
-        given = led(leg.compilation.compilation, leg.parameters, given)
-    unknown = sorted(set(given) - set(names))
-    if unknown:
-        raise UsageError("BR221", f"`{unknown[0]}` is no state; states are {', '.join(names) or 'none'}")
-    state = np.array(leg.state, dtype=float)
-    for i, name in enumerate(names):
-        state[i] = given.get(name, state[i])
-    loops = leg.constraints.loops(nonzero(np.abs(state)))
-    return loops.solve(time, leg.constraints.project(time, state, mode), mode)

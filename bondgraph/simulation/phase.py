@@ -59,6 +59,18 @@ class PhaseOptions:
     parts: int = 1  # of each segment
 
 
+# Junctions that are off, and discrete variables by name, with which a run begins.
+SwitchedStart = tuple[tuple[str, ...], tuple[tuple[str, float], ...]]
+
+
+def no_rest() -> RunFailed:
+    """Return the failure where ideal diodes or switches turn on or off at an equilibrium that was computed in another mode."""
+    return RunFailed(
+        "BR732", "no equilibrium was found: ideal diodes or switches do not stay as they are where the model would rest;",
+        "start it nearer to its rest, or give them resistances",
+    )  # fmt: skip
+
+
 class Phase:
     """State of one phase of a run: one program with one choice of states."""
 
@@ -74,7 +86,7 @@ class Phase:
         self.set = options.values  # parameters set when a run begins
         hybrid = compilation.program.hybrid
         self.off = compilation.compilation.off if hybrid is not None and hybrid.junctions else ()
-        self.begins_without = self.off  # before any event acts
+        self.begins_without = self.goes_on_without = self.off  # before any event acts, and after those at the start
         self.history = None if compilation.program.delays is None else self._history(compilation.program)
         self.program = program = compilation.program if self.history is None else self.history.program
         self.instants, self.rtol, self.atol, self.energy = instants, options.rtol, options.atol, options.energy
@@ -166,8 +178,9 @@ class Phase:
             self.begins_without = off_in(constraints, full, first)
             if self.events is None:
                 self.events, moment = begun(constraints, full, first, horizon, self.companion)
-                if self.plan.equilibrium:
-                    self._check_rest(moment.state, full, moment.mode, first.mode)
+                self.goes_on_without = self.events.actives(moment)
+                if self.plan.equilibrium and self.goes_on_without == self.begins_without:
+                    self._check_rest(self.events, moment.state, full, moment.mode, first.mode)
                 full, first = moment.state, replace(first, mode=moment.mode)
             stretches[0] = first
         return full, notes
@@ -222,13 +235,20 @@ class Phase:
         return full, first
 
     @staticmethod
-    def _check_rest(state: Array, rest: Array, mode: Array, assumed: Array) -> None:
+    def _check_rest(events: Events, state: Array, rest: Array, mode: Array, assumed: Array) -> None:
         """Raise `RunFailed` where ideal diodes or switches turn on or off at an equilibrium that was computed in another mode."""
-        if not np.array_equal(mode, assumed) or not np.allclose(state, rest, rtol=1e-9, atol=0.0):
-            raise RunFailed(
-                "BR732", "no equilibrium was found: ideal diodes or switches do not stay as they are where the model would rest;",
-                "start it nearer to its rest, or give them resistances",
-            )  # fmt: skip
+        changed = np.asarray(mode) != assumed
+        changed[events.places[~events.steers]] = False  # those that only events read
+        if changed.any() or not np.allclose(state, rest, rtol=1e-9, atol=0.0):
+            raise no_rest()
+
+    def begins_again(self, settled: bool) -> SwitchedStart | None:
+        """Return the start with other junctions off that this phase calls for, else None. `settled`: after the events at the start."""
+        if self.begins_without != self.off:
+            return self.begins_without, tuple(sorted(self.modes_at_start.items()))
+        if not settled or self.goes_on_without == self.off:
+            return None
+        return self.goes_on_without, tuple(sorted(self._modes(self.stretches[0].mode).items()))
 
     def _settle_history(self, history: History, start: float) -> None:
         """Iterate the initial state and the delayed signals until they agree: before the start each delayed signal has its value at the start.

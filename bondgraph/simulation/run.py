@@ -22,7 +22,7 @@ from ..results.records import EnergyBalance, LimitLeft
 from ..results.result import Result
 from .integrators.methods import chosen_solver
 from .monitors.state_selection import WORST
-from .phase import Phase, PhaseOptions
+from .phase import Phase, PhaseOptions, SwitchedStart, no_rest
 from .segments.transition import PhaseTransition
 from .settings import Settings, refused_with_values, settle
 
@@ -243,7 +243,7 @@ class PhaseSequence:
 
     def go(self) -> None:
         """Integrate all phases, to the end. Raises `RunFailed`."""
-        wishes, tried = dict(self.scene.preferences), set[tuple[str, ...]]()
+        wishes, tried = dict(self.scene.preferences), set[SwitchedStart]()
         begin, left, legs = self.begin, self.instants, self.legs
         companion, modes = self._companion(), dict[str, float]()
         smooth: dict[Program, Timeline] = {}  # the segments of programs used before
@@ -261,12 +261,18 @@ class PhaseSequence:
                 if legs or modes or begin is not None or companion is None or not companion.valves:
                     raise
                 # with the valves blocked as written, the start values may be impossible
-                modes = self._conducting(companion)
+                from .events.begin import conducting_at_start
+
+                modes, off = conducting_at_start(self.made(self.scene, self.energy), companion, self.plan.start)
+                self.scene = replace(self.scene, off=off)
                 continue
-            if not legs and leg.begins_without != leg.off and leg.begins_without not in tried:
-                tried.add(leg.begins_without)  # the first guess was wrong: start again
-                self.scene = replace(self.scene, off=leg.begins_without)
+            again = None if legs else leg.begins_again(self.plan.equilibrium)
+            if again is not None and again not in tried:  # the first guess was wrong: start again
+                tried.add(again)
+                self.scene, modes = replace(self.scene, off=again[0]), dict(again[1])
                 continue
+            if again is not None and self.plan.equilibrium:
+                raise no_rest()
             leg.held = legs[-1].held if legs else None
             alike = (other.trajectory.settled for other in reversed(legs[-RECENT:]) if other.program is leg.program)
             leg.trajectory.settled = next(alike, None)
@@ -297,30 +303,12 @@ class PhaseSequence:
 
     def _companion(self) -> Companion | None:
         """Return the companion model of the switched junctions, if valves or integrals need it."""
-        first = self.made(self.scene, self.energy)
-        if not first.facts.valves and not first.facts.integrals:
+        facts = self.made(self.scene, self.energy).facts
+        if not facts.valves and not facts.integrals:
             return None
-        from .events.complementarity import Companion
-        from .events.events import conditions_of
+        from .events.begin import companion_of
 
-        def made(off: tuple[str, ...]) -> Prepared:
-            return self.made(replace(self.scene, preferences=(), off=off, companion=True, conserving=False), False)
-
-        companion = Companion(first.facts, made, self.values, self.stop - self.plan.start, conditions_of)
-        companion.switched(self.plan.start)
-        return companion
-
-    def _conducting(self, companion: Companion) -> dict[str, float]:
-        """Return the modes of the valves at the beginning of the run that the start values require, and update the scene to match."""
-        first = self.made(self.scene, self.energy)
-        hybrid = first.program.hybrid
-        assert hybrid is not None
-        own = {v.junction for v in companion.valves}
-        off = {j for j in first.compilation.off if j not in own}
-        modes = companion.begin(self.plan.start, tuple(off))
-        off |= {v.junction for v in companion.valves if modes[v.mode] == v.conducting}
-        self.scene = replace(self.scene, off=tuple(name for name, _ in hybrid.junctions if name in off))
-        return modes
+        return companion_of(self.made, self.scene, facts, self.values, (self.plan.start, self.stop))
 
     def cut(self, why: str) -> Result | None:
         """Return the certain part of a run that broke off; None if it had not begun."""

@@ -12,7 +12,8 @@ import numpy as np
 
 from compiler.api import Array, CompilationFailed
 
-from ..analysis.operating_point import AnalysisRequest, operating_point
+from ..analysis.operating_point import AnalysisRequest
+from ..analysis.placement import operating_point
 from ..analysis.run_sensitivity import run_sensitivity
 from ..analysis.sensitivity import sensitivity
 from ..errors import RunFailed, UsageError

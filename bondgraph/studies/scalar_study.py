@@ -11,8 +11,9 @@ import numpy as np
 from compiler.api import ANALYSIS_STEPS
 
 from ..analysis.modes import moving_frequencies
-from ..analysis.operating_point import AnalysisRequest, operating_point
+from ..analysis.operating_point import AnalysisRequest
 from ..analysis.outcome import MODES
+from ..analysis.placement import operating_point
 from ..errors import RunFailed, UsageError
 from ..simulation.repetition import simulate
 from ..simulation.run import RunOptions

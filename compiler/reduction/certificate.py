@@ -15,7 +15,8 @@ from ..algebra.expression import Apply, Expression, Symbol, symbols
 from ..certificate import Certificate, LoopSummary
 from ..equations.system import Assignment, EquationSystem
 from .mobility import redundant_constraints
-from .state_space import LinearLoop, StateSpace
+from .state_space import LinearLoop, StateSpace, Unknown
+from .uniqueness import is_unique, parameter_signs
 
 SPEEDS = ("m/s", "1/s")
 
@@ -24,7 +25,7 @@ def certify(
     space: StateSpace, system: EquationSystem, left_out: tuple[tuple[str, ...], tuple[str, ...]], notes: tuple[str, ...]
 ) -> Certificate:
     """Certificate of the state space of a system. `left_out`: nodes that pruning removed from the graph, states that nothing excites; `notes`: on laws."""
-    loops = tuple(_loops(space))
+    loops = tuple(_loops(space, system))
     needed = {s.variable for s in space.states}
     dependence = _Dependence(space)
     if not space.states:
@@ -74,16 +75,22 @@ def _degrees_of_freedom(space: StateSpace, system: EquationSystem) -> int:
     return count
 
 
-def _loops(space: StateSpace) -> Iterator[LoopSummary]:
+def _loops(space: StateSpace, system: EquationSystem) -> Iterator[LoopSummary]:
+    if not space.loops:
+        return
+    signs = parameter_signs(system)
+
+    def unique(variable: int) -> bool:
+        return is_unique(space.loops.get(variable, ()), system, signs)
+
     for step in space.steps:
         if isinstance(step, LinearLoop):
-            yield LoopSummary(True, len(step.targets), step.members)
-    sizes: dict[int, int] = {}
+            yield LoopSummary(True, len(step.targets), step.members, unique(step.targets[0]))
+    loops: dict[int, list[Unknown]] = {}
     for unknown in (u for u in space.unknowns if not u.multiplier):
-        sizes[unknown.loop] = sizes.get(unknown.loop, 0) + 1
-    members = {u.loop: u.members for u in space.unknowns}
-    for loop, size in sizes.items():
-        yield LoopSummary(False, size, members[loop])
+        loops.setdefault(unknown.loop, []).append(unknown)
+    for unknowns in loops.values():
+        yield LoopSummary(False, len(unknowns), unknowns[0].members, unique(unknowns[0].variable))
 
 
 class _Dependence:

@@ -40,6 +40,7 @@ class _Reduction:
         self.pieced = {*differentiator.order, *(d.target for d in system.derivatives), *system.pieced}
         self.unknowns: list[Unknown] = []
         self.laws: list[OpenedLaw] = []
+        self.loops: dict[int, tuple[Assignment, ...]] = {}
         bound = (i.multiplier for i in system.invariants if i.multiplier is not None)
         self.multipliers = frozenset((*bound, *(b.variable for b in system.balances)))
         self.diagnostics: list[Diagnostic] = []
@@ -106,7 +107,7 @@ class _Reduction:
             system.stored if self.everything else {}, dependents,
             claims, tuple(forced), self._index(used, steps), system.limits, invariants,
             tuple(b for b in system.balances if b.variable in used), frozenset(self.pieced), discretes, events, system.switches, delays,
-            following, tuple(self.laws),
+            following, tuple(self.laws), self.loops,
         )  # fmt: skip
 
     def _events(
@@ -194,6 +195,7 @@ class _Reduction:
         bound = [v for v in block if v in self.multipliers]
         free = [v for v in block if v not in self.multipliers]
         members = tuple(dict.fromkeys(self.assigned[v].owner for v in block))
+        whole = tuple(self.assigned[v] for v in block)
         partial = self._made_total(free)
         if partial:
             inputs = [*inputs]
@@ -202,6 +204,7 @@ class _Reduction:
         cut, order = tear(free, inputs)
         if bound:  # unknowns of a step: the system stays sparse for any number of loops
             return self._nonlinear([*bound, *cut], order, members)
+        self.loops |= dict.fromkeys(cut, whole)
         linear = None if partial else self._linear(block, cut, order, members)
         if linear is not None:
             return linear

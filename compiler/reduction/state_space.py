@@ -123,6 +123,9 @@ class StateSpace:
     delays: tuple[Delayed, ...] = ()
     following: tuple[StateFollower, ...] = ()
     laws: tuple[OpenedLaw, ...] = ()  # of loops that are opened
+    loops: Mapping[int, tuple[Assignment, ...]] = field(
+        default_factory=dict
+    )  # all assignments of a loop, by its cut variables
 
     @property
     def inputs(self) -> list[tuple[int, ...]]:

@@ -166,7 +166,7 @@ def test_members_of_loops() -> None:
     (linear,) = certificate(text_of(LOOP)).loops
     assert set(linear.members) == {"first", "1(first)", "middle", "shunt", "second", "1(second)"}
     (nonlinear,) = certificate(text_of(DIODE)).loops
-    assert nonlinear == LoopSummary(False, 1, nonlinear.members) and set(nonlinear.members) == {
+    assert nonlinear == LoopSummary(False, 1, nonlinear.members, True) and set(nonlinear.members) == {
         "loop",
         "series",
         "diode",

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from scipy.special import ellipj, ellipk, erf
 
 from tests.stress.events import bouncing, rectifier, stick_slip
@@ -151,6 +153,132 @@ def _constant_force(t: Any) -> Any:
     return np.where(s < 2 * quarter, x, -x)
 
 
+# ---------------------------------------------------------------- parts of the library
+HALF_WAVE = """import IdealDiode from electric
+model HalfWave {
+  "A diode passes the positive half of a sine into a resistor."
+  Se mains : u = 10 V*sin(time/1 s)
+  R load : u = 2 ohm*i
+  IdealDiode diode
+  1 loop : electric
+  mains -> loop -> load
+  loop -> diode.pins
+  output q = integral(diode.current, 0 C)
+}
+"""
+PEAK = """import IdealDiode from electric
+model Peak {
+  "A diode without any resistance in series: the capacitor holds the largest voltage so far."
+  Se mains : u = 1 [V/s]*time*sin(time/1 s)
+  C store : u = q/1 [mF]
+  IdealDiode diode
+  1 loop : electric
+  mains -> loop -> store
+  loop -> diode.pins
+  output u = store.u
+}
+"""
+BACKLASH = """import Backlash from mechanics
+model Play {
+  "A mass between two flanks: flights and half periods."
+  parameter k = 1e4 [N/m], r = 0 [N*s/m]
+  I mass : p = 1 kg*v { start v = 0.1 [m/s] }
+  Backlash lash { play = 2 mm, k = k, r = r }
+  Sf wall : v = 0 [m/s]
+  0 far : translation
+  1 body : translation
+  body -> mass
+  body -> lash.a
+  lash.b -> far
+  wall -> far
+  output x = lash.way
+}
+"""
+CHECK_VALVE = """import CheckValve from hydraulic
+model Charging {
+  "A pump that goes to and fro charges a volume through a check valve."
+  Se pump : P = 20 bar*sin(time/1 s)
+  CheckValve valve { area = 10 [mm^2], P_open = 0.5 bar }
+  C room : P = V*1e8 [Pa/m^3]
+  R leak : Q = 1e-11 [m^3/s/Pa]*P
+  0 first : hydraulic
+  0 node : hydraulic
+  pump -> first -> valve.a
+  valve.b -> node -> room, leak
+  output P = room.P
+}
+"""
+
+
+def half_wave(t: Any) -> Mapping[str, Any]:
+    """The integral of 5 max(sin t, 0), abs(sin) being abs(cos) a quarter later."""
+    return {"q": 2.5 * (folded(t - np.pi / 2) + 1 + 1 - np.cos(t))}
+
+
+def peaks(t: Any) -> Mapping[str, Any]:
+    """The largest t sin t so far: its crests lie where tan t = -t."""
+    crests = [brentq(lambda s: np.sin(s) + s * np.cos(s), k * np.pi - np.pi / 2, k * np.pi) for k in range(1, 20, 2)]
+    values = np.array([0.0, *(c * np.sin(c) for c in crests)])
+    before = np.maximum.accumulate(values)[np.searchsorted(crests, t)]
+    return {"u": np.maximum(before, t * np.sin(t))}
+
+
+def between_flanks(t: Any, stiffness: float, damping: float) -> Mapping[str, Any]:
+    """Flights of 2 mm, and contacts of half a damped period, each with less speed."""
+    decay = damping / 2
+    rate = np.sqrt(stiffness - decay**2)
+    x, begin, speed, side, way = np.zeros(len(t)), 0.0, 0.1, 1.0, 1e-3
+    while begin <= t[-1]:
+        touch, leave = begin + way / speed, begin + way / speed + np.pi / rate
+        flight, contact = (t >= begin) & (t < touch), (t >= touch) & (t < leave)
+        x[flight] = side * (1e-3 - way + speed * (t[flight] - begin))
+        s = t[contact] - touch
+        x[contact] = side * (1e-3 + speed / rate * np.exp(-decay * s) * np.sin(rate * s))
+        begin, speed, side, way = leave, speed * np.exp(-decay * np.pi / rate), -side, 2e-3
+    return {"x": x}
+
+
+def charged(t: Any) -> Mapping[str, Any]:
+    """The same by an integration from event to event, at a tolerance of 1e-12."""
+    factor = 0.62 * np.sqrt(2 / 850) * 10e-6
+
+    def drop(s: float, y: Any) -> float:
+        return float(2e6 * np.sin(s) - y[0])
+
+    def rate(s: float, y: Any, passes: bool) -> list[float]:
+        over = drop(s, y)
+        flow = factor * np.sign(over) * over**2 / np.sqrt((np.hypot(over, 100) + 100) * over**2 + 1e-300)
+        return [1e8 * (flow * passes - 1e-11 * y[0])]
+
+    pressures, now, state, passes = np.zeros(len(t)), 0.0, [0.0], False
+    while now < t[-1]:
+        level = 0.0 if passes else 5e4
+
+        def event(s: float, y: Any, passes: bool, level: float = level) -> float:
+            return drop(s, y) - level
+
+        event.terminal, event.direction = True, -1.0 if passes else 1.0  # type: ignore[attr-defined]
+        part = solve_ivp(
+            rate, (now, t[-1]), state, "DOP853", events=event, args=(passes,), rtol=1e-12, atol=1e-6, dense_output=True,
+            max_step=0.1,
+        )  # fmt: skip
+        inside = (t >= now) & (t <= part.t[-1])
+        pressures[inside] = part.sol(t[inside])[0]
+        now, state, passes = part.t[-1], part.y[:, -1], not passes
+    return {"P": pressures}
+
+
+def parts() -> Iterator[Case]:
+    """Ideal diode, check valve and backlash of the library, whose kinks are events."""
+    yield Case("ideal diode, half a sine", "", 0, HALF_WAVE, {}, 20.0, half_wave)
+    yield Case("ideal diode, largest so far", "", 0, PEAK, {}, 20.0, peaks)
+    for stiffness, damping in ((1e4, 0.0), (1e4, 5.0), (1e7, 100.0)):
+        settings = {"k": stiffness, "r": damping}
+        formula = lambda t, k=stiffness, r=damping: between_flanks(t, k, r)  # noqa: E731
+        yield Case(f"backlash with damping {damping:g},", "stiffness", stiffness, BACKLASH, settings, 0.5, formula)
+    yield Case("check valve, to and fro", "", 0, CHECK_VALVE, {}, 15.0, charged)
+
+
 # ---------------------------------------------------------------- mechanisms
 FOUR_BAR = """model Parallelogram {
   "Equal cranks and a coupler: two change points in each turn; the motion through them goes on as a parallelogram."
@@ -270,7 +398,7 @@ def section(short: bool) -> Section:
     """All of them in every way."""
     found = Section("4. Kinks, jumps, singular poses, thousands of events")
     found.say("Errors as in section 1.")
-    cases = [*in_time(), *in_states(), *mechanisms(), *loops()]
+    cases = [*in_time(), *in_states(), *parts(), *mechanisms(), *loops()]
     if short:
         cases = [c for c in cases if not re.search(r"1 : (9|10000), |change points|redundant| 1$|0.001", c.name)]
     else:

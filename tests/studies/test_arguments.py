@@ -9,7 +9,8 @@ import pytest
 
 import bondgraph
 from bondgraph.analysis.modes import moving_frequencies
-from bondgraph.analysis.operating_point import AnalysisRequest, operating_point
+from bondgraph.analysis.operating_point import AnalysisRequest
+from bondgraph.analysis.placement import operating_point
 from bondgraph.analysis.sensitivity import balanced_step
 from tests.compiling import MODELS
 

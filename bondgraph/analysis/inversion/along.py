@@ -15,7 +15,8 @@ from ...errors import RunFailed, UsageError
 from ...numerics.scales import group_numbers, largest_of_group
 from ...quantities import behind
 from ..equilibrium import units_of
-from ..operating_point import AnalysisRequest, OperatingPoint, operating_point
+from ..operating_point import AnalysisRequest, OperatingPoint
+from ..placement import operating_point
 from .drives import Drive, drives_of
 from .equations import InversionEquations
 from .feed_forward import NEAR, FeedForward, within_limits

@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...quantities import quantity
-from ..operating_point import AnalysisRequest, operating_point
+from ..operating_point import AnalysisRequest
+from ..placement import operating_point
 from ..sensitivity import independent
 from .along import PathRequest, invert_along
 from .drives import drives_of

@@ -35,7 +35,8 @@ def shapes_of(model: CompiledModel, experiment: str | None, name: str | None, co
     """Return the first `count` modes that move the mechanism, slowest first, in rows of three. Raises as `Model.draw_mechanism`."""
     from ...analysis.equilibrium import equilibrium
     from ...analysis.modes import modes
-    from ...analysis.operating_point import AnalysisRequest, operating_point
+    from ...analysis.operating_point import AnalysisRequest
+    from ...analysis.placement import operating_point
 
     posed = posed_model(model, experiment)
     point = operating_point(posed.model, AnalysisRequest(outputs=posed.names))

@@ -61,6 +61,8 @@ def stability_text(found: Verdict) -> str:
     """Return the verdict as one line."""
     if found.stable is False:
         return f"unstable: it leaves with exp({found.growth:.6g} t/s)"
+    if " " in found.kink:
+        return f"not decided: {found.kink} is exactly at its threshold, and changes what the model does on one side of this state"
     if found.kink:
         return f"not decided: the equation of `{short(found.kink)}` has another slope on each side of this state, or jumps there"
     if found.stable is None and not found.undecided:

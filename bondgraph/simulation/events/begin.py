@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -20,10 +20,12 @@ from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment, with_discrete_variables
 from ..segments.transition import PhaseTransition
 from .complementarity import Companion, Instant
-from .events import Events, Moment
+from .events import Events, Moment, conditions_of
 from .impulse import StorageJump, after_impulse
 
 if TYPE_CHECKING:
+    from compiler.api import RunMetadata, Scene
+
     from ...prepared import Prepared
 
 MOST_MODES = 30  # modes tried at a start
@@ -46,6 +48,33 @@ class UntilEvent:
     def conditions(self, mode: Array) -> Conditions | None:
         """Return the conditions with their truth in a mode; None if storages are examined, too."""
         return None if self.choice else Conditions(np.asarray(mode)[self.events.places] == 1.0, self.events.strict)
+
+
+def companion_of(
+    made: Callable[[Scene, bool], Prepared], scene: Scene, facts: RunMetadata, values: Mapping[str, float], ends: tuple[float, float]
+) -> Companion:  # fmt: skip
+    """Return the companion model of the switched junctions of a scene, which valves and integrals need. `ends`: of the run."""
+
+    def network(off: tuple[str, ...]) -> Prepared:
+        alone = replace(scene, preferences=(), off=off, companion=True, conserving=False, by=(), upstream=False)
+        return made(alone, False)
+
+    companion = Companion(facts, network, values, ends[1] - ends[0], conditions_of)
+    companion.switched(ends[0])
+    return companion
+
+
+def conducting_at_start(
+    first: Prepared, companion: Companion, start: float
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Return the modes of the valves at the beginning of a run that the start values require, and the junctions that are off with them."""
+    hybrid = first.program.hybrid
+    assert hybrid is not None
+    own = {v.junction for v in companion.valves}
+    off = {j for j in first.compilation.off if j not in own}
+    modes = companion.begin(start, tuple(off))
+    off |= {v.junction for v in companion.valves if modes[v.mode] == v.conducting}
+    return modes, tuple(name for name, _ in hybrid.junctions if name in off)
 
 
 def with_modes(program: Program, first: Segment, modes: Mapping[str, float]) -> Segment:
