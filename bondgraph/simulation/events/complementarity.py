@@ -49,7 +49,7 @@ IMPULSES = (1e-7, 1e-8)  # as `STEPS`: the two steps that reveal an impulse
 
 
 Outputs = Callable[[], Any]  # outputs of the companion at a solution, shape (outputs,)
-Conditions = Callable[
+ConditionFunction = Callable[
     [float, Any, Any], Any
 ]  # time, state, mode -> the mode with its conditions on states as evaluated
 
@@ -73,7 +73,7 @@ class CompanionNetwork:
     constraints: Constraints
     places: Mapping[str, int]  # indices of its inputs
     waves: tuple[tuple[int, int], ...]  # indices of the ports whose waves it reads, each with that of the input
-    conditions: Conditions | None  # None without discrete variables
+    conditions: ConditionFunction | None  # None without discrete variables
     linear: bool  # True if one row of difference quotients is exact
     curved: tuple[str, ...]  # stored quantities with nonlinear laws
     start: Any  # its state at the start, with the unknowns of its loops
@@ -90,7 +90,7 @@ class Companion:
 
     def __init__(
         self, facts: RunMetadata, made: Callable[[tuple[str, ...]], Prepared], values: Mapping[str, float], horizon: float,
-        conditions: Callable[[Constraints], Conditions],
+        conditions: Callable[[Constraints], ConditionFunction],
     ) -> None:  # fmt: skip
         self.valves, self.gaps = facts.valves, facts.gaps
         self.junctions = frozenset(v.junction for v in self.valves)
