@@ -119,7 +119,7 @@ class Compilation:
     def _wished(self) -> BondGraph:
         if self.scene.companion:
             return prune(companion(switch_off(self._switched[0], self.off), self.gaps), self.zeros)
-        graph = switch_off(self._switched[0], self.off, frozenset(v.junction for v in self.valves))
+        graph = switch_off(self._switched[0], self.off, {v.junction: v.events for v in self.valves})
         return preferring(prune(graph, self.zeros), dict(self.scene.preferences))
 
     @cached_property
@@ -369,7 +369,7 @@ class Compilation:
         return RunMetadata(
             mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written),
             _following(space, places), self.valves, self.gaps,
-            integrands(self.whole_graph), laws, zero_divisors(self.whole_space, self.later),
+            integrands(self.whole_graph), laws, zero_divisors(self.whole_space, self.later), self.graph.undetermined,
         )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:

@@ -13,11 +13,13 @@ from ..algebra.expression import ZERO, Symbol, evaluate
 from .elements import Kind
 from .network import TIME, Bond, BondEnd, BondGraph, Element, Junction, Law, Node, Own, Port, Quantity
 from .prune import adjustable
-from .sharing import shared
+from .sharing import ValveEvents, shared
+
+NONE: ValveEvents = {}
 
 
-def switch_off(graph: BondGraph, names: Iterable[str], valves: frozenset[str] = frozenset()) -> BondGraph:
-    """The graph with these junctions off. `valves`: the ideal ones, which share undetermined currents and voltages."""
+def switch_off(graph: BondGraph, names: Iterable[str], valves: ValveEvents = NONE) -> BondGraph:
+    """The graph with these junctions off. `valves`: the ideal ones, which share undetermined currents and voltages, with their events."""
     off = frozenset(names)
     if not off:
         return shared(graph, valves, off)
