@@ -172,7 +172,7 @@ class Events:
             due = ()
             self.on.update(zip(self.keys, map(bool, holds), strict=True))
             if not rising:
-                now, switching = self._with_valves(now)
+                now, switching = self._with_valves(now, at)
                 acted += switching
                 break
             acted += rising
@@ -190,8 +190,11 @@ class Events:
         self._check_left(at.time, acted)
         return now
 
-    def _with_valves(self, at: Moment) -> tuple[Moment, list[int]]:
-        """Return the hybrid state with all valves as they are just after, and the events of those that switch: then another program goes on."""
+    def _with_valves(self, at: Moment, before: Moment) -> tuple[Moment, list[int]]:
+        """Return the hybrid state with all valves as they are just after, and the events of those that switch: then another program goes on.
+
+        `before`: the state before the instant. If other junctions have switched since, this program cannot contradict the set: the next one can.
+        """
         companion = self.companion
         if companion is None or not len(self.valve_modes):
             return at, []
@@ -199,7 +202,7 @@ class Events:
         said = at.mode[self.valve_modes] == self.conducts
         found = companion.conducting(instant, said)
         if (found == said).all():
-            if not self._contradicted(at):
+            if self.actives(at) != self.actives(before) or not self._contradicted(at):
                 return at, []
             other = companion.another(instant, said)
             if other is None:
