@@ -117,9 +117,11 @@ class Compilation:
 
     @cached_property
     def _wished(self) -> BondGraph:
-        if self.scene.companion:
-            return prune(companion(switch_off(self._switched[0], self.off), self.gaps), self.zeros)
-        graph = switch_off(self._switched[0], self.off, {v.junction: v.events for v in self.valves})
+        valves = {v.junction: v.events for v in self.valves}
+        if self.scene.companion:  # what holds a flow beside a port shares its effort, and does not decide for it
+            ports = {**dict.fromkeys(self.gaps, ()), **valves}
+            return prune(companion(switch_off(self._switched[0], self.off, ports), self.gaps), self.zeros)
+        graph = switch_off(self._switched[0], self.off, valves)
         return preferring(prune(graph, self.zeros), dict(self.scene.preferences))
 
     @cached_property

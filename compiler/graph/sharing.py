@@ -105,7 +105,7 @@ def _open(
     inner = sorted({g for row in rows for g in row} - own.keys())
     read = Readings(graph, variable, group)
     readers = read.readers(but)
-    pivots = _eliminated(rows, [*inner, *sorted(own, key=lambda g: (g in readers.events, own[g] in valves))])
+    pivots = _eliminated(rows, [*inner, *sorted(own, key=lambda g: (g in readers.events, own[g] not in valves))])
     found = {}
     for g in [g for g in own if g not in pivots and g not in still]:
         loop = {own[p]: -float(row[g] * number[p] / number[g]) for p, row in pivots.items() if g in row and p in own}
