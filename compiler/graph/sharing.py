@@ -42,13 +42,13 @@ class Share:
 
 
 def shared(
-    graph: BondGraph, valves: ValveEvents, closed: frozenset[str], holding: frozenset[str] = frozenset()
+    graph: BondGraph, valves: ValveEvents, closed: frozenset[str], holding: frozenset[str] = frozenset(), ports: frozenset[str] = frozenset()
 ) -> BondGraph:
     """Return the graph with one source for each loop of closed switches and each part behind open ones, if a valve is among them.
 
     `closed`: junctions that have become sources of no effort. Open are the valves and
     switches that are still 0-junctions with one bond, and `holding`: sources of no flow in the place of 1-junctions. Several that hold one flow at zero
-    share the effort as well.
+    share the effort as well. `ports` are open and closed ones at once and stay as they are, so that nothing decides for them.
     """
     if not valves and not holding:
         return graph
@@ -63,13 +63,14 @@ def shared(
         for i, n in enumerate(graph.nodes)
         if n.name in opened and isinstance(n, Junction) and n.kind is Kind.ZERO and len(graph.incident[i]) == 1
     }
+    ends |= {name: i for name, i in gaps.items() if name in ports}
     gaps |= {n.name: i for i, n in enumerate(graph.nodes) if n.name in holding}
     nodes = list(graph.nodes)
     events = frozenset(key for own in valves.values() for key in own)
     told: list[str] = []
     for kind, among, own in ((Kind.FLOW_SOURCE, ends, valves.keys()), (Kind.EFFORT_SOURCE, gaps, valves.keys() | holding)):
         for name, share in _open(graph, among, kind, frozenset(own), events, told).items():
-            nodes[among[name]] = _source(graph, among[name], kind, share)
+            nodes[among[name]] = nodes[among[name]] if name in ports else _source(graph, among[name], kind, share)
     return replace(graph, nodes=tuple(nodes), undetermined=(*graph.undetermined, *told))
 
 
