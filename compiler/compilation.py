@@ -120,7 +120,9 @@ class Compilation:
         valves = {v.junction: v.events for v in self.valves}
         if self.scene.companion:  # what holds a flow beside a port shares its effort, and does not decide for it
             ports = {**dict.fromkeys(self.gaps, ()), **valves}
-            return prune(companion(switch_off(self._switched[0], self.off, ports, frozenset(ports)), self.gaps), self.zeros)
+            return prune(
+                companion(switch_off(self._switched[0], self.off, ports, frozenset(ports)), self.gaps), self.zeros
+            )
         graph = switch_off(self._switched[0], self.off, valves)
         return preferring(prune(graph, self.zeros), dict(self.scene.preferences))
 

@@ -63,16 +63,20 @@ class Readings:
 
     def of(self, arguments: Iterable[object]) -> set[int]:
         """Return the groups behind arguments of a formula, also through the definitions of signals."""
-        found, seen, waiting = set[int](), set[str](), list(arguments)
+        behind, passed, waiting = set[int](), set[str](), list(arguments)
         while waiting:
             argument = waiting.pop()
             if isinstance(argument, Reading) and argument.variable == self.variable:
-                found.update(self.group[bond] for bond in self._bonds(argument))
-            elif isinstance(argument, Quantity) and argument.name not in seen and argument.name in self.graph.quantities:
-                seen.add(argument.name)
+                behind.update(self.group[bond] for bond in self._bonds(argument))
+            elif (
+                isinstance(argument, Quantity)
+                and argument.name not in passed
+                and argument.name in self.graph.quantities
+            ):
+                passed.add(argument.name)
                 definition = self.graph.quantities[argument.name].definition
                 waiting += () if definition is None else definition.arguments
-        return found
+        return behind
 
     def _bonds(self, reading: Reading) -> Iterator[int]:
         graph = self.graph

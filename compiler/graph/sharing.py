@@ -42,7 +42,11 @@ class Share:
 
 
 def shared(
-    graph: BondGraph, valves: ValveEvents, closed: frozenset[str], holding: frozenset[str] = frozenset(), ports: frozenset[str] = frozenset()
+    graph: BondGraph,
+    valves: ValveEvents,
+    closed: frozenset[str],
+    holding: frozenset[str] = frozenset(),
+    ports: frozenset[str] = frozenset(),
 ) -> BondGraph:
     """Return the graph with one source for each loop of closed switches and each part behind open ones, if a valve is among them.
 
@@ -67,17 +71,20 @@ def shared(
     gaps |= {n.name: i for i, n in enumerate(graph.nodes) if n.name in holding}
     nodes = list(graph.nodes)
     events = frozenset(key for own in valves.values() for key in own)
-    told: list[str] = []
-    for kind, among, own in ((Kind.FLOW_SOURCE, ends, valves.keys()), (Kind.EFFORT_SOURCE, gaps, valves.keys() | holding)):
-        for name, share in _open(graph, among, kind, frozenset(own), events, told).items():
+    notes: list[str] = []
+    for kind, among, own in (
+        (Kind.FLOW_SOURCE, ends, valves.keys()),
+        (Kind.EFFORT_SOURCE, gaps, valves.keys() | holding),
+    ):
+        for name, share in _open(graph, among, kind, frozenset(own), events, notes).items():
             nodes[among[name]] = nodes[among[name]] if name in ports else _source(graph, among[name], kind, share)
-    return replace(graph, nodes=tuple(nodes), undetermined=(*graph.undetermined, *told))
+    return replace(graph, nodes=tuple(nodes), undetermined=(*graph.undetermined, *notes))
 
 
 def _open(
-    graph: BondGraph, among: Mapping[str, int], kind: Kind, valves: frozenset[str], but: frozenset[tuple[str, int]], told: list[str]
+    graph: BondGraph, among: Mapping[str, int], kind: Kind, valves: frozenset[str], but: frozenset[tuple[str, int]], notes: list[str]
 ) -> dict[str, Share]:  # fmt: skip
-    """Return the share of each switch that becomes a source, by the others of its loop, or of its cut. `but`: events of valves; `told`: gets the notes."""
+    """Return the share of each switch that becomes a source, by the others of its loop, or of its cut. `but`: events of valves; `notes`: gets those on shares that are read."""
     if not among.keys() & valves:
         return {}
     joins, sums = (Kind.ONE, Kind.ZERO) if kind is Kind.FLOW_SOURCE else (Kind.ZERO, Kind.ONE)
@@ -104,42 +111,41 @@ def _open(
     # Closed ones in a row carry the same: one shares for all. Open ones at one node leave it without an effort.
     own = {places[n]: n for n in sorted(places, key=valves.__contains__) if joins is Kind.ONE or number[places[n]] == 1}
     inner = sorted({g for row in rows for g in row} - own.keys())
-    read = Readings(graph, variable, group)
-    readers = read.readers(but)
+    readings = Readings(graph, variable, group)
+    readers = readings.readers(but)
     pivots = _eliminated(rows, [*inner, *sorted(own, key=lambda g: (g in readers.events, own[g] not in valves))])
-    found = {}
+    shares = {}
     for g in [g for g in own if g not in pivots and g not in still]:
         loop = {own[p]: -float(row[g] * number[p] / number[g]) for p, row in pivots.items() if g in row and p in own}
         if not valves & {own[g], *loop}:
             continue
-        support = {p for p, row in pivots.items() if g in row}
-        through = [turns[i][2] for i, pair in sides.items() if not {*pair}.isdisjoint(support)]
-        equal = Share({} if through else loop)
-        seen = (support | {g}) & (readers.events.keys() | readers.others)
-        scale = _in_proportion(read, readers, [g, *(p for p in support if p in own)]) if seen else None
-        if seen and scale is not None and seen <= {g, *own} and len(seen) == 2:
-            turned = multiply(*(t for t in through), scale)
+        support = {g, *(p for p, row in pivots.items() if g in row)}
+        through = [turns[i][2] for i, pair in sides.items() if not support.isdisjoint(pair)]
+        read = support & (readers.events.keys() | readers.others)
+        limits = _in_proportion(readings, readers, [g, *(p for p in support - {g} if p in own)])
+        if limits is not None and read <= own.keys():
             ((name, sign),) = loop.items()
-            found[own[g]] = Share({name: 1.0 if sign > 0 else -1.0}, bind(turned))
+            shares[own[g]] = Share({name: 1.0 if sign > 0 else -1.0}, bind(multiply(*through, limits)))
             how = "they take it in proportion to the limits in the conditions of their events, so that all reach them at once"
-        elif seen == {g} and g not in readers.others:
-            found[own[g]], how = Share({}), f"`{own[g]}` takes none of it, so that its events act when the others cannot carry it all"
+        elif read == {g} and g not in readers.others:
+            shares[own[g]] = Share({})
+            how = f"`{own[g]}` takes none of it, so that its events act when the others cannot carry it all"
         else:
-            found[own[g]] = equal
+            shares[own[g]] = Share({} if through else loop)
             how = "what reads these shares depends on how this program chooses them"
-        if seen:
-            told.append(_note(kind, [own[g], *loop], how))
-    return found
+        if read:
+            notes.append(_note(kind, sorted([own[g], *loop], key=among.__getitem__), how))
+    return shares
 
 
-def _in_proportion(read: Readings, readers: Readers, members: Sequence[int]) -> Expression | None:
+def _in_proportion(readings: Readings, readers: Readers, members: Sequence[int]) -> Expression | None:
     """Return the limit of the first of two groups over that of the second, if one event reads each, with a limit of its absolute value."""
     if len(members) != 2 or not readers.others.isdisjoint(members):
         return None
     limits = []
     for g in members:
         events = readers.events.get(g, [])
-        limit = read.limit(events[0], g) if len(events) == 1 else None
+        limit = readings.limit(events[0], g) if len(events) == 1 else None
         if limit is None:
             return None
         limits.append(limit.expression)
@@ -175,7 +181,11 @@ def _slopes(graph: BondGraph, node: Element, variable: str) -> tuple[Fraction, F
 
 def _present(graph: BondGraph, argument: object) -> float:
     """Value of an argument before the run; for any other one a number that cancels with none."""
-    value = graph.quantities[argument.name].value if isinstance(argument, Quantity) and argument.name in graph.quantities else argument
+    value = (
+        graph.quantities[argument.name].value
+        if isinstance(argument, Quantity) and argument.name in graph.quantities
+        else argument
+    )
     return value if isinstance(value, float) else UNKNOWN
 
 
@@ -265,7 +275,9 @@ def _source(graph: BondGraph, number: int, kind: Kind, share: Share) -> Element:
     domain = graph.bonds[graph.incident[number][0]].domain
     scale = share.scale or Bound(Formula(0, ONE), ())
     first = len(scale.arguments)
-    terms: list[Expression] = [multiply(Number(-sign), Symbol(first + i)) for i, sign in enumerate(share.others.values())]
+    terms: list[Expression] = [
+        multiply(Number(-sign), Symbol(first + i)) for i, sign in enumerate(share.others.values())
+    ]
     value = multiply(scale.formula.expression, add(*terms)) if terms else ZERO
     arguments = (*scale.arguments, *(Reading(name, "", variable) for name in share.others))
     law = Law(((Symbol(Own(0, variable)), value),), None, len(arguments))

@@ -36,7 +36,9 @@ def open_directions(jacobian: Array, states: int) -> Array:
     return columns[:, None] * rows[rank:].T
 
 
-def admissible(run: Any, x: Array, w: Array, before: tuple[float, Array, Array] | None) -> tuple[Array, list[float]] | None:
+def admissible(
+    run: Any, x: Array, w: Array, before: tuple[float, Array, Array] | None
+) -> tuple[Array, list[float]] | None:
     """Return unknowns with other shares, and the branches, with which no event acts; None if there are none. `before`: time, states and unknowns a while ago."""
     system, modes = run.system, len(run.m) - len(run.system.assembly.graph.switches)
     free = open_directions(run.linearized(run.t, x, w), len(x))

@@ -153,8 +153,15 @@ DUALS = {
 def test_the_same_of_flows(name: str, target: str) -> None:
     """A capacitor whose current a valve takes beside a limiter, which has no voltage until its current passes a limit."""
     case = DUALS[name]
-    text = written(case.body, "C m : q = 2*e\n  R r : f = 0.3*e\n  0 j\n  j -> m, r\n", case.push).replace("= m.p", "= m.q")
-    for old, new in (("Se S : e", "Sf S : f"), ("gap.e > 0", "gap.e < 0"), ("line.f < 0", "line.f > 0"), ("open = false\n", "open = true\n")):
+    text = written(case.body, "C m : q = 2*e\n  R r : f = 0.3*e\n  0 j\n  j -> m, r\n", case.push).replace(
+        "= m.p", "= m.q"
+    )
+    for old, new in (
+        ("Se S : e", "Sf S : f"),
+        ("gap.e > 0", "gap.e < 0"),
+        ("line.f < 0", "line.f > 0"),
+        ("open = false\n", "open = true\n"),
+    ):
         text = text.replace(old, new)
     _check(case, bondgraph.load(text).simulate(points=41, rtol=1e-9, target=target))
 

@@ -381,10 +381,11 @@ class Events:
             if (moved[doubtful] != 0).all():
                 break
         truth[moved != 0] = moved[moved != 0] < 0
-        # A root that stays at zero, or is still on the other side, must not cross; one that leaves zero must be located when it returns, and be doubtful then.
+        # A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then. Nor must that of a law
+        # which is still on the other side: the law would change again and again.
         still = np.maximum(0.25 * noise, 2 * np.abs(roots))
-        leaves = (moved != 0) & (truth == self.truth(roots))
-        self.floor = np.where(doubtful, np.where(leaves, 0.25 * noise, still), 0.0)
+        behind = self.steers & (truth != self.truth(roots))
+        self.floor = np.where(doubtful, np.where((moved != 0) & ~behind, 0.25 * noise, still), 0.0)
         return truth
 
     def noise(self, at: Moment, roots: Array) -> Any:
