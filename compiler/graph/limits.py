@@ -27,11 +27,11 @@ class Readings:
         self.graph, self.variable, self.group = graph, variable, group
         self.numbers = {n.name: i for i, n in enumerate(graph.nodes)}
 
-    def readers(self, but: Set[tuple[str, int]]) -> Readers:
-        """Return the groups that are read. `but`: owners and places of events that are left out."""
+    def readers(self, excluded: Set[tuple[str, int]]) -> Readers:
+        """Return the groups that are read. `excluded`: events that do not count, by owner and place."""
         graph, events, others = self.graph, dict[int, list[Event]](), set[int]()
         for event in graph.events:
-            if (event.name, event.span.start) in but:
+            if (event.name, event.span.start) in excluded:
                 continue
             read = self.of(event.condition.arguments)
             for group in read:

@@ -35,10 +35,11 @@ UNKNOWN = 1.3719  # ratio of a transformer that no value is known of
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Condition of a switch that becomes a source: minus the weighted sum of others', by name; `scale` multiplies it."""
+    """Condition of a switch that becomes a source: minus the weighted sum of others', by name; `scale` multiplies it. `note`: if the model reads the share."""
 
     others: Mapping[str, float]
     scale: Bound | None = None
+    note: str = ""
 
 
 def shared(
@@ -50,9 +51,9 @@ def shared(
 ) -> BondGraph:
     """Return the graph with one source for each loop of closed switches and each part behind open ones, if a valve is among them.
 
-    `closed`: junctions that have become sources of no effort. Open are the valves and
-    switches that are still 0-junctions with one bond, and `holding`: sources of no flow in the place of 1-junctions. Several that hold one flow at zero
-    share the effort as well. `ports` are open and closed ones at once and stay as they are, so that nothing decides for them.
+    `closed`: junctions that have become sources of no effort. Open are the valves and switches that are still 0-junctions with one bond, and
+    `holding`: sources of no flow in the place of 1-junctions. Several that hold one flow at zero share the effort as well. `ports` of a companion
+    count as open and as closed, and stay as they are, so that nothing decides for them.
     """
     if not valves and not holding:
         return graph
@@ -76,26 +77,38 @@ def shared(
         (Kind.FLOW_SOURCE, ends, valves.keys()),
         (Kind.EFFORT_SOURCE, gaps, valves.keys() | holding),
     ):
-        for name, share in _open(graph, among, kind, frozenset(own), events, notes).items():
-            nodes[among[name]] = nodes[among[name]] if name in ports else _source(graph, among[name], kind, share)
+        for name, share in _open(graph, among, kind, frozenset(own), events).items():
+            notes += [share.note] if share.note else []
+            if name not in ports:
+                nodes[among[name]] = _source(graph, among[name], kind, share)
     return replace(graph, nodes=tuple(nodes), undetermined=(*graph.undetermined, *notes))
 
 
 def _open(
-    graph: BondGraph, among: Mapping[str, int], kind: Kind, valves: frozenset[str], but: frozenset[tuple[str, int]], notes: list[str]
-) -> dict[str, Share]:  # fmt: skip
-    """Return the share of each switch that becomes a source, by the others of its loop, or of its cut. `but`: events of valves; `notes`: gets those on shares that are read."""
+    graph: BondGraph,
+    among: Mapping[str, int],
+    kind: Kind,
+    valves: frozenset[str],
+    valve_events: frozenset[tuple[str, int]],
+) -> dict[str, Share]:
+    """Return the share of each switch that becomes a source, by the others of its loop, or of its cut. `valve_events` read no share: a
+    companion decides on valves."""
     if not among.keys() & valves:
         return {}
     joins, sums = (Kind.ONE, Kind.ZERO) if kind is Kind.FLOW_SOURCE else (Kind.ZERO, Kind.ONE)
     variable = "f" if kind is Kind.FLOW_SOURCE else "e"
     group = groups(graph, joins, frozenset(among.values()))
     grounds = frozenset(i for i, n in enumerate(graph.nodes) if i not in among.values() and _is_ground(n, kind))
-    turns = {i: s for i, n in enumerate(graph.nodes) if isinstance(n, Element) if (s := _slopes(graph, n, variable))}
+    transformers = {
+        i: law
+        for i, n in enumerate(graph.nodes)
+        if isinstance(n, Element)
+        if (law := _transformer_law(graph, n, variable))
+    }
     still = {
         group[b]
         for i, n in enumerate(graph.nodes)
-        if not isinstance(n, Junction) and i not in among.values() and i not in grounds and i not in turns
+        if not isinstance(n, Junction) and i not in among.values() and i not in grounds and i not in transformers
         for b in graph.incident[i]
     }
     rows = [
@@ -104,37 +117,37 @@ def _open(
         if n.kind is sums and i not in among.values()
         if (row := _sum(graph, i, group, still))
     ]
-    sides = {i: _side_groups(graph, i, group) for i in turns}
-    rows += [row for i, (a, b, _) in turns.items() if (row := _turned(sides[i], (a, b), still))]
+    sides = {i: _side_groups(graph, i, group) for i in transformers}
+    rows += [row for i, law in transformers.items() if (row := _turned(sides[i], law.slopes, still))]
     places = {name: group[graph.incident[i][0]] for name, i in among.items()}
     number = Counter(places.values())
     # Closed ones in a row carry the same: one shares for all. Open ones at one node leave it without an effort.
     own = {places[n]: n for n in sorted(places, key=valves.__contains__) if joins is Kind.ONE or number[places[n]] == 1}
     inner = sorted({g for row in rows for g in row} - own.keys())
     readings = Readings(graph, variable, group)
-    readers = readings.readers(but)
+    readers = readings.readers(valve_events)
     pivots = _eliminated(rows, [*inner, *sorted(own, key=lambda g: (g in readers.events, own[g] not in valves))])
     shares = {}
     for g in [g for g in own if g not in pivots and g not in still]:
         loop = {own[p]: -float(row[g] * number[p] / number[g]) for p, row in pivots.items() if g in row and p in own}
         if not valves & {own[g], *loop}:
             continue
-        support = {g, *(p for p, row in pivots.items() if g in row)}
-        through = [turns[i][2] for i, pair in sides.items() if not support.isdisjoint(pair)]
-        read = support & (readers.events.keys() | readers.others)
-        limits = _in_proportion(readings, readers, [g, *(p for p in support - {g} if p in own)])
+        carriers = {g, *(p for p, row in pivots.items() if g in row)}
+        signs = [transformers[i].sign for i, pair in sides.items() if not carriers.isdisjoint(pair)]
+        read = carriers & (readers.events.keys() | readers.others)
+        limits = _in_proportion(readings, readers, [g, *(p for p in carriers - {g} if p in own)])
         if limits is not None and read <= own.keys():
-            ((name, sign),) = loop.items()
-            shares[own[g]] = Share({name: 1.0 if sign > 0 else -1.0}, bind(multiply(*through, limits)))
+            ((name, weight),) = loop.items()
+            share = Share({name: math.copysign(1.0, weight)}, bind(multiply(*signs, limits)))
             how = "they take it in proportion to the limits in the conditions of their events, so that all reach them at once"
         elif read == {g} and g not in readers.others:
-            shares[own[g]] = Share({})
+            share = Share({})
             how = f"`{own[g]}` takes none of it, so that its events act when the others cannot carry it all"
         else:
-            shares[own[g]] = Share({} if through else loop)
+            share = Share({} if signs else loop)
             how = "what reads these shares depends on how this program chooses them"
-        if read:
-            notes.append(_note(kind, sorted([own[g], *loop], key=among.__getitem__), how))
+        note = _note(kind, sorted([own[g], *loop], key=among.__getitem__), how) if read else ""
+        shares[own[g]] = replace(share, note=note)
     return shares
 
 
@@ -160,9 +173,16 @@ def _note(kind: Kind, names: Sequence[str], how: str) -> str:
     return f"nothing determines how much {one} {with_others} where together they keep one {other} at zero: {how}"
 
 
-def _slopes(graph: BondGraph, node: Element, variable: str) -> tuple[Fraction, Fraction, Expression] | None:
-    """Return a and b of a x_1 + b x_2 = 0 for the efforts or flows of a transformer, with present values, and the factor 1 by which a change of their
-    signs turns them; None for any other node."""
+@dataclass(frozen=True, slots=True)
+class TransformerLaw:
+    """Law a x_1 + b x_2 = 0 of a transformer, with present values. `sign`: 1, or -1 after a parameter has changed the sign of the ratio."""
+
+    slopes: tuple[Fraction, Fraction]
+    sign: Expression
+
+
+def _transformer_law(graph: BondGraph, node: Element, variable: str) -> TransformerLaw | None:
+    """Return the law of a transformer for its efforts or flows; None for any other node."""
     if node.kind is not Kind.TRANSFORMER:
         return None
     ((left, right),) = node.law.equations
@@ -174,8 +194,8 @@ def _slopes(graph: BondGraph, node: Element, variable: str) -> tuple[Fraction, F
         if not all(values) or not all(map(math.isfinite, values)):
             return None
         a, b = (Fraction(v) for v in (values if letter == variable else values[::-1]))
-        turn = over(call("sign", multiply(*parts[0])), node.arguments)
-        return a, b, multiply(Number(1.0 if a * b > 0 else -1.0), turn)
+        sign = over(call("sign", multiply(*parts[0])), node.arguments)
+        return TransformerLaw((a, b), multiply(Number(1.0 if a * b > 0 else -1.0), sign))
     return None
 
 
