@@ -117,9 +117,13 @@ class Compilation:
 
     @cached_property
     def _wished(self) -> BondGraph:
-        if self.scene.companion:
-            return prune(companion(switch_off(self._switched[0], self.off), self.gaps), self.zeros)
-        graph = switch_off(self._switched[0], self.off, frozenset(v.junction for v in self.valves))
+        valves = {v.junction: v.events for v in self.valves}
+        if self.scene.companion:  # what holds a flow beside a port shares its effort, and does not decide for it
+            ports = {**dict.fromkeys(self.gaps, ()), **valves}
+            return prune(
+                companion(switch_off(self._switched[0], self.off, ports, frozenset(ports)), self.gaps), self.zeros
+            )
+        graph = switch_off(self._switched[0], self.off, valves)
         return preferring(prune(graph, self.zeros), dict(self.scene.preferences))
 
     @cached_property
@@ -370,7 +374,7 @@ class Compilation:
         return RunMetadata(
             mechanisms, storages, bool(space.claims), shown, units, positive, looped, identity(self._as_written),
             _following(space, places), self.valves, self.gaps,
-            integrands(self.whole_graph), laws, zero_divisors(self.whole_space, self.later),
+            integrands(self.whole_graph), laws, zero_divisors(self.whole_space, self.later), self.graph.undetermined,
         )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:

@@ -231,3 +231,4 @@ class RunMetadata:
     # of opened loops: row, argument and value as places among the unknowns, and whether the argument is an effort
     laws: tuple[tuple[int, int, int, bool], ...] = ()
     zero_divisors: frozenset[frozenset[str]] = frozenset()  # where all of a set are zero, the equations divide by zero
+    undetermined: tuple[str, ...] = ()  # notes on shares of switches that conditions or laws read

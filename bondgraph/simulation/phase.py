@@ -473,6 +473,7 @@ class Phase:
             from .events.bounds import notes_on_conditions
 
             self.notes += notes_on_conditions(self.program, self.events.crowded, self.events.touches)
+            self.notes += self.compilation.facts.undetermined
         if self.constraints and len(self.trajectory.states):
             from .constraints.singular import doubts_of, told_of
 

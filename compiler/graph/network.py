@@ -230,6 +230,7 @@ class BondGraph:
     events: tuple[Event, ...] = ()
     switches: tuple[Switch, ...] = ()
     delays: Mapping[str, Delay] = field(default_factory=dict)
+    undetermined: tuple[str, ...] = ()  # notes on shares of switches that conditions or laws read
 
     def _repr_html_(self) -> str:
         """HTML for notebooks: the first bonds, each with its domain and its line in the text. Pictures are drawn elsewhere."""

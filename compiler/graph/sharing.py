@@ -1,35 +1,61 @@
-"""Ideal switches whose currents or voltages the network leaves undetermined: they are shared equally.
+"""Ideal switches whose currents or voltages the network leaves undetermined: they are shared.
 
 A loop of closed switches alone leaves the division of a current undetermined; a part connected only through open switches has no
 determined potential. Both follow in the limit of equal small resistances, and of equal small leakages: around such a loop the flows
 of the switches add up to zero, with their signs, and so do the efforts across the switches that connect such a part. One switch of
 each loop, and of each such cut, becomes a source with this condition; all others stay as they are. Loops and cuts are the null space
-of the equations of the junctions (by Tellegen's theorem the rule is the dual of the freedom that the network leaves).
+of the equations of the junctions and transformers (by Tellegen's theorem the rule is the dual of the freedom that the network leaves).
+
+Where an event reads such a share (dry friction that slips at a limit), the shares decide when it acts. The motion is unique if it goes on as long as
+any shares are admissible (Glocker, Set-Valued Force Laws, 2001), and the shares are chosen so: a switch that an event reads takes none while another
+carries it all, and those that have limits only take it in proportion to them, so that all of them reach their limits at once.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from ..algebra.expression import ZERO, Expression, Number, Symbol, add, multiply
+from ..algebra.affine import jointly_affine
+from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, call, divide, evaluate, multiply
+from ..algebra.formula import Bound, Formula, bind, over
+from ..fast_dataclass import dataclass
 from .elements import Kind
-from .network import BondGraph, Element, Junction, Law, Own, Port, Reading
+from .limits import Readers, Readings
+from .network import BondGraph, Element, Junction, Law, Own, Port, Quantity, Reading
 
 Row = dict[int, Fraction]  # group of bonds -> coefficient
+ValveEvents = Mapping[str, tuple[tuple[str, int], ...]]  # junction of an ideal valve -> owner and place of its events
+LEAST = 1e-12  # relative to the other limit: one that is zero
+UNKNOWN = 1.3719  # ratio of a transformer that no value is known of
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Condition of a switch that becomes a source: minus the weighted sum of others', by name; `scale` multiplies it. `note`: if the model reads the share."""
+
+    others: Mapping[str, float]
+    scale: Bound | None = None
+    note: str = ""
 
 
 def shared(
-    graph: BondGraph, valves: frozenset[str], closed: frozenset[str], holding: frozenset[str] = frozenset()
+    graph: BondGraph,
+    valves: ValveEvents,
+    closed: frozenset[str],
+    holding: frozenset[str] = frozenset(),
+    ports: frozenset[str] = frozenset(),
 ) -> BondGraph:
     """Return the graph with one source for each loop of closed switches and each part behind open ones, if a valve is among them.
 
     `closed`: junctions that have become sources of no effort. Open are the valves and switches that are still 0-junctions with one bond, and
-    `holding`: sources of no flow in the place of 1-junctions. Several that hold one flow at zero share the effort as well.
+    `holding`: sources of no flow in the place of 1-junctions. Several that hold one flow at zero share the effort as well. `ports` of a companion
+    count as open and as closed, and stay as they are, so that nothing decides for them.
     """
-    if not valves and len(holding) < 2:
+    if not valves and not holding:
         return graph
     ends = {
         n.name: i
@@ -42,27 +68,47 @@ def shared(
         for i, n in enumerate(graph.nodes)
         if n.name in opened and isinstance(n, Junction) and n.kind is Kind.ZERO and len(graph.incident[i]) == 1
     }
+    ends |= {name: i for name, i in gaps.items() if name in ports}
     gaps |= {n.name: i for i, n in enumerate(graph.nodes) if n.name in holding}
     nodes = list(graph.nodes)
-    for kind, among, own in ((Kind.FLOW_SOURCE, ends, valves), (Kind.EFFORT_SOURCE, gaps, valves | holding)):
-        for name, others in _open(graph, among, kind, own).items():
-            nodes[among[name]] = _source(graph, among[name], kind, others)
-    return replace(graph, nodes=tuple(nodes))
+    events = frozenset(key for own in valves.values() for key in own)
+    notes: list[str] = []
+    for kind, among, own in (
+        (Kind.FLOW_SOURCE, ends, valves.keys()),
+        (Kind.EFFORT_SOURCE, gaps, valves.keys() | holding),
+    ):
+        for name, share in _open(graph, among, kind, frozenset(own), events).items():
+            notes += [share.note] if share.note else []
+            if name not in ports:
+                nodes[among[name]] = _source(graph, among[name], kind, share)
+    return replace(graph, nodes=tuple(nodes), undetermined=(*graph.undetermined, *notes))
 
 
 def _open(
-    graph: BondGraph, among: Mapping[str, int], kind: Kind, valves: frozenset[str]
-) -> dict[str, dict[str, float]]:
-    """For each switch that shares: the others of its loop, or of its cut, with their signs."""
+    graph: BondGraph,
+    among: Mapping[str, int],
+    kind: Kind,
+    valves: frozenset[str],
+    valve_events: frozenset[tuple[str, int]],
+) -> dict[str, Share]:
+    """Return the share of each switch that becomes a source, by the others of its loop, or of its cut. `valve_events` read no share: a
+    companion decides on valves."""
     if not among.keys() & valves:
         return {}
     joins, sums = (Kind.ONE, Kind.ZERO) if kind is Kind.FLOW_SOURCE else (Kind.ZERO, Kind.ONE)
+    variable = "f" if kind is Kind.FLOW_SOURCE else "e"
     group = groups(graph, joins, frozenset(among.values()))
     grounds = frozenset(i for i, n in enumerate(graph.nodes) if i not in among.values() and _is_ground(n, kind))
+    transformers = {
+        i: law
+        for i, n in enumerate(graph.nodes)
+        if isinstance(n, Element)
+        if (law := _transformer_law(graph, n, variable))
+    }
     still = {
         group[b]
         for i, n in enumerate(graph.nodes)
-        if not isinstance(n, Junction) and i not in among.values() and i not in grounds
+        if not isinstance(n, Junction) and i not in among.values() and i not in grounds and i not in transformers
         for b in graph.incident[i]
     }
     rows = [
@@ -71,18 +117,96 @@ def _open(
         if n.kind is sums and i not in among.values()
         if (row := _sum(graph, i, group, still))
     ]
+    sides = {i: _side_groups(graph, i, group) for i in transformers}
+    rows += [row for i, law in transformers.items() if (row := _turned(sides[i], law.slopes, still))]
     places = {name: group[graph.incident[i][0]] for name, i in among.items()}
     number = Counter(places.values())
     # Closed ones in a row carry the same: one shares for all. Open ones at one node leave it without an effort.
     own = {places[n]: n for n in sorted(places, key=valves.__contains__) if joins is Kind.ONE or number[places[n]] == 1}
     inner = sorted({g for row in rows for g in row} - own.keys())
-    pivots = _eliminated(rows, [*inner, *sorted(own, key=lambda g: own[g] in valves)])
-    found = {}
+    readings = Readings(graph, variable, group)
+    readers = readings.readers(valve_events)
+    pivots = _eliminated(rows, [*inner, *sorted(own, key=lambda g: (g in readers.events, own[g] not in valves))])
+    shares = {}
     for g in [g for g in own if g not in pivots and g not in still]:
         loop = {own[p]: -float(row[g] * number[p] / number[g]) for p, row in pivots.items() if g in row and p in own}
-        if valves & {own[g], *loop}:
-            found[own[g]] = loop
-    return found
+        if not valves & {own[g], *loop}:
+            continue
+        carriers = {g, *(p for p, row in pivots.items() if g in row)}
+        signs = [transformers[i].sign for i, pair in sides.items() if not carriers.isdisjoint(pair)]
+        read = carriers & (readers.events.keys() | readers.others)
+        limits = _in_proportion(readings, readers, [g, *(p for p in carriers - {g} if p in own)])
+        if limits is not None and read <= own.keys():
+            ((name, weight),) = loop.items()
+            share = Share({name: math.copysign(1.0, weight)}, bind(multiply(*signs, limits)))
+            how = "they take it in proportion to the limits in the conditions of their events, so that all reach them at once"
+        elif read == {g} and g not in readers.others:
+            share = Share({})
+            how = f"`{own[g]}` takes none of it, so that its events act when the others cannot carry it all"
+        else:
+            share = Share({} if signs else loop)
+            how = "what reads these shares depends on how this program chooses them"
+        note = _note(kind, sorted([own[g], *loop], key=among.__getitem__), how) if read else ""
+        shares[own[g]] = replace(share, note=note)
+    return shares
+
+
+def _in_proportion(readings: Readings, readers: Readers, members: Sequence[int]) -> Expression | None:
+    """Return the limit of the first of two groups over that of the second, if one event reads each, with a limit of its absolute value."""
+    if len(members) != 2 or not readers.others.isdisjoint(members):
+        return None
+    limits = []
+    for g in members:
+        events = readers.events.get(g, [])
+        limit = readings.limit(events[0], g) if len(events) == 1 else None
+        if limit is None:
+            return None
+        limits.append(limit.expression)
+    first, second = limits
+    return divide(first, call("max", second, add(multiply(Number(LEAST), first), Number(LEAST**20))))
+
+
+def _note(kind: Kind, names: Sequence[str], how: str) -> str:
+    one, other = ("effort", "flow") if kind is Kind.EFFORT_SOURCE else ("flow", "effort")
+    listed = " and ".join(f"`{n}`" for n in names)
+    with_others = f"{listed} each carry" if len(names) > 1 else f"{listed} and others carry"
+    return f"nothing determines how much {one} {with_others} where together they keep one {other} at zero: {how}"
+
+
+@dataclass(frozen=True, slots=True)
+class TransformerLaw:
+    """Law a x_1 + b x_2 = 0 of a transformer, with present values. `sign`: 1, or -1 after a parameter has changed the sign of the ratio."""
+
+    slopes: tuple[Fraction, Fraction]
+    sign: Expression
+
+
+def _transformer_law(graph: BondGraph, node: Element, variable: str) -> TransformerLaw | None:
+    """Return the law of a transformer for its efforts or flows; None for any other node."""
+    if node.kind is not Kind.TRANSFORMER:
+        return None
+    ((left, right),) = node.law.equations
+    for letter in "ef":
+        parts = jointly_affine(left - right, (Symbol(Own(0, letter)), Symbol(Own(1, letter))))
+        if parts is None or parts[0] == [ZERO, ZERO]:
+            continue
+        values = [evaluate(x, lambda slot: _present(graph, node.arguments[slot])) for x in parts[0]]
+        if not all(values) or not all(map(math.isfinite, values)):
+            return None
+        a, b = (Fraction(v) for v in (values if letter == variable else values[::-1]))
+        sign = over(call("sign", multiply(*parts[0])), node.arguments)
+        return TransformerLaw((a, b), multiply(Number(1.0 if a * b > 0 else -1.0), sign))
+    return None
+
+
+def _present(graph: BondGraph, argument: object) -> float:
+    """Value of an argument before the run; for any other one a number that cancels with none."""
+    value = (
+        graph.quantities[argument.name].value
+        if isinstance(argument, Quantity) and argument.name in graph.quantities
+        else argument
+    )
+    return value if isinstance(value, float) else UNKNOWN
 
 
 def _is_ground(node: object, kind: Kind) -> bool:
@@ -109,6 +233,26 @@ def groups(graph: BondGraph, joins: Kind, own: frozenset[int]) -> list[int]:
             for bond in others:
                 leader[root(bond)] = root(first)
     return [root(b) for b in range(len(graph.bonds))]
+
+
+def _side_groups(graph: BondGraph, number: int, group: Sequence[int]) -> tuple[int, int]:
+    """Return the groups of the bonds at both ports of a transformer."""
+    at = {
+        end.port: group[b]
+        for b in graph.incident[number]
+        for end in (graph.bonds[b].tail, graph.bonds[b].head)
+        if end.node == number
+    }
+    return at[0], at[1]
+
+
+def _turned(groups: tuple[int, int], slopes: tuple[Fraction, Fraction], still: set[int]) -> Row:
+    """Equation of a transformer over groups of bonds, without those that carry nothing."""
+    row: Row = {}
+    for g, slope in zip(groups, slopes, strict=True):
+        if g not in still:
+            row[g] = row.get(g, Fraction(0)) + slope
+    return {g: c for g, c in row.items() if c}
 
 
 def _sum(graph: BondGraph, number: int, group: Sequence[int], still: set[int]) -> Row:
@@ -144,15 +288,20 @@ def _without(row: Row, g: int, pivot: Row) -> Row:
     return {k: c for k, c in result.items() if c}
 
 
-def _source(graph: BondGraph, number: int, kind: Kind, others: Mapping[str, float]) -> Element:
-    """A switch as a source of the remainder of its loop or cut."""
+def _source(graph: BondGraph, number: int, kind: Kind, share: Share) -> Element:
+    """A switch as a source of its share in a loop or cut."""
     node = graph.nodes[number]
     variable = "f" if kind is Kind.FLOW_SOURCE else "e"
     domain = graph.bonds[graph.incident[number][0]].domain
-    terms: list[Expression] = [multiply(Number(-sign), Symbol(i)) for i, sign in enumerate(others.values())]
-    law = Law(((Symbol(Own(0, variable)), add(*terms) if terms else ZERO),), None, len(others))
-    arguments = tuple(Reading(name, "", variable) for name in others)
+    scale = share.scale or Bound(Formula(0, ONE), ())
+    first = len(scale.arguments)
+    terms: list[Expression] = [
+        multiply(Number(-sign), Symbol(first + i)) for i, sign in enumerate(share.others.values())
+    ]
+    value = multiply(scale.formula.expression, add(*terms)) if terms else ZERO
+    arguments = (*scale.arguments, *(Reading(name, "", variable) for name in share.others))
+    law = Law(((Symbol(Own(0, variable)), value),), None, len(arguments))
     ports = (Port("", domain),)
     return Element(
-        node.name, kind, bool(others), ports, law, arguments, (), {}, {}, None, None, node.definition, node.span
+        node.name, kind, bool(arguments), ports, law, arguments, (), {}, {}, None, None, node.definition, node.span
     )

@@ -13,24 +13,29 @@ from ..algebra.expression import ZERO, Symbol, evaluate
 from .elements import Kind
 from .network import TIME, Bond, BondEnd, BondGraph, Element, Junction, Law, Node, Own, Port, Quantity
 from .prune import adjustable
-from .sharing import shared
+from .sharing import ValveEvents, shared
+
+NONE: ValveEvents = {}
 
 
-def switch_off(graph: BondGraph, names: Iterable[str], valves: frozenset[str] = frozenset()) -> BondGraph:
-    """The graph with these junctions off. `valves`: the ideal ones, which share undetermined currents and voltages."""
+def switch_off(
+    graph: BondGraph, names: Iterable[str], valves: ValveEvents = NONE, ports: frozenset[str] = frozenset()
+) -> BondGraph:
+    """The graph with these junctions off. `valves`: the ideal ones, which share undetermined currents and voltages, with their events; `ports`: of a
+    companion."""
     off = frozenset(names)
     if not off:
-        return shared(graph, valves, off)
+        return shared(graph, valves, off, ports=ports)
     nodes: list[Node] = list(graph.nodes)
     ends: dict[tuple[int, int], int] = {}  # node and bond -> the node where the bond ends instead
-    holding = []
+    sources: dict[Kind, list[str]] = {Kind.ZERO: [], Kind.ONE: []}  # in the place of junctions of each kind
     for number, node in enumerate(graph.nodes):
         if not isinstance(node, Junction) or node.name not in off:
             continue
         for count, bond in enumerate(graph.incident[number]):
             ends[number, bond] = number if not count else len(nodes)
             source = _nothing(node, node.name if not count else f"{node.name} ({count + 1})")
-            holding += [source.name] if node.kind is Kind.ONE else []
+            sources[node.kind].append(source.name)
             if count:
                 nodes.append(source)
             else:
@@ -40,7 +45,8 @@ def switch_off(graph: BondGraph, names: Iterable[str], valves: frozenset[str] = 
         return BondEnd(ends.get((end.node, bond), end.node), end.port)
 
     bonds = tuple(Bond(moved(b.tail, n), moved(b.head, n), b.domain, b.span) for n, b in enumerate(graph.bonds))
-    return shared(replace(graph, nodes=tuple(nodes), bonds=bonds), valves, off, frozenset(holding))
+    closed, holding = (frozenset(sources[kind]) for kind in (Kind.ZERO, Kind.ONE))
+    return shared(replace(graph, nodes=tuple(nodes), bonds=bonds), valves, off | closed, holding, ports)
 
 
 def decided(graph: BondGraph, settable: frozenset[str]) -> BondGraph:

@@ -309,6 +309,7 @@ class System:
     outputs: tuple[str, ...]
     atoms: int
     timed: list[Any]  # of atoms on time alone: the branch as a function of t
+    operators: tuple[str, ...]  # of atoms
 
 
 def _namer(modes: int) -> Any:
@@ -364,6 +365,7 @@ def system(graph: BondGraph, free: Mapping[str, float]) -> System:
         tuple(graph.outputs),
         len(writer.atoms),
         [_timed(a, name, o, x) for o, _, x in writer.atoms],
+        tuple(o for o, _, _ in writer.atoms),
     )
 
 

@@ -16,6 +16,7 @@ from scipy.linalg import get_lapack_funcs
 
 from tests.second_opinion.assembly import Assembly, System, stored_law
 from tests.second_opinion.linkage import Linkage
+from tests.second_opinion.shares import admissible
 from tests.second_opinion.writer import COMPLEX, Writer, function
 
 Array = Any
@@ -78,6 +79,8 @@ class Run:
     count: int = 0
     budget: int = 200_000  # iterations of Newton's method
     largest: Any = 0.0
+    end: float = math.inf  # of the run
+    before: tuple[float, Array, Array] | None = None  # the last step's begin
     weights: Any = 1.0  # how readily an impulse moves each state
     blur: float = 1.0  # of `INSTANT` and `BEHIND`: what depends on it is not certain
 
@@ -248,6 +251,10 @@ class Run:
                 self.t += self.instant
                 continue
             acting = [i for i, v in enumerate(truth) if v and not self.true[i]]
+            if acting and (other := admissible(self, self.x, w, self.before)) is not None:
+                w, self.b = other
+                truth, acting = self.system.conditions(self.t, self.x.tolist(), w.tolist(), self.m, self.b)[0], []
+                self.before = self.jacobian = None
             self.true = [bool(v) for v in truth]
             self.w = w
             if not acting:
@@ -295,6 +302,7 @@ class Run:
         end = self.t + h
         while end - self.t > 2 * self.instant:
             h = end - self.t
+            self.before = self.t, self.x, self.w
             try:
                 xs, ws = self.step(h)
                 if (theta := self._changed(h, xs, ws)) is not None:
@@ -567,7 +575,7 @@ def course(system: System, begin: float, times: Sequence[float], budget: int, bl
         [1.0] * system.atoms,
         blur=blur,
     )
-    state.true, state.budget = [False] * len(a.graph.events), budget
+    state.true, state.budget, state.end = [False] * len(a.graph.events), budget, times[-1]
     every = [(i, _number(a, a.opened(e.period), begin)) for i, e in enumerate(a.graph.events) if e.period is not None]
     _begin(state)
     return Course(state, _stops(system, begin, times, span), every)

@@ -12,7 +12,7 @@ import pytest
 import bondgraph
 from tests.second_opinion import comparison
 from tests.second_opinion.comparison import compared, second
-from tests.second_opinion.random_models import mechanism, network
+from tests.second_opinion.random_models import PARTS, mechanism, network
 from tests.second_opinion.solution import Undecided
 from tests.second_opinion.trial import KINDS, campaign, verdict_on
 
@@ -104,6 +104,38 @@ def test_what_is_not_certain_is_undecided() -> None:
 }"""
     with pytest.raises(Undecided, match="follows from other states"):
         second(tied, 0.6, points=3)
+
+
+REPORTED = (*range(500714, 500720), *range(603168, 603173), 2000433, 2000438, 2001132, 2006555, 2008950)
+
+
+@pytest.mark.parametrize("seed", REPORTED)
+def test_models_that_were_once_wrong_or_refused(seed: int) -> None:
+    """Stuck friction, valves and switches that keep one flow at zero together; laws that changed again and again where rounding decides their sign."""
+    assert verdict_on(network(seed)).kind == "agreed"
+
+
+@pytest.mark.parametrize("valve", [False, True])
+def test_frictions_that_share_a_force_slip_where_both_must(valve: bool) -> None:
+    """Of 0.5 and 0.8, in sliding 0.3 and 0.4, under a force of t/2: 2 v' = t/2 - 0.7 - 0.5 v from t = 2.6."""
+    friction, check = (f"plain model {part}" for part in PARTS.split("plain model ")[1:])
+    text = f"""{friction}{check if valve else ""}plain model Shared {{
+  I m : p = 2*f
+  R r : e = 0.3*f
+  Friction A {{ fc = 0.3; fs = 0.5 }}
+  Friction B {{ fc = 0.4; fs = 0.8 }}
+  Se S : e = 0.5*time - ({1.5 if valve else 0} if time < 0.5 else 0)
+  1 j
+  S -> j
+  j -> m, r, A.ends, B.ends{", V.ends" if valve else ""}
+  {"Valve V" if valve else ""}
+  output v = m.f
+}}"""
+    own = second(text, 4.0, points=5)
+    late = own.times[own.times > 2.6]
+    steady = (0.5 * late - 0.7) / 0.5 - 4
+    exact = steady + (4 - 1.2) * np.exp(-0.25 * (late - 2.6))
+    np.testing.assert_allclose(own.values[0], [0, 0, *exact], atol=1e-6)
 
 
 def test_charge_goes_over_in_an_impulse() -> None:

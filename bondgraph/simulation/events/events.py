@@ -180,7 +180,7 @@ class Events:
             due = ()
             self.on |= holds
             if not rising:
-                now, switching = self._with_valves(now)
+                now, switching = self._with_valves(now, at)
                 acted += switching
                 break
             acted += rising
@@ -211,8 +211,11 @@ class Events:
             least[conditions] = most[conditions]
             self.floor = np.maximum(self.floor, least)
 
-    def _with_valves(self, at: Moment) -> tuple[Moment, list[int]]:
-        """Return the hybrid state with all valves as they are just after, and the events of those that switch: then another program goes on."""
+    def _with_valves(self, at: Moment, before: Moment) -> tuple[Moment, list[int]]:
+        """Return the hybrid state with all valves as they are just after, and the events of those that switch: then another program goes on.
+
+        `before`: the state before the instant. If other junctions have switched since, this program cannot contradict the set: the next one can.
+        """
         companion = self.companion
         if companion is None or not len(self.valve_modes):
             return at, []
@@ -220,7 +223,7 @@ class Events:
         said = at.mode[self.valve_modes] == self.conducts
         found = companion.conducting(instant, said)
         if (found == said).all():
-            if not self._contradicted(at):
+            if self.actives(at) != self.actives(before) or not self._contradicted(at):
                 return at, []
             other = companion.another(instant, said)
             if other is None:
@@ -399,9 +402,11 @@ class Events:
             if not sought.any():
                 break
         truth[moved != 0] = moved[moved != 0] < 0
-        # A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then.
+        # A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then. Nor must that of a law
+        # which is still on the other side: the law would change again and again.
         still = np.maximum(0.25 * noise, 2 * np.abs(roots))
-        self.floor = np.where(doubtful, np.where(moved != 0, 0.25 * noise, still), 0.0)
+        behind = self.steers & (truth != self.truth(roots))
+        self.floor = np.where(doubtful, np.where((moved != 0) & ~behind, 0.25 * noise, still), 0.0)
         return truth
 
     def noise(self, at: Moment, roots: Array) -> Any:
