@@ -141,7 +141,7 @@ class Chords:
         base, far = ends.base, ends.far
         if isinstance(base, AxialTurn) and isinstance(far, AxialTurn) and (base.axis == far.axis or base.is_none or far.is_none):  # fmt: skip
             axis = far.axis if base.is_none else base.axis
-            angle = ZERO if base.angle == far.angle else far.angle - base.angle
+            angle = ZERO if base.angle == far.angle else _between(ends, axis, far.angle - base.angle)
             turn = AxialTurn(axis, script.let(f"{name}.turn", angle, "1"))
             vector = scaled(turn.angle, UNIT[axis])
             spin = base.back(script, ends.spin, f"{name}.own spin")
@@ -237,3 +237,11 @@ class Chords:
             self.kinematics.push(second, force, NULL, f"{name}.second")
             self.kinematics.push(first, negated(force), NULL, f"{name}.first")
         return {f"{name}.d": PortMotion(flow, Symbol(held), held)}
+
+
+def _between(ends: _Ends, axis: int, otherwise: Expression) -> Expression:
+    """Angle between two bodies that only turn about one axis, without the rounding of the angles of the joint's axes."""
+    first, second = ends.first.turn, ends.second.turn
+    if isinstance(first, AxialTurn) and isinstance(second, AxialTurn) and {first.axis, second.axis} == {axis}:
+        return second.angle - first.angle
+    return otherwise

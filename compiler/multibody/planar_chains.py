@@ -133,7 +133,7 @@ def _chain(path: Sequence[tuple[Joint, str, str]], between: Mapping[str, Body], 
     (ax, ay), (bx, by) = ways
     sine = ax * by - ay * bx
     shares = ((one * by / sine, -one * bx / sine), (-other * ay / sine, other * ax / sine))
-    name = " - ".join(j.name for j in (a, b, hinge))
+    name = f"{hinge.name} chain"  # no name of the text has a space
     free = replace(hinge, name=name, kind="free", first=start, second=end, starts={}, rest={}, axes="from")
     return PlanarChain(free, (a, b, hinge), (between[first], between[second]), (one, other, last), angle, shares, ways)
 
