@@ -45,7 +45,7 @@ class _Ends:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class RelativeMotion:
     """Coordinates of a free joint from zero in the drawing: gap and rotation vector with their rates.
 
     The force is that on its second side, in world axes.
@@ -112,7 +112,7 @@ class Chords:
             motions[f"{name}.{letter}"] = PortMotion(flow, Symbol(held), held)
         return motions
 
-    def measured(self, joint: Joint, efforts: Mapping[str, Expression]) -> Measured:
+    def measured(self, joint: Joint, efforts: Mapping[str, Expression]) -> RelativeMotion:
         """Motion of the second side in the joint's axes. The joint's wrench acts on the bodies."""
         script, name = self.script, joint.name
         ends = self._ends(joint)
@@ -123,7 +123,7 @@ class Chords:
         turning = rates_from_spin(script, relative.parts, relative.vector, relative.spin, False, f"{name}.turning")
         gap, rates = axes.turn.back(script, ends.gap, f"{name}.along"), axes.turn.back(script, drift, f"{name}.rates")
         force = self._push(joint, efforts, ends, relative, axes)
-        return Measured(gap, relative.vector, rates, turning, force, ends.second)
+        return RelativeMotion(gap, relative.vector, rates, turning, force, ends.second)
 
     def _ends(self, joint: Joint) -> _Ends:
         script, name = self.script, joint.name

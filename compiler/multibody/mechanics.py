@@ -27,17 +27,18 @@ from .vectors import Vector
 
 def mechanism_equations(
     mechanism: Mechanism, efforts: Mapping[str, Expression], flows: Mapping[str, Expression], wanted: Set[str],
-    builder: EquationWriter,
+    reset: Set[str], builder: EquationWriter,
 ) -> MechanismEquations:  # fmt: skip
     """Write the equations of a mechanism.
 
-    `efforts` act on its ports; `flows` are determined by the network; `wanted` are the ports that are read elsewhere.
+    `efforts` act on its ports; `flows` are determined by the network; `wanted` are the ports that are read elsewhere, `reset` those
+    that events set.
     """
     script = Script(mechanism, builder)
     bonded = bonded_joints((*efforts, *flows))
     reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
     read = {j.name for j in mechanism.joints if any(f"{j.name}.{letter}" in wanted for letter in j.freedoms)}
-    chains = planar_chains(mechanism, script, bonded, bonded_joints(flows))
+    chains = planar_chains(mechanism, script, bonded, bonded_joints((*flows, *reset)))
     acting = merged(mechanism, chains)
     tree = spanning_tree(acting, bonded, reacting, read)
     if chains and not flows.keys() <= {c for link in tree.links for c in link.coordinates}:

@@ -71,8 +71,8 @@ class PlanarChain:
 
 
 # ---------------------------------------------------------------- chains of a mechanism
-def planar_chains(mechanism: Mechanism, script: Script, bonded: Set[str], driven: Set[str]) -> tuple[PlanarChain, ...]:
-    """Chains within closed loops. `bonded`: parts with bonds; `driven`: joints whose flow the network determines."""
+def planar_chains(mechanism: Mechanism, script: Script, bonded: Set[str], imposed: Set[str]) -> tuple[PlanarChain, ...]:
+    """Chains within closed loops. `bonded`: parts with bonds; `imposed`: parts whose flow the network determines, or that events set."""
     if not mechanism.planar:
         return ()
     on = ends_of(mechanism)
@@ -82,13 +82,13 @@ def planar_chains(mechanism: Mechanism, script: Script, bonded: Set[str], driven
             at.setdefault(on[end], []).append(joint)
     coupled = {end for j in mechanism.joints if j.kind in COUPLINGS for end in (j.first, j.second)}
     simple = {
-        j.name for j in mechanism.joints if j.kind in ("slide", "hinge") and not j.locked and j.name not in coupled | driven
+        j.name for j in mechanism.joints if j.kind in ("slide", "hinge") and not j.locked and j.name not in coupled | imposed
     }  # fmt: skip
-    bonds_on = {on[name] for name in bonded & set(on)}
+    busy = {on[name] for name in (bonded | imposed) & set(on)}
     between = {
         body.name: body
         for body in mechanism.bodies
-        if body.name not in bonds_on
+        if body.name not in busy
         and len(joints := {j.name for j in at.get(body.name, ())}) == len(at.get(body.name, ())) == 2
         and joints <= simple
         and all(script.builder.folded(x) == ZERO for x in (body.mass, body.inertia.zz))
