@@ -333,8 +333,10 @@ class _Nodes:
         read += [a for n in self.graph.nodes if isinstance(n, Element) for a in n.arguments]
         wanted = {a.port for a in read if isinstance(a, Reading) and a.node == node.name}
         targets = [action.target for event in self.graph.events for action in event.actions]
-        reset = {t.port for t in targets if isinstance(t, Reading) and t.node == node.name}
-        result = mechanism_equations(node.mechanism, efforts, flows, wanted, reset, self.to)
+        states = {t.port for t in targets if isinstance(t, Reading) and t.node == node.name}
+        if self.graph.switches:  # what is stored before a switching is a state after it too
+            states |= {f"{j.name}.{letter}" for j in node.mechanism.joints for letter in j.freedoms}
+        result = mechanism_equations(node.mechanism, efforts, flows, wanted, states, self.to)
         if result.diagnostics:  # without its motion nothing that reads it can be written
             raise CompilationFailed([*self.to.diagnostics, *result.diagnostics])
         for port_number, port in enumerate(node.ports):

@@ -100,8 +100,8 @@ class Chords:
     def free(self, joint: Joint, efforts: Mapping[str, Expression]) -> dict[str, PortMotion]:
         """Motions of a free joint's ports. Its wrench acts on the bodies."""
         script, name = self.script, joint.name
-        found = self.measured(joint, efforts)
-        along, rates = (found.gap, found.turned), (found.rates, found.turning)
+        motion = self.relative_motion(joint, efforts)
+        along, rates = (motion.gap, motion.turned), (motion.rates, motion.turning)
         letters = PLANAR_POSE if joint.planar else POSE
         chosen = [(0, 0), (0, 1), (1, 2)] if joint.planar else [(k, i) for k in (0, 1) for i in range(3)]
         motions = {}
@@ -112,7 +112,7 @@ class Chords:
             motions[f"{name}.{letter}"] = PortMotion(flow, Symbol(held), held)
         return motions
 
-    def measured(self, joint: Joint, efforts: Mapping[str, Expression]) -> RelativeMotion:
+    def relative_motion(self, joint: Joint, efforts: Mapping[str, Expression]) -> RelativeMotion:
         """Motion of the second side in the joint's axes. The joint's wrench acts on the bodies."""
         script, name = self.script, joint.name
         ends = self._ends(joint)

@@ -27,18 +27,18 @@ from .vectors import Vector
 
 def mechanism_equations(
     mechanism: Mechanism, efforts: Mapping[str, Expression], flows: Mapping[str, Expression], wanted: Set[str],
-    reset: Set[str], builder: EquationWriter,
+    states: Set[str], builder: EquationWriter,
 ) -> MechanismEquations:  # fmt: skip
     """Write the equations of a mechanism.
 
-    `efforts` act on its ports; `flows` are determined by the network; `wanted` are the ports that are read elsewhere, `reset` those
-    that events set.
+    `efforts` act on its ports; `flows` are determined by the network; `wanted` are the ports that are read elsewhere; those of `states` may
+    belong to no chain, as events set them or the structure may switch.
     """
     script = Script(mechanism, builder)
     bonded = bonded_joints((*efforts, *flows))
     reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
     read = {j.name for j in mechanism.joints if any(f"{j.name}.{letter}" in wanted for letter in j.freedoms)}
-    chains = planar_chains(mechanism, script, bonded, bonded_joints((*flows, *reset)))
+    chains = planar_chains(mechanism, script, bonded, bonded_joints((*flows, *states)))
     acting = merged(mechanism, chains)
     tree = spanning_tree(acting, bonded, reacting, read)
     if chains and not flows.keys() <= {c for link in tree.links for c in link.coordinates}:
@@ -66,7 +66,6 @@ class Mechanics:
     ) -> None:  # fmt: skip
         """`mechanism`: with a free joint for each chain."""
         self.mechanism, self.tree, self.script, self.whole = mechanism, tree, script, whole
-        self.chains = {chain.free.name: chain for chain in whole.chains}
         inside = {port for chain in whole.chains for port in chain.ports}
         self.efforts = {port: e for port, e in efforts.items() if port not in inside}
         for chain in whole.chains:

@@ -14,9 +14,9 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from math import atan2, pi
 
-from ..algebra.expression import ZERO, Expression, Number, Symbol, add, call, multiply
+from ..algebra.expression import ZERO, Expression, Number, Symbol, add, multiply
 from ..fast_dataclass import dataclass
-from ..graph.mechanism import COUPLINGS, Body, Joint, Mechanism
+from ..graph.mechanism import COUPLINGS, Body, Frame, Joint, Mechanism
 from .assignment_emitter import Script
 from .axes import snapped
 from .chords import Chords
@@ -25,11 +25,9 @@ from .marker import Carried, Placed
 from .motion import PortMotion
 from .rotations import AxialTurn, unit
 from .tree import CLOSING, ends_of, is_chord
-from .values import Elsewhere, SampleValues
-from .vectors import NULL, Vector, cross, dot, minus, negated, plus, scaled
+from .vectors import NULL, Vector, cross, minus, negated, plus, scaled
 
 STEEP = 0.01  # least sine of the angle between the slides
-SAME = 1e-12  # of the angle's sine and cosine, at other values of the parameters
 Wrench = tuple[Vector, Vector]  # force and torque, world axes
 
 
@@ -45,7 +43,7 @@ class PlanarChain:
     joints: tuple[Joint, Joint, Joint]
     bodies: tuple[Body, Body]
     senses: tuple[float, float, float]
-    angle: Expression
+    angle: float
     shares: tuple[tuple[float, float], ...]
     ways: tuple[tuple[float, float], ...]
 
@@ -55,24 +53,19 @@ class PlanarChain:
         x, y, phi = (f"{joint.name}.{joint.freedoms[0]}" for joint in self.joints)
         return x, y, phi
 
-    @property
-    def has_starts(self) -> bool:
-        """Return True if the text gives a start of a coordinate or of a body between."""
-        return any(part.starts for part in (*self.joints, *self.bodies))
-
     def efforts_on_free(self, efforts: Mapping[str, Expression]) -> dict[str, Expression]:
         """Efforts on the coordinates of the free joint that have the power of those on the chain's."""
         first, second, turning = (efforts.get(port, ZERO) for port in self.ports)
-        found = {
+        dual = {
             f"{self.free.name}.{letter}": add(*(multiply(Number(s[i]), e) for s, e in zip(self.shares, (first, second), strict=True)))
             for i, letter in enumerate("xy")
         } | {f"{self.free.name}.phi": multiply(Number(self.senses[2]), turning)}  # fmt: skip
-        return {port: effort for port, effort in found.items() if effort != ZERO}
+        return {port: effort for port, effort in dual.items() if effort != ZERO}
 
 
 # ---------------------------------------------------------------- chains of a mechanism
-def planar_chains(mechanism: Mechanism, script: Script, bonded: Set[str], imposed: Set[str]) -> tuple[PlanarChain, ...]:
-    """Chains within closed loops. `bonded`: parts with bonds; `imposed`: parts whose flow the network determines, or that events set."""
+def planar_chains(mechanism: Mechanism, script: Script, bonded: Set[str], apart: Set[str]) -> tuple[PlanarChain, ...]:
+    """Chains within closed loops. `bonded`: parts with bonds; `apart`: parts that may belong to no chain."""
     if not mechanism.planar:
         return ()
     on = ends_of(mechanism)
@@ -82,9 +75,13 @@ def planar_chains(mechanism: Mechanism, script: Script, bonded: Set[str], impose
             at.setdefault(on[end], []).append(joint)
     coupled = {end for j in mechanism.joints if j.kind in COUPLINGS for end in (j.first, j.second)}
     simple = {
-        j.name for j in mechanism.joints if j.kind in ("slide", "hinge") and not j.locked and j.name not in coupled | imposed
-    }  # fmt: skip
-    busy = {on[name] for name in (bonded | imposed) & set(on)}
+        j.name
+        for j in mechanism.joints
+        if j.kind in ("slide", "hinge") and not (j.locked or j.starts) and j.name not in coupled | apart
+    }
+    placed: tuple[Body | Frame, ...] = (*mechanism.bodies, *mechanism.frames)
+    started = {part.name for part in placed if part.starts}
+    busy = {on[name] for name in (bonded | apart | started) & set(on)}
     between = {
         body.name: body
         for body in mechanism.bodies
@@ -93,13 +90,13 @@ def planar_chains(mechanism: Mechanism, script: Script, bonded: Set[str], impose
         and joints <= simple
         and all(script.builder.folded(x) == ZERO for x in (body.mass, body.inertia.zz))
     }
-    found: dict[frozenset[str], PlanarChain | None] = {}
+    chains: dict[frozenset[str], PlanarChain | None] = {}
     for joint in mechanism.joints if between else ():
         path = _path(joint, on, at, between)
         names = frozenset(j.name for j, *_ in path)
-        if len(path) == 3 and names not in found:
-            found[names] = _chain(path, between, script)
-    return tuple(_in_loops(mechanism, on, [chain for chain in found.values() if chain is not None]))
+        if len(path) == 3 and names not in chains:
+            chains[names] = _chain(path, between, script)
+    return tuple(_in_loops(mechanism, on, [chain for chain in chains.values() if chain is not None]))
 
 
 def _path(
@@ -138,47 +135,38 @@ def _chain(path: Sequence[tuple[Joint, str, str]], between: Mapping[str, Body], 
     return PlanarChain(free, (a, b, hinge), (between[first], between[second]), (one, other, last), angle, shares, ways)
 
 
-def _plane(a: Joint, b: Joint, script: Script) -> tuple[Expression, tuple[tuple[float, float], ...]] | None:
-    """Angle of axes in which a slide is along x or y, and the unit vectors of two slides in them; None if nearly parallel.
+def _plane(a: Joint, b: Joint, script: Script) -> tuple[float, tuple[tuple[float, float], ...]] | None:
+    """Angle of axes in which a slide is along x or y, and the unit vectors of two slides in them.
 
-    The angle between the slides must not depend on parameters, which a run may change.
+    None if they are nearly parallel, or if a direction depends on parameters, which a run may change.
     """
-    d, e = (snapped(unit(script.place(j.axis, f"{j.name}.axis", "1"))) for j in (a, b))
-    here, there = (
-        [values.of(x) for x in (dot(d, e), cross(d, e)[2])] for values in (SampleValues(script), Elsewhere(script))
-    )
-    if abs(here[1]) < STEEP or any(abs(x - y) > SAME for x, y in zip(here, there, strict=True)):
+    ways = [snapped(unit(script.place(j.axis, f"{j.name}.axis", "1"))) for j in (a, b)]
+    numbers = [[c.value for c in way if isinstance(c, Number)] for way in ways]
+    if any(len(way) < 3 for way in numbers):
         return None
-    x, y = (SampleValues(script).of(c) for c in d[:2])
-    quarter = round(atan2(y, x) / (pi / 2))
-    own = [((1.0, 0.0), (0.0, 1.0)), ((0.0, 1.0), (-1.0, 0.0)), ((-1.0, 0.0), (0.0, -1.0)), ((0.0, -1.0), (1.0, 0.0))]
-    along, across = own[quarter % 4]
-    known = all(isinstance(c, Number) for c in d)
-    turned = Number(atan2(y, x)) if known else call("atan2", d[1], d[0])
-    angle = Number(atan2(y, x) - quarter * pi / 2) if known else add(turned, Number(-quarter * pi / 2))
-    cosine, sine = (c.value for c in snapped((Number(here[0]), Number(here[1]), ZERO))[:2] if isinstance(c, Number))
-    other = tuple(cosine * p + sine * q for p, q in zip(along, across, strict=True))
-    return angle, (along, (other[0], other[1]))
+    (x, y, _), (p, q, _) = numbers
+    angle = atan2(y, x)
+    quarter = round(angle / (pi / 2))
+    along = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
+    between = snapped((Number(x * p + y * q), Number(x * q - y * p), ZERO))
+    cosine, sine = (c.value for c in between[:2] if isinstance(c, Number))
+    if abs(sine) < STEEP:
+        return None
+    other = (cosine * along[0] - sine * along[1], cosine * along[1] + sine * along[0])
+    return angle - quarter * pi / 2, (along, other)
 
 
 def _in_loops(mechanism: Mechanism, on: Mapping[str, str], chains: Sequence[PlanarChain]) -> list[PlanarChain]:
-    """Chains whose ends are connected without them, in the order of the text.
-
-    A chain with starts stays in the tree if the loops are open without that: then its start is that of its coordinates.
-    """
+    """Chains whose ends are connected without them, by joints of the tree or by other chains."""
     inside = {j.name for chain in chains for j in chain.joints}
     others = [j for j in mechanism.joints if not (j.kind in CLOSING or is_chord(j) or j.name in inside)]
-    near = _connected([(on[j.first], on[j.second]) for j in others], on.values())
-    pair = {chain.free.name: (near[chain.free.first], near[chain.free.second]) for chain in chains}
-    found: set[str] = set()
-    for chain in sorted(chains, key=lambda chain: chain.has_starts):
-        name = chain.free.name
-        gone = {name} | (found if chain.has_starts else set())
-        group = _connected([ends for other, ends in pair.items() if other not in gone], near.values())
-        first, second = pair[name]
-        if group[first] == group[second]:
-            found.add(name)
-    return [chain for chain in chains if chain.free.name in found]
+    fixed = [(on[j.first], on[j.second]) for j in others]
+    closing = []
+    for chain in chains:
+        group = _connected([*fixed, *((c.free.first, c.free.second) for c in chains if c is not chain)], on.values())
+        if group[chain.free.first] == group[chain.free.second]:
+            closing.append(chain)
+    return closing
 
 
 def _connected(pairs: Iterable[tuple[str, str]], names: Iterable[str]) -> dict[str, str]:
@@ -217,14 +205,14 @@ def write_chain(
     The poses of the bodies between become known to the kinematics.
     """
     script, name = kinematics.script, chain.free.name
-    kinematics.drawn[name] = AxialTurn(2, script.let(f"{name}.angle", chain.angle, "1"))
-    found = Chords(kinematics).measured(chain.free, efforts)
-    gap, rates = found.gap, found.rates
+    kinematics.drawn[name] = AxialTurn(2, Number(chain.angle))
+    motion = Chords(kinematics).relative_motion(chain.free, efforts)
+    gap, rates = motion.gap, motion.rates
     shares = [(Number(a), Number(b)) for a, b in chain.shares]
     moved = [add(multiply(a, gap[0]), multiply(b, gap[1])) for a, b in shares]
     flows = [add(multiply(a, rates[0]), multiply(b, rates[1])) for a, b in shares]
     sense = Number(chain.senses[2])
-    moved, flows = [*moved, multiply(sense, found.turned[2])], [*flows, multiply(sense, found.turning[2])]
+    moved, flows = [*moved, multiply(sense, motion.turned[2])], [*flows, multiply(sense, motion.turning[2])]
     motions = {}
     slid: list[tuple[Expression, Expression]] = []
     for joint, port, q, f in zip(chain.joints, chain.ports, moved, flows, strict=True):
@@ -232,14 +220,14 @@ def write_chain(
         letter = joint.freedoms[0]
         q = script.let(f"{port} moved" if letter in joint.rest else port, q, "1" if turns else "m")
         rest = script.constant(joint.rest[letter], f"{port} rest") if letter in joint.rest else ZERO
-        held = script.held(port, add(q, rest), "1" if turns else "m")
+        pose = script.held(port, add(q, rest), "1" if turns else "m")
         flow = script.let(f"{port}.{'omega' if turns else 'v'}", f, "1/s" if turns else "m/s")
-        motions[port] = PortMotion(flow, Symbol(held), held)
+        motions[port] = PortMotion(flow, Symbol(pose), pose)
         slid.append((q, flow))
     _carry(chain, kinematics, slid)
     torque = efforts.get(f"{name}.phi", ZERO)
     wrenches = {
-        joint.name: _wrench(kinematics, joint, sense, found.second, (found.force, (ZERO, ZERO, torque)))
+        joint.name: _wrench(kinematics, joint, sense, motion.second, (motion.force, (ZERO, ZERO, torque)))
         for joint, sense in zip(chain.joints, chain.senses, strict=True)
         if joint.name in reacting
     }

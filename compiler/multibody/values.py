@@ -36,7 +36,7 @@ class SampleValues:
                         self.known[variable] = self._value(variable, definition)
                 else:  # a state: some number that no other has
                     self.known[variable] = (
-                        self.anything(variable) if definition is None else self.parameter(variable, definition)
+                        _anything(variable) if definition is None else self.parameter(variable, definition)
                     )
                 if missing:
                     wanted += missing
@@ -47,23 +47,15 @@ class SampleValues:
         try:
             return evaluate(definition, self.known.__getitem__)
         except (ArithmeticError, ValueError):  # the root of a run's value, which may be any number here
-            return self.anything(variable)
-
-    def anything(self, variable: int) -> float:
-        """Number for a state, and for a value that each run brings."""
-        return _anything(variable)
+            return _anything(variable)
 
 
 class Elsewhere(SampleValues):
-    """Numbers for expressions in another scene: all parameters and states have other values."""
+    """Numbers for expressions in another scene: all parameters have other values."""
 
     def parameter(self, variable: int, value: float) -> float:
         """Number for a parameter: its value, changed by some percent."""
         return value + 0.03 * _anything(variable) * (abs(value) or 1.0)
-
-    def anything(self, variable: int) -> float:
-        """Number for a state, and for a value that each run brings: another one than in this scene."""
-        return 0.2 + 0.7548776662466927 * (variable + 1) % 1.0
 
 
 def _anything(variable: int) -> float:

@@ -83,7 +83,8 @@ def text(joints: str, bonds: str = "abc", readings: str = REACTIONS, more: str =
 SLIDING = "\n    slide far : ground to q { along = 30 deg, start x.v = 0.1 [m/s] }"
 ALONE = "start x.v = 0.1 [m/s], start y.v = -0.05 [m/s], start phi.omega = 0.3 [rad/s]"
 RESTS = {"a": ", rest = 0.1 m", "b": ", rest = -0.05 m", "c": ", rest = 10 deg, limits = (-200 deg, 200 deg)"}
-STARTS = {"a": ", start x = 0.05 m", "b": ", start x = 0.02 m"}
+SWITCHED = "mode on = true\n  1 clamp { active = on }\n  R slip : F = 20 [N*s/m]*v\n  m.a -> clamp -> slip\n  when time > 0.2 s { on = false }"
+STOP = "Stops st { low = -20 mm, high = 2 mm, k = 4e4 [N/m], r = 10 [N*s/m] }\n  m.a -> st.ends"
 TWO = "C kd : F = 30 [N/m]*x\n  C kf : M = 2 [N*m]*phi\n  m.d -> kd\n  m.f -> kf"
 WAYS = [("abc", ""), ("abc", "abc"), ("bac", "ac"), ("cab", "b"), ("cba", "abc"), ("cba", "")]
 CASES = {
@@ -95,9 +96,12 @@ CASES = {
     "readings in the drawing, limits": text(chain(**RESTS) + SLIDING),
     "without bonds": text(chain() + SLIDING, ""),
     "a bond on one joint": text(chain() + SLIDING, "b"),
-    "directions of a parameter": text(chain(lean="tilt", tilt="tilt + 60 deg") + SLIDING),
-    "starts of its joints": text(chain(**STARTS) + SLIDING),
-    "between bodies welded together": text(chain() + "\n    weld j : p to q { at = (1 m, 1 m) }"),
+    "a hinge that reads much": text(chain(c=", rest = 270 deg") + SLIDING),
+    "a hinge that turns by more than half a turn": text(chain() + SLIDING, "ab").replace("0.5 [rad/s]", "14 [rad/s]"),
+    "a law with a jump": text(chain() + SLIDING, "bc", more="R sa : F = 0.5 N*sign(v - 10 [m/s])\n  m.a -> sa"),
+    "an inertia on a slide of it": text(chain() + SLIDING, "bc", more="I mass : v = p/(0.5 kg)\n  m.a -> mass"),
+    "a stop on a slide of it": f"import Stops from mechanics\n{text(chain() + SLIDING, 'bc', more=STOP)}",
+    "to a body welded to another": text(chain(ends="p u") + SLIDING + "\n    body u\n    weld j : q to u { at = (1 m, 1 m) }"),
     "two chains hold a body": text(chain() + SECOND, more=TWO, start=ALONE),
     "two chains hold a point mass": text(
         chain(c="") + SECOND.replace("1.9 m, 1.2 m", "1.5 m, 1 m"), "ab", more=TWO.split("\n  C kf")[0] + "\n  m.d -> kd", q="mass = 1 kg",
@@ -150,6 +154,37 @@ def test_a_chain_by_the_interpreter(name: str, tmp_path: Path) -> None:
     assert all(np.abs(runs[0][o] - runs[1][o]).max() < 1e-9 for o in ("ax", "bx", "c", "sx", "raphi", "rbx", "rcy"))
 
 
+@pytest.mark.machine_code
+@pytest.mark.parametrize("solver", ["explicit", "radau", "radau13", "rodas"])
+def test_a_chain_by_each_solver(solver: str, tmp_path: Path) -> None:
+    model = loaded(tmp_path, CASES["abc, none from its second body"])
+    runs = [model.simulate(to=0.2, rtol=1e-8, points=3, **given) for given in ({"solver": solver}, {})]
+    assert all(np.abs(runs[0][o] - runs[1][o]).max() < 1e-6 for o in ("ax", "bx", "c", "sx"))
+
+
+@pytest.mark.machine_code
+def test_a_chain_is_the_limit_of_small_masses(tmp_path: Path) -> None:
+    """Bodies between with less and less mass, which are no chain: what is left goes down with the mass."""
+    little = [text(chain() + SLIDING, s=f"mass = {m} kg, inertia = {m} [kg*m^2],") for m in (0.01, 0.001)]
+    runs = [loaded(tmp_path, w).simulate(to=0.3, rtol=1e-10, points=4) for w in (*little, text(chain() + SLIDING))]
+    assert [r.certificate.constraints for r in runs] == [2, 2, 0]
+    for output in ("x", "qx", "ax", "bx", "c"):
+        far, near = (np.abs(run[output] - runs[2][output]).max() for run in runs[:2])
+        assert 1e-6 < far < 5e-3
+        assert near == pytest.approx(far / 10, rel=0.1)
+
+
+@pytest.mark.machine_code
+def test_an_event_moves_only_what_it_sets(tmp_path: Path) -> None:
+    """A chain without mass passes on no jump of a rate: the body beyond keeps its own, and the slides take the difference."""
+    event = "when time > 0.2 s { m.p.phi.omega = 2 [rad/s] }\n  output qv = m.q.x.v, omega = m.p.phi.omega"
+    run = loaded(tmp_path, text(chain() + SLIDING, more=event)).simulate(to=0.2001, rtol=1e-9, points=2002)
+    jumps = [np.abs(np.diff(run[o])).max() for o in ("omega", "qv", "av")]
+    assert jumps[0] > 1
+    assert jumps[1] < 0.01
+    assert jumps[2] > 0.1
+
+
 # the second opinion's reactions are without what bonds exert on the joint: those of joints without bonds
 OPINIONS = [
     ("abc", "", "bc", "a"),
@@ -174,10 +209,17 @@ OUTSIDE = {
     "an angle between the slides that a run may change": (text(chain(tilt="tilt") + SLIDING), {}),
     "two angles that a run may change": (text(chain(lean="lean", tilt="tilt") + SLIDING), {"lean": "5 [deg]", "tilt": "160 [deg]"}),
     "slides nearly parallel": (text(chain(tilt="20.1 deg") + SLIDING), {}),
+    "a direction that a run may change": (text(chain(lean="0 deg", tilt="max(tilt, 75 deg)") + SLIDING), {"tilt": "85 [deg]"}),
+    "both directions of one parameter": (text(chain(lean="tilt", tilt="tilt + 60 deg") + SLIDING), {"tilt": "-75 [deg]"}),
+    "a start of a joint": (text(chain(a=", start x = 0.05 m") + SLIDING), {}),
+    "a start of a body between": (text(chain() + SLIDING).replace("angle = 10 deg }", "angle = 10 deg, start x = 0.72 m }"), {}),
+    "a start of a frame between": (text(chain() + SLIDING).replace("at = (0.75 m, 0.2 m)", "at = (0.75 m, 0.2 m), start x = 0.77 m"), {}),
     "a mass between": (text(chain() + SLIDING, s="mass = 0.1 kg,"), {}),
     "a mass between, that the run gives": (text(chain() + SLIDING, s="mass = little,"), {"little": "0.1 [kg]"}),
     "a force on a body between": (text(chain() + SLIDING, more="Se fs : F = 1 N\n  fs -> m.s.x"), {}),
     "a force on a frame between": (text(chain() + SLIDING, more="Se fs : F = 1 N\n  fs -> m.edge.x"), {}),
+    "a structure that switches": (text(chain() + SLIDING, "bc", more=SWITCHED), {}),
+    "an event sets the rate of a body between": (text(chain() + SLIDING, more="when time > 0.2 s { m.s.x.v = 0.1 [m/s] }"), {}),
     "an event sets a rate": (text(chain() + SLIDING, more="when time > 0.2 s { m.a.x.v = 0.1 [m/s] }"), {}),
     "a third joint on a body between": (text(chain() + SLIDING + "\n    frame g : ground { at = (0, 2 m) }\n    distance d : edge to g"), {}),
 }  # fmt: skip
