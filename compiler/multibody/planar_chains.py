@@ -5,7 +5,8 @@ explicit functions of the poses of its two ends: a `free` joint at the hinge mea
 fixed to, and the displacements s of the slides, along unit vectors d and e, solve s[0] d + s[1] e = gap. The inverse is constant, so the
 efforts follow from power by its transpose. A chain that is not in a loop stays in the tree, where its coordinates are states without a constraint.
 
-A slide on each side of the hinge is left as it is: where these are parallel, the chain does constrain.
+All else is left as it is: a slide on each side of the hinge, as where these are parallel the chain does constrain; directions of parameters,
+as a run may change them; starts, imposed and reset rates, and structures that switch, which need the coordinates as states.
 """
 
 from __future__ import annotations
