@@ -332,7 +332,11 @@ class _Nodes:
         read = [a for definition in self.graph.definitions() for a in definition.arguments]
         read += [a for n in self.graph.nodes if isinstance(n, Element) for a in n.arguments]
         wanted = {a.port for a in read if isinstance(a, Reading) and a.node == node.name}
-        result = mechanism_equations(node.mechanism, efforts, flows, wanted, self.to)
+        targets = [action.target for event in self.graph.events for action in event.actions]
+        states = {t.port for t in targets if isinstance(t, Reading) and t.node == node.name}
+        if self.graph.switches:  # what is stored before a switching is a state after it too
+            states |= {f"{j.name}.{letter}" for j in node.mechanism.joints for letter in j.freedoms}
+        result = mechanism_equations(node.mechanism, efforts, flows, wanted, states, self.to)
         if result.diagnostics:  # without its motion nothing that reads it can be written
             raise CompilationFailed([*self.to.diagnostics, *result.diagnostics])
         for port_number, port in enumerate(node.ports):

@@ -45,6 +45,21 @@ class _Ends:
 
 
 @dataclass(frozen=True, slots=True)
+class RelativeMotion:
+    """Coordinates of a free joint from zero in the drawing: gap and rotation vector with their rates.
+
+    The force is that on its second side, in world axes.
+    """
+
+    gap: Vector
+    turned: Vector
+    rates: Vector
+    turning: Vector
+    force: Vector
+    second: Placed
+
+
+@dataclass(frozen=True, slots=True)
 class _Relative:
     """Rotation of the second body relative to the first: quaternion, rotation vector and angular velocity, in the axes `inside`."""
 
@@ -85,15 +100,8 @@ class Chords:
     def free(self, joint: Joint, efforts: Mapping[str, Expression]) -> dict[str, PortMotion]:
         """Motions of a free joint's ports. Its wrench acts on the bodies."""
         script, name = self.script, joint.name
-        ends = self._ends(joint)
-        relative = self._relative(joint, ends)
-        axes = self._axes(joint, ends, relative)
-        drift = minus(ends.second.velocity, ends.first.velocity)
-        drift = script.vector(f"{name}.drift", minus(drift, cross(axes.spin, ends.gap)), "m/s")
-        turning = rates_from_spin(script, relative.parts, relative.vector, relative.spin, False, f"{name}.turning")
-        along = axes.turn.back(script, ends.gap, f"{name}.along"), relative.vector
-        rates = axes.turn.back(script, drift, f"{name}.rates"), turning
-        self._push(joint, efforts, ends, relative, axes)
+        motion = self.relative_motion(joint, efforts)
+        along, rates = (motion.gap, motion.turned), (motion.rates, motion.turning)
         letters = PLANAR_POSE if joint.planar else POSE
         chosen = [(0, 0), (0, 1), (1, 2)] if joint.planar else [(k, i) for k in (0, 1) for i in range(3)]
         motions = {}
@@ -103,6 +111,19 @@ class Chords:
             flow = script.let(f"{name}.{letter}.{('v', 'omega')[kind]}", rates[kind][i], ("m/s", "1/s")[kind])
             motions[f"{name}.{letter}"] = PortMotion(flow, Symbol(held), held)
         return motions
+
+    def relative_motion(self, joint: Joint, efforts: Mapping[str, Expression]) -> RelativeMotion:
+        """Motion of the second side in the joint's axes. The joint's wrench acts on the bodies."""
+        script, name = self.script, joint.name
+        ends = self._ends(joint)
+        relative = self._relative(joint, ends)
+        axes = self._axes(joint, ends, relative)
+        drift = minus(ends.second.velocity, ends.first.velocity)
+        drift = script.vector(f"{name}.drift", minus(drift, cross(axes.spin, ends.gap)), "m/s")
+        turning = rates_from_spin(script, relative.parts, relative.vector, relative.spin, False, f"{name}.turning")
+        gap, rates = axes.turn.back(script, ends.gap, f"{name}.along"), axes.turn.back(script, drift, f"{name}.rates")
+        force = self._push(joint, efforts, ends, relative, axes)
+        return RelativeMotion(gap, relative.vector, rates, turning, force, ends.second)
 
     def _ends(self, joint: Joint) -> _Ends:
         script, name = self.script, joint.name
@@ -120,7 +141,7 @@ class Chords:
         base, far = ends.base, ends.far
         if isinstance(base, AxialTurn) and isinstance(far, AxialTurn) and (base.axis == far.axis or base.is_none or far.is_none):  # fmt: skip
             axis = far.axis if base.is_none else base.axis
-            angle = ZERO if base.angle == far.angle else far.angle - base.angle
+            angle = ZERO if base.angle == far.angle else _between(ends, axis, far.angle - base.angle)
             turn = AxialTurn(axis, script.let(f"{name}.turn", angle, "1"))
             vector = scaled(turn.angle, UNIT[axis])
             spin = base.back(script, ends.spin, f"{name}.own spin")
@@ -183,7 +204,8 @@ class Chords:
 
     def _push(
         self, joint: Joint, efforts: Mapping[str, Expression], ends: _Ends, relative: _Relative, axes: _Axes
-    ) -> None:  # fmt: skip
+    ) -> Vector:  # fmt: skip
+        """Apply the wrench to both bodies. Returns the force on the second, in world axes."""
         script, name = self.script, joint.name
         e = [efforts.get(f"{name}.{letter}", ZERO) for letter in POSE]
         dual: Vector = (e[3], e[4], efforts.get(f"{name}.phi", e[5]))
@@ -196,6 +218,7 @@ class Chords:
         kept = script.vector(f"{name}.kept", axes.follow(moment), "N*m")
         self.kinematics.push(ends.second, force, minus(torque, kept), f"{name}.second")
         self.kinematics.push(ends.first, negated(force), negated(plus(reaction, minus(moment, kept))), f"{name}.first")
+        return force
 
     # ------------------------------------------------------------ distances
     def distance(self, joint: Joint, points: tuple[Vector, Vector], efforts: Mapping[str, Expression]) -> dict[str, PortMotion]:  # fmt: skip
@@ -214,3 +237,11 @@ class Chords:
             self.kinematics.push(second, force, NULL, f"{name}.second")
             self.kinematics.push(first, negated(force), NULL, f"{name}.first")
         return {f"{name}.d": PortMotion(flow, Symbol(held), held)}
+
+
+def _between(ends: _Ends, axis: int, otherwise: Expression) -> Expression:
+    """Angle between two bodies that only turn about one axis, without the rounding of the angles of the joint's axes."""
+    first, second = ends.first.turn, ends.second.turn
+    if isinstance(first, AxialTurn) and isinstance(second, AxialTurn) and {first.axis, second.axis} == {axis}:
+        return second.angle - first.angle
+    return otherwise

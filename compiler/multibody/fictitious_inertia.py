@@ -12,9 +12,9 @@ the inertias around the loop, it cancels without loss of digits. With the multip
 which is positive definite in l, and negative definite in s once l is eliminated, if and only if all motions that J leaves move an inertia.
 So it is solved without exchanging rows, multipliers first (`codegen/multipliers.py`).
 
-The alternative was to merge a chain of joints through massless bodies into one joint between the bodies with mass: slide, slide and
-hinge are a planar joint, ball and universal joint a rod. That has closed forms for few chains, none with springs or friction on the joints
-within, and none for branching chains.
+The alternative is to merge a chain of joints through massless bodies into one joint between the bodies with mass. In the plane two slides and
+a hinge in a row are (`planar_chains.py`); a ball and a universal joint would be a rod. There are closed forms for few chains, and none for
+branching ones.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from math import cos, hypot, sin
 
 from ..algebra.expression import ZERO, Number, add, multiply
 from ..fast_dataclass import dataclass
-from ..graph.mechanism import COUPLINGS, GROUND, SPANS, Body
+from ..graph.mechanism import COUPLINGS, GROUND, SPANS, Body, Joint
 from .axes import to_own
 from .coordinates import is_turning
 from .fictitious_inertia import measured
@@ -104,6 +104,8 @@ def _held(kinematics: Kinematics, moving: Moving, driving: Set[str], driven: Set
                 points.append(_place(kinematics, end))
             elif joint.kind == "free" and joint.name not in driven:
                 continue
+            elif joint.kind == "free" and end == joint.second and _pushes_at_point(joint, driving):
+                points.append(kinematics.script.place(joint.position, f"{joint.name} at"))
             elif joint.name in driven or joint.locked or joint.kind not in (*HINGED, "ball"):
                 return None
             elif joint.kind == "ball":
@@ -124,6 +126,12 @@ def _is_on(on: Mapping[str, str], place: Mapping[str, int | None], end: str, ind
 def _place(kinematics: Kinematics, end: str) -> Vector:
     """Position of an end of a rod or distance in the drawing."""
     return kinematics.script.place(kinematics.mechanism.point_of(end), f"{end} at")
+
+
+def _pushes_at_point(joint: Joint, driving: Set[str]) -> bool:
+    """Return True if a free joint exerts a force on its second body, at its point there, and no torque."""
+    turning = {f"{joint.name}.{letter}" for letter in joint.freedoms if is_turning(letter)}
+    return joint.axes == "from" and not turning & driving
 
 
 def _pushed(kinematics: Kinematics, index: int, driving: Set[str]) -> list[Vector] | None:

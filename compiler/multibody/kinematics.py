@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from ..algebra.expression import Expression, Number, multiply
 from ..graph.mechanism import GROUND, Mechanism
@@ -10,7 +11,7 @@ from .assignment_emitter import Script
 from .axes import to_own, to_world
 from .joints import Links
 from .link_state import Moving
-from .marker import Placed
+from .marker import Carried, Placed
 from .rotations import NO_TURN, Turn, about, composed
 from .tree import Tree
 from .vectors import NULL, Vector, cross, is_null, minus, plus, scaled
@@ -24,6 +25,7 @@ class Kinematics(Links):
         self.turns: dict[int, Turn] = {}
         self.displacements: dict[int, Vector] = {}
         self.velocities: dict[int, Vector] = {}
+        self.carried: dict[str, Carried] = {}  # bodies between the joints of a chord
 
     def turn(self, index: int) -> Turn:
         """Rotation of a link relative to the drawing, in world axes."""
@@ -125,6 +127,8 @@ class Kinematics(Links):
 
     def placed(self, body: str, point: Vector, name: str) -> Placed:
         """Marker: a point of a body with its motion. In the drawing it is at `point`."""
+        if body in self.carried:
+            return self._carried(body, point, name)
         index = None if body == GROUND else self.tree.place[body]
         if index is None:
             return Placed(body, point, NULL, NO_TURN, NULL, NULL, NULL)
@@ -143,6 +147,18 @@ class Kinematics(Links):
         velocity = script.vector(f"{name}.v", velocity, "m/s")
         spin = script.vector(f"{name}.omega", self.world(index, moving.spin, f"{name}.omega"), "1/s")
         return Placed(body, point, shift, self.turn(index), velocity, spin, arm)
+
+    def _carried(self, body: str, point: Vector, name: str) -> Placed:
+        script, carried = self.script, self.carried[body]
+        carrier = self.placed(carried.by, point, f"{name}.carrier")
+        shift = script.vector(f"{name}.shift", carrier.turn.apply(script, carried.shift, f"{name}.shift"), "m")
+        drift = carrier.turn.apply(script, carried.drift, f"{name}.drift")
+        velocity = plus(carrier.velocity, cross(carrier.spin, shift), drift)
+        return replace(
+            carrier,
+            displacement=script.vector(f"{name}.moved", plus(carrier.displacement, shift), "m"),
+            velocity=script.vector(f"{name}.v", velocity, "m/s"),
+        )
 
     def push(self, placed: Placed, force: Vector, torque: Vector, name: str) -> None:
         """Apply a force at a marker and a torque on its body, world axes. Only before the recursion."""

@@ -22,3 +22,12 @@ class Placed:
     velocity: Vector  # of the point, m/s
     spin: Vector  # angular velocity of the body, 1/s
     arm: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """A body without mass that turns with another one and is shifted from it; `drift`: the rate of the shift. In the axes of the drawing."""
+
+    by: str
+    shift: Vector
+    drift: Vector

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Set
 
 from ..algebra.expression import ZERO, Expression, add, multiply
+from ..fast_dataclass import dataclass
 from ..graph.mechanism import Joint, Mechanism
 from .assignment_emitter import EquationWriter, Script
 from .chords import Chords
@@ -15,6 +16,7 @@ from .fictitious_inertia import lent_around
 from .idle_rotations import idle_turns
 from .kinematics import Kinematics
 from .motion import MechanismEquations, PortMotion
+from .planar_chains import PlanarChain, merged, planar_chains, write_chain
 from .ports import PortWriter
 from .reactions import reaction
 from .recursion import PLACES, Recursion
@@ -25,16 +27,34 @@ from .vectors import Vector
 
 def mechanism_equations(
     mechanism: Mechanism, efforts: Mapping[str, Expression], flows: Mapping[str, Expression], wanted: Set[str],
-    builder: EquationWriter,
+    states: Set[str], builder: EquationWriter,
 ) -> MechanismEquations:  # fmt: skip
     """Write the equations of a mechanism.
 
-    `efforts` act on its ports; `flows` are determined by the network; `wanted` are the ports that are read elsewhere.
+    `efforts` act on its ports; `flows` are determined by the network; `wanted` are the ports that are read elsewhere; those of `states` may
+    belong to no chain, as events set them or the structure may switch.
     """
+    script = Script(mechanism, builder)
+    bonded = bonded_joints((*efforts, *flows))
     reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
     read = {j.name for j in mechanism.joints if any(f"{j.name}.{letter}" in wanted for letter in j.freedoms)}
-    tree = spanning_tree(mechanism, bonded_joints((*efforts, *flows)), reacting, read)
-    return Mechanics(mechanism, tree, efforts, flows, wanted, reacting, builder).write()
+    chains = planar_chains(mechanism, script, bonded, bonded_joints((*flows, *states)))
+    acting = merged(mechanism, chains)
+    tree = spanning_tree(acting, bonded, reacting, read)
+    if chains and not flows.keys() <= {c for link in tree.links for c in link.coordinates}:
+        chains, acting, tree = (), mechanism, spanning_tree(mechanism, bonded, reacting, read)
+    whole = WholeMechanism(mechanism, chains, wanted | efforts.keys() | flows.keys(), reacting)
+    return Mechanics(acting, tree, efforts, flows, whole, script).write()
+
+
+@dataclass(frozen=True, slots=True)
+class WholeMechanism:
+    """The mechanism of the text, its chains that act as one joint each, the ports in use, and the joints whose reactions are read."""
+
+    mechanism: Mechanism
+    chains: tuple[PlanarChain, ...]
+    ports: Set[str]
+    reacting: Set[str]
 
 
 class Mechanics:
@@ -42,15 +62,19 @@ class Mechanics:
 
     def __init__(
         self, mechanism: Mechanism, tree: Tree, efforts: Mapping[str, Expression], flows: Mapping[str, Expression],
-        wanted: Set[str], reacting: Set[str], builder: EquationWriter,
+        whole: WholeMechanism, script: Script,
     ) -> None:  # fmt: skip
-        self.mechanism, self.tree, self.efforts, self.wanted = mechanism, tree, dict(efforts), wanted
-        self.driving = frozenset((*efforts, *flows))
-        self.script = Script(mechanism, builder)
+        """`mechanism`: with a free joint for each chain."""
+        self.mechanism, self.tree, self.script, self.whole = mechanism, tree, script, whole
+        inside = {port for chain in whole.chains for port in chain.ports}
+        self.efforts = {port: e for port, e in efforts.items() if port not in inside}
+        for chain in whole.chains:
+            self.efforts |= chain.efforts_on_free(efforts)
+        self.driving = frozenset((*self.efforts, *flows))
         self.result = MechanismEquations()
-        self.claimed = claimed_parts(mechanism, tree)
-        self.used = {name.partition(".")[0] for name in (*efforts, *flows, *wanted)} | set(self.claimed)
-        self.reacting = [j for j in mechanism.joints if j.name in reacting]
+        self.claimed = claimed_parts(whole.mechanism, tree)
+        self.used = {name.partition(".")[0] for name in whole.ports} | set(self.claimed)
+        self.reacting = [j for j in whole.mechanism.joints if j.name in whole.reacting]
         self.kinematics = Kinematics(mechanism, tree, self.script, flows, bool(self.reacting) and not mechanism.planar)
         self.recursion = Recursion(self.kinematics, self.efforts)
         self.closure = Closure(self.kinematics, self.recursion, self.efforts, self.result, self.used)
@@ -80,12 +104,14 @@ class Mechanics:
     # ------------------------------------------------------------ what the graph sees
     def _ports(self) -> None:
         ports, chords = PortWriter(self.kinematics, self.efforts, self.result), Chords(self.kinematics)
+        for chain in self.whole.chains:
+            self._chain(chain)
         for moving in self.kinematics.moving:
             ports.tree_joint(moving)
-        for body in self.mechanism.bodies:
+        for body in self.whole.mechanism.bodies:
             if body.name in self.used:
                 ports.body(body)
-        for frame in self.mechanism.frames:
+        for frame in self.whole.mechanism.frames:
             if frame.name in self.used:
                 ports.frame(frame)
         for joint in self.tree.chords:
@@ -94,6 +120,17 @@ class Mechanics:
         for joint in self.mechanism.joints:
             if is_weld(joint):
                 self._locked(joint)
+
+    def _chain(self, chain: PlanarChain) -> None:
+        """Ports of a chain's joints and their reactions, if any is used; the poses of its bodies follow."""
+        bodies = {body.name for body in chain.bodies}
+        names = (
+            {j.name for j in chain.joints} | bodies | {f.name for f in self.whole.mechanism.frames if f.body in bodies}
+        )
+        if names & self.used:
+            motions, wrenches = write_chain(chain, self.kinematics, self.efforts, self.whole.reacting)
+            self.result.motions |= motions
+            self.closure.wrenches |= wrenches
 
     def _locked(self, joint: Joint) -> None:
         """Readings of a joint that is locked in the position of the drawing."""

@@ -59,7 +59,7 @@ class PortWriter:
     # ------------------------------------------------------------ bodies and frames
     def body(self, body: Body) -> None:
         """Ports of a body, at its centre of mass."""
-        centre = self.kinematics.centres[body.name]
+        centre = self.script.place(body.position, f"{body.name} at")
         placed = self.kinematics.placed(body.name, centre, body.name)
         drawn = of_rotation_vector(
             self.script, self.script.place(body.turn, f"{body.name} turn", "1"), f"{body.name} drawn"
