@@ -162,8 +162,10 @@ class Phase:
         first, horizon = stretches[0], stretches[-1].stop - self.plan.start
         if self.begin is not None and program.hybrid is not None:
             from .events.begin import continued
+            from .events.impulse import refuse_jumps_of_mechanisms
 
             self.events, moment, self.jumps = continued(constraints, state, first, self.begin, horizon, self.companion)
+            refuse_jumps_of_mechanisms(self.jumps, compilation.facts.mechanisms, first.start)
             stretches[0] = replace(first, mode=moment.mode)
             return moment.state, ()
         if self.begin is not None:

@@ -169,9 +169,9 @@ class EquationBuilder:
         variable = self.held(value, name, "", span)
         self.claims.append(Claim(variable, self.static(start, f"{name} at the start", span), name, span))
 
-    def differentiated(self, target: int, of: int, span: Span, owner: str) -> None:
-        """`target := d(of)/dt`, which index reduction expands."""
-        self.derivatives.append(Derivative(target, of, span, owner, of))
+    def differentiated(self, target: int, of: int, span: Span, owner: str, quantity: int) -> None:
+        """`target := d(of)/dt`, which index reduction expands; `quantity`: `of` by its own name and unit."""
+        self.derivatives.append(Derivative(target, of, span, owner, quantity))
 
     def definition(self, variable: int) -> Expression | float | None:
         """Expression that computes a variable explicitly, or the value of a parameter; None otherwise."""

@@ -85,7 +85,9 @@ class Coordinates:
         acceleration = builder.variable(f"{full}.{word} rate", "computed", units[2])
         self._state(coordinate, rate, part, letter, rest, full)
         if driven:
-            builder.differentiated(acceleration, rate, part.span, full)
+            # by the name that it has where junctions switch and nothing drives it
+            own = builder.variable(f"{full}.{word}", "computed", units[1])
+            builder.differentiated(acceleration, rate, part.span, full, own)
         else:
             self._state(rate, acceleration, part, f"{letter}.f", ZERO, f"{full}.{word}")
         moved = self._moved(name, Symbol(coordinate), rest)

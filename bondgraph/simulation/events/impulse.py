@@ -8,7 +8,7 @@ Vlach, IEEE Trans. CAS 37, 1990.)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,6 +61,17 @@ def after_impulse(
     after = held.stored(x)
     jumped = np.flatnonzero(np.abs(after - old) > SEEN * size)
     return held.full(x), tuple(StorageJump(names[i], units[i], float(old[i]), float(after[i])) for i in jumped)
+
+
+def refuse_jumps_of_mechanisms(jumps: Sequence[StorageJump], mechanisms: Sequence[str], time: float) -> None:
+    """Raise `RunFailed` if an impulse changes the rate of a coordinate of a mechanism: rates hold no momentum, so they say nothing of the other rates."""
+    prefixes = tuple(f"{name}." for name in mechanisms)
+    jump = next((j for j in jumps if j.name.startswith(prefixes)), None)
+    if jump is not None:
+        raise RunFailed(
+            "BR788", f"at t = {time:.9g} s a junction that goes on or off takes `{jump.name}` from {jump.before:.6g} to {jump.after:.6g} {jump.unit} at once: "
+            "impulses within mechanisms are not computed;", "couple it by a stiff spring and a damper, or by dry friction (`DryFriction`), or switch where it rests",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
