@@ -18,7 +18,13 @@ from .constraints.constraints import Constraints
 from .initialization.consistent_start import consistent_start
 from .integration.integrate import integrate
 from .integration.integration_state import PhaseProblem
-from .magnitudes.nominal_magnitudes import Magnitudes, least_tolerances, nominal_magnitudes
+from .magnitudes.nominal_magnitudes import (
+    Magnitudes,
+    least_tolerances,
+    nominal_magnitudes,
+    of_what_moved,
+    rounding_levels,
+)
 from .magnitudes.pilot_run import PilotObservation
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor
@@ -281,9 +287,8 @@ class Phase:
         magnitude = self.used = self._magnitudes()
         absolute = np.full(len(self.state), self.atol) if self.atol is not None else self.rtol * magnitude
         if self.atol is None and self.constraints:
-            least = least_tolerances(
-                self.program, self.compilation.facts.mechanisms, self.constraints, self.looked_from, self.stretches[0]
-            )
+            mechanisms, first = self.compilation.facts.mechanisms, self.stretches[0]
+            least = least_tolerances(self.program, mechanisms, self.constraints, self.looked_from, first, magnitude)
             absolute = np.maximum(absolute, least)
         held = np.full(len(self.state), self.atol is not None)
         multipliers = [len(self.program.states.names) + m for m in self.program.eliminated]
@@ -355,6 +360,13 @@ class Phase:
         events = self.events
         assert events is not None
         known = self.known
+        mechanisms = self.compilation.facts.mechanisms
+        if known and mechanisms:
+            known = of_what_moved(
+                known,
+                self.program,
+                rounding_levels(self.program, mechanisms, self.constraints, self.looked_from, self.stretches[0]),
+            )
         if not all(n in known for n in names):
             first = found_with(UntilEvent(events, self._choice()))
             from .integration.event_integrator import pilot

@@ -314,10 +314,10 @@ def test_a_flip_that_is_not_seen_again_is_where_it_was_seen() -> None:
     said = np.array([False])
     for value in (0.0, 1e-300, 1e-18, 1.0):
         found = _narrowed(
-            events, 0.0, 1.0, np.array([-1e-18]), said, lambda times, _, v=value: np.full((len(times), 1), v)
+            events, (0.0, 0.0, 1.0), np.array([-1e-18]), said, lambda times, _, v=value: np.full((len(times), 1), v)
         )
         assert found == 1.0
-    crossed = _narrowed(events, 0.0, 1.0, np.array([-0.75]), said, lambda times, _: 0.25 - times[:, None])
+    crossed = _narrowed(events, (0.0, 0.0, 1.0), np.array([-0.75]), said, lambda times, _: 0.25 - times[:, None])
     assert crossed == pytest.approx(0.25, rel=1e-14)
 
 

@@ -70,7 +70,7 @@ def refuse_jumps_of_mechanisms(jumps: Sequence[StorageJump], mechanisms: Sequenc
     if jump is not None:
         raise RunFailed(
             "BR788", f"at t = {time:.9g} s a junction that goes on or off takes `{jump.name}` from {jump.before:.6g} to {jump.after:.6g} {jump.unit} at once: "
-            "impulses within mechanisms are not computed;", "couple it by a stiff spring and a damper, or by dry friction (`DryFriction`), or switch where it rests",
+            "impulses within mechanisms are not computed;", "couple it by a stiff spring and a damper, or by `DryFriction`",
         )  # fmt: skip
 
 

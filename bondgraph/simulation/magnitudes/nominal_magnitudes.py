@@ -8,7 +8,7 @@ integrated to round-off.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +28,7 @@ from .rate_bounds import chargeable
 
 ROUNDED = 1e-3  # relative to the smallest angle: remainder of a projection on loop joints
 CAUTIOUS = 1e-6  # fraction of the charge that sources could bring in a run: magnitude of an unknown state
+RESTING = 2.0  # levels of rounding: what has a smaller magnitude has not moved
 SHARE = 1e-2  # least magnitude relative to the largest state of the same unit in the same mechanism
 SLIGHT = 1e-4  # the same relative to the whole model: charge of a junction beside that of a buffer capacitor
 
@@ -83,7 +84,9 @@ def nominal_magnitudes(
     result = np.where(given > 0, given, peak)
     for members, share in ((_owned_units(program, tuple(mechanisms)), SHARE), (unit_numbers(program), SLIGHT)):
         result = np.maximum(result, share * largest_of_group(result, members))
-    result = np.maximum(result, _smallest(program, mechanisms, constraints, state, stretches[0]))
+    levels = rounding_levels(program, mechanisms, constraints, state, stretches[0])
+    result = np.maximum(result, levels)
+    result = np.maximum(result, _levels_at_rest(program, result, levels))
     unknown = (result == 0) | ~np.isfinite(result)
     if unknown.any():
         charged = chargeable(program, constants, inputs, state, stretches, np.where(unknown, 0.0, result))
@@ -101,7 +104,7 @@ def _owned_units(program: Program, mechanisms: tuple[str, ...]) -> Any:
     return program.kept[key]
 
 
-def _smallest(program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment) -> Any:  # fmt: skip
+def rounding_levels(program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment) -> Any:  # fmt: skip
     """Return the rounding level of angles, and of lengths of mechanisms with closed loops, that symmetry leaves."""
     result = smallest_angles(program, mechanisms)
     if constraints:
@@ -113,11 +116,36 @@ def _smallest(program: Program, mechanisms: Sequence[str], constraints: Constrai
     return result
 
 
-def least_tolerances(program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment) -> Any:  # fmt: skip
+def _levels_at_rest(program: Program, sizes: Array, levels: Array) -> Any:
+    """Return the largest rounding level of each unit, where nothing with this unit is larger; else 0."""
+    units = unit_numbers(program)
+    level = largest_of_group(levels, units)
+    return np.where(largest_of_group(sizes, units) <= RESTING * level, level, 0.0)
+
+
+def of_what_moved(known: Mapping[str, float], program: Program, levels: Array) -> dict[str, float]:
+    """Return known magnitudes without those at the level of rounding: of mechanisms that have rested so far, and of all that has their unit."""
+    names = program.variables.names
+    sizes = np.array([known.get(n, 0.0) for n in names])
+    resting = sizes <= RESTING * np.maximum(levels, _levels_at_rest(program, sizes, levels))
+    left_out = {n for n, rests in zip(names, resting.tolist(), strict=True) if rests}
+    return {n: magnitude for n, magnitude in known.items() if n not in left_out}
+
+
+def least_tolerances(
+    program: Program,
+    mechanisms: Sequence[str],
+    constraints: Constraints,
+    state: Array,
+    first: Segment,
+    magnitude: Array,
+) -> Any:
     """Return lower bounds of absolute tolerances, because projection on loop joints is accurate to rounding only; 0 for other states.
 
-    Coordinates that such joints lock altogether stay constant to that accuracy, whatever fraction of their magnitude a tolerance is.
+    Coordinates that such joints lock altogether, and storages on them, stay constant to that accuracy, whatever fraction of their magnitude a
+    tolerance is.
     """
+    levels = rounding_levels(program, mechanisms, constraints, state, first)
     result, places = np.zeros(len(state)), np.concatenate([constraints.positions, constraints.speeds])
-    result[places] = ROUNDED * _smallest(program, mechanisms, constraints, state, first)[places]
-    return result
+    result[places] = levels[places]
+    return ROUNDED * np.maximum(result, _levels_at_rest(program, magnitude, levels))
