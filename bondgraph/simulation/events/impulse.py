@@ -51,21 +51,22 @@ def after_impulse(
     size = np.array([max(abs(stored.get(n, 0.0)), peaks.get(n, 0.0)) for n in names])
     size = nonzero(size)
     # momenta follow from positions and rates, and may be small differences of large terms
-    told = len(names) - program.hybrid.momenta
+    compared = slice(len(names) - program.hybrid.momenta)
     jumping = np.array(program.hybrid.jumping, dtype=int)
-    loops = constraints.loops(np.ones(len(full)))
-    held = _Held(constraints, loops, time, full, mode, jumping, size[jumping])
-    here = held.stored(full[jumping] / held.scale)
+    contents = _Held(constraints, constraints.loops(np.ones(len(full))), time, full, mode, jumping, size[jumping])
+    y = full[jumping] / contents.scale
+    here = contents.stored(y)
     # quantities that no program computed before start at their computed values
     old = np.where(np.isfinite(old), old, here)
-    if (np.abs(here - old) <= SEEN * size)[:told].all():
-        return held.full(full[jumping] / held.scale), ()
+    if (np.abs(here - old) <= SEEN * size)[compared].all():
+        return contents.full(y), ()
     if program.hybrid.momenta:
-        held = _in_scale(held, full[jumping] / held.scale, size)
-    y = _balanced(held, full[jumping] / held.scale, old)
-    after = held.stored(y)
-    jumped = np.flatnonzero((np.abs(after - old) > SEEN * size)[:told])
-    return held.full(y), tuple(StorageJump(names[i], units[i], float(old[i]), float(after[i])) for i in jumped)
+        contents = _in_scale(contents, y, size)
+        y = full[jumping] / contents.scale
+    y = _balanced(contents, y, old)
+    after = contents.stored(y)
+    jumped = np.flatnonzero((np.abs(after - old) > SEEN * size)[compared])
+    return contents.full(y), tuple(StorageJump(names[i], units[i], float(old[i]), float(after[i])) for i in jumped)
 
 
 def refuse_jumps_of_mechanisms(jumps: Sequence[StorageJump], mechanisms: Sequence[str], time: float) -> None:
@@ -110,13 +111,13 @@ class _Held:
 
     def motions(self, y: Array) -> Any:
         """Return directions (columns) in which the closing joints of mechanisms let the states jump."""
-        held = self.constraints
-        if not held:
+        loops = self.constraints
+        if not loops:
             return np.eye(len(y))
-        _, rates = held.slopes(self.time, self._state(y), self.mode)
-        by_state = np.zeros((len(rates), held.count))
-        by_state[:, held.speeds] = rates / held.reach[held.speeds]
-        _, sizes, ways = np.linalg.svd((by_state[:, self.jumping] * self.scale)[held.taking_rates])
+        _, rates = loops.slopes(self.time, self._state(y), self.mode)
+        by_state = np.zeros((len(rates), loops.count))
+        by_state[:, loops.speeds] = rates / loops.reach[loops.speeds]
+        _, sizes, ways = np.linalg.svd((by_state[:, self.jumping] * self.scale)[loops.taking_rates])
         return ways[np.count_nonzero(sizes > RANK * sizes.max(initial=0.0)) :].T
 
     def closed(self, y: Array) -> Any:
@@ -142,8 +143,8 @@ def _in_scale(held: _Held, y: Array, size: Array) -> _Held:
     allowed, ways = _slopes(held.conjugates, y), _slopes(held.stored, y)
     inertia = np.einsum("ij,ij->j", allowed, ways)
     firm = inertia > 0
-    given = np.abs(allowed[:, firm]).T @ size
-    energy = np.maximum(given**2 / inertia[firm], inertia[firm]).max(initial=0.0)
+    stake = np.abs(allowed[:, firm]).T @ size
+    energy = np.maximum(stake**2 / inertia[firm], inertia[firm]).max(initial=0.0)
     rates = ~allowed[held.jumping].any(axis=1)
     scale = np.array(held.scale)
     scale[rates & firm] *= np.sqrt(energy / inertia[rates & firm])
