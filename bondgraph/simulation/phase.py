@@ -169,9 +169,13 @@ class Phase:
         if self.begin is not None and program.hybrid is not None:
             from .events.begin import continued
             from .events.impulse import refuse_jumps_of_mechanisms
+            from .monitors.step_size_diagnosis import BEYOND
 
             self.events, moment, self.jumps = continued(constraints, state, first, self.begin, horizon, self.companion)
-            refuse_jumps_of_mechanisms(self.jumps, compilation.facts.mechanisms, first.start)
+            if self.companion is not None and self.companion.valves:
+                refuse_jumps_of_mechanisms(self.jumps, compilation.facts.mechanisms, first.start)
+            if any(abs(j.after) > BEYOND * self.known.get(j.name, np.inf) for j in self.jumps):
+                self.known = {}  # what rested moves now
             stretches[0] = replace(first, mode=moment.mode)
             return moment.state, ()
         if self.begin is not None:

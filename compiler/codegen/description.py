@@ -46,7 +46,11 @@ def _hybrid_note(lowered: Lowered) -> HybridNote | None:
     conditions = tuple(item.note for item in events.located)
     switched = any(lowered.dependence(signal) & EVENT for signal in lowered.signals)
     timed, affine = tuple(events.timed), _is_affine(lowered)
-    return HybridNote(events.size, modes, timed, conditions, events.events, events.junctions, switched, affine)
+    rates = {m.conjugate for m in lowered.space.momenta}
+    jumping = tuple(i for i, s in enumerate(lowered.space.states) if s.conjugate is not None or s.variable in rates)
+    return HybridNote(
+        events.size, modes, timed, conditions, events.events, events.junctions, switched, jumping, len(lowered.space.momenta), affine
+    )  # fmt: skip
 
 
 def _is_affine(lowered: Lowered) -> bool:
@@ -94,7 +98,7 @@ def name_tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
     return [
         ("STATES", rows([s.variable for s in lowered.space.states])),
         ("UNKNOWNS", rows([u.variable for u in lowered.space.unknowns])),
-        ("DEPENDENTS", rows([d.quantity for d in lowered.space.dependents])),
+        ("DEPENDENTS", rows([d.quantity for d in (*lowered.space.dependents, *lowered.space.momenta)])),
         ("OUTPUTS", outputs),
         ("INPUTS", rows(lowered.inputs)),
         ("PARAMETERS", rows(lowered.parameters)),

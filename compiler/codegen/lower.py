@@ -92,7 +92,7 @@ def lower(
     posed = [(c.variable, 0.0) for c in space.posed]
     result.claims = tuple(result.values[v] - _entry(result, start) for v, start in (*said, *drawn, *posed))
     _lower_invariants(result, slopes)
-    result.dependents = tuple(result.values[d.variable] for d in space.dependents)
+    result.dependents = tuple(result.values[d.variable] for d in (*space.dependents, *space.momenta))
     for row, dependent in enumerate(space.dependents):
         for column, slope in slopes.get(dependent.variable, {}).items():
             if column < count and result.dependence(slope) & ~PARAMETER:
@@ -162,10 +162,8 @@ def _lower_events(result: Lowered) -> None:
     events.located = [replace(i, note=replace(i.note, steers=i.symbol in steering)) for i in events.located]
     events.actives = tuple(values[s.condition] for s in space.switches)
     if space.switches:
-        stored = [(s.variable, s.conjugate) for s in space.states] + [
-            (d.variable, d.conjugate) for d in space.dependents
-        ]
-        events.conjugates = tuple(values[v if c is None else c] for v, c in stored)
+        conjugates = [s.conjugate for s in space.states] + [d.conjugate for d in (*space.dependents, *space.momenta)]
+        events.conjugates = tuple(ZERO if c is None else values[c] for c in conjugates)
     events.junctions = tuple((s.junction, s.span) for s in space.switches)
 
 
@@ -208,8 +206,8 @@ def _used(space: StateSpace) -> set[int]:
     used.update(event_variables(space))
     used.update(v for d in space.delays for v in (d.value, d.lag) if isinstance(v, int))
     if space.switches:
-        conjugates = [s.conjugate for s in space.states] + [d.conjugate for d in space.dependents]
-        used.update(v for v in conjugates if v is not None)
+        conjugates = [s.conjugate for s in space.states] + [d.conjugate for d in (*space.dependents, *space.momenta)]
+        used.update(v for v in (*conjugates, *(m.variable for m in space.momenta)) if v is not None)
     used.update(d.start for d in space.discretes if isinstance(d.start, int))
     used.update(e.period for e in space.events if isinstance(e.period, int))
     used.update(v for port in space.ports for v in (port.effort, port.flow))

@@ -148,6 +148,8 @@ class HybridNote:
     events: tuple[EventNote, ...]
     junctions: tuple[tuple[str, Span], ...]
     switches_signals: bool  # True if `Program.signals` change at events that depend on states
+    jumping: tuple[int, ...]  # places of the states that an impulse changes: stored quantities, and rates of mechanisms
+    momenta: int  # number of the last dependents that are momenta of coordinates
     affine: bool  # True if in each mode the rates are affine in the states, with slopes that do not depend on time
 
 
@@ -166,7 +168,7 @@ class Hybrid(HybridNote):
     targets: StateFunction  # the same -> what is computed and set, as it is
     sampling: Callable[[Array], Array]  # constants -> periods of the sampled events, in their order
     actives: StateFunction  # the same -> 1 or 0 for each switched junction
-    # the same, where junctions switch -> of states and dependents, efforts for displacements and flows for momenta
+    # the same, where junctions switch -> of states and dependents, efforts for displacements and flows for momenta; 0 for what stores nothing
     conjugates: StateFunction
     # time, state, inputs, constants -> mode with modes as they start
     mode_at: Callable[[Array | float, Array, Array, Array], Array]

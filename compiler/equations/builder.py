@@ -37,6 +37,7 @@ from .system import (
     EventRow,
     Invariant,
     JunctionSwitch,
+    Momentum,
     MomentumBalance,
     PowerPort,
     State,
@@ -61,6 +62,7 @@ class EquationBuilder:
         self.claims: list[Claim] = []
         self.invariants: list[Invariant] = []
         self.balances: list[MomentumBalance] = []
+        self.momenta: list[Momentum] = []
         self.pieced: set[int] = set()
         self.ports: list[PowerPort] = []
         self.storages: list[Storage] = []
@@ -100,7 +102,7 @@ class EquationBuilder:
             tuple(replace(d, start=self._through(d.start)) for d in self.discretes), tuple(self._event(e) for e in self.events),
             tuple(replace(s, condition=self.root(s.condition)) for s in self.switches),
             tuple(replace(d, value=self.root(d.value), lag=self._through(d.lag)) for d in self.delays),
-            frozenset(self.pieced),
+            frozenset(self.pieced), momenta=tuple(replace(m, variable=self.root(m.variable), rate=self.root(m.rate)) for m in self.momenta),
         )  # fmt: skip
 
     def _limit(self, required: Requirement) -> Validity:
@@ -196,6 +198,15 @@ class EquationBuilder:
     ) -> None:  # fmt: skip
         """Add an invariant: every state of a run keeps it at zero, and its rate. `multiplier` and `part` as in `Invariant`."""
         self.invariants.append(Invariant(position, velocity, name, span, multiplier, part))
+
+    @property
+    def switching(self) -> bool:
+        """True if junctions of the model switch."""
+        return bool(self.graph.switches)
+
+    def momentum(self, variable: int, rate: int) -> None:
+        """Add the momentum of a coordinate, which impulses balance."""
+        self.momenta.append(Momentum(variable, variable, rate))
 
     def balance(self, variable: int, told: Diagnostic) -> None:
         """Add an implicit unknown that is solved with the multipliers, see `MomentumBalance`."""

@@ -140,6 +140,15 @@ class MomentumBalance:
 
 
 @dataclass(frozen=True, slots=True)
+class Momentum:
+    """Momentum of a coordinate of a mechanism where junctions switch, and the coordinate's rate, to which it is conjugate."""
+
+    variable: int
+    quantity: int  # the same by its own name
+    rate: int
+
+
+@dataclass(frozen=True, slots=True)
 class PowerPort:
     """Bond of an element's port: power into the element = sign * effort * flow."""
 
@@ -256,3 +265,4 @@ class EquationSystem:
     delays: tuple[Delayed, ...] = ()
     pieced: frozenset[int] = frozenset()  # computed in pieces that join smoothly: conditions in them are no events
     following: tuple[StateFollower, ...] = ()
+    momenta: tuple[Momentum, ...] = ()

@@ -15,6 +15,7 @@ from .energy import energy
 from .fictitious_inertia import lent_around
 from .idle_rotations import idle_turns
 from .kinematics import Kinematics
+from .momentum import write_momenta
 from .motion import MechanismEquations, PortMotion
 from .planar_chains import PlanarChain, merged, planar_chains, write_chain
 from .ports import PortWriter
@@ -97,6 +98,8 @@ class Mechanics:
             self.closure.end(self.reacting)
             self._reactions()
             self._driven()
+            if self.script.builder.switching:
+                write_momenta(self.kinematics, self.recursion)
             total = energy(self.kinematics, self.recursion)
             self.result.energy = self.script.held("energy", total, "J") if total != ZERO else None
         return self.result

@@ -71,6 +71,7 @@ class _Reduction:
             wanted += [v for d in system.derivatives for v in (d.target, d.of)]
             conjugates = [s.conjugate for s in system.states] + [d.conjugate for d in system.derivatives]
             wanted += [v for v in conjugates if v is not None]
+            wanted += [v for m in system.momenta for v in (m.variable, m.rate)]
             wanted += [d.variable for d in system.discretes]  # and so does what events set
         used = needed(wanted, reach)
         events = self._events(used, inputs, reach)
@@ -107,7 +108,7 @@ class _Reduction:
             system.stored if self.everything else {}, dependents,
             claims, tuple(forced), self._index(used, steps), system.limits, invariants,
             tuple(b for b in system.balances if b.variable in used), frozenset(self.pieced), discretes, events, system.switches, delays,
-            following, tuple(self.laws), self.loops,
+            following, tuple(Dependent(m.variable, "", m.quantity, m.rate) for m in system.momenta), tuple(self.laws), self.loops,
         )  # fmt: skip
 
     def _events(

@@ -122,6 +122,7 @@ class StateSpace:
     switches: tuple[JunctionSwitch, ...] = ()
     delays: tuple[Delayed, ...] = ()
     following: tuple[StateFollower, ...] = ()
+    momenta: tuple[Dependent, ...] = ()  # of coordinates, where junctions switch
     laws: tuple[OpenedLaw, ...] = ()  # of loops that are opened
     loops: Mapping[int, tuple[Assignment, ...]] = field(
         default_factory=dict

@@ -26,12 +26,12 @@ TEXT = """plain model M {
 
 @pytest.mark.parametrize("everything", [False, True])
 def test_conjugates_of_all_that_is_stored(everything: bool) -> None:
-    """The effort of a spring and the flows of masses, also of one that is computed; of an integral its own value."""
+    """The effort of a spring and the flows of masses, also of one that is computed; of an integral none."""
     running = Running(compiled(TEXT, everything=everything))
     program = running.program
     state = {"one.p": 2.5, "two.p": 3.75, "spring.q": 1.5, "count": 0.75}
     values = running.arguments(0.0, {n: v for n, v in state.items() if n in program.states.names}, None)
-    expected = {"one.p": 1.25, "two.p": 1.25, "spring.q": 4 * 1.5**3, "count": 0.75}
+    expected = {"one.p": 1.25, "two.p": 1.25, "spring.q": 4 * 1.5**3, "count": 0.0}
     names = [*program.states.names]
     (dependent,) = {"one.p", "two.p"} - {*names}
     found = program.hybrid.conjugates(*values)

@@ -9,7 +9,7 @@ Vlach, IEEE Trans. CAS 37, 1990.)
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,8 @@ import numpy as np
 from compiler.api import Array
 
 from ...errors import RunFailed
-from ...numerics.scales import nonzero
-from ..constraints.constraints import Constraints
+from ...numerics.scales import group_numbers, largest_of_group, nonzero
+from ..constraints.constraints import RANK, Constraints
 from ..initialization.initial_equations import slopes_of
 from ..loops.loops import LoopSolver
 
@@ -44,77 +44,123 @@ def after_impulse(
 ) -> tuple[Any, tuple[StorageJump, ...]]:  # fmt: skip
     """Return the state after the impulse from the stored quantities before, with unknowns, and the jumps. Raises `RunFailed`."""
     program = constraints.program
+    assert program.hybrid is not None
     names = (*program.states.names, *program.dependents.names)
     units = (*program.states.units, *program.dependents.units)
-    count = len(program.states.names)
     old = np.array([stored.get(n, np.nan) for n in names])
     size = np.array([max(abs(stored.get(n, 0.0)), peaks.get(n, 0.0)) for n in names])
     size = nonzero(size)
-    held = _Held(constraints, constraints.loops(np.ones(len(full))), time, full, mode)
-    x = full[:count]
-    here = held.stored(x)
+    # momenta follow from positions and rates, and may be small differences of large terms
+    compared = slice(len(names) - program.hybrid.momenta)
+    jumping = np.array(program.hybrid.jumping, dtype=int)
+    contents = _Held(constraints, constraints.loops(np.ones(len(full))), time, full, mode, jumping, size[jumping])
+    y = full[jumping] / contents.scale
+    here = contents.stored(y)
     # quantities that no program computed before start at their computed values
     old = np.where(np.isfinite(old), old, here)
-    if (np.abs(here - old) <= SEEN * size).all():
-        return held.full(x), ()
-    x = _balanced(held, x, old, size, time)
-    after = held.stored(x)
-    jumped = np.flatnonzero(np.abs(after - old) > SEEN * size)
-    return held.full(x), tuple(StorageJump(names[i], units[i], float(old[i]), float(after[i])) for i in jumped)
+    if (np.abs(here - old) <= SEEN * size)[compared].all():
+        return contents.full(y), ()
+    if program.hybrid.momenta:
+        contents = _in_scale(contents, y, size)
+        y = full[jumping] / contents.scale
+    y = _balanced(contents, y, old)
+    after = contents.stored(y)
+    jumped = np.flatnonzero((np.abs(after - old) > SEEN * size)[compared])
+    return contents.full(y), tuple(StorageJump(names[i], units[i], float(old[i]), float(after[i])) for i in jumped)
 
 
 def refuse_jumps_of_mechanisms(jumps: Sequence[StorageJump], mechanisms: Sequence[str], time: float) -> None:
-    """Raise `RunFailed` if an impulse changes the rate of a coordinate of a mechanism: rates hold no momentum, so they say nothing of the other rates."""
+    """Raise `RunFailed` if an impulse passes within a mechanism: which ideal valves conduct after it is not known."""
     prefixes = tuple(f"{name}." for name in mechanisms)
     jump = next((j for j in jumps if j.name.startswith(prefixes)), None)
     if jump is not None:
         raise RunFailed(
             "BR788", f"at t = {time:.9g} s a junction that goes on or off takes `{jump.name}` from {jump.before:.6g} to {jump.after:.6g} {jump.unit} at once: "
-            "impulses within mechanisms are not computed;", "couple it by a stiff spring and a damper, or by `DryFriction`",
+            "impulses within mechanisms are not computed beside ideal valves;", "couple it by a stiff spring and a damper, or by `DryFriction`",
         )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class _Held:
-    """Stored quantities and their conjugates, as functions of the states."""
+    """Stored quantities and their conjugates, as functions of the states that an impulse changes, in units of their `scale`."""
 
     constraints: Constraints
     loops: LoopSolver
     time: float
     start: Any
     mode: Any
+    jumping: Any
+    scale: Any
 
-    def full(self, x: Array) -> Any:
+    def full(self, y: Array) -> Any:
         """Return the state with the unknowns of loops."""
-        return self.loops.solve(self.time, np.concatenate([x, self.start[len(x) :]]), self.mode)
+        return self.loops.solve(self.time, self._state(y), self.mode)
 
-    def stored(self, x: Array) -> Any:
+    def stored(self, y: Array) -> Any:
         """Return the states, then the contents of dependent storages."""
-        return np.concatenate([x, self._at(self.constraints.program.dependent, x)])
+        return np.concatenate(
+            [self._state(y)[: self.constraints.count], self._at(self.constraints.program.dependent, y)]
+        )
 
-    def conjugates(self, x: Array) -> Any:
-        """Return the efforts and flows conjugate to the stored quantities."""
+    def conjugates(self, y: Array) -> Any:
+        """Return the efforts and flows conjugate to the stored quantities; 0 for what stores nothing."""
         hybrid = self.constraints.program.hybrid
         assert hybrid is not None
-        return self._at(hybrid.conjugates, x)
+        return self._at(hybrid.conjugates, y)
 
-    def _at(self, function: Callable[..., Any], x: Array) -> Any:
-        return function(self.time, self.full(x), self.constraints.inputs, self.constraints.constants, self.mode)
+    def motions(self, y: Array) -> Any:
+        """Return directions (columns) in which the closing joints of mechanisms let the states jump."""
+        loops = self.constraints
+        if not loops:
+            return np.eye(len(y))
+        _, rates = loops.slopes(self.time, self._state(y), self.mode)
+        by_state = np.zeros((len(rates), loops.count))
+        by_state[:, loops.speeds] = rates / loops.reach[loops.speeds]
+        _, sizes, ways = np.linalg.svd((by_state[:, self.jumping] * self.scale)[loops.taking_rates])
+        return ways[np.count_nonzero(sizes > RANK * sizes.max(initial=0.0)) :].T
+
+    def closed(self, y: Array) -> Any:
+        """Return the nearest values that keep loops of mechanisms closed."""
+        if not self.constraints:
+            return y
+        return self.constraints.project(self.time, self._state(y), self.mode)[self.jumping] / self.scale
+
+    def _state(self, y: Array) -> Any:
+        state = np.array(self.start, dtype=float)
+        state[self.jumping] = y * self.scale
+        return state
+
+    def _at(self, function: Callable[..., Any], y: Array) -> Any:
+        return function(self.time, self.full(y), self.constraints.inputs, self.constraints.constants, self.mode)
 
 
-def _balanced(held: _Held, x: Array, old: Array, size: Array, time: float) -> Any:
-    """Return the states for which no impulse does work on a motion that the ties allow."""
-    scale = size[: len(x)]
+def _in_scale(held: _Held, y: Array, size: Array) -> _Held:
+    """Return the functions with rates of mechanisms in units that share one energy: a mechanism at rest has no magnitudes of its own. `size`: of contents.
 
-    def scaled(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        return lambda y: function(y * scale)
+    The energy is the largest that the momenta of those sizes give to a state. Rates without inertia get the unit of others of their kind.
+    """
+    allowed, ways = _slopes(held.conjugates, y), _slopes(held.stored, y)
+    inertia = np.einsum("ij,ij->j", allowed, ways)
+    firm = inertia > 0
+    stake = np.abs(allowed[:, firm]).T @ size
+    energy = np.maximum(stake**2 / inertia[firm], inertia[firm]).max(initial=0.0)
+    rates = ~allowed[held.jumping].any(axis=1)
+    scale = np.array(held.scale)
+    scale[rates & firm] *= np.sqrt(energy / inertia[rates & firm])
+    units = group_numbers([held.constraints.program.states.units[j] for j in held.jumping])
+    usual = largest_of_group(np.where(rates & firm, scale, 0.0), units)
+    return replace(held, scale=np.where(rates & ~firm & (usual > 0), usual, scale))
 
-    if not len(x):
-        return x
-    y, last = x / scale, np.inf
+
+def _balanced(held: _Held, y: Array, old: Array) -> Any:
+    """Return the values for which no impulse does work on a motion that the ties allow."""
+    last = np.inf
     for _ in range(ITERATIONS):
-        allowed, ways = _slopes(scaled(held.conjugates), y), _slopes(scaled(held.stored), y)
-        matrix, right = allowed.T @ ways, allowed.T @ (held.stored(y * scale) - old)
+        motions = held.motions(y)
+        if not motions.shape[1]:
+            return y
+        allowed, ways = _slopes(held.conjugates, y) @ motions, _slopes(held.stored, y) @ motions
+        matrix, right = allowed.T @ ways, allowed.T @ (held.stored(y) - old)
         rows = np.abs(matrix).max(axis=1)
         if not (np.isfinite(matrix).all() and (rows > 0).all()):
             break
@@ -122,17 +168,18 @@ def _balanced(held: _Held, x: Array, old: Array, size: Array, time: float) -> An
             step = np.linalg.solve(matrix / rows[:, None], -right / rows)
         except np.linalg.LinAlgError:
             break
-        ahead = _ahead(scaled(held.stored), y, step)
+        ahead = _ahead(held.stored, y, motions @ step)
         if ahead is None:
             break
+        ahead = held.closed(ahead)
         step, y = ahead - y, ahead
         size_of_step = float(np.abs(step).max())
         # limit of the difference quotients
         if size_of_step <= CLOSE or (size_of_step <= SEEN and size_of_step > 0.1 * last):
-            return y * scale
+            return y
         last = size_of_step
     raise RunFailed(
-        "BR772", f"at t = {time:.9g} s storages that are tied to each other by a switched junction find no common motion:",
+        "BR772", f"at t = {held.time:.9g} s storages that are tied to each other by a switched junction find no common motion:",
         "put a resistor or a spring between them",
     )  # fmt: skip
 

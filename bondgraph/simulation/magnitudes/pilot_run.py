@@ -87,6 +87,8 @@ class PilotRun:
         first = stretches[0]
         reach = self._reach(first)
         whole, taken = stretches[-1].stop - first.start, 0
+        if not whole > 0:  # a part that is shorter than rounding
+            return self.largest
         loop = None if choice and choice.conditions(first.mode) is None else self._loop(reach)
         for stretch in stretches:
             length = stretch.stop - stretch.start

@@ -23,6 +23,7 @@ LEFT_OUT = "left out"
 UNEXPLAINED = 1e4  # in units of rtol times the energy turnover: larger residuals are reported
 # relative to the largest power of a resistor, and to the mean of all: delivered power below this is ignored
 GIVEN = 1e-6
+ROUNDING = 1e-12  # relative to the energy of a mechanism
 
 
 def energy_balance(
@@ -133,12 +134,17 @@ def _change(space: StateSpace, before: Array, after: Array, arguments: dict[int,
 def impulse_loss(
     space: StateSpace, held: Mapping[str, Any], after: Array, arguments: dict[int, float]
 ) -> EnergyBalance | None:  # fmt: skip
-    """Return the energy dissipated by impulses where junctions switch; None if it is zero. `held`: content of each storage before, by its name."""
+    """Return the energy dissipated by impulses where junctions switch; None if it is zero. `held`: content of each storage, and energy of each
+    mechanism before, by its name."""
     elements = [
         ElementEnergy(s.element, s.kind, stored_change(s, held[s.element], after[places], arguments), 0.0, 0.0)
         for s, places in _contents(space)
         if s.element in held
     ]
+    for place, name in enumerate(space.stored, len(space.ports)):
+        change = float(after[place] - held.get(name, after[place]))
+        if abs(change) > ROUNDING * abs(after[place]):  # the sum of the same energies in another program
+            elements.append(ElementEnergy(name, "multibody", change, 0.0, 0.0))
     total = sum(element.stored for element in elements)
     if total == 0:
         return None
@@ -146,8 +152,9 @@ def impulse_loss(
 
 
 def held_in(space: StateSpace, powers: Array) -> dict[str, Any]:
-    """Return the content of each storage, by its name, from the program's `powers`."""
-    return {storage.element: powers[places] for storage, places in _contents(space)}
+    """Return the content of each storage and the energy of each mechanism, by its name, from the program's `powers`."""
+    mechanisms = {name: powers[place] for place, name in enumerate(space.stored, len(space.ports))}
+    return mechanisms | {storage.element: powers[places] for storage, places in _contents(space)}
 
 
 def added(balances: Sequence[EnergyBalance]) -> EnergyBalance | None:
