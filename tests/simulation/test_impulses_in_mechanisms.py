@@ -22,6 +22,7 @@ from tests.multibody.drawing import SPAN
 from tests.multibody.random_trees import RandomTree
 
 TARGETS = ("native", "numpy")
+pytestmark = pytest.mark.machine_code
 AT, JUST_AFTER = 1.0, 1 + 1e-10
 SWITCH = "mode on = false\n  when time > at { on = true }"
 CLOSE = {"rtol": 1e-7, "atol": 1e-7}
