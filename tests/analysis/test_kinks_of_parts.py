@@ -15,7 +15,7 @@ from bondgraph.analysis.operating_point import AnalysisRequest
 from bondgraph.analysis.placement import operating_point
 from bondgraph.errors import RunFailed, UsageError
 
-TARGETS = ("native", "numpy")
+TARGETS = (pytest.param("native", marks=pytest.mark.machine_code), "numpy")
 
 
 def linear(

@@ -165,7 +165,7 @@ model S {{
 FORWARD, BACKWARD = "loop -> d.pins", "0 turned : electric; TF turn : u1 = -u2; loop -> turn -> d.pins"
 
 
-@pytest.mark.parametrize("target", ["native", "numpy"])
+@pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
 @pytest.mark.parametrize(("bonds", "sign"), [(FORWARD, 1.0), ("TF turn : u1 = -u2\n  loop -> turn -> d.pins", -1.0)])
 def test_an_ideal_diode(bonds: str, sign: float, target: str) -> None:
     """It conducts at one drive, blocks at the other, and has no linear model between them; the rest with a drive is that of the set that holds."""

@@ -59,7 +59,7 @@ def rectified(time: float, current: float, resistance: float) -> float:
 TIMES = np.linspace(0, 0.04, 41)
 
 
-@pytest.mark.parametrize("target", ["native", "numpy"])
+@pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
 @pytest.mark.parametrize(("line", "resistance"), [("", 0.0), ("R", 0.1)])
 def test_a_resistor(line: str, resistance: float, target: str) -> None:
     """The current for which rails and load agree, at each instant."""
