@@ -83,7 +83,7 @@ def text(joints: str, bonds: str = "abc", readings: str = REACTIONS, more: str =
 SLIDING = "\n    slide far : ground to q { along = 30 deg, start x.v = 0.1 [m/s] }"
 ALONE = "start x.v = 0.1 [m/s], start y.v = -0.05 [m/s], start phi.omega = 0.3 [rad/s]"
 RESTS = {"a": ", rest = 0.1 m", "b": ", rest = -0.05 m", "c": ", rest = 10 deg, limits = (-200 deg, 200 deg)"}
-SWITCHED = "mode on = true\n  1 clamp { active = on }\n  R slip : F = 20 [N*s/m]*v\n  m.a -> clamp -> slip\n  when time > 1 s { on = false }"
+SWITCHED = "mode on = true\n  1 clamp { active = on }\n  R slip : F = 20 [N*s/m]*v\n  m.a -> clamp -> slip\n  when time > 0.2 s { on = false }"
 STOP = "Stops st { low = -20 mm, high = 2 mm, k = 4e4 [N/m], r = 10 [N*s/m] }\n  m.a -> st.ends"
 TWO = "C kd : F = 30 [N/m]*x\n  C kf : M = 2 [N*m]*phi\n  m.d -> kd\n  m.f -> kf"
 WAYS = [("abc", ""), ("abc", "abc"), ("bac", "ac"), ("cab", "b"), ("cba", "abc"), ("cba", "")]
