@@ -169,13 +169,10 @@ class Phase:
         if self.begin is not None and program.hybrid is not None:
             from .events.begin import continued
             from .events.impulse import refuse_jumps_of_mechanisms
-            from .monitors.step_size_diagnosis import BEYOND
 
             self.events, moment, self.jumps = continued(constraints, state, first, self.begin, horizon, self.companion)
             if self.companion is not None and self.companion.valves:
                 refuse_jumps_of_mechanisms(self.jumps, compilation.facts.mechanisms, first.start)
-            if any(abs(j.after) > BEYOND * self.known.get(j.name, np.inf) for j in self.jumps):
-                self.known = {}  # what rested moves now
             stretches[0] = replace(first, mode=moment.mode)
             return moment.state, ()
         if self.begin is not None:
@@ -366,11 +363,8 @@ class Phase:
         known = self.known
         mechanisms = self.compilation.facts.mechanisms
         if known and mechanisms:
-            known = of_what_moved(
-                known,
-                self.program,
-                rounding_levels(self.program, mechanisms, self.constraints, self.looked_from, self.stretches[0]),
-            )
+            levels = rounding_levels(self.program, mechanisms, self.constraints, self.looked_from, self.stretches[0])
+            known = of_what_moved(known, self.program, levels)
         if not all(n in known for n in names):
             first = found_with(UntilEvent(events, self._choice()))
             from .integration.event_integrator import pilot

@@ -11,28 +11,9 @@ import numpy as np
 import pytest
 
 import bondgraph
+from tests.second_opinion.random_models import PARTS as FRICTION_AND_VALVE
 
-PARTS = """plain model Friction {
-  parameter fc = 0.5, fs = 0.6
-  port ends: untyped
-  mode direction = 0
-  0 end
-  1 contact { active = direction != 0 }
-  MR surface : e = direction*fc + 0.1*f
-  ends -> end -> contact -> surface
-  when direction == 0 and abs(end.e) > fs { direction = 1 if end.e > 0 else -1 }
-  when direction*contact.f < 0 { direction = 0 }
-}
-plain model Valve {
-  port ends: untyped
-  mode open = false
-  1 line
-  0 gap { active = not open }
-  ends -> line -> gap
-  when not open and gap.e > 0 { open = true }
-  when open and line.f < 0 { open = false }
-}
-plain model Check {
+CHECKS = """plain model Check {
   port ends: untyped
   mode open = false
   0 before, behind
@@ -57,6 +38,7 @@ plain model Limiter {
   when slip*contact.e < 0 { slip = 0 }
 }
 """
+PARTS = FRICTION_AND_VALVE + CHECKS
 A, B, D = "Friction A { fc = 0.3; fs = 0.5 }", "Friction B { fc = 0.4; fs = 0.8 }", "Friction D { fc = 0.1; fs = 0.4 }"
 SWITCH = "1 w { active = time > 0.9 }\n  R q : e = 0.2*f"
 COUPLED = "parameter n = 2\n  TF T : f1 = n*f2\n  1 k\n  j -> T -> k"

@@ -49,9 +49,8 @@ IMPULSES = (1e-7, 1e-8)  # as `STEPS`: the two steps that reveal an impulse
 
 
 Outputs = Callable[[], Any]  # outputs of the companion at a solution, shape (outputs,)
-ConditionFunction = Callable[
-    [float, Any, Any], Any
-]  # time, state, mode -> the mode with its conditions on states as evaluated
+# time, state, mode -> the mode with its conditions on states as evaluated
+ConditionFunction = Callable[[float, Any, Any], Any]
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,13 +133,8 @@ def of_what_moved(known: Mapping[str, float], program: Program, levels: Array) -
 
 
 def least_tolerances(
-    program: Program,
-    mechanisms: Sequence[str],
-    constraints: Constraints,
-    state: Array,
-    first: Segment,
-    magnitude: Array,
-) -> Any:
+    program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment, magnitude: Array
+) -> Any:  # fmt: skip
     """Return lower bounds of absolute tolerances, because projection on loop joints is accurate to rounding only; 0 for other states.
 
     Coordinates that such joints lock altogether, and storages on them, stay constant to that accuracy, whatever fraction of their magnitude a
