@@ -20,6 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 os.environ.setdefault("BONDGRAPH_CACHE", "")  # nothing is kept: no model comes twice
+TOGETHER = 8  # models in a row of one structure: a worker takes them together, so that it compiles once
 SHARE = 10  # networks for each mechanism
 
 
@@ -27,10 +28,10 @@ def jobs(given: argparse.Namespace, known: set[tuple[str, int]]) -> Iterator[tup
     """Models without a verdict yet, mechanisms between networks."""
     first = given.first
     mechanisms = (("mechanism", s, given.seconds) for s in range(first, first + given.mechanisms))
-    for number, seed in enumerate(range(first, first + given.networks)):
+    for number, seed in enumerate(range(first, first + given.networks), 1):
         yield from (j for j in [("network", seed, given.seconds)] if j[:2] not in known)
-        if number % SHARE == SHARE - 1:
-            yield from (j for j in itertools.islice(mechanisms, 1) if j[:2] not in known)
+        if number % (SHARE * TOGETHER) == 0:
+            yield from (j for j in itertools.islice(mechanisms, TOGETHER) if j[:2] not in known)
     yield from (j for j in mechanisms if j[:2] not in known)
 
 
@@ -61,7 +62,7 @@ def main() -> int:
         found: Iterable[Entry] = map(tried, left)
         if given.workers > 1:  # none is forked: what waits for a compilation would wait for ever
             pool = stack.enter_context(multiprocessing.get_context("spawn").Pool(given.workers))
-            found = pool.imap_unordered(tried, left, chunksize=8)
+            found = pool.imap_unordered(tried, left, chunksize=TOGETHER)
         for number, entry in enumerate(found, 1):
             book.write(json.dumps(entry) + "\n")
             book.flush()
