@@ -69,9 +69,12 @@ if TYPE_CHECKING:
     from .source import Source, Span, read_text
     from .source_file import read_source
     from .steps import ANALYSIS_STEPS
-    from .syntax import parse_expression, parse_law
+    from .syntax import parse, parse_expression, parse_law
     from .syntax.format import format_text
-    from .syntax.tree import Experiment, Literal, Negative, PathSyntax
+    from .syntax.outline import Outline
+    from .syntax.tree import (
+        Bonds, Experiment, Literal, ModelSyntax, Negative, PathSyntax, PortsSyntax, Quantities, RequirementSyntax,
+    )  # fmt: skip
     from .unparse import write_text
     from .unparse.literals import bond_lines, braces, number_text
 

@@ -43,7 +43,7 @@ from .reduction.errors import DerivativeWithoutEnd, SingularLoop
 from .reduction.unexcited import at_rest, without
 from .reduction.upstream import upstream
 from .scene import Plan, RunMetadata, Scene
-from .semantics import Built, build_graph, is_part
+from .semantics import Built, build_graph, open_part
 from .semantics.names.compound_units import ambiguous_products, in_one_literal, unit_notes, with_compound_units
 from .semantics.names.errors import TooLongRow
 from .source import Source, Span
@@ -71,9 +71,9 @@ class Compilation:
         return with_compound_units(parse(self.source))
 
     @property
-    def is_part(self) -> bool:
-        """True if the model has ports, so that it is only usable in a larger one."""
-        return is_part(self.tree, self.scene.model)
+    def open_part(self) -> str | None:
+        """Name of the model if it has ports, so that it is only usable in a larger one."""
+        return open_part(self.tree, self.scene.model)
 
     @cached_property
     def _built(self) -> Built:

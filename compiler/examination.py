@@ -55,7 +55,7 @@ def _examine(
         if parts.built is not None:
             compilation.__dict__["_built"] = parts.built
         try:
-            if not compilation.is_part:
+            if compilation.open_part is None:
                 compilation.look_at_laws()
                 certificate = compilation.certificate
         except CompilationFailed as failed:

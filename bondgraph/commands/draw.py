@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from .error_reporting import problems_told
-from .options import check_target, file_argument, load, model_option
+from .options import check_target, file_argument, load, load_shown, model_option
 
 WIDE = 5000  # px: what no screen and no paper shows
 
@@ -34,7 +34,7 @@ def command(
         if mechanism is not None:
             load(file, model).draw_mechanism(out, mechanism, None if experiment == "none" else experiment or "", at)
         else:
-            figure = load(file, model).draw(out, experiment, **shown)
+            figure = load_shown(file, model).draw(out, experiment, **shown)
             if max(figure.width, figure.height) > WIDE:
                 told = "" if shown["closed"] else "; with --closed instances are boxes"
                 click.echo(f"note: the picture has {figure.width:g} x {figure.height:g} px{told}", err=True)

@@ -93,6 +93,25 @@ def load(file: str, model: str | None) -> Model:
     return load(Path(file), model)
 
 
+def load_shown(file: str, model: str | None) -> Model:
+    """Load a model to look at. One that is a part with open ports, and documents an example, stands in its example."""
+    from compiler.api import CompilationFailed
+
+    from .. import Model
+    from ..catalogue import example_source
+
+    whole = load(file, model)
+    try:
+        part = whole.compilation().open_part
+    except CompilationFailed:
+        return whole  # what looks at it tells the errors
+    source = example_source(Path(file), part) if part is not None else None
+    if source is None:
+        return whole
+    click.echo(f"note: `{part}` has open ports: this is its example", err=True)
+    return Model(source, None)
+
+
 def setting(text: str, option: str = "--set", example: str = "a=171 um") -> tuple[str, str]:
     """Both sides of `NAME=VALUE`. Raises `click.UsageError`."""
     name, sign, value = text.partition("=")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from .options import check_target, file_argument, load, model_option
+from .options import check_target, file_argument, load_shown, model_option
 
 
 @click.command("report")
@@ -17,4 +17,4 @@ def command(file: str, out: str, model: str | None) -> None:
     from ..presentation.page import report_text
 
     check_target(out, (".html", ".htm"), "--out")
-    write_text(out, report_text(load(file, model)))
+    write_text(out, report_text(load_shown(file, model)))

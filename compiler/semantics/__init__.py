@@ -1,5 +1,5 @@
 """Syntax tree to bond graph: names, imports, instances, units."""
 
-from .build import Built, build_graph, check_parts, is_part
+from .build import Built, build_graph, check_parts, open_part
 
-__all__ = ["Built", "build_graph", "check_parts", "is_part"]
+__all__ = ["Built", "build_graph", "check_parts", "open_part"]

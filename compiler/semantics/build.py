@@ -137,11 +137,12 @@ def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: Elabo
     return elaborator.diagnostics[before:]
 
 
-def is_part(syntax: SyntaxTree, wanted: str | None) -> bool:
-    """Return True if the main model has ports of its own. Raises `CompilationFailed` if the file has no main model."""
+def open_part(syntax: SyntaxTree, wanted: str | None) -> str | None:
+    """Return the name of the main model if it has ports of its own. Raises `CompilationFailed` if the file has no main model."""
     file = FileScope(syntax.source, {}, {}, {})
     file.models.update({n: ModelDefinition(m, file) for n, m in syntax.models.items()})
-    return any(wall_items(choose_model(file, wanted, []).model))
+    model = choose_model(file, wanted, []).model
+    return model.name if any(wall_items(model)) else None
 
 
 def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diagnostic]) -> ModelDefinition:

@@ -43,6 +43,7 @@ CALLS = {
     "fit": ("m.bg", "--data", "missing.csv"),
     "fmt": ("--check", "m.bg"),
     "invert": ("m.bg", "--want", "u=2 V", "--by", "U"),
+    "library": ("diode", "pins"),
     "linearize": ("m.bg",),
     "modes": ("m.bg",),
     "montecarlo": ("m.bg", "--vary", "R=1 %", "--samples", "4", "--jobs", "1"),

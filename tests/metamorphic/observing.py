@@ -64,7 +64,7 @@ def cases(held: bool = False) -> tuple[Case, ...]:
         source = Source(str(path), path.read_text(encoding="utf-8"), path)
         try:
             compilation = Compilation(source, Scene(None, None), LIBRARY)
-            if compilation.is_part:
+            if compilation.open_part:
                 continue
         except CompilationFailed as failed:
             if {d.code for d in failed.diagnostics} <= NAMELESS:

@@ -33,7 +33,7 @@ def whole(file: Path) -> list[tuple[str, str, str | None]]:
     """Models of a file that can run, without experiment and with each of their own."""
     found: list[tuple[str, str, str | None]] = []
     for name, model in models(file).items():
-        if compiled(file, model=name).is_part or any(i.value is None for i in items(model)):
+        if compiled(file, model=name).open_part or any(i.value is None for i in items(model)):
             continue
         experiments = [s.name for s in model.statements if isinstance(s, tree.Experiment)]
         found += [(file.name, name, e) for e in [None, *experiments]]

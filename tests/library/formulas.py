@@ -1,0 +1,199 @@
+"""Closed forms of the examples of the parts: from the instants of a run to what each output must be, in SI; a number is the value at the end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+Formula = Callable[[Any], Mapping[str, Any]]
+
+EPS0, BOLTZMANN, CHARGE = 8.8541878128e-12, 1.380649e-23, 1.602176634e-19
+SIGMA, G = 5.670374419e-8, 9.80665
+
+
+def rise(t: Any, tau: float) -> Any:
+    """Share of a first-order step that has passed."""
+    return 1 - np.exp(-t / tau)
+
+
+def fixed_point(step: Callable[[float], float], x: float) -> float:
+    """Solution of x = step(x), found by repetition."""
+    for _ in range(200):
+        x = step(x)
+    return x
+
+
+def bisection(f: Callable[[float], float], low: float, high: float) -> float:
+    """Zero of a function that changes its sign between two places."""
+    for _ in range(200):
+        middle = (low + high) / 2
+        low, high = (middle, high) if (f(middle) > 0) == (f(low) > 0) else (low, middle)
+    return (low + high) / 2
+
+
+# ---------------------------------------------------------------------- electric
+
+
+def diode(t: Any) -> Mapping[str, Any]:
+    u_t = BOLTZMANN * 300.15 / CHARGE
+    junction = bisection(lambda u: (5 - u) / 1001 - 1e-14 * math.expm1(u / u_t), 0, 1)
+    i = (5 - junction) / 1001
+    return {"u": junction + i, "i": i}
+
+
+def mos(t: Any) -> Mapping[str, Any]:
+    def step(i: float) -> float:
+        return 1e-3 * (3 - 0.1 * i - 1) ** 2 * (1 + 0.01 * (5 - 0.2 * i))
+
+    return {"i": fixed_point(step, 4e-3)}
+
+
+def op_amp(t: Any) -> Mapping[str, Any]:
+    """Node at the inverting input, with input and output resistance; gain 2e5."""
+    matrix = [
+        [1 / 9e3 + 1 / 1e3 + 1 / 2e6, -1 / 9e3],  # the inverting input: currents to out, ground and plus
+        [2e5 / 75 - 1 / 9e3, 1 / 75 + 1 / 1e4 + 1 / 9e3],  # out: behind R_out of gain (plus - minus)
+    ]
+    return {"u": float(np.linalg.solve(matrix, [1 / 2e6, 2e5 / 75])[1])}
+
+
+ELECTRIC: dict[str, Formula] = {
+    "Resistor": lambda t: {"i": 5 / 2e3 + 0 * t},
+    "Capacitor": lambda t: {"u": 5 * rise(t, 2e-3)},
+    "Inductor": lambda t: {"i": 0.5 * rise(t, 2e-3)},
+    "Diode": diode,
+    "IdealDiode": lambda t: {"i": np.maximum(0.1 * np.sin(100 * np.pi * t), 0)},
+    "Switch": lambda t: {"i": np.where((t >= 1e-3) & (t < 3e-3), 2.0, 0.0)},
+    "Bjt": lambda t: {"i": 1e-3},
+    "Mos": mos,
+    "OpAmp": op_amp,
+    "DcMotor": lambda t: {"speed": 12 * 0.05 / (1e-5 + 0.05**2), "i": 12 * 1e-5 / (1e-5 + 0.05**2)},
+}
+
+# ---------------------------------------------------------------------- mechanics
+
+
+def stribeck(v: Any, dry: float, away: float, v_s: float, v_0: float, r: float) -> Any:
+    return (dry + (away - dry) * np.exp(-((v / v_s) ** 2))) * np.tanh(v / v_0) + r * v
+
+
+MECHANICS: dict[str, Formula] = {
+    "Gear": lambda t: {"speed": 10 / 2 * t},
+    "Lever": lambda t: {"v": -0.5 * 10 / 5 + 0 * t},
+    "Screw": lambda t: {"v": 0.1 / (5e-3 / (2 * np.pi)) / 20 * t},
+    "Wheel": lambda t: {"v": 30 / 0.3 / 50 * t},
+    "Belt": lambda t: {"stretch": 50 / 1e5 * rise(t, 10 / 1e5), "speed": 50 * 0.06 / 0.1 + 0 * t},
+    "SpringDamper": lambda t: {"x": 0.01 * rise(t, 1e-3)},
+    "TorsionSpring": lambda t: {"phi": 0.01 * rise(t, 1e-4)},
+    "Friction": lambda t: {"F": stribeck(0.01 * np.sin(t), 10, 12, 0.01, 1e-4, 5)},
+    "RotaryFriction": lambda t: {"M": stribeck(0.5 * np.sin(t), 0.1, 0.12, 0.5, 0.005, 0.01)},
+    "EndStop": lambda t: {"F": 1e6 * (1e-3 - 0.5e-6) * (1 + 0.5 * 1e-3)},
+    "DryFriction": lambda t: {"v": 10 * (1 - 0.75**2) - 10 * 0.25 + 10 * 1},
+    "Stops": lambda t: {"F": 1e6 * 2e-3 + 100 * 10e-3},
+    "RotaryStops": lambda t: {"M": -1000 * (2 - np.pi / 2) - 1},
+    "StoppedMass": lambda t: {"x": -1e-3 + 0.64 * 1.5e-3, "v": 0.64},
+    "Backlash": lambda t: {"F": 1e6 * 0.5e-3 + 10 * 10e-3},
+    "Clutch": lambda t: {"omega": np.where(t < 0.01, 0.0, 25.0)},
+}
+
+# ---------------------------------------------------------------------- hydraulic
+
+ORIFICE = 0.62 * 10e-6 * math.sqrt(2 / 850)
+
+
+def root(p: Any, soft: float = 100.0) -> Any:
+    """r of p = r sqrt(r^2 + 2 soft)."""
+    return np.sign(p) * np.sqrt(np.sqrt(soft**2 + np.asarray(p) ** 2) - soft)
+
+
+def cylinder(t: Any) -> Mapping[str, Any]:
+    leak = 5e6 / (2e7 + 1e13)
+    a, b = 5e6 - 1e7 * leak, 1e7 * leak
+    return {"P": a, "F": 1e-3 * a * (1 + a / 2.8e9) - 6e-4 * b * (1 + b / 2.8e9)}
+
+
+HYDRAULIC: dict[str, Formula] = {
+    "Pump": lambda t: {"Q": 10e-6 / (2 * np.pi) * 100 / (1 + 1e-12 * 1e10) + 0 * t},
+    "Valve": lambda t: {"Q": t * ORIFICE * root(1e6)},
+    "CheckValve": lambda t: {"Q": ORIFICE * np.maximum(root(1e6 * np.sin(2 * np.pi * t)), 0)},
+    "Cylinder": cylinder,
+    "Accumulator": lambda t: {"P": 1e7 * (1 / (1 - 0.1 * t)) ** 1.4 - 101325},
+    "Pipe": lambda t: {
+        "Q": np.pi * 1e-8 * 1e4 / (128 * 0.03)
+        * rise(t, 850 / (np.pi * 1e-4 / 4) / (128 * 0.03 / (np.pi * 1e-8)))
+    },
+    "Volume": lambda t: {"P": 1.4e9 / 1e-3 * 1e-5 * t},
+    "Tank": lambda t: {"level": 0.1 + 2e-3 / 0.5 * t, "P": 850 * G * (0.1 + 2e-3 / 0.5 * t)},
+    "Reservoir": lambda t: {"Q": 3e5 / 1e9 + 0 * t},
+}  # fmt: skip
+
+# ---------------------------------------------------------------------- thermal
+
+
+THERMAL: dict[str, Formula] = {
+    "HeatCapacity": lambda t: {"T": 353.15 - 60 * np.exp(-2 / 100 * t)},
+    "Conductor": lambda t: {"heat": 120 + 0 * t},
+    "Radiator": lambda t: {"heat": 0.8 * SIGMA * (773.15**4 - 293.15**4) + 0 * t},
+    "HeatedResistor": lambda t: {"heat": 144 / (100 * (1 + 0.0039 * 50)) + 0 * t},
+    "Ambient": lambda t: {"heat": 500 * np.sin(2 * np.pi * t / 86400)},
+}
+
+# ---------------------------------------------------------------------- mems
+
+BEAM = 160e9 * 38e-6 * (2e-6) ** 3 / 12  # E I of the leaf springs
+GUIDE = 8 * 6 * BEAM / (400e-6) ** 3
+COMB = 100 * EPS0 * 38e-6 / 4e-6  # N/V^2
+
+
+def squeezed(ratio: float) -> float:
+    odd = range(1, 20001, 2)
+    return 1 - 192 / math.pi**5 * ratio * sum(math.tanh(n * math.pi / 2 / ratio) / n**5 for n in odd)
+
+
+def shuttle(t: Any) -> Mapping[str, Any]:
+    return {"x": COMB * 800 / GUIDE * rise(t, (1e-4 + 1.82e-5 * 0.1e-6 / 2e-6) / GUIDE)}
+
+
+def reinforced(t: Any) -> Mapping[str, Any]:
+    k = 12 * BEAM / 1e-9 / (1 - 0.72**3)
+    return {"x": 1e-5 / k * rise(t, 1e-3 / k)}
+
+
+MEMS: dict[str, Formula] = {
+    "CombDrive": lambda t: {"x": COMB * 900 / GUIDE * rise(t, 1e-4 / GUIDE)},
+    "CombCapacitor": lambda t: {"F": COMB * 400},
+    "ParallelPlate": lambda t: {"F": EPS0 * 1e-8 * 25 / (2 * 4e-12)},
+    "Flexure": lambda t: {"x": 5e-6 * rise(t, 1e-3 / 2)},
+    "LeafFlexure": lambda t: {"phi": 1e-10 / (BEAM / 1e-3) * rise(t, 1e-12 / (BEAM / 1e-3))},
+    "ReinforcedFlexure": reinforced,
+    "FoldedFlexure": lambda t: {"x": 1e-5 / GUIDE * rise(t, 1e-4 / GUIDE)},
+    "SlideFilm": lambda t: {"F": 1.82e-5 * 0.1e-6 / 2e-6 * 0.01 + 0 * t},
+    "SqueezeFilm": lambda t: {
+        "F": squeezed(0.5) * 1.82e-5 * 100e-6 * (50e-6) ** 3 / (2e-6 - 1e-3 * t) ** 3 * 1e-3
+    },
+    "Shuttle": shuttle,
+}  # fmt: skip
+
+# ---------------------------------------------------------------------- control
+
+
+def second_order(t: Any, w: float, zeta: float) -> Any:
+    """Response of w^2/(s^2 + 2 zeta w s + w^2) to a step, zeta below 1."""
+    damped = w * math.sqrt(1 - zeta**2)
+    return 1 - np.exp(-zeta * w * t) * (np.cos(damped * t) + zeta * w / damped * np.sin(damped * t))
+
+
+CONTROL: dict[str, Formula] = {
+    "Pid": lambda t: {"command": 2 + 5 * t},
+    "FirstOrder": lambda t: {"y": 2 * rise(t, 0.5)},
+    "SecondOrder": lambda t: {"y": second_order(t, 5, 0.4)},
+    "LeadLag": lambda t: {"y": 1 + 3 * np.exp(-4 * t)},
+    "TransferFunction2": lambda t: {"y": (1 - np.exp(-2 * t)) / 2},
+    "RateLimit": lambda t: {"y": 1 - 0.1 * np.arcsinh(np.sinh(10) * np.exp(-10 * t))},
+    "Lowpass": lambda t: {"y": second_order(t, 4 * np.pi, math.sqrt(0.5))},
+}
+
+FORMULAS: dict[str, Formula] = {**ELECTRIC, **MECHANICS, **HYDRAULIC, **THERMAL, **MEMS, **CONTROL}
