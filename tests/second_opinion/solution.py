@@ -74,6 +74,7 @@ class Run:
     b: list[float]
     events: list[tuple[float, int]] = field(default_factory=list)
     true: list[bool] = field(default_factory=list)
+    ticks: list[int] = field(default_factory=list)  # sampled events that act at the start
     factors: dict[Any, Any] = field(default_factory=dict)
     jacobian: Any = None
     count: int = 0
@@ -257,6 +258,7 @@ class Run:
                 self.before = self.jacobian = None
             self.true = [bool(v) for v in truth]
             self.w = w
+            acting, self.ticks = [*acting, *self.ticks], []
             if not acting:
                 return
             self.jacobian = None
@@ -577,7 +579,7 @@ def course(system: System, begin: float, times: Sequence[float], budget: int, bl
     )
     state.true, state.budget, state.end = [False] * len(a.graph.events), budget, times[-1]
     every = [(i, _number(a, a.opened(e.period), begin)) for i, e in enumerate(a.graph.events) if e.period is not None]
-    _begin(state)
+    _begin(state, [i for i, _ in every])
     return Course(state, _stops(system, begin, times, span), every)
 
 
@@ -592,8 +594,7 @@ def run(it: Course, steps: int) -> tuple[Array, Run]:
         factors={},
         jacobian=None,
     )
-    span, due, found = state.span, {i: 0 for i, _ in it.every}, []
-    _sample(state, it.every, due)
+    span, due, found = state.span, {i: 1 for i, _ in it.every}, []  # the first tick is a part of the start
     for stop, report in it.stops:
         while state.t < stop - 3 * state.instant:
             samples = [due[i] * p for i, p in it.every]
@@ -622,8 +623,8 @@ def _sample(state: Run, every: Sequence[tuple[int, float]], due: dict[int, int])
         state.settle()
 
 
-def _begin(state: Run) -> None:
-    """Storages of whose start nothing is said follow those of which something is: an impulse moves the former alone."""
+def _begin(state: Run, ticks: Sequence[int]) -> None:
+    """Storages of whose start nothing is said follow those of which something is: an impulse moves the former alone. Samples act with what is true at the start."""
     a = state.system.assembly
     nodes = {n.name: n for n in a.graph.nodes}
     free = [place for (name, port), place in a.stored.items() if port not in nodes[name].starts]  # type: ignore[union-attr]
@@ -631,7 +632,7 @@ def _begin(state: Run) -> None:
     rng = np.random.default_rng(1)
     for guess in (np.zeros(a.unknowns), np.ones(a.unknowns), rng.uniform(0.5, 2.0, a.unknowns)):
         state.x, state.m, state.t = start[0].copy(), list(start[1]), start[2]
-        state.w, state.true = guess, [False] * len(a.graph.events)
+        state.w, state.true, state.ticks = guess, [False] * len(a.graph.events), [*ticks]
         try:
             state.b = _first_branches(state)
             if free and not a.linkages:
