@@ -25,7 +25,6 @@ from .garbage_collection import uncollected
 from .graph.network import BondGraph, Element
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .graph.run_time_parameters import over_arguments
-from .graph.samples import sample_notes
 from .graph.switch import decided, off_at_the_start, switch_off
 from .graph.valves import Valve, switched_gaps, with_gaps
 from .pipeline import Request, derive
@@ -40,6 +39,7 @@ from .reduction import (
     without_what_cancels,
 )
 from .reduction.errors import DerivativeWithoutEnd, SingularLoop
+from .reduction.measured import measurement_notes
 from .reduction.unexcited import at_rest, without
 from .reduction.upstream import upstream
 from .scene import Plan, RunMetadata, Scene
@@ -343,7 +343,7 @@ class Compilation:
         )
         told = (
             *notes(self.graph),
-            *sample_notes(self.whole_graph),
+            *measurement_notes(self.state_space),
             *unit_notes(self.tree),
             *self._notes_on_settings,
             *wishes,

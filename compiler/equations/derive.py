@@ -24,6 +24,7 @@ from ..errors import CompilationFailed
 from ..graph.elements import STORAGES, TRANSDUCERS, Kind
 from ..graph.mechanism import domain_of
 from ..graph.network import BondEnd, Element, Junction, Law, MechanismNode, Own, Reading
+from ..graph.samples import in_order
 from ..multibody import PortMotion, mechanism_equations
 from .builder import EquationBuilder
 from .errors import NotInvertible
@@ -44,7 +45,7 @@ def derive_equations(
 
     Raises `CompilationFailed` if a law cannot be solved in the direction that causality needs.
     """
-    return _Nodes(causal, EquationBuilder(causal.graph, zeros, free)).equations(apart)
+    return _Nodes(causal, EquationBuilder(in_order(causal.graph), zeros, free)).equations(apart)
 
 
 @cache
@@ -91,7 +92,7 @@ class _Nodes:
         for number, node in elements:  # after the nodes that may determine a displacement
             if node.kind not in TRANSDUCERS:
                 self._element(number, node)
-        event_equations(self.graph, self.to)
+        event_equations(self.to)
         system = self.to.system()
         if self.to.diagnostics:
             raise CompilationFailed(self.to.diagnostics)

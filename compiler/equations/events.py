@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from ..algebra.expression import Expression, Symbol, substitute
 from ..algebra.formula import leaf
-from ..graph.network import Action, BondGraph, Element, Event, Own, Quantity
+from ..graph.network import Action, Element, Event, Own, Quantity
 from .builder import EquationBuilder
 from .laws import solved
 from .system import EventAssignment, EventRow, JunctionSwitch
 
 
-def event_equations(graph: BondGraph, to: EquationBuilder) -> None:
+def event_equations(to: EquationBuilder) -> None:
     """Write the conditions and values of all events, and the conditions of switched junctions."""
+    graph = to.graph
     elements = {n.name: n for n in graph.nodes if isinstance(n, Element)}
     for event in graph.events:
         to.events.append(_event(event, elements, to))

@@ -194,7 +194,10 @@ class Action:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """`when CONDITION { … }` or `every PERIOD { … }`. The condition is 1 if it holds; values are read before any target is set."""
+    """`when CONDITION { … }` or `every PERIOD { … }`. The condition is 1 if it holds.
+
+    A `when` reads all values before it sets any; the actions of an `every` are a program's lines.
+    """
 
     name: str  # its instance, "" for the main model
     condition: Bound  # of a sampled one it never holds

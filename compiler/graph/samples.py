@@ -1,36 +1,83 @@
-"""Notes on `every` blocks that differ from a controller's program: all their right sides read the values from before the instant."""
+"""`every` blocks line by line, as a controller's program: each line reads what the lines before it have set.
+
+The result sets all at once, like `when`: each line that reads an earlier one reads that line's new value, a signal of its own. What a line
+reads of the bond graph stays as it was when the block began, measured by the controller.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from dataclasses import replace
 
-from .network import Action, BondGraph, Event, Quantity, Reading
-from .run_time_parameters import behind
+from ..algebra.expression import Symbol
+from ..algebra.formula import Bound, Formula
+from .network import Action, BondGraph, Event, Named, Quantity, Reading
 
+FOLLOWING = ("signal", "output", "input")  # roles of what is computed anew from what it reads
 
-def sample_notes(graph: BondGraph) -> Iterator[str]:
-    """A note for each line of an `every` block that reads a target of an earlier line of it."""
-    for event in graph.events:
-        if event.period is not None:
-            yield from _notes(event, graph)
+ITSELF = Formula(1, Symbol(0))
 
 
-def _notes(event: Event, graph: BondGraph) -> Iterator[str]:
-    actions = sorted(event.actions, key=lambda a: a.span.start)
-    for position, action in enumerate(actions):
-        read = _read(action, graph)
-        late = [a for a in actions[:position] if a.target in read]
-        if late:
-            names = ", ".join(f"`{a.words}` of line {a.span.line}" for a in late)
-            yield (
-                f"line {action.span.line}, `{action.words} = …`, does not see {names}: the right sides of one instant read "
-                "the values from before it, one period old"
-            )
+def in_order(graph: BondGraph) -> BondGraph:
+    """The same model with blocks whose right sides read values from before the instant alone. New values are signals `new TARGET`."""
+    if not any(event.period is not None for event in graph.events):
+        return graph
+    order = _Order(graph)
+    events = tuple(e if e.period is None else order.sampled(e) for e in graph.events)
+    return replace(graph, events=events, quantities=order.quantities)
 
 
-def _read(action: Action, graph: BondGraph) -> frozenset[Quantity | Reading]:
-    """All references of a right side, direct and through signals. Integrals count as themselves, not as their arguments."""
-    quantities = graph.quantities
-    names = behind([a.name for a in action.value.arguments if isinstance(a, Quantity)], quantities)
-    definitions = [action.value, *(d for n in names if (d := quantities[n].definition) is not None)]
-    return frozenset(a for d in definitions for a in d.arguments if isinstance(a, Quantity | Reading))
+class _Order:
+    """The quantities of a model, with those that lines of blocks add."""
+
+    def __init__(self, graph: BondGraph) -> None:
+        self.quantities = dict(graph.quantities)
+
+    def sampled(self, event: Event) -> Event:
+        """One block: of a target that several lines set the last one counts, and lines between see each."""
+        known: dict[Quantity | Reading, Quantity] = {}
+        last: dict[Quantity | Reading, Action] = {}
+        for action in event.actions:
+            value = self._after(action.value, known)
+            if action is not event.actions[-1]:
+                unit = self.quantities[action.target.name].unit if isinstance(action.target, Quantity) else ""
+                new = self._added(Named(f"new {action.words}", "signal", unit, value, None, action.span))
+                known[action.target], value = new, Bound(ITSELF, (new,))
+            last.pop(action.target, None)
+            last[action.target] = replace(action, value=value)
+        return replace(event, actions=tuple(last.values()))
+
+    def _after(self, bound: Bound, known: dict[Quantity | Reading, Quantity]) -> Bound:
+        """Return a right side as it is after these lines. Signals that read what they have set become signals of their own."""
+        fresh: dict[Quantity | Reading, Quantity | Reading] = dict(known)
+        rows: list[tuple[Quantity | None, Bound]] = [(None, bound)]
+        while True:  # not by recursion: a row of signals may be longer than Python nests calls
+            name, definition = rows[-1]
+            following = self._next(definition, fresh)
+            if following is not None:
+                rows.append(following)
+                continue
+            rows.pop()
+            arguments = tuple(fresh.get(a, a) for a in definition.arguments)
+            new = definition if arguments == definition.arguments else Bound(definition.formula, arguments)
+            if name is None:
+                return new
+            signal = self.quantities[name.name]
+            renamed = replace(signal, name=f"new {signal.name}", definition=new)
+            fresh[name] = name if new is definition else self._added(renamed)
+
+    def _next(
+        self, definition: Bound, fresh: dict[Quantity | Reading, Quantity | Reading]
+    ) -> tuple[Quantity, Bound] | None:
+        """The next signal that a definition reads of which it is not known yet. What has no definition, a memory for example, is as it was."""
+        for argument in definition.arguments:
+            if isinstance(argument, Quantity) and argument not in fresh:
+                named = self.quantities.get(argument.name)
+                if named is not None and named.role in FOLLOWING and named.definition is not None:
+                    return argument, named.definition
+        return None
+
+    def _added(self, named: Named) -> Quantity:
+        while named.name in self.quantities:
+            named = replace(named, name=f"{named.name}'")
+        self.quantities[named.name] = named
+        return Quantity(named.name)

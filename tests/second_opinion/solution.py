@@ -280,8 +280,7 @@ class Run:
         """Do the assignments of events. Return True if a storage is among the targets."""
         values: list[tuple[Any, float]] = []
         for i in acting:
-            numbers = self.system.action_values[i](self.t, self.x.tolist(), self.w.tolist(), self.m)
-            values += list(zip(self.system.actions[i], numbers, strict=True))
+            values += self._lines(i) if self.system.assembly.graph.events[i].period is not None else self._at_once(i)
             self.events.append((self.t, i))
             apart = np.diff([t for t, j in self.events if j == i])[-PILED:]
             if len(apart) == PILED and (np.diff(apart) < 0).all() and apart[-1] < 1e-4 * self.span:
@@ -298,6 +297,23 @@ class Run:
         if len(self.events) > MOST:
             raise Undecided("very many events")
         return any(action.kind == "x" for action, _ in values)
+
+    def _at_once(self, event: int) -> list[tuple[Any, float]]:
+        """The assignments of a `when`: all values are read before any is set."""
+        numbers = self.system.action_values[event](self.t, self.x.tolist(), self.w.tolist(), self.m)
+        return list(zip(self.system.actions[event], numbers, strict=True))
+
+    def _lines(self, event: int) -> list[tuple[Any, float]]:
+        """The assignments of an `every`, one after the other: a line reads the modes that the lines before it have set."""
+        modes, actions = [*self.m], self.system.actions[event]
+        if len(actions) > 1 and any(action.kind == "x" for action in actions):
+            raise Undecided("lines of a sampled event that set a storage")
+        done = {}
+        for place, action in enumerate(actions):
+            number = self.system.action_values[event](self.t, self.x.tolist(), self.w.tolist(), modes)[place]
+            modes[action.number] = float(number)
+            done[action.number] = action, float(number)
+        return list(done.values())
 
     def advance(self, h: float) -> None:
         """A step of this length, cut where a branch changes."""

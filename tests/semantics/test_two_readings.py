@@ -1,11 +1,10 @@
-"""Notes on text that can be read in two ways: names after a unit, and lines of `every` that read what an earlier one sets."""
+"""Notes on text that can be read in two ways: names after a unit."""
 
 from __future__ import annotations
 
 import pytest
 from click.testing import CliRunner
 
-import bondgraph
 from bondgraph.commands import commands
 from compiler.graph.units import UNITS
 from tests.compiling import compiled
@@ -76,54 +75,3 @@ def test_it_is_told_by_check_and_run(tmp_path) -> None:  # type: ignore[no-untyp
         done = CliRunner().invoke(commands, arguments)
         assert done.exit_code == 0, done.output
         assert "note: line 4: `5 N*m` is read as" in done.output
-        assert "note: line 3, `b = …`, does not see `a` of line 3" in done.output
-
-
-SAMPLED = """model A {
-  mode a = 0, b = 0, c = 0
-  signal twice = 2*a, four = 2*twice, grown = integral(1 [1/s], 0), z = delay(a, 1 s)
-  I mass : p = 1 kg*v
-  Se push : F = 1 N
-  push -> mass
-  every 1 s {
-    FIRST
-    SECOND
-  }
-  output y = a + b + c
-}
-"""
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "named"),
-    [
-        ("a = a + 1", "b = a", "a"), ("a = a + 1", "b = twice", "a"), ("a = 1", "b = four + c", "a"), ("a = 1", "b = 1 if a > 0 else 2", "a"),
-        ("a = 1", "b = max(0, a)", "a"), ("a = 1", "c = b*a", "a"), ("mass.v = 1 [m/s]", "b = mass.v/1 [m/s]", "mass.v"),
-        ("grown = 3", "b = grown", "grown"), ("a = b", "b = a", "a"), ("c = 5", "b = twice + sin(c)", "c"), ("b = 1; c = 2", "a = c", "c"),
-    ],
-)  # fmt: skip
-def test_a_line_that_reads_an_earlier_one(first: str, second: str, named: str) -> None:
-    (note,) = notes(SAMPLED.replace("FIRST", first).replace("SECOND", second))
-    assert f"line 9, `{second[0]} = …`, does not see `{named}` of line 8" in note
-
-
-@pytest.mark.parametrize(
-    ("first", "second"),
-    [("b = a", "a = a + 1"), ("a = a + 1", "b = c"), ("a = a + 1", "b = b + 1"), ("b = twice", "a = 1"), ("c = 1", "b = twice"), ("a = 1", "b = z")],
-)  # fmt: skip
-def test_lines_that_mean_the_same_either_way(first: str, second: str) -> None:
-    assert notes(SAMPLED.replace("FIRST", first).replace("SECOND", second)) == ()
-
-
-@pytest.mark.parametrize("count", range(2, 14))
-def test_a_chain_of_samples_is_told_and_delays_by_one_each(count: int) -> None:
-    """Each line of an `every` sees what was before it: the last of n is n - 1 samples late, and each that reads another one says so."""
-    names = ", ".join(f"m{i} = 0" for i in range(count))
-    lines = "\n    ".join(["m0 = m0 + 1", *(f"m{i} = m{i - 1}" for i in range(1, count))])
-    text = f"model Q {{\n  mode {names}\n  every 1 s {{ {lines} }}\n  output last = m{count - 1}\n}}\n"
-    found = notes(text)
-    assert len(found) == count - 1
-    for i in range(1, count):
-        assert any(f"line {3 + i}, `m{i} = …`, does not see `m{i - 1}` of line {2 + i}" in note for note in found)
-    result = bondgraph.load(text).simulate(to=8.5, points=3, target="numpy")
-    assert result.final("last") == max(0, 9 - (count - 1))

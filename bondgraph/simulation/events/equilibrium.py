@@ -24,7 +24,7 @@ from ..segments.timeline import Segment
 from .events import Events, Moment
 
 MOST_MODES = 30  # most modes in which an equilibrium is searched
-SAME = 1e-9  # relative to the magnitudes: change of a state by an event that counts as none
+SAME = 1e-9  # relative to the magnitudes: change of a state or sampled value by an event that counts as none
 FARTHEST = 1e8  # relative to the first magnitudes: beyond it a counter would stop because of rounding
 STEP = 2.0**-13  # relative to a magnitude: difference step for sampled values, accurate enough for Newton's method
 
@@ -37,18 +37,19 @@ def rest_with_events(constraints: Constraints, state: Array, first: Segment, eve
         sampled_settings(program, constraints),
     )
     for _ in range(MOST_MODES):
-        segment = replace(first, mode=at.mode)
+        segment, slack = replace(first, mode=at.mode), np.zeros(len(at.mode))
         if sampled:
             search = SampledSearch(program, constraints, segment, sampled)
             full = found_by(search, search.joined(at.state, at.mode))
             at = Moment(at.time, search.split(full)[0], search.split(full)[1])
+            slack[search.places] = search.slack(full)
         else:
             at = Moment(at.time, equilibrium(program, constraints, constraints.inputs, at.state, segment), at.mode)
         events.measure(nonzero(np.abs(at.state)))
         events.log.clear()
         after = events.happen(at, due=events.due(at.time))
         moved = np.abs(after.state - at.state) > SAME * np.maximum(np.abs(after.state), np.abs(at.state))
-        other = np.abs(after.mode - at.mode) > SAME * np.maximum(np.abs(after.mode), np.abs(at.mode))
+        other = np.abs(after.mode - at.mode) > SAME * np.maximum(np.abs(after.mode), np.abs(at.mode)) + slack
         if not moved[: events.count].any() and not other.any():
             return after
         key = (after.mode.tobytes(), after.state.round(12).tobytes())
@@ -151,6 +152,15 @@ class SampledSearch(EquilibriumSearch):
         rates = np.concatenate([own, (new - mode[self.places]) / self.periods])
         rates[self.unread] = 0.0
         return rates
+
+    def slack(self, full: Array) -> Any:
+        """Return the changes of sampled values that count as none: those that relative changes of all coordinates by `SAME` make."""
+        here, change = self.rates(full), np.zeros(self.count)
+        for i in np.flatnonzero(full[: self.count]):
+            moved = full.copy()
+            moved[i] *= 1 + SAME
+            change += np.abs(self.rates(self._solved(moved)) - here)
+        return change[self.states :] * self.periods
 
     def not_finite(self, slope: Array, full: Array) -> RunFailed:
         """Return the same as `EquilibriumSearch.not_finite`."""

@@ -36,18 +36,18 @@ def _read(elaborator: Elaborator, scope: Scope, event: tree.EventSyntax, element
     else:
         hint = "Compare it with something: `when x < 0 m { … }`."
         _, condition = read_condition(elaborator, event.condition, scope, hint)
-    actions: dict[Quantity | Reading, Action] = {}
+    actions: list[Action] = []
     for reset in event.resets:
         action = elaborator.guard(_action, elaborator, scope, reset, elements)
         if action is None:
             continue
-        if action.target in actions:
+        if not event.sampled and any(action.target == a.target for a in actions):
             what = f"`{action.words}` is set twice at one instant"
             elaborator.tell(WrongEvent(reset.span, what, "Leave one of the two out, or choose with `a if c else b`."))
-        actions[action.target] = action
+        actions.append(action)
     span = event.condition.span
     words = " ".join(span.source.text[span.start :].partition("{")[0].split())
-    return Event(scope.path.removesuffix("."), condition, words, tuple(actions.values()), span, period)
+    return Event(scope.path.removesuffix("."), condition, words, tuple(actions), span, period)
 
 
 def _period(elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope) -> Bound:

@@ -1,0 +1,206 @@
+"""`every` acts line by line: against programs written in Python, on every target, and in the analyses of sampled loops."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import bondgraph
+from tests.compiling import compiled
+
+TARGETS = ["numpy", pytest.param("native", marks=pytest.mark.machine_code)]
+HEAD = """model Q {
+  mode a = 0, b = 1, c = 2, on = false
+  signal twice = 2*a, four = 2*twice, grown = integral(1 [1/s], 0), late = delay(a, 1 s)
+  I mass : p = 2 kg*v
+  Se push : F = 1 N
+  push -> mass
+"""
+
+
+def run(lines: str, to: float = 3.5, target: str = "numpy") -> dict[str, list[float]]:
+    """Values just behind the samples at 0, 1, 2 and 3 s."""
+    text = f"{HEAD}  every 1 s {{ {lines} }}\n  output A = a, B = b, CC = c, v = mass.v, g = grown\n}}\n"
+    found = bondgraph.load(text).simulate(to=to, points=8, target=target)
+    return {name: found[name][1::2].tolist() for name in ("A", "B", "CC", "v", "g")}
+
+
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize(
+    ("lines", "program"),
+    [
+        ("a = a + 1; b = a; c = b", "a = a + 1; b = a; c = b"),
+        ("c = b; b = a; a = a + 1", "c = b; b = a; a = a + 1"),
+        ("a = a + 1; b = four", "a = a + 1; b = 4*a"),
+        ("a = a + 1; b = four; a = a + b; c = twice", "a = a + 1; b = 4*a; a = a + b; c = 2*a"),
+        ("a = a + 1; a = 2*a; a = min(a, 9)", "a = a + 1; a = 2*a; a = min(a, 9)"),
+        ("a = b; b = a", "a = b; b = a"),
+        ("a = a + 1; b = 1 if a > 2 else 0; c = 1 if a == 2 else 0", "a = a + 1; b = float(a > 2); c = float(a == 2)"),
+        ("a = a + 1; on = a >= 3; b = 5 if on else 6", "a = a + 1; b = 5 if a >= 3 else 6"),
+        ("a = 5 if on else 6; on = not on; b = 5 if on else 6", "a = 5 if on else 6; on = not on; b = 5 if on else 6"),
+        ("c = a; a = 2.5*a + 1; b = a - c", "c = a; a = 2.5*a + 1; b = a - c"),
+        ("a = time/1 s + a; b = a*time/1 s", "a = t + a; b = a*t"),
+    ],
+)
+def test_a_block_is_a_program(lines: str, program: str, target: str) -> None:
+    found, here, expected = run(lines, target=target), {"a": 0.0, "b": 1.0, "c": 2.0, "on": False}, []
+    for t in range(4):
+        here["t"] = float(t)
+        exec(program, here)
+        expected.append([here["a"], here["b"], here["c"]])
+    assert np.transpose([found["A"], found["B"], found["CC"]]).tolist() == expected
+
+
+@pytest.mark.parametrize("count", [2, 3, 13, 300])
+def test_a_chain_of_lines_has_no_delay(count: int) -> None:
+    names = ", ".join(f"m{i} = 0" for i in range(count))
+    lines = "\n    ".join(["m0 = m0 + 1", *(f"m{i} = m{i - 1}" for i in range(1, count))])
+    text = f"model Q {{\n  mode {names}\n  every 1 s {{ {lines} }}\n  output last = m{count - 1}\n}}\n"
+    assert bondgraph.load(text).simulate(to=8.5, points=18, target="numpy")["last"].tolist() == [
+        math.floor(k / 2) + 1 for k in range(18)
+    ]
+
+
+def test_a_when_acts_at_once() -> None:
+    text = "model Q {\n mode a = 1, b = 2\n when time > 1 s { a = b; b = a }\n output A = a, B = b\n}\n"
+    found = bondgraph.load(text).simulate(to="2 s", target="numpy")
+    assert (found.final("A"), found.final("B")) == (2, 1)
+
+
+def test_storages_and_integrals_that_lines_set() -> None:
+    """A line reads back what is set by the name it was set by; what the bond graph holds was measured."""
+    found = run("b = mass.v/1 [m/s]; mass.v = 0.25 [m/s]; a = mass.v/1 [m/s]; grown = grown + a; c = grown")
+    assert found["A"] == [0.25] * 4 and found["B"] == pytest.approx([0, 0.75, 0.75, 0.75], rel=1e-12)
+    assert found["v"] == pytest.approx([0.5] * 4, rel=1e-12)
+    assert found["CC"] == pytest.approx([0.25, 1.5, 2.75, 4.0], rel=1e-12)
+
+
+PLANT = """model Q {
+  mode volt = 0 V, seen = 0 V, k = 0
+  MSe s : u = volt
+  R r1 : u = 1 ohm*i
+  C cap : q = 1 F*u
+  s -> 1(r1, cap)
+  every 1 s {
+    LINES
+  }
+  output S = seen, u = cap.u
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("lines", "late"),
+    [
+        ("volt = volt + 1 V\n seen = r1.u", True), ("seen = r1.u\n volt = volt + 1 V", False), ("volt = volt + 1 V\n seen = cap.u", False),
+        ("cap.u = 1 V\n seen = cap.q/1 F", True), ("cap.u = 1 V\n seen = cap.u", False), ("volt = 1 V*k\n k = k + 1\n seen = volt", False),
+        ("k = k + 1\n volt = 1 V*k\n seen = volt if k > 2 else -volt", False), ("seen = volt\n volt = 2 V\n volt = volt + seen", False),
+    ],
+)  # fmt: skip
+def test_what_was_measured_before_is_told(lines: str, late: bool) -> None:
+    notes = compiled(PLANT.replace("LINES", lines)).certificate.notes
+    assert len(notes) == late
+    assert not late or (
+        "line 9, `seen = …`, reads what follows `" in notes[0] and "measured when the block began" in notes[0]
+    )
+
+
+def test_what_is_measured_is_from_before_the_block() -> None:
+    """The voltage over the resistor at a sample is that which the last command left."""
+    found = bondgraph.load(PLANT.replace("LINES", "volt = volt + 1 V; seen = r1.u")).simulate(to=3.5, points=8)
+    u, volt, expected = 0.0, 0.0, []
+    for _ in range(4):
+        seen, volt = volt - u, volt + 1
+        expected.append(seen)
+        u += (volt - u) * (1 - math.exp(-1))
+    np.testing.assert_allclose(found["S"][1::2], expected, rtol=1e-11)
+
+
+LOOP = """model Servo {
+  parameter K = 0.5, T = 0.2 s
+  input target = 1
+  mode error = 0, sum = 0, u = 0
+  signal x = integral((u - x)/(0.5 s), 0), y = integral(x/(1 s), 0)
+  signal wanted = K*error + 0.1*sum
+  every T {
+    error = target - y
+    sum   = sum + error
+    u     = wanted - 0.2*x
+  }
+  output pos = y
+}
+"""
+
+
+def closed_loop(T: float, K: float) -> np.ndarray:
+    """Matrix of (x, y, sum) from one sample to the next: the program with the exact plant."""
+    plant = expm(T * np.array([[-2.0, 0, 2], [1, 0, 0], [0, 0, 0]]))
+    total = np.array([0.0, -1, 1])
+    u = np.array([-0.2, -K, 0]) + 0.1 * total
+    return np.vstack([plant[:2, :2] @ np.eye(2, 3) + np.outer(plant[:2, 2], u), total])
+
+
+def test_a_run_of_a_cascade_against_its_recursion() -> None:
+    T, K = 0.2, 0.5
+    found = bondgraph.load(LOOP).simulate(to=4, points=21, rtol=1e-9)
+    state, bias, expected = np.zeros(3), np.zeros(3), []
+    plant = expm(T * np.array([[-2.0, 0, 2], [1, 0, 0], [0, 0, 0]]))
+    bias[:2], bias[2] = plant[:2, 2] * (K + 0.1), 1.0
+    for _ in range(21):
+        expected.append(state[1])
+        state = closed_loop(T, K) @ state + bias
+    np.testing.assert_allclose(found["pos"], expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("K", [0.5, 6.0])
+def test_the_stability_of_a_cascade(K: float) -> None:
+    """The verdict and its growth are those of the program's matrix; with the hidden delays of `when` they were others."""
+    found = bondgraph.load(LOOP).equilibrium(settings={"K": K})
+    largest = np.abs(np.linalg.eigvals(closed_loop(0.2, K))).max()
+    assert found.stable is bool(largest < 1)
+    assert found.growth == pytest.approx(math.log(largest) / 0.2, rel=1e-6)
+
+
+def test_the_response_of_a_cascade() -> None:
+    """The part of a sampled output at the frequency of the target, with its hold, by z-transforms."""
+    T, K = 0.2, 0.5
+    plant = expm(T * np.array([[-2.0, 0, 2], [1, 0, 0], [0, 0, 0]]))
+    bias = np.array([*(plant[:2, 2] * (K + 0.1)), 1.0])
+    response = bondgraph.load(LOOP).response("target", "pos", 0.05, 0.5, points=5)
+    for f, value in zip(response.frequencies, response.values, strict=True):
+        z = np.exp(2j * np.pi * f * T)
+        x, y, total = np.linalg.solve(z * np.eye(3) - closed_loop(T, K), bias)
+        u = K * (1 - y) + 0.1 * (total + 1 - y) - 0.2 * x
+        s = 2j * np.pi * f
+        assert value == pytest.approx(u * (1 - 1 / z) / (s * T) * 2 / ((s + 2) * s), rel=1e-6)
+
+
+def test_instances_arrays_and_loops() -> None:
+    text = """model Q {
+  Counter one { by = 1 }
+  Counter two { by = other }
+  signal other = 2*one.n
+  for i in 1 .. 3 { mode m[i] = 0 }
+  every 1 s { m[1] = m[1] + 1; m[2] = m[1] + one.n; m[3] = m[2] }
+  output a = one.last, b = two.last, c = m[3]
+}
+model Counter {
+  input by = 1
+  mode n = 0, last = 0
+  every 1 s { n = n + by; last = n }
+}
+"""
+    found = bondgraph.load(text).simulate(to=2.5, points=6, target="numpy")
+    assert found["a"][1::2].tolist() == [1, 2, 3]
+    assert found["b"][1::2].tolist() == [0, 2, 6]  # another block, which does not see the first at one instant
+    assert found["c"][1::2].tolist() == [1, 3, 5]
+
+
+def test_the_flat_text_means_the_same() -> None:
+    model = bondgraph.load(LOOP)
+    again = bondgraph.load(model.text())
+    found, other = model.simulate(to=2, points=11), again.simulate(to=2, points=11)
+    np.testing.assert_allclose(found["pos"], other["pos"], rtol=0, atol=1e-14)
