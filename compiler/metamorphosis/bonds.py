@@ -14,9 +14,10 @@ from ..semantics.names.port_domains import DomainTable
 from ..semantics.names.scope import ModelDefinition
 from ..source import Source, Span
 from ..syntax import parse, tree
+from ..syntax.blocks import flat, with_inner_blocks
 from .changing import Statements, as_file, parsed
 from .printing import NOWHERE, expression, path, path_text, rewrite, text_of
-from .renaming import NUMBERS, Definition
+from .renaming import NUMBERS, Definition, has_branches
 
 SOURCES = ("Se", "Sf", "MSe", "MSf")
 TWO_SIDED = ("TF", "GY", "MTF", "MGY")
@@ -55,6 +56,8 @@ class _Exploding:
             if isinstance(statement, tree.LoopSyntax):
                 inside = self._all(statement.statements, (*rounds, statement.name))
                 result.append(replace(statement, statements=inside))
+            elif isinstance(statement, tree.ConditionalSyntax):
+                result.append(with_inner_blocks(statement, lambda block: self._all(block, rounds)))
             elif isinstance(statement, tree.Bonds):
                 lines: list[str] = []
                 groups = [[self._place(p, rounds, lines) for p in group] for group in statement.places]
@@ -150,7 +153,9 @@ class _Turning:
 
     def statements(self) -> Statements:
         model = self.definition.model
-        for bond in self._bonds(model.statements):
+        if has_branches(model):
+            return model.statements
+        for bond in (s for s in flat(model.statements) if isinstance(s, tree.Bonds)):
             for place in bond.places[0] + bond.places[1]:
                 self.uses.setdefault(place.head, []).append(bond)  # type: ignore[union-attr]
         for name, bonds in self.uses.items():
@@ -162,13 +167,6 @@ class _Turning:
                     self._two_sided(name, entry, bonds)
         changed = self._all(model.statements, ())
         return tuple(s if isinstance(s, tree.Bonds) else self._readings(s) for s in changed)
-
-    def _bonds(self, statements: Statements) -> Iterator[tree.Bonds]:
-        for s in statements:
-            if isinstance(s, tree.Bonds):
-                yield s
-            elif isinstance(s, tree.LoopSyntax):
-                yield from self._bonds(s.statements)
 
     def _junction(self, place: tree.SyntaxNode) -> str | None:
         """The kind of the junction at a place, if it is one of this model's own."""

@@ -13,8 +13,9 @@ from ..graph.domains import DOMAINS, GENERIC
 from ..semantics.names.scope import RESERVED
 from ..source import Source
 from ..syntax import parse, tree
+from ..syntax.blocks import with_inner_blocks
 from .printing import path, path_text, rewrite, text_of
-from .renaming import File, Key, ReadingPlace, Renamer, read_files
+from .renaming import File, Key, ReadingPlace, Renamer, has_branches, read_files
 
 Statements = tuple[tree.SyntaxNode, ...]
 
@@ -80,7 +81,8 @@ class Rename:
         random.shuffle(self.pool)
         self.random = random
         self.words: dict[Key, str] = {}
-        self.by_word = any(d.slots for d in self.file.models.values())  # what stands in a slot shares its names
+        # What stands in a slot, or under one name in two branches of an `if`, shares its names.
+        self.by_word = any(d.slots or has_branches(d.model) for d in self.file.models.values())
         self.renamer = Renamer(self.choose)
 
     def choose(self, key: Key) -> str:
@@ -124,6 +126,8 @@ def permuted(statements: Statements, seed: int) -> Statements:
         match node:
             case tree.ModelSyntax() | tree.LoopSyntax() | tree.MechanismSyntax():
                 return replace(node, statements=shuffled(node.statements))
+            case tree.ConditionalSyntax():
+                return with_inner_blocks(node, shuffled)
             case tree.Experiment() if not any(
                 isinstance(s, tree.Analysis) for s in node.steps
             ):  # a run begins where they end

@@ -171,6 +171,9 @@ def _statement(node: object, margin: str) -> str:
             return f"{node.name} = {expression(node.value)}"
         case tree.LoopSyntax():
             return _block(f"for {node.name} in {_range(node.range)}", node.statements, margin)
+        case tree.ConditionalSyntax():
+            text = _block(f"if {expression(node.condition)}", node.statements, margin)
+            return text + (_block(" else", node.otherwise, margin) if node.otherwise else "")
         case tree.MechanismSyntax():
             return _block(
                 f"multibody {node.name}" + (f" : {node.space}" if node.space else ""), node.statements, margin

@@ -60,6 +60,9 @@ def _pieces(node: tree.SyntaxNode) -> Iterator[tree.SyntaxNode]:
                 yield replace(node, statements=tuple(_unbonded(node.statements, name)))
         case tree.LoopSyntax() | tree.MechanismSyntax():
             yield from (replace(node, statements=s) for s in _reduced(node.statements))
+        case tree.ConditionalSyntax():
+            yield from (replace(node, statements=s) for s in _reduced(node.statements))
+            yield from (replace(node, otherwise=s) for s in _reduced(node.otherwise))
         case tree.Experiment():
             yield from (replace(node, steps=s) for s in _reduced(node.steps))
         case tree.Quantities() if len(node.items) > 1:

@@ -7,7 +7,7 @@ the letters of an element in its own law stay.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 from ..semantics.names.domain_table import ELEMENT_KINDS, is_slot
 from ..source import Source, read_text
 from ..syntax import parse, tree
+from ..syntax.blocks import flat, with_inner_blocks
 
 Key = tuple[str, ...]  # ("file", path, name) | ("model", path, model, name, …)
 NUMBERS = ("parameter", "constant", "input", "signal", "mode")  # roles that a law can read
@@ -42,14 +43,6 @@ class Definition:
 
     def key(self, *name: str) -> Key:
         return ("model", self.file.path, self.model.name, *name)
-
-
-def flat(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[tree.SyntaxNode]:
-    """Statements and those in loops."""
-    for statement in statements:
-        yield statement
-        if isinstance(statement, tree.LoopSyntax):
-            yield from flat(statement.statements)
 
 
 def read_files(source: Source, library: Path | None = None) -> dict[str, File]:
@@ -110,6 +103,11 @@ def _define(file: File, model: tree.ModelSyntax) -> Definition:
                     if isinstance(step, tree.SweepSyntax) and not step.path.steps:
                         names.setdefault(step.path.head, "parameter")
     return definition
+
+
+def has_branches(model: tree.ModelSyntax) -> bool:
+    """Return True for a model with conditional parts: one name may stand for several things."""
+    return any(isinstance(s, tree.ConditionalSyntax) for s in flat(model.statements))
 
 
 def parts_of(mechanism: tree.MechanismSyntax) -> set[str]:
@@ -265,6 +263,9 @@ class ReadingPlace:
                     range=self.value(node.range),
                     statements=tuple(map(self.statement, node.statements)),
                 )
+            case tree.ConditionalSyntax():
+                node = replace(node, condition=self.value(node.condition))
+                return with_inner_blocks(node, lambda block: tuple(map(self.statement, block)))
             case tree.MechanismSyntax():
                 inside = ReadingPlace(self.renamer, self.file, self.definition, self.local, node)
                 return replace(

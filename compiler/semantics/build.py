@@ -13,13 +13,14 @@ from ..graph.network import BondGraph
 from ..scene import Plan, Scene
 from ..source import Source, Span
 from ..syntax import SyntaxTree, parse_expression, tree
+from ..syntax.blocks import flat
 from .experiments.initial_values import read_initial_values
 from .experiments.plan import choose_experiment, experiment_overrides, experiments_of, read_plan
 from .names.compound_units import in_one_literal, names_in
 from .names.domain_table import slot_defaults, wall_items
-from .names.errors import NoSingleModel, UnknownName
+from .names.errors import AbsentName, NoSingleModel, UnknownName
 from .names.imports import Loader
-from .names.scope import Broken, FileScope, ModelDefinition
+from .names.scope import Absent, Broken, FileScope, ModelDefinition
 from .names.statement_errors import MAXIMUM_MISTAKES, suggestion
 from .network.elaborate import Elaborator
 from .network.events import read_events
@@ -154,7 +155,7 @@ def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diag
             return own[wanted]
         hint = suggestion(wanted, list(own), f"It defines: {', '.join(own) or 'no model'}.")
         raise CompilationFailed([*diagnostics, UnknownName(span, wanted, "the models of the file", hint)])
-    declarations = [d for m in own.values() for d in _declarations(m.model.statements)]
+    declarations = [d for m in own.values() for d in flat(m.model.statements) if isinstance(d, tree.Declaration)]
     used = {d.kind for d in declarations}
     used |= {name for m in own.values() for name in slot_defaults(m.model.statements).values()}
     used |= {a.value.words for d in declarations for a in d.attributes if isinstance(a.value, tree.PathSyntax)}
@@ -172,16 +173,6 @@ def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diag
     raise CompilationFailed(
         [*diagnostics, NoSingleModel(own[free[1]].model.name_span, what, f"Name one: `--model {free[0]}`.")]
     )
-
-
-def _declarations(statements: tuple[tree.SyntaxNode, ...]) -> list[tree.Declaration]:
-    found = []
-    for statement in statements:
-        if isinstance(statement, tree.Declaration):
-            found.append(statement)
-        elif isinstance(statement, tree.LoopSyntax):
-            found += _declarations(statement.statements)
-    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,11 +244,14 @@ def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
     for path, override in elaborator.overrides.items():
         if path in elaborator.used_overrides:
             continue
+        first = elaborator.root.entries.get(path.split("[")[0].split(".")[0])
         if path in roles and roles[path] not in ("parameter", "input"):
             article = "an" if roles[path][:1] in "aeiou" else "a"
             hint = f"It is {article} {roles[path]}; only parameters and inputs are set from outside."
             elaborator.tell(UnknownName(override.span, path, "what can be set", hint))
-        elif not isinstance(elaborator.root.entries.get(path.split("[")[0].split(".")[0]), Broken):
+        elif isinstance(first, Absent):
+            elaborator.tell(AbsentName(override.span, path, first.branch, first.span))
+        elif not isinstance(first, Broken):
             hint = suggestion(path, [*settable, *lists], known)
             elaborator.tell(UnknownName(override.span, path, f"`{elaborator.root.definition.name}`", hint))
     for name in scene.free - {"*"}:

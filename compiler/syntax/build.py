@@ -193,6 +193,14 @@ class Builder:
 
     loop = mechanism_loop
 
+    def conditional(self, parts: list[Any]) -> tree.ConditionalSyntax:
+        condition, (_, statements, otherwise) = _done(parts[0]), parts
+        if isinstance(otherwise, tree.ConditionalSyntax):  # `else if`
+            otherwise = (otherwise,)
+        return tree.ConditionalSyntax(condition.span, condition, statements, otherwise or ())
+
+    mechanism_conditional = conditional
+
     def event(self, parts: list[Any]) -> tree.EventSyntax:
         condition = _done(parts[0])
         return tree.EventSyntax(condition.span, condition, parts[1], False)

@@ -108,7 +108,7 @@ def _open_brace(text: str, outermost: int) -> int:
 _INDENT = re.compile(r"[ \t]*")
 _BRACES = re.compile(r'#[^\n]*|"[^"\n]*"|([{}])')
 _IN_A_MODEL = frozenset(
-    ["parameter", "input", "output", "signal", "port", "multibody", "for", "when", "every", "experiment"]
+    ["parameter", "input", "output", "signal", "port", "multibody", "for", "if", "when", "every", "experiment"]
 )
 
 
@@ -152,14 +152,28 @@ def _special(token: Token, expected: set[str], before: str) -> str:
         return "A comparison is written `==`; a statement has one `=`."
     if text == "." and re.search(r"[0-9]$|[^A-Za-z0-9_\])]$", before):
         return "A number has digits on both sides of its point: `0.5`, `5.0`."
-    if "ELSE" in expected and "IF" not in expected:
-        return "An `if` needs an `else`: `1 if a > 2 else 0`."
+    conditional = _conditional(text, expected, before)
+    if conditional:
+        return conditional
     if re.match(r"\s*import\b", before + " "):
         return "An import stands at the top of the file, outside of models."
     alone = re.fullmatch(r"\s*[01]\(([^()]+)\)", before)
     if alone and token.type != "NAME" and len(inside := alone[1].rsplit(",", 1)) == 2:
         first, last = (part.strip() for part in inside)
         return f"A junction in place is one end of a bond: `{before.strip()[:2]}{first}) -> {last}`."
+    return ""
+
+
+def _conditional(text: str, expected: set[str], before: str) -> str:
+    """Advice at a conditional part, `if n > 1 { … } else { … }`."""
+    if "ELSE" in expected and before.endswith("}"):
+        return "It is written `else if`." if text in ("elif", "elseif", "elsif") else ""
+    if re.fullmatch(r"\s*(if|else)\b.*", before) and text.strip() in (":", "=", "{", "then", ""):
+        if text == "=":
+            return "A comparison is written `==`."
+        if re.search(r"\belse\b.*\S", before):
+            return "A condition with an `else` in it gets a name: `constant on = …`, then `if on { … }`."
+        return "Conditional parts stand in braces, the first one in the line of its word: `if n > 1 { … } else { … }`."
     return ""
 
 

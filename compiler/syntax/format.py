@@ -34,7 +34,7 @@ TABLE = 4  # two rows of a table lie at most so many lines apart
 TAB = 8  # columns from one tab stop to the next, where there are tabs
 
 _INTRODUCES_NAMES = frozenset(["parameter", "constant", "input", "output", "signal", "mode", "port", "sweep"])
-_HAS_BLOCK = frozenset(["model", "plain", "multibody", "for", "when", "every", "experiment"])
+_HAS_BLOCK = frozenset(["model", "plain", "multibody", "for", "if", "when", "every", "experiment"])
 _SPACED = frozenset(["=", "->", "=>", "<", "<=", ">", ">=", "==", "!="])
 _CLOSE = frozenset("*/^")
 _OPERAND_ENDS = frozenset(["NAME", "NUMBER", "RPAR", "RSQB"])
@@ -236,6 +236,8 @@ def _indent(word: _Word, blocks: Sequence[_Block]) -> None:
         candidate = block.brace if block.beside is not None else None
     elif word.begins:
         candidate = block.beside
+    elif block.first == "if" and not block.brackets and (word.text == "else" or word.kind == "COMMENT"):
+        return  # below the brace that ends the other branch
     else:
         closes = word.kind in ("RPAR", "RSQB")
         word.depth += len(block.brackets) - 1 if closes else max(1, len(block.brackets))

@@ -122,7 +122,10 @@ class Operators:
     def _choice(self, value: Any, word: Token, level: int) -> tree.ChoiceSyntax:
         condition = self._climb(_OR, level + 1)
         if self.place >= len(self.items) or self.items[self.place].value != "else":
-            self._refuse(word, "An `if` needs an `else`: `1 if a > 2 else 0`.")
+            self._refuse(
+                word,
+                "An `if` needs an `else`: `1 if a > 2 else 0`; conditional parts stand in braces: `if n > 1 { … }`.",
+            )
         self.place += 1
         otherwise = self._climb(_IF, level + 1)
         operands = (value, condition, otherwise)

@@ -310,6 +310,15 @@ class LoopSyntax(SyntaxNode):
 
 
 @dataclass(frozen=True, slots=True)
+class ConditionalSyntax(SyntaxNode):
+    """`if condition { … } else { … }`."""
+
+    condition: ExpressionSyntax
+    statements: tuple[SyntaxNode, ...]
+    otherwise: tuple[SyntaxNode, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class MechanismSyntax(SyntaxNode):
     """A `multibody` block."""
 

@@ -13,8 +13,16 @@ from ...solvers import SOLVERS
 from ...source import Source, Span
 from ...syntax import parse_expression, tree
 from ..expressions.scales import scale_of
-from ..names.errors import DimensionMismatch, DuplicateName, UnknownAttribute, UnknownName, WrongExperiment, WrongType
-from ..names.scope import ModelDefinition, Scalar, Scope
+from ..names.errors import (
+    AbsentName,
+    DimensionMismatch,
+    DuplicateName,
+    UnknownAttribute,
+    UnknownName,
+    WrongExperiment,
+    WrongType,
+)
+from ..names.scope import Absent, ModelDefinition, Scalar, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion
 from ..network.elaborate import Elaborator
 from .analyses import read_analysis
@@ -124,7 +132,10 @@ def _wanted(
 ) -> Mapping[str, Named]:
     if scene.outputs is not None:
         for name in scene.outputs:
-            if name not in outputs and not _asked_for(elaborator, name, root, outputs):
+            if isinstance(absent := root.entries.get(name), Absent):
+                span = elaborator.root.definition.model.name_span
+                elaborator.tell(AbsentName(span, name, absent.branch, absent.span))
+            elif name not in outputs and not _asked_for(elaborator, name, root, outputs):
                 hint = suggestion(name, list(outputs), f"Outputs: {', '.join(outputs) or 'none'}.")
                 elaborator.tell(UnknownName(elaborator.root.definition.model.name_span, name, "the outputs", hint))
         return {n: o for n, o in outputs.items() if n in scene.outputs}

@@ -8,6 +8,7 @@ from ...graph.network import Named
 from ...graph.units import ONE, SECOND
 from ...scene import Plan, Study, Swept
 from ...syntax import tree
+from ...syntax.blocks import flat
 from ..expressions.scales import scale_of
 from ..names.domain_table import paths_of
 from ..names.errors import DimensionMismatch, NotStatic, UnknownName, WrongExperiment
@@ -56,7 +57,7 @@ def read_sweep(
 
 def own_names(model: tree.ModelSyntax) -> set[str]:
     """Names of a model's quantities. A swept name that is not among them belongs to the experiment."""
-    return {i.name for s in model.statements if isinstance(s, tree.Quantities) for i in s.items}
+    return {i.name for s in flat(model.statements) if isinstance(s, tree.Quantities) for i in s.items}
 
 
 def read_response(elaborator: Elaborator, step: tree.Analysis, root: Scope, outputs: Mapping[str, Named]) -> Study:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from ...graph.domains import DOMAINS
 from ...graph.mechanism import ATTITUDE, ORIGIN, SPATIAL_JOINTS, Joint, Mechanism, domain_of, freedoms_of, reactions_of
 from ...graph.units import METRE, SECOND
@@ -13,6 +11,7 @@ from ..names.part_kinds import instead_in_the_plane, kinds_of
 from ..names.scope import Array, Broken, DeclaredPart, MechanismEntry, PartEntry, Scope
 from ..names.statement_errors import Wrong, suggestion
 from ..resolution.declarations import Declarations
+from ..resolution.structure import taken
 from .bodies import read_body, read_frame
 from .joint_limits import joint_limits
 from .joints import Places, read_joint
@@ -37,18 +36,28 @@ def declare_mechanism(elaborator: Declarations, scope: Scope, statement: tree.Me
 def _declare(
     elaborator: Declarations, scope: Scope, statements: tuple[tree.SyntaxNode, ...], entry: MechanismEntry
 ) -> None:
-    for statement in statements:
-        if isinstance(statement, tree.Quantities):
-            elaborator.declare_quantities(scope, statement, {})
-    for statement in statements:
-        if isinstance(statement, tree.Declaration):
-            elaborator.guard(_declare_part, elaborator, scope, statement, entry)
-            for name in statement.names:
-                entry.parts.entries.setdefault(name.name, Broken(name.span))
-        elif isinstance(statement, tree.LoopSyntax):
-            for number in elaborator.rounds(statement, scope):
-                inner = elaborator.round_scope(scope, statement.name, number)
-                _declare(elaborator, inner, statement.statements, entry)
+    for statement in taken(elaborator, scope, entry.parts, statements, {}):
+        match statement:
+            case tree.Declaration():
+                elaborator.guard(_declare_part, elaborator, scope, statement, entry)
+                for name in statement.names:
+                    if entry.parts.vacant(name.name):
+                        entry.parts.entries[name.name] = Broken(name.span)
+            case tree.LoopSyntax():
+                for number in elaborator.rounds(statement, scope):
+                    inner = elaborator.round_scope(scope, statement.name, number)
+                    _declare(elaborator, inner, statement.statements, entry)
+            case tree.SettingSyntax():
+                elaborator.guard(_setting, scope, statement, entry)
+
+
+def _setting(scope: Scope, setting: tree.SettingSyntax, entry: MechanismEntry) -> None:
+    """Collect a setting of the mechanism."""
+    repeated = scope is not entry.parts
+    if repeated or any(s.name == setting.name for s in entry.settings):
+        what = f"`{setting.name}` is set " + ("in a `for`" if repeated else "twice")
+        raise Wrong(WrongMechanism(setting.span, what, "Set it once, in the block itself."))
+    entry.settings.append(setting)
 
 
 def _declare_part(elaborator: Declarations, scope: Scope, statement: tree.Declaration, entry: MechanismEntry) -> None:
@@ -77,10 +86,9 @@ def _declare_part(elaborator: Declarations, scope: Scope, statement: tree.Declar
         if index is None:
             elaborator.enter(home, name.name, part, name.span)
         else:
-            array = home.entries.get(name.name)
-            if array is None:
-                array = Array(name.name, name.span)
-                elaborator.enter(home, name.name, array, name.span)
+            if home.vacant(name.name):
+                elaborator.enter(home, name.name, Array(name.name, name.span), name.span)
+            array = home.entries[name.name]
             if not isinstance(array, Array) or index in array.items:
                 raise Wrong(WrongMechanism(name.span, f"`{local}` is declared twice", "Rename one of the two."))
             array.items[index] = part
@@ -104,7 +112,7 @@ def build_mechanism(
             joints += [joint] if joint else []
             elaborator.limits += joint_limits(reader)
     gravity = ORIGIN
-    for setting in _settings(statement.statements):
+    for setting in entry.settings:
         if setting.name != "gravity":
             point = "(x, y)" if entry.planar else "(x, y, z)"
             hint = suggestion(setting.name, ["gravity"], f"A setting of a mechanism is `gravity = {point}`.")
@@ -117,7 +125,3 @@ def build_mechanism(
         entry.name, tuple(places.bodies.values()), tuple(places.frames.values()), tuple(joints), gravity, statement.span,
         entry.planar,
     )  # fmt: skip
-
-
-def _settings(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[tree.SettingSyntax]:
-    return (s for s in statements if isinstance(s, tree.SettingSyntax))

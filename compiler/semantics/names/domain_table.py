@@ -9,6 +9,7 @@ from ...graph.elements import ELEMENTS
 from ...graph.mechanism import domain_of, freedoms_of
 from ...source import Span
 from ...syntax import tree
+from ...syntax.blocks import flat
 from .errors import UnknownName
 from .port_domains import DomainTable, Key
 from .scope import ModelDefinition
@@ -28,22 +29,23 @@ class _Spreading:
     def __init__(self, definition: ModelDefinition, table_of: Callable[[ModelDefinition], DomainTable]) -> None:
         self.table, self.table_of = DomainTable(), table_of
         self.file = definition.file
-        self.kinds: dict[str, tree.Declaration] = {}
+        self.kinds: dict[str, list[tree.Declaration]] = {}  # several in the branches of an `if`
         self.walls: dict[str, tree.PortItem] = {}
         model = definition.model
         self.slots = slot_defaults(model.statements)
-        self.mechanisms = {m.name: _parts(m) for m in _flat(model.statements) if isinstance(m, tree.MechanismSyntax)}
+        self.mechanisms = {m.name: _parts(m) for m in flat(model.statements) if isinstance(m, tree.MechanismSyntax)}
         names = set(_names(model.statements)) | set(definition.file.constants)
         told: Told = {}
-        for statement in _flat(model.statements):
+        for statement in flat(model.statements):
             if isinstance(statement, tree.Declaration):
-                self.kinds.update({d.name: statement for d in statement.names})
+                for name in {d.name for d in statement.names}:
+                    self.kinds.setdefault(name, []).append(statement)
                 if statement.kind in ELEMENT_KINDS and not model.plain:
                     _learn_from_declaration(self.table, statement, names, told)
             elif isinstance(statement, tree.PortsSyntax):
                 for item in statement.items:
                     self._wall(item)
-        for statement in _flat(model.statements):
+        for statement in flat(model.statements):
             if isinstance(statement, tree.Bonds) and not model.plain:
                 self._bonds(statement)
         self.table.guess()
@@ -84,9 +86,13 @@ class _Spreading:
         if place.head in self.walls:
             wanted = members[:1] or list(wall_components(self.walls[place.head]))
             return {("" if members else c): (place.head, c) for c in wanted}
-        declaration = self.kinds.get(place.head)
-        if declaration is None:
-            return {}
+        ends = (self._ends_of(d, place, members, is_head) for d in self.kinds.get(place.head, ()))
+        return {component: key for keys in ends for component, key in keys.items()}
+
+    def _ends_of(
+        self, declaration: tree.Declaration, place: tree.PathSyntax, members: list[str], is_head: bool
+    ) -> dict[str, Key]:
+        """The same map for an element or an instance."""
         if is_two_sided(declaration):
             return {"": (place.head, "1" if is_head else "2")}
         if declaration.kind in ELEMENT_KINDS:
@@ -121,13 +127,13 @@ def is_slot(item: tree.Item) -> bool:
 
 def slot_defaults(statements: tuple[tree.SyntaxNode, ...]) -> dict[str, str]:
     """Default models of a model's slots, by slot name."""
-    items = (i for s in statements if isinstance(s, tree.Quantities) for i in s.items if is_slot(i))
+    items = (i for s in flat(statements) if isinstance(s, tree.Quantities) for i in s.items if is_slot(i))
     return {i.name: i.value.words for i in items if isinstance(i.value, tree.PathSyntax)}
 
 
 def wall_items(model: tree.ModelSyntax) -> Iterator[tree.PortItem]:
     """Declared ports of a model. Ports in loops occur once."""
-    for statement in _flat(model.statements):
+    for statement in flat(model.statements):
         if isinstance(statement, tree.PortsSyntax):
             yield from statement.items
 
@@ -155,15 +161,8 @@ def element_ports(declaration: tree.Declaration, name: str) -> tuple[str, ...]:
     return tuple(c.name for c in declared.components) or ("",)
 
 
-def _flat(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[tree.SyntaxNode]:
-    for statement in statements:
-        yield statement
-        if isinstance(statement, tree.LoopSyntax):
-            yield from _flat(statement.statements)
-
-
 def _names(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[str]:
-    for statement in _flat(statements):
+    for statement in flat(statements):
         if isinstance(statement, tree.Quantities) and statement.role != "output":
             yield from (i.name for i in statement.items)
         elif isinstance(statement, tree.LoopSyntax):
@@ -173,7 +172,7 @@ def _names(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[str]:
 def _parts(mechanism: tree.MechanismSyntax) -> dict[str, tuple[str, ...]]:
     """The ports of a mechanism's parts."""
     parts = {}
-    for statement in _flat(mechanism.statements):
+    for statement in flat(mechanism.statements):
         if isinstance(statement, tree.Declaration):
             ports = freedoms_of(statement.kind, mechanism.space != "spatial")
             parts.update({d.name: ports for d in statement.names})

@@ -332,6 +332,30 @@ class WrongEvent(WordedDiagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class AbsentName(Diagnostic):
+    """BG170."""
+
+    code = "BG170"
+    title = "There is no `{name}` here: it stands in {branch}, which is not taken"
+    advice = (
+        "Put this line into the same branch, declare the name outside of the `if`, or set what the condition reads."
+    )
+    name: str
+    branch: str
+    declared: Span
+
+    def related(self) -> tuple[tuple[Span, str], ...]:
+        return ((self.declared, "where it is declared"),)
+
+
+@dataclass(frozen=True, slots=True)
+class WrongStructure(WordedDiagnostic):
+    """BG171."""
+
+    code = "BG171"
+
+
+@dataclass(frozen=True, slots=True)
 class TooMany(Diagnostic):
     """BG160."""
 

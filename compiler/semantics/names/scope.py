@@ -154,6 +154,7 @@ class MechanismEntry:
     parts: Scope
     span: Span
     planar: bool
+    settings: list[tree.SettingSyntax] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +162,14 @@ class Broken:
     """A name whose declaration has an error that is already reported."""
 
     span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Absent:
+    """A name that is declared in a branch that is not taken: `branch` is the branch in words."""
+
+    span: Span
+    branch: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +183,7 @@ class SlotEntry:
 Entry = (
     SlotEntry
     | Broken
+    | Absent
     | Scalar
     | Items
     | Pending
@@ -246,6 +256,10 @@ class Scope:
                 return scope.entries[name]
             scope = scope.outer
         return None
+
+    def vacant(self, name: str) -> bool:
+        """Return True if nothing is declared here under a name, except in a branch that is not taken."""
+        return isinstance(self.entries.get(name), Absent | None)
 
     def base(self) -> Scope:
         """Scope of the whole instance, outside its loops."""

@@ -11,8 +11,8 @@ from ...graph.elements import ELEMENTS
 from ...graph.network import Bond, BondEnd
 from ...source import Span
 from ...syntax import tree
-from ..names.errors import DomainConflict, UnknownName, WrongConnection, WrongType
-from ..names.scope import Array, Broken, ElementEntry, Entry, InstanceEntry, PartEntry, Scope, WallEntry
+from ..names.errors import AbsentName, DomainConflict, UnknownName, WrongConnection, WrongType
+from ..names.scope import Absent, Array, Broken, ElementEntry, Entry, InstanceEntry, PartEntry, Scope, WallEntry
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from .elaborate import Elaborator
 
@@ -154,9 +154,7 @@ class Connector:
                 path.head, list(scope.names()), "Declare it first: `C name : law`, `1 name`, `ModelName name`."
             )
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
-        if isinstance(entry, Broken):
-            raise AlreadyTold
-        return entry
+        return _present(entry, path, path.head)
 
     def _place(self, scope: Scope, place: tree.PathSyntax | tree.Nest, is_head: bool) -> Place:
         if isinstance(place, tree.Nest):
@@ -179,8 +177,8 @@ class Connector:
                 entry = entry.items[index]
             elif isinstance(entry, InstanceEntry):
                 inner = entry.scope.entries.get(step.name)
-                if isinstance(inner, Broken):
-                    raise AlreadyTold
+                if isinstance(inner, Broken | Absent):
+                    _present(inner, place, f"{place.head}.{step.name}" if first else place.words)
                 if inner is None or not _is_wall(inner):
                     name = place.head if first else place.words
                     walls = _walls(entry)
@@ -200,8 +198,7 @@ class Connector:
                 entry = inner_part
             else:
                 break
-            if isinstance(entry, Broken):
-                raise AlreadyTold
+            entry = _present(entry, place, place.words)
             first = False
             steps.pop(0)
         component = None
@@ -363,6 +360,15 @@ class Connector:
         if ends[0] is None or ends[1] is None:
             return None  # the node has an error, which is already reported
         return Bond(ends[0], ends[1], tail.domain.name, last.span)
+
+
+def _present(entry: Entry, path: tree.PathSyntax, name: str) -> Entry:
+    """Return an entry. Raises `Wrong` for one in a branch that is not taken, and `AlreadyTold` for one with an error."""
+    if isinstance(entry, Absent):
+        raise Wrong(AbsentName(path.span, name, entry.branch, entry.span))
+    if isinstance(entry, Broken):
+        raise AlreadyTold
+    return entry
 
 
 def _is_wall(entry: Entry) -> bool:

@@ -12,12 +12,23 @@ from ...graph.elements import ELEMENTS
 from ...scene import Override
 from ...source import Span
 from ...syntax import tree
+from ...syntax.blocks import flat
 from ..expressions.own_functions import check_function
 from ..mechanisms.blocks import declare_mechanism
 from ..names.domain_table import ELEMENT_KINDS, element_ports, wall_components
-from ..names.errors import Cycle, DuplicateName, TooMany, UnknownAttribute, UnknownKind, Unsupported, WrongType
+from ..names.errors import (
+    AbsentName,
+    Cycle,
+    DuplicateName,
+    TooMany,
+    UnknownAttribute,
+    UnknownKind,
+    Unsupported,
+    WrongType,
+)
 from ..names.foreign_words import kind_advice
 from ..names.scope import (
+    Absent,
     Broken,
     ElementEntry,
     InstanceEntry,
@@ -33,6 +44,7 @@ from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from ..resolution.declarations import Declarations
 from ..resolution.elaboration_cache import ElaborationCache
 from ..resolution.resolver import indexed
+from ..resolution.structure import check_blocks, taken
 
 MAXIMUM_HIERARCHY = 60  # models within models
 
@@ -49,7 +61,6 @@ class Elaborator(Declarations):
         self.events: list[tuple[Scope, tree.EventSyntax]] = []
         self.mechanisms: list[tuple[Scope, tree.MechanismSyntax, MechanismEntry]] = []
         self.swept: tuple[tree.SweepSyntax, ...] = ()  # an experiment's own names: those that it sweeps
-        self.structure_broken = False  # then missing connections would be reported for the wrong reason
 
     # ------------------------------------------------------------ declaring
     def open_root(self, definition: ModelDefinition) -> Scope:
@@ -73,10 +84,15 @@ class Elaborator(Declarations):
             self.root = scope  # loops and indices may already read what is set from outside
             self._enter_swept(scope)
         self.table_of(definition)
+        if definition not in chain:
+            check_blocks(self, definition)
         chain = (*chain, definition)
         self._declare(scope, definition.model.statements, bindings, chain)
         for name, (attribute, _) in bindings.items():
             entry = scope.entries.get(name)
+            if isinstance(entry, Absent):
+                self.tell(AbsentName(attribute.span, name, entry.branch, entry.span))
+                continue
             settable = isinstance(entry, Pending) and entry.role in ("parameter", "input")
             if not settable and not isinstance(entry, SlotEntry | Broken):
                 known = [
@@ -90,7 +106,9 @@ class Elaborator(Declarations):
 
     def _enter_swept(self, root: Scope) -> None:
         """Enter swept names that the model does not have as names of the experiment, with their first values."""
-        own = {i.name for s in root.definition.model.statements if isinstance(s, tree.Quantities) for i in s.items}
+        own = {
+            i.name for s in flat(root.definition.model.statements) if isinstance(s, tree.Quantities) for i in s.items
+        }
         for study in self.swept:
             path = study.path
             if not path.steps and path.head not in own:
@@ -106,12 +124,11 @@ class Elaborator(Declarations):
         bindings: Mapping[str, tuple[tree.Attribute, Scope]],
         chain: tuple[ModelDefinition, ...],
     ) -> None:
+        definition = scope.definition
         later: list[tree.SyntaxNode] = []
         functions: list[tree.FunctionSyntax] = []
-        for statement in statements:
+        for statement in taken(self, scope, scope.base(), statements, bindings):
             match statement:
-                case tree.Quantities():
-                    self.guard(self.declare_quantities, scope, statement, bindings)
                 case tree.PortsSyntax():
                     self.guard(self._declare_ports, scope, statement)
                 case tree.Declaration() | tree.LoopSyntax() | tree.MechanismSyntax():
@@ -122,7 +139,7 @@ class Elaborator(Declarations):
                     self.requirements.append((scope, statement))
                 case tree.EventSyntax():
                     self.events.append((scope, statement))
-                case tree.FunctionSyntax():
+                case tree.FunctionSyntax() if scope.outer is not None or statement in definition.functions.values():
                     functions.append(statement)
         for statement in later:
             match statement:
@@ -130,7 +147,7 @@ class Elaborator(Declarations):
                     before = len(self.diagnostics)
                     self.guard(self._declare_parts, scope, statement, chain)
                     for declared in statement.names:
-                        if declared.name not in scope.base().entries:
+                        if scope.base().vacant(declared.name):
                             scope.base().entries[declared.name] = Broken(declared.span)
                             self.structure_broken = True
                     self.structure_broken |= len(self.diagnostics) > before
@@ -164,6 +181,8 @@ class Elaborator(Declarations):
         slot = scope.find(statement.kind)
         if isinstance(slot, Broken):
             raise AlreadyTold
+        if isinstance(slot, Absent):
+            raise Wrong(AbsentName(statement.span, statement.kind, slot.branch, slot.span))
         definition = (
             slot.definition if isinstance(slot, SlotEntry) else scope.definition.file.models.get(statement.kind)
         )

@@ -15,8 +15,8 @@ from ..expressions.template import Typed
 from ..names.errors import DimensionMismatch, NotStatic, WrongEvent, WrongType
 from ..names.scope import STATIC_ROLES, Scalar, Scope
 from ..names.statement_errors import Wrong, describe, unit_hint
+from ..resolution.structure import read_condition
 from .elaborate import Elaborator
-from .requirements import read_condition
 
 STORED_BY = {"q": "qe", "p": "pf"}  # stored quantity -> variables that determine it
 

@@ -29,10 +29,10 @@ from ..names.errors import UnknownAttribute, WrongLaw, WrongMechanism, WrongValu
 from ..names.scope import ElementEntry, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from ..resolution.elaboration_cache import ElaborationCache
+from ..resolution.structure import read_condition
 from .connect import Connector
 from .elaborate import Elaborator
 from .laws import compile_law
-from .requirements import read_condition
 from .transducers import expand_transducers
 
 # A scope (which lives as long as this does), an element's kind, its ports with their domains, and a law's words.

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from ...algebra.expression import ONE as TRUE
-from ...algebra.expression import ZERO, select
-from ...algebra.formula import Bound, Formula
 from ...graph.network import Requirement
 from ...graph.units import ONE
 from ...syntax import tree
-from ..expressions.template import Template, Typed
-from ..names.errors import WrongType
 from ..names.scope import STATIC_ROLES, Scope
-from ..names.statement_errors import Wrong
+from ..resolution.structure import read_condition
 from .elaborate import Elaborator
 
 MAXIMUM_READINGS = 6  # values that a warning shows
@@ -21,18 +16,6 @@ def read_requirements(elaborator: Elaborator) -> tuple[Requirement, ...]:
     """Conditions of all instances, and limits of joints. Errors are collected."""
     found = [elaborator.guard(_read, elaborator, scope, statement) for scope, statement in elaborator.requirements]
     return (*(item for item in found if item is not None), *elaborator.limits)
-
-
-def read_condition(
-    elaborator: Elaborator, expression: tree.ExpressionSyntax, scope: Scope, hint: str
-) -> tuple[Template, Bound]:
-    """A condition, as a number that is 1 if it holds. Raises `Wrong`, with the hint, for an expression that is no condition."""
-    template = elaborator.template(expression, scope)
-    typed = template.value
-    if not isinstance(typed, Typed) or not typed.truth:
-        raise Wrong(WrongType(expression.span, "A condition", "a number", hint))
-    formula = Formula(len(template.slots), select(typed.expression, TRUE, ZERO))
-    return template, elaborator.bind(template, formula, scope)
 
 
 def _read(elaborator: Elaborator, scope: Scope, statement: tree.RequirementSyntax) -> Requirement:

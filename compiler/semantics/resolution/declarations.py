@@ -44,6 +44,7 @@ class Declarations(QuantityResolver):
         self.mechanism_parts: dict[str, list[DeclaredPart]] = {}
         self.limits: list[Requirement] = []  # those of joints
         self.count = 0
+        self.structure_broken = False  # then missing connections would be reported for the wrong reason
         self._tables = known.tables
 
     def table_of(self, definition: ModelDefinition) -> DomainTable:
@@ -77,10 +78,10 @@ class Declarations(QuantityResolver):
         """Enter a name in a scope. If it is declared twice, the later declaration in the text is the error."""
         if name in RESERVED:
             raise Wrong(ReservedName(span, name))
-        before = scope.entries.get(name)
-        if before is None:
+        if scope.vacant(name):
             scope.entries[name] = entry
             return
+        before = scope.entries[name]
         first = before.item.span if isinstance(before, Pending) else getattr(before, "span", span)
         if isinstance(before, Broken):
             raise AlreadyTold
@@ -98,7 +99,7 @@ class Declarations(QuantityResolver):
         array = home.entries.get(name)
         if isinstance(array, Broken):
             raise AlreadyTold
-        if array is None:
+        if home.vacant(name):
             array = Array(name, span)
             self.enter(home, name, array, span)
         if not isinstance(array, Array) or index in array.items:
@@ -112,8 +113,8 @@ class Declarations(QuantityResolver):
         for item in statement.items:
             before = len(self.diagnostics)
             self.guard(self._declare_quantity, scope, statement.role, item, bindings)
-            if len(self.diagnostics) > before:
-                scope.entries.setdefault(item.name, Broken(item.span))
+            if len(self.diagnostics) > before and scope.vacant(item.name):
+                scope.entries[item.name] = Broken(item.span)
 
     def _declare_quantity(
         self, scope: Scope, role: str, item: tree.Item, bindings: Mapping[str, tuple[tree.Attribute, Scope]]

@@ -142,17 +142,26 @@ class QuantityResolver(Resolver):
         if unit is not None and pending.owner.plain:
             raise Wrong(WrongType(item.span, "A bare number", "a unit", "A `plain model` has no units."))
         declared = None if unit is None else unit.dimension
-        if (
-            declared is None and (not pending.is_default or override is not None) and item.value is not None
-        ):  # the default gives the dimension
-            found = self._dimension(self.template(item.value, pending.owner, unit).value)
-            declared = found or (None if pending.owner.plain else ONE)  # a bare zero is a bare number
+        if item.value is None or (pending.is_default and override is None):
+            return self._settled(pending, override, declared, unit)
+        default = self.template(item.value, pending.owner, unit).value
+        if declared is None:  # the default gives the dimension; a bare zero is a bare number
+            declared = self._dimension(default) or (None if pending.owner.plain else ONE)
+        entered = self._settled(pending, override, declared, unit)
+        # The default also says whether it is a truth: a place of the text that reads it is compiled once for all instances.
+        truth = isinstance(default, Typed) and default.truth
+        return replace(entered, truth=truth) if isinstance(entered, Scalar) else entered
+
+    def _settled(
+        self, pending: Pending, override: Override | None, declared: Dimension | None, unit: Scale | None
+    ) -> Scalar | Items:
+        """Quantity from what is set from outside, else from its binding or default."""
         if override is None:
             return self._valued(pending, pending.value, pending.scope, declared, unit if pending.is_default else None)
         if override.value is None:
-            return self._enter_later(pending, "", declared, item.span)
+            return self._enter_later(pending, "", declared, pending.item.span)
         if isinstance(override.value, float):
-            return self._enter_quantity(pending, "", Bound(_constant(override.value), ()), declared, item.span)
+            return self._enter_quantity(pending, "", Bound(_constant(override.value), ()), declared, pending.item.span)
         return self._valued(pending, override.value, self.root, declared, None)
 
     def _valued(

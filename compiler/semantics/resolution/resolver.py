@@ -29,6 +29,7 @@ from ..expressions.tables import check_static
 from ..expressions.template import Check, Readable, Slot, Template, Typed, bind_template
 from ..names.errors import (
     NO_NAMES,
+    AbsentName,
     DimensionMismatch,
     NotStatic,
     NoValue,
@@ -50,6 +51,7 @@ from ..names.members import (
 )
 from ..names.scope import (
     STATIC_ROLES,
+    Absent,
     Array,
     Broken,
     ElementEntry,
@@ -295,12 +297,14 @@ class Resolver(ABC):
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
         name = path.head
         for step in path.steps:
-            if isinstance(entry, Broken):
+            if isinstance(entry, Broken | Absent):
                 break
             entry = self._step(entry, step, name, path, scope)
             name += f".{step.name}" if isinstance(step, tree.Member) else "[…]"
         if isinstance(entry, Broken):
             raise AlreadyTold
+        if isinstance(entry, Absent):
+            raise Wrong(AbsentName(path.span, name, entry.branch, entry.span))
         if isinstance(entry, Pending):
             return self.quantity(entry)
         if isinstance(entry, Scalar) and entry.role == "port":

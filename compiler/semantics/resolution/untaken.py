@@ -1,0 +1,57 @@
+"""Branches that are not taken: their names, kinds and functions are checked. What only values decide is looked at when they are taken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ...errors import Diagnostic
+from ...graph.domains import BUNDLES, DOMAINS, GENERIC
+from ...syntax import tree
+from ...syntax.blocks import Statements, flat
+from ..expressions import tables
+from ..expressions.expression_compiler import MEMORIES
+from ..expressions.functions import FUNCTIONS
+from ..names.compound_units import names_in
+from ..names.domain_table import ELEMENT_KINDS
+from ..names.errors import UnknownAttribute, UnknownFunction, UnknownKind, UnknownName
+from ..names.part_kinds import kinds_of
+from ..names.scope import FileScope, Scope
+from ..names.statement_errors import suggestion
+
+_LETTERS = {*GENERIC, *(letter for domain in DOMAINS.values() for letter in domain.letters if letter)}
+_WORDS = frozenset(  # of laws, attributes and domains
+    {"time", "pi", "true", "false", "ground", "energy", "world", "body", "from", "to", "middle", "x", "y", "z"}
+    | {"integral", "derivative", "effort", "flow"}
+).union(DOMAINS, BUNDLES, (letter + side for letter in _LETTERS for side in ("", "1", "2")))
+
+
+def check_untaken(scope: Scope, statements: Statements, tell: Callable[[Diagnostic], None]) -> None:
+    """Report names, kinds and functions of a branch that are not declared anywhere."""
+    definition = scope.definition
+    file = definition.file
+    declared = names_in(definition.model) | set(scope.names())
+    known = declared | file.constants.keys() | file.models.keys() | file.missing
+    functions = {*FUNCTIONS, *MEMORIES, *tables.USAGE, *file.functions, *declared}
+    kinds = {*ELEMENT_KINDS, *file.models, *file.missing, *kinds_of(True), *kinds_of(False), *declared}
+    for node in tree.nodes_in(statements):
+        match node:
+            case tree.PathSyntax(head=head) if head not in known and head not in _WORDS:
+                hint = suggestion(head, sorted(known), "Declare it with `parameter`, `constant`, `signal` or `input`.")
+                tell(UnknownName(node.span, head, f"`{definition.name}`", hint))
+            case tree.Call(function=name) if name not in functions:
+                tell(UnknownFunction(node.span, name, suggestion(name, functions, "A product is written with `*`.")))
+            case tree.Declaration(kind=kind) if kind not in kinds:
+                hint = suggestion(kind, kinds, f"Kinds: {' '.join(ELEMENT_KINDS)}, and the models of this file.")
+                tell(UnknownKind(node.span, kind, hint))
+            case tree.Declaration() if node.kind in file.models:
+                _check_attributes(node, file, tell)
+
+
+def _check_attributes(node: tree.Declaration, file: FileScope, tell: Callable[[Diagnostic], None]) -> None:
+    """Report attributes of an instance that are no parameters or inputs of its model."""
+    quantities = (s for s in flat(file.models[node.kind].model.statements) if isinstance(s, tree.Quantities))
+    known = [i.name for s in quantities if s.role in ("parameter", "input") for i in s.items]
+    for attribute in node.attributes:
+        if attribute.name not in known:
+            hint = suggestion(attribute.name, known, f"Its parameters and inputs: {', '.join(known) or 'none'}.")
+            tell(UnknownAttribute(attribute.span, node.kind, attribute.name, hint))

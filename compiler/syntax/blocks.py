@@ -1,0 +1,39 @@
+"""Blocks within blocks: the statements of loops and of conditional parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from .tree import ConditionalSyntax, LoopSyntax, SyntaxNode
+
+Statements = tuple[SyntaxNode, ...]
+
+
+def inner_blocks(statement: SyntaxNode) -> tuple[Statements, ...]:
+    """The block of a loop, the branches of an `if`; none for another statement."""
+    match statement:
+        case LoopSyntax():
+            return (statement.statements,)
+        case ConditionalSyntax():
+            return statement.statements, statement.otherwise
+    return ()
+
+
+def with_inner_blocks(statement: SyntaxNode, change: Callable[[Statements], Statements]) -> SyntaxNode:
+    """Return a loop or an `if` with its blocks changed; another statement as it is."""
+    match statement:
+        case LoopSyntax():
+            return replace(statement, statements=change(statement.statements))
+        case ConditionalSyntax():
+            branches = change(statement.statements), change(statement.otherwise)
+            return replace(statement, statements=branches[0], otherwise=branches[1])
+    return statement
+
+
+def flat(statements: Statements) -> Iterator[SyntaxNode]:
+    """Statements and those in loops and conditional parts."""
+    for statement in statements:
+        yield statement
+        for block in inner_blocks(statement):
+            yield from flat(block)
