@@ -133,3 +133,22 @@ def test_a_storage_that_shares_a_flow_takes_the_others_along(
     speed = max(factor * later(2.0, 0.4), 0.0)
     after = later(speed, 0.6) if speed > 0 or push > limit else 0.0
     np.testing.assert_allclose([found.final("pa"), found.final("pb")], [0.4 * after, 1.6 * after], atol=1e-6)
+
+
+@pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
+@pytest.mark.parametrize("last", [0.0075, 1e-4, 1e-7])
+def test_crossings_near_each_other_by_chance_are_no_accumulation(last: float, target: str) -> None:
+    """A level is reached four times, 0.86, 0.33 and `last` seconds apart, and then left behind for good."""
+    text = f"""plain model Near {{
+      C store : e = q
+      mode n = 0, since = -10
+      MSf feed : f = 1 if time - since > half else -1
+      signal half = 0.43 if n < 1.5 else 0.165 if n < 2.5 else {last / 2!r} if n < 3.5 else -1
+      feed -> 0(store)
+      when store.q > 0.5 {{ n = n + 1; since = time }}
+      output q = store.q, count = n
+      experiment go {{ simulate 0 .. 3 }}
+    }}"""
+    result = bondgraph.load(text).simulate(points=3, target=target)
+    assert result.final("count") == 4
+    assert result.final("q") == pytest.approx(0.5 + 3 - (0.5 + 0.86 + 0.33 + last), rel=1e-9)

@@ -33,6 +33,7 @@ MOST_AT_ONCE = 60  # most simultaneous events
 MOST_ROUNDS = 100  # most rounds of events that cause each other at one instant
 LEFT = 3  # times in a row that an event makes its condition false before it is expected to
 SHRUNK = 1e-2  # fraction of the longest interval between events: a shorter one shows that they accumulate
+ALIKE = 4  # largest quotient of the factors by which the intervals between accumulating events shrink
 BEYOND = 2  # in units of the rounding of a root: a crossing that the flow contradicts counts from there on
 SHARE = 1e-7  # of a magnitude, and of the time in which the flow moves a state by one: steps by which rounding of roots is found
 LATE = 32  # units in the last place of a time: the change of a root within it counts as zero
@@ -574,6 +575,12 @@ def conditions_of(constraints: Constraints) -> Callable[[float, Array, Array], A
 
 
 def _shrinks(intervals: Array) -> bool:
-    """Return True if intervals between events get shorter each time, and are much shorter than the longest one."""
+    """Return True if intervals between events get shorter each time, by nearly one factor, and are much shorter than the longest one.
+
+    Events that accumulate do so geometrically. Two crossings that are near each other by chance do not.
+    """
     last = intervals[-LEFT:]
-    return len(last) == LEFT and bool((np.diff(last) < 0).all()) and last[-1] < SHRUNK * intervals.max()
+    if len(last) < LEFT or not (np.diff(last) < 0).all() or last[-1] >= SHRUNK * intervals.max():
+        return False
+    factors = last[1:] / last[:-1]
+    return bool(factors.max() < ALIKE * factors.min())
