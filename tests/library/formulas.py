@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from tests.library.bench import linear
+
 Formula = Callable[[Any], Mapping[str, Any]]
 
 EPS0, BOLTZMANN, CHARGE = 8.8541878128e-12, 1.380649e-23, 1.602176634e-19
@@ -60,7 +62,71 @@ def op_amp(t: Any) -> Mapping[str, Any]:
     return {"u": float(np.linalg.solve(matrix, [1 / 2e6, 2e5 / 75])[1])}
 
 
+def coupled_coils(t: Any) -> Mapping[str, Any]:
+    inductance = np.linalg.inv([[4e-3, -1e-3], [-1e-3, 1e-3]])  # M = 0.5 sqrt(4 mH 1 mH)
+    i = linear(-inductance, inductance @ [1, 0], [0, 0], t)
+    return {"i_a": i[:, 0], "i_b": i[:, 1]}
+
+
+def zener(t: Any) -> Mapping[str, Any]:
+    u_t = BOLTZMANN * 300.15 / CHARGE
+
+    def current(u: float) -> float:
+        return 1e-14 * math.expm1(u / u_t) - 5e-3 * math.exp(-(u + 5.1) / (3 * u_t))
+
+    def excess(u: float) -> float:
+        node = -u - 1 * current(u)
+        return (12 - node) / 470 - node / 1000 + current(u)
+
+    u = bisection(excess, -7, 0)
+    return {"u": -u - current(u), "i": current(u)}
+
+
+def battery(t: Any) -> Mapping[str, Any]:
+    slope, r = 0.8 / 7200, 3.7 + 0.05
+    rates = [[-slope / r, -1 / r], [-slope / r / 1000, -1 / r / 1000 - 1 / 30]]
+    taken, slow = linear(rates, [4.1 / r, 4.1 / r / 1000], [0, 0], t).T
+    return {"u": 3.7 * (4.1 - slope * taken - slow) / r, "soc": 1 - taken / 7200}
+
+
+def solar_cell(t: Any) -> Mapping[str, Any]:
+    u_t = 1.2 * BOLTZMANN * 298.15 / CHARGE
+    u = bisection(lambda u: 6.4 - 1e-9 * math.expm1(u / u_t) - u / 10 - u / 0.055, 0, 1)
+    return {"u": u * 50 / 55, "i": u / 0.055}
+
+
+def transmission_line(t: Any) -> Mapping[str, Any]:
+    """Echoes: 1/3 at the load, -1/3 at the source."""
+    trips = np.floor((t - 11e-9) / 20e-9)
+    return {"u": np.where(trips < 0, 0, 8 / 9 * (1 - (-1 / 9) ** (trips + 1)) / (1 + 1 / 9))}
+
+
+def cable(t: Any) -> Mapping[str, Any]:
+    """Four sections at rest, from the load back to the source."""
+    u, i = 1.0, 1 / 50
+    for _ in range(4):
+        i += u * 250e-9
+        u += 12.5 * i
+    return {"u": 10 / u}
+
+
+def relay(t: Any) -> Mapping[str, Any]:
+    tau, top = 0.5 / 240, 50 * (1 - math.exp(-19e-3 / (0.5 / 240)))
+    on, off = 1e-3 - tau * math.log(1 - 35 / 50), 20e-3 + tau * math.log(top / 10)
+    return {"i": np.where((t >= on) & (t < off), 0.5, 0.0)}
+
+
 ELECTRIC: dict[str, Formula] = {
+    "Transformer": lambda t: {"i": 23 * np.sin(100 * np.pi * t) / 4},
+    "CoupledCoils": coupled_coils,
+    "Zener": zener,
+    "Varistor": lambda t: {"u": 400 * 1e4 ** (1 / 25)},
+    "Thermistor": lambda t: {"u": 1e-4 * 1e4 * math.exp(3435 * (1 / 333.15 - 1 / 298.15)) + 0 * t},
+    "Battery": battery,
+    "SolarCell": solar_cell,
+    "TransmissionLine": transmission_line,
+    "CableSections": cable,
+    "Relay": relay,
     "Resistor": lambda t: {"i": 5 / 2e3 + 0 * t},
     "Capacitor": lambda t: {"u": 5 * rise(t, 2e-3)},
     "Inductor": lambda t: {"i": 0.5 * rise(t, 2e-3)},
@@ -71,6 +137,98 @@ ELECTRIC: dict[str, Formula] = {
     "Mos": mos,
     "OpAmp": op_amp,
     "DcMotor": lambda t: {"speed": 12 * 0.05 / (1e-5 + 0.05**2), "i": 12 * 1e-5 / (1e-5 + 0.05**2)},
+}
+
+# ---------------------------------------------------------------------- power
+
+
+def power_mosfet(t: Any) -> Mapping[str, Any]:
+    r = 20e-3 * (1 + 0.006 * 35)
+    i = np.where((t >= 1e-3) & (t < 3e-3), 24 / (2 + r), 24 / (2 + 1e6))
+    return {"i": i, "heat": (24 - 2 * i) * i}
+
+
+def igbt(t: Any) -> Mapping[str, Any]:
+    u = 160 / (100.1 + 1e-6)
+    return {"i": (600 - u) / 10 + 0 * t, "heat": u * (600 - u) / 10 + 0 * t}
+
+
+def thyristor(t: Any) -> Mapping[str, Any]:
+    """It fires at 5 ms and blocks where its current falls to 50 mA."""
+    g, u = 100 + 1e-6, 100 * np.sin(100 * np.pi * t)
+    last = 0.01 - math.asin((0.05 * (1 + 10 * g) + 100) / g / 100) / (100 * math.pi)
+    return {"i": np.where((t >= 5e-3) & (t < last), (g * u - 100) / (1 + 10 * g), u * 1e-6 / (1 + 10e-6))}
+
+
+def pulse_width(t: Any) -> Mapping[str, Any]:
+    periods = np.floor(t / 1e-3 + 1e-9)
+    return {"mean": (0.3 * periods + np.minimum(t / 1e-3 - periods, 0.3)) / 10}
+
+
+POWER: dict[str, Formula] = {
+    "PowerMosfet": power_mosfet,
+    "Igbt": igbt,
+    "Thyristor": thyristor,
+    "BuckConverter": lambda t: {"i": 2.4 * rise(t, 1e-3 / 5), "i_a": 1.2 * rise(t, 1e-3 / 5)},
+    "BoostConverter": lambda t: {"i": 2.4 * rise(t, 1e-3 / 5), "u": 19.6 * 1.2 * rise(t, 1e-3 / 5)},
+    "BuckBoostConverter": lambda t: {"i": 1.2 * rise(t, 1e-3 / 5), "u": -19.6 * 0.6 * rise(t, 1e-3 / 5)},
+    "HBridge": lambda t: {"i": 6 * np.sin(100 * np.pi * t), "i_a": 6 * np.sin(100 * np.pi * t) ** 2},
+    "DiodeBridge": lambda t: {"i": np.maximum(np.abs(10 * np.sin(100 * np.pi * t)) - 1.4, 0) / 10},
+    "PulseWidthModulator": pulse_width,
+}
+
+# ---------------------------------------------------------------------- magnetic
+
+MU0 = 1.25663706127e-6
+
+
+def winding(t: Any) -> Mapping[str, Any]:
+    s = 0.2 / (MU0 * 1000 * 4e-4)
+    i = 2 * rise(t, 200**2 / s / 5)
+    return {"i": i, "flux": 200 * i / s}
+
+
+def saturating(t: Any) -> Mapping[str, Any]:
+    h = 5000 * np.sin(100 * np.pi * t)
+    return {"flux": 1e-4 * (1.6 * h / np.hypot(h, 1.6 / (MU0 * 5000)) + MU0 * h)}
+
+
+MAGNETIC: dict[str, Formula] = {
+    "Winding": winding,
+    "MagneticPath": lambda t: {"flux": 100 * np.sin(100 * np.pi * t) / (0.1 / (MU0 * 2000 * 1e-4))},
+    "AirGap": lambda t: {"F": (1e-3 * t) ** 2 / (4e-4 * MU0), "mmf": t * 1e-3 * (1e-3 + 1e-3 * t) / (2e-4 * MU0)},
+    "SaturatingCore": saturating,
+    "PermanentMagnet": lambda t: {
+        "B": 1.2 * (5 / 1.05) / (5 / 1.05 + 1) * rise(t, 1e3 / ((5e-3 / 1.05 + 1e-3) / (MU0 * 1e-4)))
+    },
+    "EddyCurrents": lambda t: {"flux": 100 * MU0 * rise(t, 1000 * MU0)},
+}
+
+# ---------------------------------------------------------------------- machines
+
+
+def pmsm(t: Any) -> Mapping[str, Any]:
+    inverse = np.diag([1 / 1e-3, 1 / 1.5e-3])
+    rates = inverse @ [[-0.5, 400 * 1.5e-3], [-400 * 1e-3, -0.5]]
+    i = linear(rates, inverse @ [-3, 12 - 400 * 0.02], [0, 0], t)
+    return {"i_d": i[:, 0], "i_q": i[:, 1], "M": 4 * (-0.5e-3 * i[:, 0] + 0.02) * i[:, 1]}
+
+
+def induction(t: Any) -> Mapping[str, Any]:
+    """Torque of the phasors at rest in rotating axes."""
+    w, slip = 100 * np.pi, 100 * np.pi - 300
+    matrix = [[1.2 + 1j * w * 0.16, 1j * w * 0.15], [1j * slip * 0.15, 1 + 1j * slip * 0.16]]
+    stator, rotor = np.linalg.solve(matrix, [200, 0])
+    return {"M": 2 * 0.15 * (stator * np.conj(rotor)).imag}
+
+
+MACHINES: dict[str, Formula] = {
+    "VoiceCoil": lambda t: {"i": 6 / 8.5 * rise(t, 1e-6 / 8.5), "v": 3 / 8.5 * rise(t, 1e-6 / 8.5)},
+    "SeriesMotor": lambda t: {"i": 8 * rise(t, 5e-3 / 3), "M": 0.02 * 64 * rise(t, 5e-3 / 3) ** 2 - 0.01},
+    "Pmsm": pmsm,
+    "InductionMotor": induction,
+    "StepperMotor": lambda t: {"phi": -math.asin(0.1 / 0.6) / 50},
+    "ServoDrive": lambda t: {"M": 2 * rise(t, 2e-3), "omega": 200 * (t - 2e-3 * rise(t, 2e-3))},
 }
 
 # ---------------------------------------------------------------------- mechanics
@@ -196,4 +354,4 @@ CONTROL: dict[str, Formula] = {
     "Lowpass": lambda t: {"y": second_order(t, 4 * np.pi, math.sqrt(0.5))},
 }
 
-FORMULAS: dict[str, Formula] = {**ELECTRIC, **MECHANICS, **HYDRAULIC, **THERMAL, **MEMS, **CONTROL}
+FORMULAS: dict[str, Formula] = {**ELECTRIC, **POWER, **MAGNETIC, **MACHINES, **MECHANICS, **HYDRAULIC, **THERMAL, **MEMS, **CONTROL}

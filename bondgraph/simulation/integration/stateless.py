@@ -43,4 +43,7 @@ def without_states(stepper: IntegrationState, stretch: Segment, x: Array) -> Any
             stepper.position += 1
         stepper.keep(now, x, stretch.mode, stretch.start)
         before = now
+        if stepper.history is not None and stepper.history.next_cut(now, stretch.stop) < stretch.stop:
+            stepper.reached = now  # a delayed signal will jump in this segment, which was unknown when it began
+            return x
     return x
