@@ -257,6 +257,60 @@ MECHANICS: dict[str, Formula] = {
     "Clutch": lambda t: {"omega": np.where(t < 0.01, 0.0, 25.0)},
 }
 
+# ---------------------------------------------------------------------- drivetrain
+
+
+def magic(x: float, c: float, e: float) -> float:
+    return math.sin(c * math.atan(x - e * (x - math.atan(x))))
+
+
+def cam(t: Any) -> Mapping[str, Any]:
+    def lifted(x: Any) -> Any:
+        x = np.clip(x, 0, 1)
+        return x - np.sin(2 * np.pi * x) / (2 * np.pi)
+
+    return {"x": 0.01 * (lifted(t * 4) - lifted((t - 150 / 360) * 4))}
+
+
+def crank_slider(t: Any) -> Mapping[str, Any]:
+    root_ = np.sqrt(0.15**2 - (0.04 * np.sin(10 * t)) ** 2)
+    v = -0.4 * np.sin(10 * t) * (1 + 0.04 * np.cos(10 * t) / root_)
+    return {"v": v, "x": 0.04 * np.cos(10 * t) + root_ - 0.19}
+
+
+def universal_joint(t: Any) -> Mapping[str, Any]:
+    c = math.cos(math.pi / 6)
+    return {"omega": 10 * c / (1 - np.cos(10 * t) ** 2 / 4), "turned": np.arctan2(np.sin(10 * t), c * np.cos(10 * t))}
+
+
+def lugre(t: Any) -> Mapping[str, Any]:
+    g = 1 + 0.5 * math.exp(-25)
+    return {"F": g * rise(t, g / 500) + 300 * 5e-3 * np.exp(-t * 500 / g) + 0.4 * 5e-3}
+
+
+WORM = math.tan(math.radians(10) + math.atan(0.06 / math.cos(math.radians(20)))) / math.tan(math.radians(10))
+
+DRIVETRAIN: dict[str, Formula] = {
+    "PlanetaryGear": lambda t: {"omega": 2 * t, "M_ring": 3 + 0 * t},
+    "Differential": lambda t: {"w_left": 10 + 0 * t, "w_right": 2.5 + 0 * t, "shaft": 25 + 0 * t},
+    "WormGear": lambda t: {"M": 20 / 30 * WORM + 0 * t},
+    "VariableGear": lambda t: {"omega": 100 / (2 + np.sin(t)), "M": 100 / (2 + np.sin(t)) ** 2},
+    "Freewheel": lambda t: {"w_a": 2.5 * t - 12.5 * np.maximum(t - 1, 0), "w_b": 2.5 * np.minimum(t, 1)},
+    "FrictionClutch": lambda t: {"M": 100 + 0 * t, "heat": 2000 + 0 * t},
+    "DiscBrake": lambda t: {"M": 192 + 0 * t, "heat": 9600 + 0 * t},
+    "TorqueConverter": lambda t: {"M_p": 137.3 + 44.42 - 46.041 + 0 * t, "M_t": 230.624 + 6.214 - 54.323 + 0 * t},
+    "UniversalJoint": universal_joint,
+    "CrankSlider": crank_slider,
+    "Cam": cam,
+    "Tyre": lambda t: {"F": 4000 * magic(0.5, 1.65, 0.97) + 0 * t, "slip": 0.05 + 0 * t},
+    "TyreSide": lambda t: {"F": 4000 * magic(9 * math.atan(0.05), 1.3, -1) + 0 * t},
+    "Lugre": lugre,
+    "HertzContact": lambda t: {
+        "F": 4 / 3 * 115e9 * math.sqrt(5e-3) * np.maximum(1e-3 * t - 1e-6, 0) ** 1.5
+    },
+    "AirDrag": lambda t: {"F": 0.6 * 0.3 * 2.2 * 900 * np.sin(t) * np.abs(np.sin(t))},
+}  # fmt: skip
+
 # ---------------------------------------------------------------------- hydraulic
 
 ORIFICE = 0.62 * 10e-6 * math.sqrt(2 / 850)
@@ -273,6 +327,48 @@ def cylinder(t: Any) -> Mapping[str, Any]:
     return {"P": a, "F": 1e-3 * a * (1 + a / 2.8e9) - 6e-4 * b * (1 + b / 2.8e9)}
 
 
+def reducing_valve(t: Any) -> Mapping[str, Any]:
+    def excess(p: float) -> float:
+        return (50e5 - p) / 5e5 * ORIFICE * float(root(200e5 - p)) - p / 2e10
+
+    return {"P": bisection(excess, 45e5, 50e5)}
+
+
+def directional_valve(t: Any) -> Mapping[str, Any]:
+    """By symmetry the drops of both open edges are equal."""
+
+    def excess(d: float) -> float:
+        return 0.5 * ORIFICE * float(root(d)) + 1e-16 * d - (1e7 - 2 * d) / 1e10 - 1e-16 * (1e7 - d)
+
+    return {"Q": (1e7 - 2 * bisection(excess, 0, 5e6)) / 1e10 + 0 * t}
+
+
+def wave_line(t: Any) -> Mapping[str, Any]:
+    """Joukowsky's wave, turned at the reservoir every second way."""
+    c = math.sqrt(1.4e9 / 850)
+    z, open_, shut = 850 * c / (math.pi * 25e-6), 3e10, 3e10 * (1 + 1e6)
+    wave, values = 3e6 * (1 + z / open_), np.full_like(t, 3e6)
+    for n in range(4):
+        values = np.where(t >= 5e-3 + 20 / c * n, wave * shut / (shut + z), values)
+        wave = 6e6 - wave * (shut - z) / (shut + z)
+    return {"P": values}
+
+
+def turbulent_pipe(t: Any) -> Mapping[str, Any]:
+    area = math.pi * 1e-4
+    k = 0.3164 * 10 / 0.02 * 500 / area**2 * (1000 * 0.02 / (1e-3 * area)) ** -0.25
+    return {"Q": (1e5 / k) ** (1 / 1.75)}
+
+
+def plunger(t: Any) -> Mapping[str, Any]:
+    return {"P": 1.4e7 * t, "F": 1.4e4 * t * (1 + 1.4e7 * t / 2.8e9)}
+
+
+def variable_pump(t: Any) -> Mapping[str, Any]:
+    half = 0.5 * 28e-6 / (2 * math.pi)
+    return {"Q": half * 100 / 1.01 + 0 * t, "M": half * 1e10 * half * 100 / 1.01 + 0 * t}
+
+
 HYDRAULIC: dict[str, Formula] = {
     "Pump": lambda t: {"Q": 10e-6 / (2 * np.pi) * 100 / (1 + 1e-12 * 1e10) + 0 * t},
     "Valve": lambda t: {"Q": t * ORIFICE * root(1e6)},
@@ -286,7 +382,38 @@ HYDRAULIC: dict[str, Formula] = {
     "Volume": lambda t: {"P": 1.4e9 / 1e-3 * 1e-5 * t},
     "Tank": lambda t: {"level": 0.1 + 2e-3 / 0.5 * t, "P": 850 * G * (0.1 + 2e-3 / 0.5 * t)},
     "Reservoir": lambda t: {"Q": 3e5 / 1e9 + 0 * t},
+    "ReliefValve": lambda t: {"P": np.where(
+        t * 5e-4 * (1e12 / 1.01) < 1e7, t * 5e-4 / (1e-12 + 1e-14), (t * 5e-4 + 1e-2) / (1e-9 + 1e-12 + 1e-14)
+    )},
+    "ReducingValve": reducing_valve,
+    "DirectionalValve": directional_valve,
+    "ServoValve": lambda t: {"Q": 0.5 * second_order(t, 300, 0.8) * ORIFICE * root(1e7) + 1e-9},
+    "VariablePump": variable_pump,
+    "WaveLine": wave_line,
+    "TurbulentPipe": turbulent_pipe,
+    "Plunger": plunger,
 }  # fmt: skip
+
+# ---------------------------------------------------------------------- pneumatic
+
+
+def gas_orifice(t: Any) -> Mapping[str, Any]:
+    r = (1 + 5.5 * t) / 7
+    return {"m_dot": 2e-8 * 1.185 * 7e5 * np.sqrt(1 - (np.maximum(r - 0.3, 0) / 0.7) ** 2)}
+
+
+def gas_cylinder(t: Any) -> Mapping[str, Any]:
+    p = 4e5 * 50 / (50 + 100 * t)
+    return {"P": p, "F": 1e-3 * (p - 101325)}
+
+
+PNEUMATIC: dict[str, Formula] = {
+    "GasSource": lambda t: {"m_dot": 7e-4 + 0 * t},
+    "GasVolume": lambda t: {"P": 101325 + 287.06 * 293.15 * t},
+    "GasOrifice": gas_orifice,
+    "GasCylinder": gas_cylinder,
+    "GasLine": lambda t: {"m_dot": 1e4 * math.pi * 1e-12 * 1.2 / (128 * 1.82e-5) + 0 * t},
+}
 
 # ---------------------------------------------------------------------- thermal
 
@@ -354,4 +481,4 @@ CONTROL: dict[str, Formula] = {
     "Lowpass": lambda t: {"y": second_order(t, 4 * np.pi, math.sqrt(0.5))},
 }
 
-FORMULAS: dict[str, Formula] = {**ELECTRIC, **POWER, **MAGNETIC, **MACHINES, **MECHANICS, **HYDRAULIC, **THERMAL, **MEMS, **CONTROL}
+FORMULAS: dict[str, Formula] = {**ELECTRIC, **POWER, **MAGNETIC, **MACHINES, **MECHANICS, **DRIVETRAIN, **HYDRAULIC, **PNEUMATIC, **THERMAL, **MEMS, **CONTROL}
