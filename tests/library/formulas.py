@@ -418,7 +418,46 @@ PNEUMATIC: dict[str, Formula] = {
 # ---------------------------------------------------------------------- thermal
 
 
+def forced_convection(t: Any) -> Mapping[str, Any]:
+    re, pr = 998 * 2 * 0.02 / 1e-3, 1e-3 * 4180 / 0.6
+    return {"heat": 0.023 * re**0.8 * pr**0.4 * 0.6 * math.pi * 40 + 0 * t}
+
+
+def fin(t: Any) -> Mapping[str, Any]:
+    m = math.sqrt(25 * 0.102 / (200 * 50e-6))
+    return {"heat": math.sqrt(25 * 0.102 * 200 * 50e-6) * math.tanh(m * 0.04) * 50 + 0 * t}
+
+
+def heat_rod(t: Any) -> Mapping[str, Any]:
+    g, c = 200 * 1e-4 * 40, 900 * 2700 * 1e-4 * 0.025
+    rates = g / c * np.array([[-3, 1, 0, 0], [1, -2, 1, 0], [0, 1, -2, 1], [0, 0, 1, -3]])
+    found = linear(rates, 2 * g / c * np.array([353.15, 0, 0, 293.15]), [293.15] * 4, t)
+    return {"middle": (found[:, 1] + found[:, 2]) / 2}
+
+
+def heat_exchanger(t: Any) -> Mapping[str, Any]:
+    """Counterflow by the logarithmic mean difference: UA and the two balances."""
+
+    def excess(q: float) -> float:
+        first, last = 75 - q / 400, 75 - q / 200  # where stream a enters, and where it leaves
+        return 300 * (first - last) / math.log(first / last) - q
+
+    q = bisection(excess, 1e3, 14.9e3)
+    return {"heat": q + 0 * t, "T_out": 363.15 - q / 200 + 0 * t}
+
+
 THERMAL: dict[str, Formula] = {
+    "HeatSource": lambda t: {"T": 293.15 + 0.4 * t},
+    "NaturalConvection": lambda t: {"heat": 0.142 * 0.2**-0.25 * (1600 + 1e-6) ** 0.125 * 40 + 0 * t},
+    "ForcedConvection": forced_convection,
+    "Fin": fin,
+    "HeatRod": heat_rod,
+    "Peltier": lambda t: {
+        "u": 6 + 0 * t,
+        "Q_cold": 0.1 * 273.15 - 4 - 20 + 0 * t,
+        "Q_hot": 0.1 * 313.15 + 4 - 20 + 0 * t,
+    },
+    "HeatExchanger": heat_exchanger,
     "HeatCapacity": lambda t: {"T": 353.15 - 60 * np.exp(-2 / 100 * t)},
     "Conductor": lambda t: {"heat": 120 + 0 * t},
     "Radiator": lambda t: {"heat": 0.8 * SIGMA * (773.15**4 - 293.15**4) + 0 * t},
@@ -447,7 +486,56 @@ def reinforced(t: Any) -> Mapping[str, Any]:
     return {"x": 1e-5 / k * rise(t, 1e-3 / k)}
 
 
+def chevron(t: Any) -> Mapping[str, Any]:
+    sin, ea, ei = math.sin(math.radians(3)), 160e9 * 38e-6 * 4e-6, 160e9 * 38e-6 * (4e-6) ** 3 / 12
+    k = 8 * (ea / 400e-6 * sin**2 + 12 * ei / (400e-6) ** 3 * (1 - sin**2))
+    return {"x": 8 * ea * sin * 2.6e-6 * 200 / k * rise(t, 1e-3 / k)}
+
+
+def crab_leg(t: Any) -> Mapping[str, Any]:
+    """Slope-deflection of one leg, its knee only turns; four legs. Thigh of 300 um, shin of 100 um."""
+    thigh, shin = BEAM, BEAM * 1.5**3
+
+    def stiffness(bent: float, length: float, other: float, other_length: float) -> float:
+        turn = 6 * bent / length**2 / (4 * bent / length + 4 * other / other_length)
+        return 4 * (12 * bent / length**3 - 6 * bent / length**2 * turn)
+
+    k_x, k_y = stiffness(thigh, 300e-6, shin, 100e-6), stiffness(shin, 100e-6, thigh, 300e-6)
+    return {"x": 1e-5 / k_x * rise(t, 1e-3 / k_x), "y": 1e-5 / k_y * rise(t, 1e-3 / k_y)}
+
+
+def stiffening(t: Any) -> Mapping[str, Any]:
+    """Rest under both forces; the shortening by the integral over the bent shape."""
+    p, l, d, f_x, f_y = 0.4, 1e-3, 2e-6, 1e-6, 50e-6
+    s = np.linspace(0, 0.5, 200_001)
+    slope = np.minimum(s, 0.3) / 2 - np.minimum(s, 0.3) ** 2 / 2
+    c = float(np.trapezoid(slope**2, s) / (2 * np.trapezoid(slope, s)) ** 2)
+    q = p / (1 - p)
+    b = 700 * (1 + q) * (1 + 3 * q + 3 * q**2) ** 3 / (1 + 10 * q + 45 * q**2 + 105 * q**3 + 105 * q**4)
+    k_x, k_y, soft = 12 * BEAM / l**3 / (1 - p**3), 160e9 * 38e-6 * d / l / (1 - p), 12 / ((1 - p) * b * d**2)
+    x = f_x / (k_x + 2 * c * f_y / l - f_y**2 / k_y * soft)
+    return {"x": x, "y": f_y / k_y * (1 + soft * x**2) - c * x**2 / l}
+
+
+def side_comb(t: Any) -> Mapping[str, Any]:
+    return {
+        "F_x": 200 * 100 * EPS0 * 38e-6 * (1 / 3e-6 + 1 / 5e-6),
+        "F_y": 200 * 100 * EPS0 * 38e-6 * 20e-6 * (1 / 9e-12 - 1 / 25e-12),
+    }
+
+
 MEMS: dict[str, Formula] = {
+    "GapClosingComb": lambda t: {"F": 50 * 50 * EPS0 * 38e-6 * 100e-6 * (1 / 4e-12 - 1 / 36e-12)},
+    "SideComb": side_comb,
+    "ChevronActuator": chevron,
+    "PiezoStack": lambda t: {"x": 50e6 * 200 * 500e-12 * 100 / 70e6},
+    "CrabLegFlexure": crab_leg,
+    "SerpentineSpring": lambda t: {"x": 1e-6 / (2 * BEAM / 1e-12) * rise(t, 1e-4 / (2 * BEAM / 1e-12))},
+    "ClampedBeam": lambda t: {
+        "F": 192 * BEAM / (400e-6) ** 3 * t + np.pi**4 / 8 * 160e9 * 38e-6 * 2e-6 / (400e-6) ** 3 * t**3
+    },
+    "StiffeningFlexure": stiffening,
+    "CapacitiveReadout": lambda t: {"u": EPS0 * 2e-8 / 1e-12 * (1 / 1.5e-6 - 1 / 2.5e-6) * rise(t, 1e-5)},
     "CombDrive": lambda t: {"x": COMB * 900 / GUIDE * rise(t, 1e-4 / GUIDE)},
     "CombCapacitor": lambda t: {"F": COMB * 400},
     "ParallelPlate": lambda t: {"F": EPS0 * 1e-8 * 25 / (2 * 4e-12)},
@@ -481,4 +569,53 @@ CONTROL: dict[str, Formula] = {
     "Lowpass": lambda t: {"y": second_order(t, 4 * np.pi, math.sqrt(0.5))},
 }
 
-FORMULAS: dict[str, Formula] = {**ELECTRIC, **POWER, **MAGNETIC, **MACHINES, **MECHANICS, **DRIVETRAIN, **HYDRAULIC, **PNEUMATIC, **THERMAL, **MEMS, **CONTROL}
+# ---------------------------------------------------------------------- signals
+
+
+def trapezoid(t: Any) -> Mapping[str, Any]:
+    up, down = np.minimum(t, 0.5), np.clip(t, 2.5, 3) - 2.5
+    v = 0.4 * up - 0.4 * down
+    return {"v": v, "x": 0.2 * up**2 + 0.2 * (np.clip(t, 0.5, 2.5) - 0.5) + 0.2 * down - 0.2 * down**2}
+
+
+def three_point(t: Any) -> Mapping[str, Any]:
+    on, off = math.asin(0.6) / (2 * math.pi), 0.5 - math.asin(0.3) / (2 * math.pi)
+    return {"y": sum(s * ((t - h >= on) & (t - h < off)) for s, h in ((1.0, 0), (-1.0, 0.5), (1.0, 1), (-1.0, 1.5)))}
+
+
+def observer(t: Any) -> Mapping[str, Any]:
+    s, fade = 20 * t, 1e-3 * np.exp(-20 * t)
+    return {
+        "x": 1e-3 - fade * (1 - 2 * s + s**2 / 2),
+        "v": 20 * fade * (3 - 3 * s + s**2 / 2) - 60 * fade * (1 - 2 * s + s**2 / 2),
+        "d": -2 * 400 * fade * (s - s**2 / 2),
+    }
+
+
+SIGNALS: dict[str, Formula] = {
+    "TrapezoidProfile": trapezoid,
+    "SmoothProfile": lambda t: {
+        "x": 0.5 * (6 * (t / 2) ** 5 - 15 * (t / 2) ** 4 + 10 * (t / 2) ** 3),
+        "v": 0.25 * (30 * (t / 2) ** 4 - 60 * (t / 2) ** 3 + 30 * (t / 2) ** 2),
+    },
+    "TwoPoint": lambda t: {"y": np.where(((t >= 7 / 12) & (t < 13 / 12)) | (t >= 19 / 12), 1.0, 0.0)},
+    "ThreePoint": three_point,
+    "Observer": observer,
+    "Notch": lambda t: {"y": 10 * t * np.exp(-10 * t)},
+    "Delay": lambda t: {"y": np.maximum(t - 0.2, 0)},
+}
+
+FORMULAS: dict[str, Formula] = {
+    **ELECTRIC,
+    **POWER,
+    **MAGNETIC,
+    **MACHINES,
+    **MECHANICS,
+    **DRIVETRAIN,
+    **HYDRAULIC,
+    **PNEUMATIC,
+    **THERMAL,
+    **MEMS,
+    **CONTROL,
+    **SIGNALS,
+}
