@@ -203,8 +203,7 @@ class Flow:
             raise UsageError(
                 "BR243", "an instant at which a signal jumps or bends moves with a parameter in a way that is not linear in time",
             )  # fmt: skip
-        jumps = self.made.program.instants(self.leg.constants)
-        moving = self._slopes_of("instants", lowered.instants)
+        jumps, moving = self._jumps()
         y = np.concatenate([self.leg.state[: self.n], self.begin().ravel()])
         size = self._sizes()
         values, slopes = [], []
@@ -222,6 +221,22 @@ class Flow:
             if not last:
                 y = self._over(stretch.stop, y, stretches[number + 1].mode, jumps, moving)
         return np.array(values), np.array(slopes)
+
+    def _jumps(self) -> tuple[Array, Array]:
+        """Return the known instants of jumps, and their derivatives (instants, k)."""
+        program, constants, lowered = self.made.program, self.leg.constants, self.made.compilation.lowered
+        jumps = [np.atleast_1d(program.instants(constants))]
+        moving = [self._slopes_of("instants", lowered.instants)]
+        if program.recurring is not None:
+            ends = np.array([s.stop for s in self.leg.stretches[:-1]])
+            pairs = np.reshape(program.recurring(constants), (-1, 2))
+            slopes = self._slopes_of("recurring instants", [x for pair in lowered.recurring for x in pair])
+            for (at_zero, rate), (by_zero, by_rate) in zip(pairs, slopes.reshape(len(pairs), 2, -1), strict=True):
+                count = at_zero + rate * ends
+                near = ends[np.abs(count - np.round(count)) <= SAME_INSTANT * np.maximum(np.abs(count), 1.0)]
+                jumps.append(near)
+                moving.append(-(by_zero + near[:, None] * by_rate) / rate if rate else np.zeros((len(near), self.k)))
+        return np.concatenate(jumps), np.concatenate(moving)
 
     def _sizes(self) -> Array:
         """Return magnitudes of the states, and of S: the change of a state for a parameter change of its own size."""

@@ -29,7 +29,7 @@ from .magnitudes.pilot_run import PilotObservation
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor
 from .segments.run_values import run_values
-from .segments.timeline import Segment, Timeline, discrete_variables, mode_after, rest_of, timeline_in_parts
+from .segments.timeline import Segment, Timeline, aligned, discrete_variables, mode_after, rest_of, timeline_in_parts
 from .segments.trajectory import Tolerances, Trajectory, empty
 from .segments.transition import PhaseTransition
 
@@ -147,8 +147,8 @@ class Phase:
                 lambda: timeline_in_parts(program, constants, ends, parts),
                 lambda course: len(course.segments),
             )
-            return Timeline(list(known[program].segments), known[program].notes)
-        return replace(known[program], segments=rest_of(known[program].segments, ends[0]))
+            return Timeline(aligned(list(known[program].segments), self.instants), known[program].notes)
+        return replace(known[program], segments=aligned(rest_of(known[program].segments, ends[0]), self.instants))
 
     def _start(
         self, program: Program, compilation: Prepared, constraints: Constraints, stretches: list[Segment]
@@ -275,7 +275,8 @@ class Phase:
             if change.max() > DIVERGED * least:
                 break
             ends = (start, float(self.instants[-1]))
-            self.stretches = timeline_in_parts(self.program, self.constraints.constants, ends, self.parts).segments
+            course = timeline_in_parts(self.program, self.constraints.constants, ends, self.parts)
+            self.stretches = aligned(course.segments, self.instants)
             self.events = None
             self.state, self.start_notes = self._start(self.program, self.compilation, self.constraints, self.stretches)
         raise RunFailed(

@@ -17,7 +17,7 @@ from typing import Any
 
 from ..algebra.expression import MINUS_ONE, Apply, Expression, Number
 from .dependence import INPUT, MODE, STATE, TIME
-from .events import Located, LoweredEvents
+from .events import Count, Located, LoweredEvents
 from .limits import Limit, LimitValue
 from .lowered import Lowered, Solved
 from .order import operations_in_order
@@ -28,7 +28,7 @@ PRINTED = (
     "switches", "crossings", "events", "limits", "delayed", "bends", "signals", "solved", "energy",
 )  # fmt: skip
 
-_HOLDERS = (Limit, LimitValue, Located, LoweredEvents, Solved)  # classes with expressions among their fields
+_HOLDERS = (Count, Limit, LimitValue, Located, LoweredEvents, Solved)  # classes with expressions among their fields
 
 
 def with_shared_products(lowered: Lowered) -> Lowered:

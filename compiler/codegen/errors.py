@@ -7,18 +7,6 @@ from ..fast_dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class JumpsWithoutEnd(Diagnostic):
-    """BG601."""
-
-    code = "BG601"
-    title = "`{function}` of an expression of {what} jumps at instants that this version does not find"
-    advice = "{instead}"
-    function: str
-    what: str
-    instead: str
-
-
-@dataclass(frozen=True, slots=True)
 class NoiseOutOfStep(Diagnostic):
     """BG602."""
 

@@ -28,6 +28,15 @@ class Located:
     note: ConditionNote
 
 
+@dataclass(frozen=True, slots=True)
+class Count:
+    """A whole number of states (`floor`): an item of the mode that is computed where a condition in it changes."""
+
+    symbol: Symbol
+    position: int
+    value: Expression
+
+
 @dataclass(eq=False)
 class LoweredEvents:
     """Expressions of all events, over `Leaf` symbols."""
@@ -35,6 +44,7 @@ class LoweredEvents:
     starts: tuple[Expression, ...] = ()  # of discrete variables
     timed: list[int] = field(default_factory=list)  # places in the mode of the conditions on time
     located: list[Located] = field(default_factory=list)
+    counts: list[Count] = field(default_factory=list)
     triggers: tuple[Expression, ...] = ()
     values: tuple[Expression, ...] = ()  # new values of all settings, in a row
     targets: tuple[Expression, ...] = ()  # targets that are computed from states
@@ -48,7 +58,7 @@ class LoweredEvents:
     @property
     def size(self) -> int:
         """Length of the mode."""
-        return len(self.starts) + len(self.timed) + len(self.located)
+        return len(self.starts) + len(self.timed) + len(self.located) + len(self.counts)
 
     @property
     def present(self) -> bool:
@@ -58,7 +68,8 @@ class LoweredEvents:
     def roots(self) -> tuple[Expression, ...]:
         """All expressions of the events."""
         located = (item.root for item in self.located)
-        return (*located, *self.triggers, *self.values, *self.targets, *self.actives, *self.conjugates)
+        counts = (item.value for item in self.counts)
+        return (*located, *counts, *self.triggers, *self.values, *self.targets, *self.actives, *self.conjugates)
 
 
 def behind_the_run(space: StateSpace) -> set[int]:

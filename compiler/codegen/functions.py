@@ -93,6 +93,8 @@ _ROWS = (
                     _power_balance),
     # Instants of time events, and validity limits
     ProgramFunction("instants", "Known instants at which an expression of time jumps or bends.", lambda low: low.instants, FIXED),
+    ProgramFunction("recurring", "Values at time 0, each with its slope, of functions linear in time at whose integer values an expression jumps.",
+                    lambda low: [x for pair in low.recurring for x in pair] or None, FIXED),
     ProgramFunction("periods", "No step may be longer than any of these, or it would miss what changes with time.", lambda low: low.periods, FIXED),
     ProgramFunction("holds", "The truth of the limits of the model.", lambda low: [limit.condition for limit in low.limits]),
     ProgramFunction("limit_values", "What the limits of the model are about.", lambda low: [v.expression for limit in low.limits for v in limit.values]),
@@ -104,6 +106,8 @@ _ROWS = (
     ProgramFunction("mode_start", "What only events change, at the start.", _of_events(lambda events: events.starts), FIXED),
     ProgramFunction("roots", "Conditions on states, left side less right side: each flips where this changes sign.",
                     _of_events(lambda events: [item.root for item in events.located]), hot=True),
+    ProgramFunction("counts", "Whole numbers of states, as they are on the sides of integers that the conditions tell.",
+                    _of_events(lambda events: [item.value for item in events.counts])),
     ProgramFunction("triggers", "The truth of the conditions of events.", _of_events(lambda events: events.triggers)),
     ProgramFunction("values", "What events set.", _of_events(lambda events: events.values)),
     ProgramFunction("targets", "What is computed from states and set by events, as it is.", _of_events(lambda events: events.targets)),

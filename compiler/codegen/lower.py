@@ -157,7 +157,8 @@ def _lower_events(result: Lowered) -> None:
     steering = {s for rate in result.rates for s in symbols(rate)} if events.located else set()
     grown = bool(events.located)
     while grown:  # a condition may be asked under another
-        more = {s for i in events.located if i.symbol in steering for s in symbols(i.root)} - steering
+        items = [(i.symbol, i.root) for i in events.located] + [(i.symbol, i.value) for i in events.counts]
+        more = {s for symbol, root in items if symbol in steering for s in symbols(root)} - steering
         steering, grown = steering | more, bool(more)
     events.located = [replace(i, note=replace(i.note, steers=i.symbol in steering)) for i in events.located]
     events.actives = tuple(values[s.condition] for s in space.switches)

@@ -62,6 +62,8 @@ class Lowered:
     outputs: dict[str, Expression] = field(default_factory=dict)
     switches: list[Expression] = field(default_factory=list)  # conditions on time alone, in the order of the mode
     instants: list[Expression] = field(default_factory=list)  # known instants of kinks and jumps, of parameters
+    # values at time 0 and slopes of functions linear in time whose integer values are such instants
+    recurring: list[tuple[Expression, Expression]] = field(default_factory=list)
     crossings: list[Expression] = field(default_factory=list)  # other functions of time whose zeros are such instants
     events: LoweredEvents = field(default_factory=LoweredEvents)
     # owner and place of each of these, and the condition that changes there

@@ -144,6 +144,7 @@ class HybridNote:
     size: int
     modes: NameTable  # of discrete variables
     timed: tuple[int, ...]
+    counted: tuple[int, ...]  # places in the mode of whole numbers of states
     conditions: tuple[ConditionNote, ...]
     events: tuple[EventNote, ...]
     junctions: tuple[tuple[str, Span], ...]
@@ -157,12 +158,14 @@ class HybridNote:
 class Hybrid(HybridNote):
     """Events of a program that depend on its states.
 
-    The mode (…, size) holds the discrete variables first, then the truth values of conditions. Those on time alone are at the places
-    `timed`, in the order of `Program.switches`. The others are located, each at the zero crossings of its root.
+    The mode (…, size) holds the discrete variables first, then the truth values of conditions, and whole numbers of states (`counted`).
+    Conditions on time alone are at the places `timed`, in the order of `Program.switches`. The others are located, each at the zero
+    crossings of its root.
     """
 
     start: Callable[[Array], Array]  # constants -> discrete variables at the start
     roots: StateFunction  # as Program.output -> left less right of each condition
+    counts: StateFunction  # the same -> the whole numbers at the places `counted`, from the conditions in the mode
     triggers: StateFunction  # the same -> 1 or 0 for each event
     values: StateFunction  # the same -> what the settings of all events set
     targets: StateFunction  # the same -> what is computed and set, as it is
@@ -174,7 +177,18 @@ class Hybrid(HybridNote):
     mode_at: Callable[[Array | float, Array, Array, Array], Array]
 
 
-HYBRID = ("mode_start", "roots", "triggers", "values", "targets", "sampling", "actives", "conjugates", "mode_at")
+HYBRID = (
+    "mode_start",
+    "roots",
+    "counts",
+    "triggers",
+    "values",
+    "targets",
+    "sampling",
+    "actives",
+    "conjugates",
+    "mode_at",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,6 +268,8 @@ class Program:
     bends: StateFunction | None = None
     # as output -> zero where a law of states bends but does not jump; None if none does
     delays: Delays | None = None
+    recurring: Callable[[Array], Array] | None = None
+    # constants -> value at time 0 and slope of functions linear in time that jump at their integer values; None if none does
     stored_energy: StateFunction | None = None
     # as output -> all energy that is stored, then its slopes by the states; None if the scene does not ask for it
     time_functions: TimeFunctions | None = None  # None: none has to be looked at

@@ -30,18 +30,14 @@ from ..equations.system import Assignment
 from ..errors import CompilationFailed
 from ..source import Span
 from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME
-from .errors import JumpsWithoutEnd, NoiseOutOfStep
-from .events import Located
+from .errors import NoiseOutOfStep
+from .events import Count, Located
 from .indicators import indicator, window
 from .limits import Leaf
 from .lowered import Lowered
 from .program import ConditionNote
 
-OF_TIME = "time", "Write the signal with step, pulse, ramp or `if` on time."
-OF_STATES = (
-    "states behind a rate",
-    "Keep the count in a `mode` and let a `when` move it on, or sample it: `every 1 ms { n = floor(x) }`.",
-)
+HALF = Number(0.5)
 
 
 def _is_smooth(operator: str) -> bool:
@@ -68,6 +64,7 @@ class Switching:
         self.located = False  # True if conditions on states become items of the mode
         self.guards: set[Expression] = set()  # conditions that only keep a slope finite: nobody wrote them
         self.authored: set[Expression] = set()  # conditions that a law or an event has itself
+        self.counts: dict[Expression, Expression] = {}  # located floors and ceilings -> their items of the mode
 
     def has_nothing_in(self, formula: Formula, arguments: Sequence[Expression]) -> bool:
         """Return True if a law and its arguments, which are treated already, have no jump or kink in time: then nothing is replaced."""
@@ -112,9 +109,9 @@ class Switching:
         if x.operator == "sign" and (alone or self.located or call("less", ZERO, x.operands[0]) in self.modes):
             g = x.operands[0]  # the slope of a law has the sign that the law has: both rest where a mode says zero
             return self.replaced(select(call("less", ZERO, g), ONE, select(call("less", g, ZERO), Number(-1.0), ZERO)))
-        if (alone or self.located) and x.operator in ("floor", "ceil"):
-            raise CompilationFailed([JumpsWithoutEnd(span, x.operator, *(OF_TIME if alone else OF_STATES))])
         operands = tuple(map(self.replaced, x.operands))
+        if x.operator in ("floor", "ceil") and (alone or self.located or x in self.counts):
+            return self._count(x, operands[0], alone)
         if alone and is_table(x):
             for knot in domain(x):  # kinks of the curve or of one of its derivatives
                 self._instant(self.replaced(x.operands[1] - knot))
@@ -131,6 +128,45 @@ class Switching:
         if self.located and not alone:
             self._bend(x, operands)
         return found
+
+    def _count(self, x: Apply, g: Expression, alone: bool) -> Expression:
+        """`floor` or `ceil` of an expression as an item of the mode, so that it is constant between two instants. `g`: its operand, replaced.
+
+        Of states it is found anew where one of two conditions changes, which are both true where `g` is an integer: they tell on which side of
+        an integer the last event left `g`, so what rounding makes of `g` beside an integer does not change the number.
+        """
+        if alone:
+            self._integers(g)
+            return self._item(substitute(call(x.operator, g), self._opened))
+        if x in self.counts:
+            return self.counts[x]
+        if not self.result.dependence(g) & (TIME | STATE):  # a count of counts
+            return call(x.operator, g)
+        if x.operator == "ceil":
+            self.counts[x] = negate(self.replaced(call("floor", negate(x.operands[0]))))
+            return self.counts[x]
+        wave = call("sin", Number(pi) * x.operands[0])  # positive from an even integer to the next
+        sides = call("less_equal", ZERO, wave), call("less_equal", wave, ZERO)
+        self.authored.update(sides)
+        even, odd = (self.replaced(side) for side in sides)
+        above = 2.0 * call("floor", HALF * (g + HALF))
+        below = 1.0 + 2.0 * call("floor", HALF * (g - HALF))
+        number = select(call("and", even, odd), call("floor", g + HALF), select(even, above, below))
+        self.counts[x] = symbol = self.result.event_symbol(self.next)
+        self.result.events.counts.append(Count(symbol, self.next, number))
+        self.next += 1
+        return symbol
+
+    def _integers(self, g: Expression) -> None:
+        """Record the instants at which a function of time is an integer."""
+        time = Symbol(Leaf("time", 0))
+        slope = derivative(g, time)
+        if self.result.dependence(slope) & TIME or self.result.dependence(g) & MODE:
+            self._instant(call("sin", Number(pi) * g), "floor")
+        elif slope != ZERO:
+            pair = substitute(g, lambda s: ZERO if s == time else s), slope
+            if pair not in self.result.recurring:
+                self.result.recurring.append(pair)
 
     def _bend(self, x: Apply, operands: tuple[Expression, ...]) -> None:
         """Record a kink of a law of states: no event, but a point at which a step may have to end."""
@@ -155,7 +191,10 @@ class Switching:
             return self.modes[condition]
         if self.pieced and not alone and condition not in self.authored:
             self.guards.add(condition)
-        locatable = self.located and condition.operator in ("less", "less_equal") and condition not in self.guards
+        moves = any(self.result.dependence(operand) & (TIME | STATE) for operand in operands)  # not with counts alone
+        locatable = (
+            self.located and moves and condition.operator in ("less", "less_equal") and condition not in self.guards
+        )
         if condition.operator in ("and", "or", "not") or not (alone or locatable):
             return _rebuilt(condition.operator, operands)
         events, a, b = self.result.events, *condition.operands

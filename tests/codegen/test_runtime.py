@@ -189,7 +189,7 @@ def test_a_dense_matrix_has_its_entries_in_their_places() -> None:
 def test_a_mode_is_that_of_its_conditions() -> None:
     """One discrete variable, a condition on time, then two on states: the second holds at zero, and asks the first."""
     conditions = [SimpleNamespace(position=2, strict=True), SimpleNamespace(position=3, strict=False)]
-    note = SimpleNamespace(conditions=conditions, size=4, modes=SimpleNamespace(names=("n",)), timed=(1,))
+    note = SimpleNamespace(conditions=conditions, size=4, modes=SimpleNamespace(names=("n",)), timed=(1,), counted=())
 
     def roots(time: Any, state: Any, inputs: Any, constants: Any, mode: Any) -> Any:
         return np.stack([state[..., 0], np.where(mode[..., 2] == 1, state[..., 1], 1.0)], axis=-1)

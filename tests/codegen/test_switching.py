@@ -16,7 +16,7 @@ from compiler.codegen.switching import Switching
 from compiler.equations.system import Assignment
 from compiler.errors import CompilationFailed
 from compiler.source import Source, Span
-from tests.compiling import Running, compiled, refused
+from tests.compiling import Running, compiled
 
 T, X, Y = Symbol(Leaf("time", 0)), Symbol(Leaf("state", 0)), Symbol(Leaf("state", 1))
 A, L, U = Symbol(Leaf("parameter", 0)), Symbol(Leaf("parameter", 1)), Symbol(Leaf("input", 0))
@@ -113,13 +113,37 @@ def test_an_output_evaluates_its_conditions_and_a_rate_has_them_as_items() -> No
     assert [evaluate(i, lambda _: 7.0) for i in found.result.instants] == [7.0]
 
 
-@pytest.mark.parametrize(("argument", "of"), [("time/1 s", "time"), ("p", "states behind a rate")])
-@pytest.mark.parametrize("function", ["floor", "ceil"])
-def test_a_count_behind_a_rate_is_refused(argument: str, of: str, function: str) -> None:
-    text = f"plain model M {{ signal p = integral({function}({argument.replace(' s', '')}), 0); output y = p }}"
-    found = refused(compiled(text), "BG601")
-    assert found.sentence == f"`{function}` of an expression of {of} jumps at instants that this version does not find"
-    assert found.help.startswith("Write the signal with step" if of == "time" else "Keep the count in a `mode`")
+def test_a_count_of_time_is_an_item_with_its_instants() -> None:
+    found, turns = switching(), multiply(Number(0.5), T) + 0.25
+    assert found.replaced(call("floor", turns)) == Symbol(Leaf("mode", FIRST))
+    assert found.replaced(call("ceil", turns)) == Symbol(Leaf("mode", FIRST + 1))
+    assert found.result.recurring == [(Number(0.25), Number(0.5))] and not found.result.crossings
+    found.replaced(call("floor", multiply(T, T)))
+    assert found.result.crossing_places[0][2] == "floor" and len(found.result.recurring) == 1
+
+
+def test_a_count_of_states_is_an_item_that_two_conditions_tell() -> None:
+    found = switching()
+    count = found.replaced(call("floor", X))
+    (item,) = found.result.events.counts
+    assert count == item.symbol == Symbol(Leaf("mode", FIRST + 2)) and found.next == FIRST + 3
+    assert found.replaced(call("floor", 0.5 * call("floor", X))) == call(
+        "floor", 0.5 * count
+    )  # changes with the count alone
+    assert (
+        found.replaced(call("less", call("floor", X), Number(2.0))) == call("less", count, Number(2.0))
+        and len(found.result.events.located) == 2
+    )
+    for x, sides, expected in (
+        (3.0, (1, 1), 3),
+        (3 - 1e-9, (0, 1), 3),
+        (3 + 1e-9, (1, 0), 2),
+        (-1.0, (1, 1), -1),
+        (-0.3, (0, 1), -1),
+        (0.4, (1, 0), 0),
+    ):
+        values = {X.key: x, Leaf("mode", FIRST): sides[0], Leaf("mode", FIRST + 1): sides[1]}
+        assert evaluate(item.value, values.__getitem__) == expected
 
 
 def test_a_count_of_states_in_an_output_or_of_parameters_is_none() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from tests.gallery.reference import driven, integrated, near, run
 
@@ -165,3 +166,24 @@ def test_bridge_rectifier() -> None:
     # The pulses are narrow against a step, and between steps the solver's polynomial is of third order.
     near(found["i"], [winding(t, y)[0] for t, y in zip(found.time, exact, strict=True)], margin=10_000)
     assert found["u_out"].max() < 17 - 2 * 0.5  # two diodes in the way
+
+
+def test_a_step_down_converter_period_by_period() -> None:
+    """x' = A x + b u with u = 24 V during half of each period: matrix exponentials of both halves; the mean is that of the duty."""
+    a = np.array([[-0.05 / 47e-6, -1 / 47e-6], [1e4, -1e4 / 2]])  # of i and u_out
+    still = np.linalg.solve(a, [-24 / 47e-6, 0.0])  # where on leads to
+    half = expm(a * 5e-6)
+    x, expected = np.zeros(2), [np.zeros(2)]
+    for _ in range(200):
+        x = half @ (x - still) + still
+        x = half @ x
+        expected.append(x)
+    found = run("step_down", points=201)
+    np.testing.assert_allclose(np.stack([found["i"], found["u_out"]], axis=1), expected, rtol=1e-9, atol=1e-9)
+    rest = np.linalg.solve(
+        np.eye(2) - half @ half, half @ (still - half @ still)
+    )  # x of the periodic motion where a period begins
+    ripple = np.trapezoid([(expm(a * t) @ (rest - still) + still)[1] for t in np.linspace(0, 5e-6, 201)], dx=2.5e-8)
+    top = half @ (rest - still) + still
+    ripple += np.trapezoid([(expm(a * t) @ top)[1] for t in np.linspace(0, 5e-6, 201)], dx=2.5e-8)
+    assert found.final("mean") == pytest.approx(ripple / 1e-5, rel=1e-6)

@@ -79,6 +79,7 @@ class Events:
         self.count = len(self.program.states.names)
         self.measure(self.magnitude)
         self.places = np.array([c.position for c in hybrid.conditions], dtype=int)
+        self.counted = list(hybrid.counted)
         self.strict = np.array([c.strict for c in hybrid.conditions], dtype=bool)
         self.all_strict = bool(self.strict.all())
         self.steers = np.array([c.steers for c in hybrid.conditions], dtype=bool)
@@ -136,13 +137,19 @@ class Events:
     def guess(self, at: Moment) -> Any:
         """Return a mode with the conditions as evaluated at a hybrid state; a root below rounding counts as zero."""
         mode = np.array(at.mode, dtype=float)
-        for _ in range(len(self.places) + 1):
+        for number in range(len(self.places) + 1):
             roots, noise, _ = self._evaluated(Moment(at.time, at.state, mode))
             truth = self.truth(np.where(np.abs(roots) <= noise, 0.0, roots))
-            if (truth == mode[self.places]).all():
+            if (truth == mode[self.places]).all() and (number or not self.counted):
                 break
             mode[self.places] = truth
+            self.count_in(Moment(at.time, at.state, mode))
         return mode
+
+    def count_in(self, at: Moment) -> None:
+        """Put the whole numbers that belong to the conditions of a mode into it."""
+        if self.counted:
+            at.mode[self.counted] = self.hybrid.counts(at.time, at.state, self.inputs, self.constants, at.mode)
 
     def triggers(self, at: Moment) -> Any:
         """Return a mask of the events whose conditions hold."""
@@ -172,6 +179,7 @@ class Events:
         mode[self.places[changed]] = 1.0 - mode[self.places[changed]]
         acted: list[int] = []
         floor = self.floor
+        self.count_in(Moment(at.time, at.state, mode))
         now = self.settled(Moment(at.time, at.state, mode))
         for _ in range(MOST_ROUNDS):
             triggers = self.triggers(now)
@@ -185,7 +193,7 @@ class Events:
                 acted += switching
                 break
             acted += rising
-            now = self.settled(self.set(now, rising))
+            now = self.settled(self._read_anew(self.set(now, rising)))
         else:
             names = self._listed([self.hybrid.events[i] for i in acted[-4:]])
             raise RunFailed(
@@ -326,11 +334,25 @@ class Events:
             seen[key] = len(trail)
             trail.append(now.mode)
             truth = self._just_after(now)
-            if (truth == (now.mode[self.places] == 1.0)).all():
-                return now
             mode = now.mode.copy()
             mode[self.places] = truth
+            self.count_in(Moment(at.time, now.state, mode))
+            if (mode == now.mode).all():
+                return now
             now = self._solved(Moment(at.time, now.state, mode))
+
+    def _read_anew(self, at: Moment) -> Moment:
+        """Return a hybrid state that events have set, with the truth of conditions whose two sides are equal there: nothing else may move them."""
+        if not len(self.places):
+            return at
+        now = self._solved(at)
+        roots, noise, _ = self._evaluated(now)
+        equal = np.abs(roots) <= noise
+        if not equal.any():
+            return now
+        mode = now.mode.copy()
+        mode[self.places[equal]] = self.truth(np.zeros(len(roots)))[equal]
+        return Moment(now.time, now.state, mode)
 
     def _between(self, at: Moment, conditions: IntArray) -> Moment | None:
         """Return the mode in which each of these conditions is as where its two sides are equal, if the motion stays there.
@@ -339,6 +361,7 @@ class Events:
         """
         mode = at.mode.copy()
         mode[self.places[conditions]] = self.truth(np.zeros(len(self.places)))[conditions]
+        self.count_in(Moment(at.time, at.state, mode))
         rest = self._solved(Moment(at.time, at.state, mode))
         if (self._just_after(rest) == (mode[self.places] == 1.0)).all():
             return rest

@@ -121,7 +121,7 @@ class History:
         hybrid, delays = program.hybrid, program.delays
         assert delays is not None
         if hybrid is not None:
-            inner = ("roots", "triggers", "values", "targets", "actives", "conjugates", "mode_at")
+            inner = ("roots", "counts", "triggers", "values", "targets", "actives", "conjugates", "mode_at")
             within: dict[str, Any] = {n: wrap(getattr(hybrid, n)) for n in inner}
             hybrid = replace(hybrid, **within)
         delays = replace(delays, values=wrap(delays.values))

@@ -165,6 +165,7 @@ class EventIntegrator(SegmentIntegrator):
             mode = np.array(stretch.mode)
             mode[events.places[flip.conditions]] = 1.0 - mode[events.places[flip.conditions]]
             after = Moment(flip.time, flip.state, mode)
+            events.count_in(after)
             if events.rising(after) or (events.hybrid.junctions and events.actives(after) != self.off):
                 self.flip = flip
                 break
@@ -179,11 +180,15 @@ class EventIntegrator(SegmentIntegrator):
     def _passes(self, flip: Flip, before: Array, after: Array, state_at: StateAt) -> bool:
         """Return True if the laws of both sides agree, far below the tolerance, up to the end of the step: then it need not end where they change.
 
+        Not where a whole number of states changes: its conditions come back to zero at the next integer.
+
         So a continuous law runs through a state that is at rest at its condition except for rounding. A condition that changes back within this distance
         is not located.
         """
         events, tolerances, count = self.events, self.tolerances, len(self.program.states.names)
         if not count:  # no step gets shorter by it, and outputs are to be those of the side that holds
+            return False
+        if (after[events.counted] != before[events.counted]).any():
             return False
         start, stop = self.followed
         times, reach = np.array([0.5 * (flip.time + stop), stop]), np.zeros(len(events.floor))

@@ -102,7 +102,7 @@ def _resolution(program: Program, edges: Array, modes: Array) -> Resolution | No
 
 def _edges(program: Program, constants: Array, start: float, stop: float) -> tuple[Any, tuple[str, ...]]:
     """Return the ends of all segments, rising, shape (segments + 1,); and notes."""
-    cuts = np.atleast_1d(program.instants(constants))
+    cuts = np.concatenate([np.atleast_1d(program.instants(constants)), *_recurring(program, constants, start, stop)])
     base = _distinct(np.concatenate([[start], np.sort(cuts[(start < cuts) & (cuts < stop)]), [stop]]))
     edges = base
     if program.hybrid is not None:
@@ -218,14 +218,48 @@ def rest_of(stretches: Sequence[Segment], start: float) -> list[Segment]:
     return rest
 
 
+def aligned(stretches: list[Segment], instants: Array) -> list[Segment]:
+    """Return the segments with ends moved down to reported instants that differ from them by rounding: values hold from a jump on."""
+    if len(stretches) < 2:
+        return stretches
+    edges = np.array([s.start for s in stretches[1:]])
+    instants = np.asarray(instants)
+    near = instants[np.maximum(instants.searchsorted(edges) - 1, 0)]
+    moved = (near < edges) & (edges - near <= ROUNDING * np.spacing(np.abs(edges)))
+    moved &= near > np.array([s.start for s in stretches[:-1]])
+    if not moved.any():
+        return stretches
+    parts = list(stretches)
+    for i in np.flatnonzero(moved).tolist():
+        parts[i] = parts[i].up_to(parts[i].start, float(near[i]))
+        parts[i + 1] = parts[i + 1].up_to(float(near[i]), parts[i + 1].stop)
+    return parts
+
+
 def _multiples(period: float, start: float, stop: float) -> Any:
     """Return the sample instants of an event."""
     if not period > 0 or (stop - start) / period > MOST_SAMPLES:
-        raise RunFailed(
-            "BR761", f"an event every {period:g} s for {stop - start:g} s acts more than {MOST_SAMPLES} times, or never"
-        )
+        raise _too_often(period, stop - start)
     times = period * np.arange(np.floor(start / period), np.ceil(stop / period) + 1)
     return times[(times > start) & (times < stop)]
+
+
+def _too_often(period: float, length: float) -> RunFailed:
+    return RunFailed(
+        "BR761", f"an event every {period:g} s for {length:g} s acts more than {MOST_SAMPLES} times, or never"
+    )
+
+
+def _recurring(program: Program, constants: Array, start: float, stop: float) -> Iterator[Any]:
+    """Yield the instants at which each function linear in time is an integer."""
+    if program.recurring is None:
+        return
+    for at_zero, slope in np.reshape(program.recurring(constants), (-1, 2)).tolist():
+        if not abs(slope) * (stop - start) <= MOST_SAMPLES:
+            raise _too_often(abs(1 / slope), stop - start)
+        if slope != 0:
+            first, last = sorted((at_zero + slope * start, at_zero + slope * stop))
+            yield (np.arange(np.floor(first), np.ceil(last) + 1) - at_zero) / slope
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,7 +367,8 @@ def mode_size(program: Program, constants: Array) -> int:
 
 def mode_after(program: Program, constants: Array, instant: float, last: Segment) -> Any:
     """Return the conditions just after the end of a run, which an output at a jump shows (values hold from the jump on)."""
-    return with_time_of(program, _mode(program, constants, instant + 1e-6 * (last.stop - last.start)), last.mode)
+    later = max(1e-10 * (last.stop - last.start), 4 * ROUNDING * float(np.spacing(abs(instant))))
+    return with_time_of(program, _mode(program, constants, instant + later), last.mode)
 
 
 def with_time_of(program: Program, mode: Array, before: Array) -> Any:

@@ -68,6 +68,8 @@ def mode_at(note: HybridNote, found: Mapping[str, Function]) -> Function:
         for _ in places:  # a condition may depend on another
             roots = found["roots"](time, state, inputs, constants, mode)
             mode[..., places] = (roots < 0) | ((roots == 0) & ~strict)
+            if note.counted:
+                mode[..., list(note.counted)] = found["counts"](time, state, inputs, constants, mode)
         return mode
 
     return evaluate

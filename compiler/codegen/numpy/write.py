@@ -186,6 +186,8 @@ def _mode_at(events: LoweredEvents) -> str:
     """The mode from the conditions on time and on states."""
     located = [item.note.position for item in events.located]
     strict = [item.note.strict for item in events.located]
+    counts = [item.position for item in events.counts]
+    counted = f"\n        mode[..., {counts}] = counts(time, state, inputs, constants, mode)" if counts else ""
     return f'''
 def mode_at(time, state, inputs, constants):
     """The mode at a state, with what only events change as it starts."""
@@ -194,7 +196,7 @@ def mode_at(time, state, inputs, constants):
     mode[..., {events.timed}] = switches(time, constants)
     for _ in range({len(located)}):  # one may be asked under another
         left_less_right = roots(time, state, inputs, constants, mode)
-        mode[..., {located}] = (left_less_right < 0) | ((left_less_right == 0) & ~np.array({strict}))
+        mode[..., {located}] = (left_less_right < 0) | ((left_less_right == 0) & ~np.array({strict})){counted}
     return mode
 '''
 

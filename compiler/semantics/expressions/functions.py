@@ -73,6 +73,33 @@ def _pulse(node: tree.Call, arguments: list[Typed]) -> Typed:
     return Typed(select(call("and", call("less_equal", a, t), call("less", t, b)), NUMBER_ONE, ZERO), ONE)
 
 
+def _mod(node: tree.Call, arguments: list[Typed]) -> Typed:
+    dimension = _same(node, arguments)
+    x, length = (a.expression for a in arguments)
+    return Typed(x - length * call("floor", divide(x, length)), dimension)
+
+
+def _stairs(node: tree.Call, arguments: list[Typed]) -> Typed:
+    dimension = _same(node, arguments)
+    x, tread = (a.expression for a in arguments)
+    return Typed(tread * call("floor", divide(x, tread)), dimension)
+
+
+def _pwm(node: tree.Call, arguments: list[Typed]) -> Typed:
+    x, period, duty = arguments
+    common_dimension(
+        [(a, n.span) for a, n in zip((x, period), node.arguments[:2], strict=True)],
+        "Time and period of `pwm` need one unit",
+    )
+    if duty.dimension not in (None, ONE):
+        what = f"The duty of `pwm` is a bare number between 0 and 1, but `{node.arguments[2].span.text}` is {describe(duty.dimension)}"
+        hint = "Write `pwm(time, 1 ms, 0.3)`, or divide what is on by the period."
+        raise Wrong(DimensionMismatch(node.arguments[2].span, what, hint))
+    turns = divide(x.expression, period.expression)
+    share = call("min", call("max", duty.expression, ZERO), NUMBER_ONE)
+    return Typed(call("floor", turns) - call("floor", turns - share), ONE)
+
+
 def _rise(shape: Callable[[Expression], Expression]) -> Builder:
     """0 before a, 1 after b, and `shape` of (t-a)/(b-a) between."""
 
@@ -128,6 +155,9 @@ FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
     "ln": (1, "ln(x)", _pure("log")),
     "step": (1, "step(time - 1 s)", _step),
     "pulse": (3, "pulse(time, 1 s, 2 s)", _pulse),
+    "pwm": (3, "pwm(time, 1 ms, 0.3)", _pwm),
+    "mod": (2, "mod(x, length)", _mod),
+    "stairs": (2, "stairs(x, tread)", _stairs),
     "ramp": (3, "ramp(time, 1 s, 2 s)", _rise(lambda u: u)),
     **{f"smoothstep{n}": (3, f"smoothstep{n}(time, 1 s, 2 s)", _rise(shape)) for n, shape in _SMOOTH.items()},
     "chirp": (4, "chirp(time, 1 Hz, 20 Hz, 10 s)", _chirp),

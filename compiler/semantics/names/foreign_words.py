@@ -20,8 +20,9 @@ FUNCTIONS = {
     "der": _RATES, "ddt": _RATES, "diff": _RATES, "int": _INTEGRAL, "integrate": _INTEGRAL, "idt": _INTEGRAL,
     "table": _CURVE, "interp": _CURVE, "interp1": _CURVE,
     "pow": "A power is written with `^`: `a^2`.",
-    "mod": "A remainder is `x - y*floor(x/y)`, of bare numbers.",
     "round": "A rounded number is `floor(x + 0.5)`.",
+    "rem": "A remainder is `mod(x, length)`, of two quantities of one unit.",
+    "fmod": "A remainder is `mod(x, length)`, of two quantities of one unit.",
     "pre": "In an event the right sides read the values before it: write the name alone.",
 }  # fmt: skip
 NAMES = {
