@@ -15,7 +15,7 @@ import numpy as np
 
 from compiler.api import Array, ComplexArray, Leaf, letters
 
-from ..numerics.scales import nonzero
+from ..numerics.scales import group_numbers, largest_of_group, nonzero
 from ..rendering import Summarised
 from .json_values import finite, head, pair
 from .linear import Linearization, linearization, part_note, state_matrix
@@ -26,6 +26,7 @@ SCHEMA = "bondgraph-modes/1"
 WIDTH = 64  # modes whose energies are computed at once
 STILL = 1e-12  # relative to the fastest: an eigenvalue that counts as zero
 RESTING = 1e-8  # relative to the terms in a rate: a smaller rate is rounding
+ROUNDED = 1e-13  # relative to the terms in a rate at one radian: what forces leave that cancel
 CHANGING = 1e-6  # relative to the terms in a rate: a smaller change along the motion is none
 SMALL = 1e-9  # relative to the largest energy: rounding
 
@@ -175,7 +176,9 @@ def _note(linear: Linearization) -> str:
     if not fastest > 0:
         return ""
     terms = slopes @ np.maximum(sizes, slopes @ sizes / fastest)  # of which rounding leaves a share in each rate
-    rates = np.where(np.abs(linear.rates) > RESTING * terms, linear.rates, 0.0)
+    units = [linear.units[name] for name in linear.states]
+    turned = largest_of_group(slopes @ np.array([unit == "1" for unit in units], dtype=float), group_numbers(units))
+    rates = np.where(np.abs(linear.rates) > np.maximum(RESTING * terms, ROUNDED * turned), linear.rates, 0.0)
     change = np.abs(linear.A @ rates)
     pace = float(np.max(np.abs(rates) / np.where(sizes > 0, sizes, np.inf), initial=0.0))
     share = change / np.where(terms * pace > 0, terms * pace, np.where(change > 0, change, 1.0))

@@ -437,7 +437,8 @@ def reduction(point: OperatingPoint) -> Reduced:
     if not point.program.invariants.names:
         return Reduced(np.arange(n), np.eye(n), np.zeros((n, k)), follow)
     space = point.compilation.state_space
-    values = [i.position for i in space.invariants] + [i.velocity for i in space.invariants if i.velocity is not None]
+    positions, rates = [i.position for i in space.invariants], [i.velocity for i in space.invariants]
+    values = [v for v in (*positions, *rates) if v is not None]
     slopes = point.slopes(values)
     chosen, directions, following = tied_coordinates(slopes[:, :n], slopes[:, size:])
     return Reduced(chosen, directions, following, follow)

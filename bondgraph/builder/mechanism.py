@@ -136,6 +136,20 @@ class Multibody:
         """Couple a hinge and a slide, which moves by `radius` (m) per radian."""
         return self._joint("rack", name, first, second, {"radius": (radius, "m")}, {})
 
+    # ------------------------------------------------------------ rolling
+    def wheel(
+        self, name: str, first: End, second: End, *, radius: Value, about: Value = None, normal: Value = None, at: Value = None
+    ) -> Part:  # fmt: skip
+        """Add a wheel with its centre `at` a point of `second`, which rolls on a plane of `first` without slip; in space without `about` a sphere."""
+        given = {"radius": (radius, "m"), "about": (about, ""), "normal": (normal, "")}
+        return self._joint("wheel", name, first, second, given, {"at": at})
+
+    def skate(
+        self, name: str, first: End, second: End, *, along: Value, normal: Value = None, at: Value = None
+    ) -> Part:
+        """Add an edge at a point of `second`, which slides on a plane of `first` along a direction, and not across it."""
+        return self._joint("skate", name, first, second, {"along": (along, ""), "normal": (normal, "")}, {"at": at})
+
     # ------------------------------------------------------------ writing
     def _joint(
         self, kind: str, name: str, first: End, second: End, given: ElementOptions, options: JointOptions, more: list[str] | None = None

@@ -65,14 +65,14 @@ def _is_affine(lowered: Lowered) -> bool:
 
 
 def _of_invariants(lowered: Lowered) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-    """For each constraint: index of its multiplier among the unknowns, of its rate among the invariants, of its part among the parameters.
+    """For each constraint (of rates alone last): index of its multiplier among the unknowns, its rate among the invariants, its part among the parameters.
 
     The index is -1 if there is none. A fourth tuple holds the unknowns that the program solves for.
     """
     invariants = lowered.space.invariants
     unknowns = {u.variable: i for i, u in enumerate(lowered.space.unknowns)}
     parameters = {v: i for i, v in enumerate(lowered.parameters)}
-    rates, row = [], len(invariants)
+    rates, row = [], sum(i.position is not None for i in invariants)
     for invariant in invariants:
         rates.append(-1 if invariant.velocity is None else row)
         row += invariant.velocity is not None
@@ -92,7 +92,7 @@ def name_tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
         return [(variables[v].name, variables[v].unit) for v in numbers]  # type: ignore[attr-defined]
 
     outputs = [(name, variables[v].unit) for name, v in lowered.space.outputs.items()]
-    invariants = [(i.name, variables[i.position].unit) for i in lowered.space.invariants]
+    invariants = [(i.name, variables[i.position].unit) for i in lowered.space.invariants if i.position is not None]
     rates = [
         (f"rate of {i.name}", variables[i.velocity].unit) for i in lowered.space.invariants if i.velocity is not None
     ]

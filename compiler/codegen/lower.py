@@ -135,10 +135,11 @@ def _put_leaves(result: Lowered) -> None:
 def _lower_invariants(result: Lowered, slopes: dict[int, dict[int, Expression]]) -> None:
     """Derivatives of the constraint residuals by positions, and of their rates by velocities, as a projection needs them."""
     invariants, count = result.space.invariants, len(result.space.states)
-    gaps = [i.position for i in invariants]
+    gaps = [i.position for i in invariants if i.position is not None]
     rates = [i.velocity for i in invariants if i.velocity is not None]
     result.invariants = tuple(result.values[v] for v in (*gaps, *rates))
     positions = {c for gap in gaps for c in slopes.get(gap, {})}
+    positions |= {c for c, state in enumerate(result.space.states) if state.drawn is not None}
     for row, variable in enumerate((*gaps, *rates)):
         for column, slope in slopes.get(variable, {}).items():
             if column < count and slope != ZERO and (row < len(gaps) or column not in positions):

@@ -253,9 +253,10 @@ class Program:
     invariant: StateFunction  # as output -> those
     invariant_pattern: tuple[IntArray, IntArray]  # invariants and states; rates only by states on which no gap depends
     invariant_slopes: StateFunction  # as output -> the slopes there
-    multipliers: tuple[int, ...]  # for each gap that has a multiplier, its place among the unknowns, else -1
-    rates: tuple[int, ...]  # for each gap the row of its rate among the invariants, else -1
-    # for each gap the parameter that says whether it takes part (1) or follows from others (0), else -1
+    # for each constraint that has a multiplier, its place among the unknowns, else -1: those with gaps, then those of rates alone
+    multipliers: tuple[int, ...]
+    rates: tuple[int, ...]  # for each constraint the row of its rate among the invariants, else -1
+    # for each constraint the parameter that says whether it takes part (1) or follows from others (0), else -1
     parts: tuple[int, ...]
     # the unknowns that `solved` solves for, in its order: multipliers, and balances of massless bodies
     eliminated: tuple[int, ...]

@@ -194,9 +194,9 @@ class EquationBuilder:
         self.add(Assignment(target, bound.formula, tuple(bound.arguments), span, owner, True))
 
     def invariant(
-        self, position: int, velocity: int | None, name: str, span: Span, multiplier: int | None = None, part: int | None = None
+        self, position: int | None, velocity: int | None, name: str, span: Span, multiplier: int | None = None, part: int | None = None
     ) -> None:  # fmt: skip
-        """Add an invariant: every state of a run keeps it at zero, and its rate. `multiplier` and `part` as in `Invariant`."""
+        """Add an invariant: every state of a run keeps it and its rate at zero, or its rate alone. `multiplier` and `part` as in `Invariant`."""
         self.invariants.append(Invariant(position, velocity, name, span, multiplier, part))
 
     @property
@@ -457,7 +457,11 @@ class EquationBuilder:
         ]  # fmt: skip
         self.claims = [replace(c, variable=root(c.variable), start=through(c.start)) for c in self.claims]
         self.invariants = [
-            replace(i, position=root(i.position), velocity=None if i.velocity is None else root(i.velocity))
+            replace(
+                i,
+                position=None if i.position is None else root(i.position),
+                velocity=None if i.velocity is None else root(i.velocity),
+            )
             for i in self.invariants
         ]
         self.derivatives = [

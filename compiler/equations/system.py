@@ -115,11 +115,12 @@ class Claim:
 class Invariant:
     """Function of the state that a run must keep at zero: a constraint residual (and its rate), or the norm of a quaternion minus one.
 
+    Rolling constrains velocities alone: there is a rate, and no residual of which it would be the rate.
     A constraint has a multiplier, which makes the acceleration of the residual zero, and a parameter that is 1 if it is active
     and 0 if it depends on others.
     """
 
-    position: int
+    position: int | None
     velocity: int | None
     name: str
     span: Span

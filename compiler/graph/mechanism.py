@@ -75,13 +75,15 @@ class Joint:
     first: str
     second: str  # bodies, frames or ground; of a gear or rack: joints
     position: Vector
-    axis: Vector  # of slide, hinge, cylinder, screw, universal (its first); need not be of length 1
+    axis: Vector  # of slide, hinge, cylinder, screw, universal (its first), skate, wheel in space; need not be of length 1
     turn: Vector  # of a free or planar joint: how its axes are turned, a rotation vector (rad)
     starts: Mapping[str, Bound]
     span: Span
     axes: str = "from"  # from, to, middle or world: in whose axes a free joint measures
-    other_axis: Vector = ORIGIN  # the second of a universal joint
-    ratio: Bound = NOTHING  # gear: turn of the second by that of the first; rack: m by rad; screw: m by turn (2 pi)
+    other_axis: Vector = ORIGIN  # the second of a universal joint; of a wheel or skate: the normal of its plane
+    ratio: Bound = (
+        NOTHING  # gear: turn of the second by that of the first; rack: m by rad; screw: m by turn (2 pi); wheel: radius
+    )
     rest: Mapping[str, Bound] = field(default_factory=dict)  # coordinates as drawn, if not zero
     locked: bool = False  # it leaves nothing in this run
     planar: bool = True  # True in a planar mechanism
@@ -110,11 +112,14 @@ FREEDOMS: Mapping[str, tuple[str, ...]] = {
     "rod": (),
     "gear": (),
     "rack": (),
+    "wheel": (),
+    "skate": (),
 }
 
 ATTITUDE = ("w", "x", "y", "z")  # of a body in space: a unit quaternion, read and started as `attitude.w`, …
 HOLDING_NOTHING = frozenset({"free", "distance"})
 COUPLINGS = frozenset({"gear", "rack"})  # they tie two joints
+CONTACTS = frozenset({"wheel", "skate"})  # they roll or slide on a plane of their first body
 SPANS = frozenset({"distance", "rod"})  # they lie between two points
 SPATIAL_JOINTS = frozenset({"planar", "cylinder", "screw", "universal", "ball"})
 
@@ -130,14 +135,16 @@ def reactions_of(kind: str, planar: bool) -> tuple[str, ...]:
     """Reaction components of a joint, which can be read as `joint.reaction.x`.
 
     Force and torque on its second body at the joint's point, in world axes; for a rod only the force, for a gear the torque and for a
-    rack the force on its second joint.
+    rack the force on its second joint. Of a wheel the point is that of contact.
     """
     if kind in HOLDING_NOTHING or kind not in FREEDOMS:
         return ()
     if kind in COUPLINGS:
         return ("phi",) if kind == "gear" else ("x",)
     pose = PLANAR_POSE if planar else POSE
-    return tuple(p for p in pose if COMPONENT_DOMAINS[p] == "translation") if kind == "rod" else pose
+    return (
+        tuple(p for p in pose if COMPONENT_DOMAINS[p] == "translation") if kind == "rod" or kind in CONTACTS else pose
+    )
 
 
 def domain_of(port: str) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Set
 
 from ..algebra.expression import ONE, ZERO, Expression, Symbol, add, multiply, negate
-from ..graph.mechanism import COUPLINGS, POSE, Joint, reactions_of
+from ..graph.mechanism import CONTACTS, COUPLINGS, POSE, Joint, reactions_of
 from .coordinates import is_turning
 from .errors import ClosedLoop
 from .kinematics import Kinematics
@@ -19,6 +19,7 @@ from .loop_coordinates import Leaves
 from .loop_frames import LoopCoordinate, Row, Sides
 from .motion import MechanismEquations, PortMotion
 from .recursion import Recursion
+from .rolling import contact_rows
 from .tree import loop_of
 from .vectors import NULL, Vector
 
@@ -45,7 +46,7 @@ class Closure:
                 self.result.diagnostics.append(ClosedLoop(joint.span, joint.name, loop))
                 continue
             sides = None if joint.kind in COUPLINGS else self._sides(joint)
-            for row in self._coupled(joint) if sides is None else sides.rows():
+            for row in self._rows(joint, sides):
                 if row.gap != ZERO or row.rate != ZERO:  # else it holds by the way that all of it is drawn
                     self._begin(row, joint)
             if sides is not None and joint.name in self.used and not joint.locked:
@@ -54,13 +55,18 @@ class Closure:
     def _sides(self, joint: Joint) -> Sides:
         return Sides(self.kinematics, self.recursion, self.result, self.wrenches, joint)
 
+    def _rows(self, joint: Joint, sides: Sides | None) -> list[Row]:
+        if sides is None:
+            return self._coupled(joint)
+        return contact_rows(sides) if joint.kind in CONTACTS else sides.rows()
+
     def _begin(self, row: Row, joint: Joint) -> None:
         builder, name = self.script.builder, self.script.named(row.name)
         length = row.unit == "m"
         multiplier = builder.variable(f"{name} multiplier", "computed", "N" if length else "N*m")
         # A row that follows from others takes no part: which, the run decides, as ranks depend on the pose.
         part = builder.variable(f"{name} takes part", "parameter", "1", 1.0)
-        gap = self.script.held(f"{row.name} gap", row.gap, row.unit)
+        gap = None if row.rate_only else self.script.held(f"{row.name} gap", row.gap, row.unit)
         rate = self.script.held(f"{row.name} gap rate", row.rate, "m/s" if length else "1/s")
         builder.invariant(gap, rate, name, joint.span, multiplier, part)
         row.push(Symbol(multiplier))

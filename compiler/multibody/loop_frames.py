@@ -37,6 +37,7 @@ class Row:
     rate: Expression
     acceleration: Callable[[], Expression]
     push: Callable[[Expression], None]
+    rate_only: bool = False  # it constrains velocities, and has no residual
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,14 +138,17 @@ class Sides:
             return x, y, z
         if joint.kind in ("weld", "ball"):
             return UNIT
-        a = self.direction(joint.axis, "axis")
+        return self.axes_along(self.direction(joint.axis, "axis"))
+
+    def axes_along(self, a: Vector) -> tuple[Vector, Vector, Vector]:
+        """A unit direction and two others at right angles to it, in the drawing."""
         for i in range(3):
             if a in (UNIT[i], negated(UNIT[i])):
                 return a, UNIT[(i + 1) % 3], UNIT[(i + 2) % 3]
         near = call("less", call("abs", a[0]), BESIDE)
         beside: Vector = (select(near, ONE, ZERO), select(near, ZERO, ONE), ZERO)
-        b = script.vector(f"{joint.name}.beside", unit(cross(a, beside)))
-        return a, b, script.vector(f"{joint.name}.third", cross(a, b))
+        b = self.script.vector(f"{self.joint.name}.beside", unit(cross(a, beside)))
+        return a, b, self.script.vector(f"{self.joint.name}.third", cross(a, b))
 
     def on(self, side: Placed, v: Vector, word: str) -> Vector:
         """A direction of the drawing, rotated with a side."""

@@ -14,7 +14,7 @@ from ..fast_dataclass import dataclass
 from ..graph.mechanism import GROUND, POSE, Body, Joint, Mechanism
 from .joint_order import Ranks, joint_ranks
 
-CLOSING = frozenset({"rod", "gear", "rack"})  # they tie what moves anyhow
+CLOSING = frozenset({"rod", "gear", "rack", "wheel", "skate"})  # they tie what moves anyhow
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,12 +16,13 @@ LARGEST = 200  # gaps that are looked at
 def redundant_constraints(space: StateSpace) -> tuple[str, ...] | None:
     """Constraints that depend on others in the position of the drawing; None if that cannot be computed before a run."""
     bound = [i for i in space.invariants if i.multiplier is not None]
+    places = [i.position for i in bound if i.position is not None]  # rows of rates alone come last
     if not 0 < len(bound) <= LARGEST:
         return () if not bound else None
-    rows = slopes_at_start(space, [i.position for i in bound], space.states)
+    rows = slopes_at_start(space, places, space.states)
     if rows is None:
         return None
-    units = [space.variables[i.position].unit for i in bound]
+    units = [space.variables[p].unit for p in places]
     for unit in set(units):
         largest = max(
             (abs(x) for row, u in zip(rows, units, strict=True) if u == unit for x in row.values()), default=0.0

@@ -169,13 +169,14 @@ class _Reduction:
                 kept.append(invariant)
                 if not behind.issuperset(values):
                     used |= needed(values, reach, behind)
-        return tuple(kept)
+        return tuple(sorted(kept, key=lambda invariant: invariant.position is None))  # residuals first
 
     def _index(self, used: set[int], steps: Sequence[Step]) -> int:
         """Index of the equations before reduction: one more than the highest derivative that was formed."""
         order = max((self.differentiator.order.get(v, 0) for v in used), default=0)
         if self.multipliers & used:
-            return max(order, 2) + 1
+            rates_alone = {i.multiplier for i in self.system.invariants if i.position is None}
+            return max(order, 2 if self.multipliers & used - rates_alone else 1) + 1
         if any(d.target in used for d in self.system.derivatives):
             return max(order, 1) + 1
         return 1 if self.unknowns or any(isinstance(s, LinearLoop) for s in steps) else 0

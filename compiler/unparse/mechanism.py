@@ -8,15 +8,31 @@ from ..algebra.expression import call
 from ..algebra.formula import Bound
 from ..graph.domains import DOMAINS, Domain
 from ..graph.inertia import inertia_entries
-from ..graph.mechanism import ATTITUDE, COUPLINGS, SPANS, Body, Frame, Joint, Mechanism, Vector, domain_of
+from ..graph.mechanism import (
+    ATTITUDE,
+    CONTACTS,
+    COUPLINGS,
+    NOTHING,
+    ORIGIN,
+    SPANS,
+    UNITY,
+    UPRIGHT,
+    Body,
+    Frame,
+    Joint,
+    Mechanism,
+    Vector,
+    domain_of,
+)
 from ..graph.units import KILOGRAM, METRE, ONE, SECOND, Dimension
 from .literals import braces, former_name
 from .names import ReferenceNames
 from .reference_names import Words
 
 MOMENT = KILOGRAM * METRE**2
-ALONG = frozenset({"slide", "cylinder", "screw"})
-ABOUT = frozenset({"hinge", "universal"})  # in space; in the plane there is one axis
+ALONG = frozenset({"slide", "cylinder", "screw", "skate"})
+ABOUT = frozenset({"hinge", "universal", "wheel"})  # in space; in the plane there is one axis
+UPWARDS = (NOTHING, UNITY, NOTHING)  # in the plane
 
 
 def mechanism_lines(mechanism: Mechanism, names: ReferenceNames, words: Words) -> Iterator[str]:
@@ -96,16 +112,20 @@ class _Parts:
         yield from self._starts(joint.starts)
 
     def _directions(self, joint: Joint) -> Iterator[str]:
-        if self.planar and joint.kind == "slide":
+        if self.planar and joint.kind in ("slide", "skate"):
             yield f"along = {self._along(joint)}"
         elif joint.kind in ALONG:
             yield f"along = {self._direction(joint.axis)}"
-        elif joint.kind in ABOUT and not self.planar:
+        elif joint.kind in ABOUT and not self.planar and joint.axis != ORIGIN:
             yield f"about = {self._direction(joint.axis)}"
         elif joint.kind in ("free", "planar"):
             yield from self._turn(joint.turn)
         if joint.kind == "universal":
             yield f"then = {self._direction(joint.other_axis)}"
+        if joint.kind in CONTACTS and joint.other_axis not in (UPRIGHT, UPWARDS):
+            yield f"normal = {self._direction(joint.other_axis)}"
+        if joint.kind == "wheel":
+            yield f"radius = {self.text(joint.ratio, METRE)}"
         if joint.kind == "screw":
             yield f"lead = {self.text(joint.ratio, METRE)}"
 

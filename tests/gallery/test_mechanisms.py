@@ -33,6 +33,28 @@ def bend(f: Callable[[float], Any], q: float, h: float = 4e-3) -> Any:
     return sum(w * (f(q + n * h) - f(q - n * h)) for n, w in weights.items()) / h
 
 
+# --- coin -------------------------------------------------------------------------------------------------------------------------
+
+
+def test_coin_goes_round_in_a_circle() -> None:
+    """Of radius r*spin/turn, at one lean and one load."""
+    found, lean, turn, r = run("coin", "circle"), np.radians(30), 8.0, 0.012
+    spin = (r * turn**2 * np.cos(lean) - 4 * G) * np.sin(lean) / (6 * r * turn * np.cos(lean))
+    radius, angle = r * spin / turn, turn * found.time
+    near(found["x"], radius * np.sin(angle))
+    near(found["y"], radius * (1 - np.cos(angle)))
+    near(found["tilt"], np.full(len(found.time), lean))
+    near(found["load"], np.full(len(found.time), 0.0075 * G))
+
+
+def test_coin_stays_up_when_it_is_fast() -> None:
+    """A small lean swings: twice as large at the most as the lean of the steady motion that goes round with the momentum at the start."""
+    speeds = [np.sqrt(G / (3 * 0.012)) * share for share in (1.5, 0.9)]
+    stays, falls = (run("coin", "straight", settings={"spin": s, "lean": 1e-6}, to=1.0)["tilt"] for s in speeds)
+    size = (1 - 0.25 * G / 0.012 / (0.75 * speeds[0] ** 2)) ** -1  # restoring terms by the lean, and all of them
+    assert np.abs(stays).max() < 3 * size * 1e-6 and np.abs(falls).max() > 1e-3
+
+
 # --- gyroscope --------------------------------------------------------------------------------------------------------------------
 
 

@@ -49,9 +49,9 @@ class InversionEquations:
         rates = [substitute(x, put) for x in lowered.rates]
         seen = [substitute(lowered.outputs[name], put) for name in outputs]
         taking = point.constraints.taking if point.constraints else np.zeros(0, dtype=bool)
-        gaps = len(taking)
+        gaps = point.constraints.gaps
         rows = [i for i in range(len(lowered.invariants)) if i >= gaps or taking[i]]
-        if gaps and not taking.all():
+        if len(taking) and not taking.all():
             kept = {int(r) for r in point.constraints.taking_rates + gaps}
             rows = [i for i in rows if i < gaps or i in kept]
         held = [substitute(lowered.invariants[i], put) for i in rows]

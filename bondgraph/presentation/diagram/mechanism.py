@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 
 from .compose import group_at
 from .figure import Circle, Figure, Group, Lettering, Polyline, Shape
@@ -16,6 +16,7 @@ SIZE = 520.0  # longer side of the drawing, px
 BORDER = 34.0
 HINGE, MASS = 5.0, 6.0  # radii
 BAR = 7.0  # half the width of a bar
+BLADE = 18.0  # half the length of a skate
 NEAR = 1.5  # px: the same point
 
 
@@ -41,7 +42,7 @@ class _Page:
 
     def __init__(self, geometry: MechanismGeometry, behind: MechanismGeometry | None = None) -> None:
         both = [s for s in (geometry, behind) if s is not None]
-        points = [p for s in both for limb in s.limbs for p in (limb.centre, *limb.points)]
+        points = [p for s in both for limb in s.limbs for p in (limb.centre, *limb.points, *chain(*limb.outlines))]
         points += [p for s in both for link in s.links for p in (link.first, link.second)] or [(0.0, 0.0)]
         xs, ys = [p[0] for p in points], [p[1] for p in points]
         span = max(max(xs) - min(xs), max(ys) - min(ys))
@@ -54,7 +55,8 @@ class _Page:
 
     def limb(self, limb: BodyGeometry) -> Group:
         """Return a body: a plate through its joint points, a bar for two points, and the sign of its centre of mass."""
-        shapes = (self.plate(limb, "body"), *_mass(self.at(limb.centre)))
+        lines = (Polyline(tuple(map(self.at, line)), "line") for line in limb.outlines)
+        shapes = (self.plate(limb, "body"), *lines, *_mass(self.at(limb.centre)))
         return Group("limb", shapes, {"name": limb.name}, f"body {limb.name}")
 
     def shadow(self, limb: BodyGeometry) -> Group:
@@ -101,6 +103,12 @@ def _sign(link: JointGeometry, first: Point, second: Point, along: Point) -> Ite
         yield from (Circle(p, 3.0, "pin") for p in _distinct([first, second]))
         if link.sprung and math.dist(first, second) <= NEAR:
             yield _coil((first[0] - 15, first[1]), (first[0] + 15, first[1]))
+        return
+    if link.kind in ("wheel", "skate"):
+        (x, y), (u, v) = second, along
+        if link.kind == "skate":
+            yield Polyline(((x - BLADE * u, y - BLADE * v), (x + BLADE * u, y + BLADE * v)), "line")
+        yield Circle(second, 3.0, "pin")
         return
     if link.grounded:
         yield from _ground(first)

@@ -19,6 +19,7 @@ Point = tuple[float, float]
 Vector = tuple[float, float, float]
 Turn = tuple[float, float, float, float]  # a unit quaternion w, x, y, z
 ORIGIN: Vector = (0.0, 0.0, 0.0)
+ROUND = 36  # corners of a circle
 # Directions of the picture's right and up, for a mechanism in space.
 RIGHT, UP = (math.cos(math.radians(25)), -math.sin(math.radians(25)), 0.0), (0.24, 0.33, 0.92)
 
@@ -33,13 +34,14 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceBody:
-    """A body in the reference: its position, the centre of the drawing, its points at joints and frames, its rotation vector."""
+    """A body in the reference: its position, the centre of the drawing, its points at joints and frames, its rotation vector, lines on it."""
 
     name: str
     place: Vector
     centre: Vector
     points: tuple[Vector, ...]
     turn: Vector
+    outlines: tuple[tuple[Vector, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +70,12 @@ class ReferenceMechanism:
 
 @dataclass(frozen=True, slots=True)
 class BodyGeometry:
-    """A body: its centre and its points at joints and frames."""
+    """A body: its centre, its points at joints and frames, and lines on it."""
 
     name: str
     centre: Point
     points: tuple[Point, ...]
+    outlines: tuple[tuple[Point, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +129,12 @@ def reference_of(graph: BondGraph, node: MechanismNode) -> ReferenceMechanism:
     for item in mechanism.bodies:
         place, held = vector(item.position), tuple(points[item.name])
         centre = held[0] if place == ORIGIN and len(held) == 1 else place
-        bodies.append(ReferenceBody(item.name, place, centre, held, vector(item.turn)))
+        rims = [rim_of(graph, j) for j in joints if j.kind == "wheel" and mechanism.body_of(j.second) == item.name]
+        bodies.append(
+            ReferenceBody(
+                item.name, place, centre, held, vector(item.turn), tuple(line for rim in rims for line in rim)
+            )
+        )
     for joint in joints:
         first, second = ends_of(joint)
         if joint.name in floating:
@@ -134,9 +142,10 @@ def reference_of(graph: BondGraph, node: MechanismNode) -> ReferenceMechanism:
             x, y, z = (sum(p[i] for p in around) / len(around) for i in range(3))
             first = second = (second[0], (x, y, z))
         held_by = [mechanism.body_of(n) for n in (joint.first, joint.second)]
+        axis_of = held_by[joint.kind == "skate"]  # a blade is fixed to the second body
         links.append(
             ReferenceJoint(
-                joint.name, joint.kind, vector(joint.axis), held_by[0], (first, second), "ground" in held_by, springs.get(joint.name, ())
+                joint.name, joint.kind, vector(joint.axis), axis_of, (first, second), "ground" in held_by, springs.get(joint.name, ())
             )
         )  # fmt: skip
     frames = tuple((f.name, f.body, vector(f.position)) for f in mechanism.frames)
@@ -168,7 +177,13 @@ def mechanism_geometry_of(graph: BondGraph, node: MechanismNode, posed: Sequence
         return (x / length, y / length) if length > 1e-9 else (0.0, 0.0)
 
     limbs = tuple(
-        BodyGeometry(b.name, seen(b.name, b.centre), tuple(seen(b.name, p) for p in b.points)) for b in mechanism.bodies
+        BodyGeometry(
+            b.name,
+            seen(b.name, b.centre),
+            tuple(seen(b.name, p) for p in b.points),
+            tuple(tuple(seen(b.name, p) for p in line) for line in b.outlines),
+        )
+        for b in mechanism.bodies
     )
     links = tuple(
         JointGeometry(j.name, j.kind, seen(*j.ends[0]), seen(*j.ends[1]), direction(j.axis_of, j.axis), j.grounded, j.sprung)
@@ -176,6 +191,30 @@ def mechanism_geometry_of(graph: BondGraph, node: MechanismNode, posed: Sequence
     )  # fmt: skip
     marks = tuple((name, seen(body, point)) for name, body, point in mechanism.frames)
     return MechanismGeometry(mechanism.name, mechanism.planar, limbs, links, marks)
+
+
+def rim_of(graph: BondGraph, joint: Joint) -> list[tuple[Vector, ...]]:
+    """Return the rim of a wheel with a spoke, of a sphere two circles; points in the reference."""
+    radius, axle = number_of(graph, joint.ratio), numbers_of(graph, joint.axis)
+    axles = [(0.0, 0.0, 1.0)] if joint.planar else [axle] if any(axle) else [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0)]
+    centre = numbers_of(graph, joint.position)
+    return [(centre, *_circle(centre, axle, radius)) for axle in axles]
+
+
+def _circle(centre: Vector, axle: Vector, radius: float) -> Iterator[Vector]:
+    """Yield points of a circle about an axle."""
+    least = min(range(3), key=lambda i: abs(axle[i]))
+    b = _cross(axle, (float(least == 0), float(least == 1), float(least == 2)))
+    c = _cross(axle, b)
+    sides = [tuple(radius * x / math.hypot(*v) for x in v) for v in (b, c)]
+    for i in range(ROUND + 1):
+        cosine, sine = math.cos(2 * math.pi * i / ROUND), math.sin(2 * math.pi * i / ROUND)
+        x, y, z = (p + cosine * v + sine * w for p, v, w in zip(centre, *sides, strict=True))
+        yield x, y, z
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def springs_of(graph: BondGraph, node: MechanismNode) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -201,6 +240,12 @@ def springs_of(graph: BondGraph, node: MechanismNode) -> Iterator[tuple[str, tup
 
 def numbers_of(graph: BondGraph, bounds: Sequence[Bound]) -> Vector:
     """Return three numbers from the text; numbers unknown before a run count as zero."""
+    x, y, z = (number_of(graph, bound) for bound in bounds)
+    return x, y, z
+
+
+def number_of(graph: BondGraph, bound: Bound) -> float:
+    """Return a number from the text; numbers unknown before a run count as zero."""
 
     def value(key: object) -> float:
         if isinstance(key, float):
@@ -208,8 +253,7 @@ def numbers_of(graph: BondGraph, bounds: Sequence[Bound]) -> Vector:
         named = graph.quantities.get(key.name) if isinstance(key, Quantity) else None
         return 0.0 if named is None or named.value is None else named.value
 
-    x, y, z = (evaluate(b.expression, value) for b in bounds)
-    return x, y, z
+    return evaluate(bound.expression, value)
 
 
 def turned(turn: Turn, point: Vector) -> Vector:

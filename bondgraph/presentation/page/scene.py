@@ -38,7 +38,14 @@ def _scene(mechanism: ReferenceMechanism) -> dict[str, Any]:
     """Return the data of a mechanism: bodies and joints by number, -1 is the ground; points in m in world axes."""
     numbers = {body.name: number for number, body in enumerate(mechanism.bodies)}
     bodies = [
-        {"name": b.name, "at": b.place, "centre": b.centre, "points": b.points, "turn": quaternion(b.turn)}
+        {
+            "name": b.name,
+            "at": b.place,
+            "centre": b.centre,
+            "points": b.points,
+            "outlines": b.outlines,
+            "turn": quaternion(b.turn),
+        }
         for b in mechanism.bodies
     ]
     links = [

@@ -30,7 +30,7 @@ NO_SLOPE = 1e-9  # relative to an angle: smaller derivatives are rounding
 class Assembled:
     """Facts on the constraints at the start."""
 
-    mobility: int  # number of coordinates minus number of independent constraints
+    mobility: int  # number of coordinates (of speeds, where some constrain rates alone) minus number of independent constraints
     redundant: tuple[str, ...]  # constraints that follow from others
 
 
@@ -45,10 +45,11 @@ class Constraints:
         self.constants = program.constants(self.parameters) if values is None else values.constants
         self.known = values
         self.count = len(program.states.names)
-        self.gaps = len(program.multipliers)
+        self.all = len(program.multipliers)  # residuals first, then the constraints on rates alone
+        self.gaps = len(program.invariants.names) - sum(row >= 0 for row in program.rates)
         self.rows, self.columns = (np.asarray(a, dtype=int) for a in program.invariant_pattern)
         self.rate_rows, self.positions, self.speeds, self.lengths = self._places(program)
-        self.taking = np.ones(self.gaps, dtype=bool)
+        self.taking = np.ones(self.all, dtype=bool)
         self.assembled: Assembled | None = None
         self._compiled: CompiledConstraints | None = None
         self.scale(magnitude)
@@ -65,18 +66,30 @@ class Constraints:
             program.kept["places"] = np.array(program.rates, dtype=int), positions, speeds, lengths
         return cast("tuple[Any, Any, Any, Any]", program.kept["places"])
 
+    def name_of(self, constraint: int) -> str:
+        """Return the name of a constraint; those on rates alone come after the residuals."""
+        names = self.program.invariants.names
+        return (
+            names[constraint] if constraint < self.gaps else names[self.rate_rows[constraint]].removeprefix("rate of ")
+        )
+
     def scale(self, magnitude: Array) -> None:
         """Set the magnitudes by which changes are measured."""
         self.magnitude = np.array(magnitude, dtype=float)
         self.reach = self.magnitude[: self.count]
         self.turning = 1.0  # magnitude of the angles
-        if self.gaps:  # without residuals there is nothing to rebuild
+        if self.all:  # without constraints there is nothing to rebuild
             turns = [p for p in self.positions if self.program.states.units[p] == "1"]
             self.turning = float(self.reach[turns].max(initial=0.0)) or 1.0
             self._compiled = None
 
     def __bool__(self) -> bool:
-        return self.gaps > 0
+        return self.all > 0
+
+    @property
+    def taking_gaps(self) -> Any:
+        """Mask of the active residuals."""
+        return self.taking[: self.gaps]
 
     @property
     def taking_rates(self) -> Any:
@@ -108,7 +121,7 @@ class Constraints:
     @property
     def compiled(self) -> CompiledConstraints | None:
         """Native version of the constraints, if the program has machine code."""
-        return self.always_compiled(True) if self.gaps and self.program.native is not None else None
+        return self.always_compiled(True) if self.all and self.program.native is not None else None
 
     def always_compiled(self, native: bool) -> CompiledConstraints:
         """Constraints for the source of the steps, empty if there are none; `native`: in machine code."""
@@ -116,7 +129,7 @@ class Constraints:
             from ..integrators.compiled.constraint_functions import CompiledConstraints
 
             # without constraints no step reads it, so all runs share one
-            shared = {} if self.gaps or self.program.eliminated else self.program.kept
+            shared = {} if self.all or self.program.eliminated else self.program.kept
             if ("no constraints", native) not in shared:
                 shared["no constraints", native] = CompiledConstraints(self, native)
             self._compiled = shared["no constraints", native]
@@ -161,7 +174,7 @@ class Constraints:
     # ------------------------------------------------------------ projection
     def project(self, time: float, state: Array, mode: Array) -> Any:
         """Return the nearest state that satisfies all invariants."""
-        if not self.gaps:
+        if not self.all:
             return state
         if self.compiled is not None:
             return self.project_all(np.array([time]), np.asarray(state)[None], mode)[0]
@@ -189,7 +202,7 @@ class Constraints:
 
     def _closed(self, time: float, state: Array, mode: Array) -> Any:
         """Return the state with vanishing residuals, by Newton's method with the Jacobian of its first state as long as it converges."""
-        taking, solver, before, size = self.taking, None, np.inf, 1.0
+        taking, solver, before, size = self.taking_gaps, None, np.inf, 1.0
         for _ in range(ITERATIONS):
             gap = self.values(time, state, mode)[: self.gaps][taking]
             worst = float(np.abs(gap / size).max(initial=0.0))
@@ -212,7 +225,7 @@ class Constraints:
         gaps, rates = self.slopes(time, state, mode)
         free = np.setdiff1d(np.arange(self.count), np.concatenate([self.positions, self.speeds]))
         columns = [np.eye(self.count)[:, free]]
-        for slopes, places in ((gaps[self.taking], self.positions), (rates[self.taking_rates], self.speeds)):
+        for slopes, places in ((gaps[self.taking_gaps], self.positions), (rates[self.taking_rates], self.speeds)):
             full = np.zeros((self.count, len(places)))
             full[places, np.arange(len(places))] = 1.0
             columns.append(full @ null_space(slopes))
@@ -220,7 +233,7 @@ class Constraints:
 
     def project_all(self, times: Array, states: Array, mode: Array) -> Any:
         """Project the states at several instants; shape (times, n)."""
-        if not self.gaps:
+        if not self.all:
             return states
         if self.compiled is None:
             return np.stack([self._projected(t, x, mode) for t, x in zip(times, states, strict=True)])

@@ -76,7 +76,7 @@ class SingularPoseMonitor:
         """Raise `RunFailed` if a constraint that followed from the others at the start no longer does."""
         constraints = self.constraints
         if (
-            not constraints.taking.all()
+            not constraints.taking_gaps.all()
             and constraints.missed(time, state, mode) > APART
             and self._opens(time, state, mode)
         ):
@@ -90,20 +90,20 @@ class SingularPoseMonitor:
     def other_rows(self, time: float, state: Array, mode: Array, step: float) -> bool:
         """Return True if the active rows are about to become dependent where other rows, so far redundant, do not."""
         constraints = self.constraints
-        if constraints.taking.all() or not self.comes or not self.ahead < LOOK * step:
+        if constraints.taking_gaps.all() or not self.comes or not self.ahead < LOOK * step:
             return False
         from scipy.linalg import qr
 
         slopes, _ = constraints.slopes(time, state, mode)
         slopes = slopes / constraints.sizes(slopes)[:, None]
-        count = int(constraints.taking.sum())
+        count = int(constraints.taking_gaps.sum())
         order = qr(slopes.T, mode="economic", pivoting=True)[2][:count]
-        kept, best = (np.linalg.svd(slopes[rows], compute_uv=False)[-1] for rows in (constraints.taking, order))
+        kept, best = (np.linalg.svd(slopes[rows], compute_uv=False)[-1] for rows in (constraints.taking_gaps, order))
         return bool(best > BETTER * kept)
 
     def _least_all(self, times: Array, states: Array, mode: Array) -> Any:
         """Return the smallest singular values at several instants, rows in units of their sizes; shape (times,)."""
-        rows, columns = int(self.constraints.taking.sum()), len(self.constraints.positions)
+        rows, columns = int(self.constraints.taking_gaps.sum()), len(self.constraints.positions)
         if not rows or rows > columns:
             return np.full(len(times), np.inf if not rows else 0.0)
         if self.constraints.compiled is not None:
@@ -116,7 +116,7 @@ class SingularPoseMonitor:
     def _scaled(self, time: float, state: Array, mode: Array) -> tuple[Any, Any]:
         gaps, _ = self.constraints.slopes(time, state, mode)
         size = self.constraints.sizes(gaps)
-        taking = self.constraints.taking
+        taking = self.constraints.taking_gaps
         return gaps[taking] / size[taking, None], size[taking]
 
     # ------------------------------------------------------------ crossing
@@ -219,7 +219,9 @@ class SingularPoseMonitor:
             gone, held = basis[:, :lost], basis[:, lost:]
             across, _ = np.linalg.qr(slopes.T @ held)
             ways = self._still(across)
-            rest = [held.T @ (constraints.values(time, state, mode)[: constraints.gaps][constraints.taking] / size)]
+            rest = [
+                held.T @ (constraints.values(time, state, mode)[: constraints.gaps][constraints.taking_gaps] / size)
+            ]
             rest += [gone.T @ (slopes @ way) for way in ways]
             if np.abs(np.concatenate(rest)).max() < 1e-13:
                 break
@@ -233,10 +235,10 @@ class SingularPoseMonitor:
         slopes, size = self._scaled(time, state, mode)
         squares, basis = np.linalg.eigh(slopes @ slopes.T)
         gone = basis[:, :lost]
-        gap = constraints.values(time, state, mode)[: constraints.gaps][constraints.taking] / size
+        gap = constraints.values(time, state, mode)[: constraints.gaps][constraints.taking_gaps] / size
         if np.linalg.norm(gone.T @ slopes) > VANISHED * np.sqrt(squares[-1]) or np.abs(gap).max() > OPEN:
             return None
-        names = np.array(constraints.program.invariants.names[: constraints.gaps])[constraints.taking]
+        names = np.array(constraints.program.invariants.names[: constraints.gaps])[constraints.taking_gaps]
         share = np.abs(gone).max(axis=1)
         joints = dict.fromkeys(n.rpartition(".")[0] for n in names[share > 0.1])
         return SingularPoint(state, lost, tuple(joints))
@@ -256,7 +258,7 @@ class SingularPoseMonitor:
         shift = np.zeros(len(state))
         shift[constraints.positions] = DIFFERENCE * constraints.reach[constraints.positions] * way
         beyond, before = (constraints.slopes(time, state + sign * shift, mode)[0] for sign in (1, -1))
-        return (beyond - before)[constraints.taking] / (2 * DIFFERENCE * size[:, None])
+        return (beyond - before)[constraints.taking_gaps] / (2 * DIFFERENCE * size[:, None])
 
 
 def doubts_of(poses: list[SingularPose]) -> tuple[ToleranceDoubt, ...]:

@@ -72,8 +72,9 @@ def _opening(constraints: Constraints, at: tuple[float, Any], state: Array, size
     bad = np.flatnonzero(np.abs(rates) > FULL * arms * _fastest(constraints, state, size))
     if not len(bad):
         return None
-    gap = int(np.flatnonzero(constraints.rate_rows == constraints.gaps + bad[0])[0])
-    return constraints.program.invariants.names[gap].rpartition(".")[0]
+    return constraints.name_of(int(np.flatnonzero(constraints.rate_rows == constraints.gaps + bad[0])[0])).rpartition(
+        "."
+    )[0]
 
 
 def _fastest(constraints: Constraints, state: Array, size: Array) -> float:
@@ -120,9 +121,18 @@ def _search(missed: Missed, state: Array, places: IntArray, size: Array) -> Any:
 # ---------------------------------------------------------------- rank
 def choose_rows(constraints: Constraints, time: float, state: Array, mode: Array) -> Assembled:
     """Find the independent constraints and activate only these. Raises `RunFailed` in a singular pose."""
+    assembled = _choose_residuals(constraints, time, state, mode)
+    if constraints.all == constraints.gaps:
+        return assembled
+    redundant = _choose_rates(constraints, time, state, mode)
+    return Assembled(len(constraints.speeds) - len(constraints.taking_rates), (*assembled.redundant, *redundant))
+
+
+def _choose_residuals(constraints: Constraints, time: float, state: Array, mode: Array) -> Assembled:
+    """Find the independent constraints among those with residuals."""
     positions = len(constraints.positions)
     here, _, rank = _rank(constraints, time, state, mode)
-    bound = np.array(constraints.program.parts) >= 0
+    bound = np.array(constraints.program.parts)[: constraints.gaps] >= 0
     if rank == constraints.gaps:
         return Assembled(positions - rank, ())
     beside = _moved_aside(constraints, time, state, mode, here)
@@ -134,16 +144,55 @@ def choose_rows(constraints: Constraints, time: float, state: Array, mode: Array
         )  # fmt: skip
     _, order, generic = _rank(constraints, time, state if beside is None else beside, mode)
     if generic > rank:
-        raise RunFailed(
-            "BR738", f"at t = {time:.9g} s the mechanism starts in a singular pose: {listed(_lost(constraints, here))} let it go on in several ways "
-            f"there ({positions - rank} motions instead of {positions - generic}), and nothing says in which;", "start it a little beside",
-        )  # fmt: skip
+        raise _singular(time, _lost(constraints, here), positions - rank, positions - generic)
     taking = np.zeros(constraints.gaps, dtype=bool)
     taking[order[:generic]] = True
     taking |= ~bound
-    constraints.leave_out(taking)
+    constraints.leave_out(np.concatenate([taking, constraints.taking[constraints.gaps :]]))
     names = np.array(constraints.program.invariants.names[: constraints.gaps])
     return Assembled(positions - generic, tuple(str(n) for n in names[~taking]))
+
+
+def _singular(time: float, joints: tuple[str, ...], motions: int, beside: int) -> RunFailed:
+    return RunFailed(
+        "BR738", f"at t = {time:.9g} s the mechanism starts in a singular pose: {listed(joints)} let it go on in several ways "
+        f"there ({motions} motions instead of {beside}), and nothing says in which;", "start it a little beside",
+    )  # fmt: skip
+
+
+def _choose_rates(constraints: Constraints, time: float, state: Array, mode: Array) -> tuple[str, ...]:
+    """Activate only the independent constraints on rates alone, and return the names of the others."""
+    order, rank = _rank_of_rates(constraints, time, state, mode)
+    if rank == len(order):
+        return ()
+    aside, still = np.array(state), np.ones(constraints.count, dtype=bool)
+    still[constraints.speeds] = False
+    aside[: constraints.count] += (
+        BESIDE * still * constraints.reach * np.random.default_rng(0).uniform(-1, 1, constraints.count)
+    )
+    order, generic = _rank_of_rates(constraints, time, constraints.project(time, aside, mode), mode)
+    names = [constraints.name_of(i) for i in range(constraints.gaps, constraints.all)]
+    if generic > rank:
+        left = len(constraints.speeds) - len(constraints.taking_rates) + len(order)
+        raise _singular(time, tuple(dict.fromkeys(n.rpartition(".")[0] for n in names)), left - rank, left - generic)
+    taking = constraints.taking.copy()
+    taking[constraints.gaps + order[generic:]] = False
+    constraints.leave_out(taking)
+    return tuple(names[i] for i in order[generic:])
+
+
+def _rank_of_rates(constraints: Constraints, time: float, state: Array, mode: Array) -> tuple[Any, int]:
+    """Return the constraints on rates alone in the order of a pivoted factorisation, and how many are independent of each other and of the rest."""
+    from scipy.linalg import qr
+
+    _, slopes = constraints.slopes(time, state, mode)
+    slopes = slopes / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), np.finfo(float).tiny)
+    places = constraints.rate_rows - constraints.gaps
+    others = slopes[places[: constraints.gaps][constraints.taking_gaps & (places[: constraints.gaps] >= 0)]]
+    own = slopes[places[constraints.gaps :]]
+    basis = qr(others.T, mode="economic")[0] if len(others) else np.zeros((slopes.shape[1], 0))
+    _, triangle, order = qr((own - own @ basis @ basis.T).T, mode="economic", pivoting=True)
+    return order, int((np.abs(np.diag(triangle)) > FULL).sum())
 
 
 def _rank(constraints: Constraints, time: float, state: Array, mode: Array) -> tuple[Any, Any, int]:
@@ -151,6 +200,8 @@ def _rank(constraints: Constraints, time: float, state: Array, mode: Array) -> t
     from scipy.linalg import qr
 
     slopes, _ = constraints.slopes(time, state, mode)
+    if not len(slopes):
+        return slopes, np.zeros(0, dtype=int), 0
     slopes = slopes / constraints.sizes(slopes)[:, None]
     _, triangle, order = qr(slopes.T, mode="economic", pivoting=True)
     left = np.abs(np.diag(triangle))
@@ -166,7 +217,7 @@ def _moved_aside(constraints: Constraints, time: float, state: Array, mode: Arra
 
     _, values, right = np.linalg.svd(slopes)
     rank = int((values > FULL * values[0]).sum())
-    independent = np.zeros(constraints.gaps, dtype=bool)
+    independent = np.zeros(constraints.all, dtype=bool)
     independent[qr(slopes.T, mode="economic", pivoting=True)[2][:rank]] = True
     free, positions = right[rank:], constraints.positions
     reach = constraints.reach[positions]

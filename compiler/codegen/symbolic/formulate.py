@@ -159,7 +159,8 @@ class _Formulation:
 
     def _constraints(self) -> Iterator[Entry]:
         for item in self.space.invariants:
-            yield Entry(item.name, self.symbol(item.position), self.space.variables[item.position].unit, item.span)
+            if item.position is not None:
+                yield Entry(item.name, self.symbol(item.position), self.space.variables[item.position].unit, item.span)
         for item in self.space.invariants:
             if item.velocity is not None:
                 unit = self.space.variables[item.velocity].unit

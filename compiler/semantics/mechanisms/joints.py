@@ -6,9 +6,22 @@ import math
 from collections.abc import Mapping
 
 from ...algebra.expression import call
-from ...algebra.formula import bind
+from ...algebra.formula import Bound, bind
 from ...fast_dataclass import dataclass
-from ...graph.mechanism import COUPLINGS, GROUND, NOTHING, ORIGIN, SPANS, UPRIGHT, Body, Frame, Joint, Vector
+from ...graph.mechanism import (
+    CONTACTS,
+    COUPLINGS,
+    GROUND,
+    NOTHING,
+    ORIGIN,
+    SPANS,
+    UNITY,
+    UPRIGHT,
+    Body,
+    Frame,
+    Joint,
+    Vector,
+)
 from ...graph.units import METRE, ONE
 from ...source import Span
 from ...syntax import tree
@@ -22,6 +35,7 @@ from .part_attributes import PartAttributes, static_bounds
 
 APART = 1e-9  # of their distance from the origin: points closer than that are one
 AXES = ("from", "to", "middle", "world")
+RADIUS_HINT = "It is positive; a wheel under a ceiling has `normal = (0, 0, -1)`, in the plane `(0, -1)`."
 AXES_HINT = "`axes = from`, `to`, `middle` or `world`: in whose axes x and y are measured."
 TIED = {"gear": ("hinge", "hinge"), "rack": ("hinge", "slide")}
 
@@ -62,11 +76,10 @@ def read_joint(reader: PartAttributes, entry: MechanismEntry, places: Places) ->
         return _coupling(reader, entry, definition)
     first, second = (_end(reader, end, entry) for end in (definition.first, definition.second))
     _check_bodies(name, definition, first, second, places)
-    lead = "What turns and does not move along is a hinge."
     position, (axis, other, turn), ratio, axes, starts, rest, locked = reader.together(
         lambda: _position(reader, definition, first, second, places),
         lambda: _directions(reader, kind),
-        lambda: reader.nonzero("lead", METRE, lead) if kind == "screw" else NOTHING,
+        lambda: _ratio(reader, kind),
         lambda: reader.word("axes", AXES, AXES_HINT),
         reader.starts, reader.rests, reader.locked,
     )  # fmt: skip
@@ -74,6 +87,13 @@ def read_joint(reader: PartAttributes, entry: MechanismEntry, places: Places) ->
         name, kind, first, second, position, axis, turn, starts, part.entry.span, axes, other, ratio, rest, locked,
         part.planar,
     )  # fmt: skip
+
+
+def _ratio(reader: PartAttributes, kind: str) -> Bound:
+    """Lead of a screw, radius of a wheel."""
+    if kind == "screw":
+        return reader.nonzero("lead", METRE, "What turns and does not move along is a hinge.")
+    return reader.positive("radius", METRE, RADIUS_HINT) if kind == "wheel" else NOTHING
 
 
 def _end(reader: PartAttributes, place: tree.ExpressionSyntax, entry: MechanismEntry) -> str:
@@ -167,14 +187,18 @@ def _length(known: list[float], threshold: float) -> float:
 def _directions(reader: PartAttributes, kind: str) -> tuple[Vector, Vector, Vector]:
     """Axis of a joint, second axis of a universal joint, and the rotation of the axes in which it measures."""
     axis, turn = _axis(reader, kind)
+    if kind in CONTACTS:
+        return axis, _normal(reader, axis), turn
     return axis, _second_axis(reader, axis) if kind == "universal" else ORIGIN, turn
 
 
 def _axis(reader: PartAttributes, kind: str) -> tuple[Vector, Vector]:
     """Axis of a joint, and the rotation of the axes in which it measures."""
-    if kind == "slide" and reader.planar:
+    if kind in ("slide", "skate") and reader.planar:
         return _planar_slide(reader)
-    if kind in ("slide", "cylinder", "screw"):
+    if kind == "wheel":
+        return reader.direction("about") if "about" in reader.given else ORIGIN, ORIGIN
+    if kind in ("slide", "cylinder", "screw", "skate"):
         return reader.direction("along"), ORIGIN
     if kind in ("hinge", "universal") and not reader.planar:
         return reader.direction("about"), ORIGIN
@@ -196,13 +220,37 @@ def _planar_slide(reader: PartAttributes) -> tuple[Vector, Vector]:
 
 def _second_axis(reader: PartAttributes, first: Vector) -> Vector:
     """Second axis of a universal joint, which is not parallel to the first."""
-    second, attribute = reader.direction("then"), reader.needed("then")
+    second = reader.direction("then")
+    what = f"Both axes of the universal joint `{reader.part.entry.name}` are parallel"
+    _check_apart(reader, first, second, "then", (what, "Two different axes leave two freedoms."))
+    return second
+
+
+def _normal(reader: PartAttributes, first: Vector) -> Vector:
+    """Normal of the plane that a wheel or skate touches: upwards, if nothing else is said. A wheel does not lie on it, nor does a skate stand on end."""
+    upright = (NOTHING, UNITY, NOTHING) if reader.planar else UPRIGHT
+    normal = reader.direction("normal") if "normal" in reader.given else upright
+    if first == ORIGIN or reader.planar:
+        return normal
+    kind, name = reader.part.entry.kind, reader.part.entry.name
+    word = "about" if kind == "wheel" else "along"
+    lies = ("lies flat in the drawing: its axle is the normal of the plane", "Tilt it: a wheel touches at one point.")
+    ends = (
+        "stands on end in the drawing: it is along the normal of the plane",
+        "Say with `along` which way it slides.",
+    )
+    what, hint = lies if kind == "wheel" else ends
+    _check_apart(reader, first, normal, word, (f"The {kind} `{name}` {what}", hint))
+    return normal
+
+
+def _check_apart(reader: PartAttributes, first: Vector, second: Vector, word: str, told: tuple[str, str]) -> None:
+    """Raise `Wrong` with a sentence and advice if two directions are parallel. `word`: the attribute to point at."""
+    attribute = reader.needed(word)
     words = f"axes of {reader.part.entry.name}"
     known = known_or_later(reader.resolver, (*first, *second), attribute.span, words, not_parallel(APART))
     if known is not None:
         a, b = known[:3], known[3:]
         normal = [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]
         if math.hypot(*normal) <= APART * math.hypot(*a) * math.hypot(*b):
-            what = f"Both axes of the universal joint `{reader.part.entry.name}` are parallel"
-            raise Wrong(WrongMechanism(attribute.value.span, what, "Two different axes leave two freedoms."))
-    return second
+            raise Wrong(WrongMechanism(attribute.value.span, *told))

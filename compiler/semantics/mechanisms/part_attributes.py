@@ -15,7 +15,7 @@ from ..names.errors import DimensionMismatch, NotStatic, UnknownAttribute, Wrong
 from ..names.part_kinds import NEEDED, TARGETED, attributes_of, foreign_attribute, noun_of
 from ..names.scope import STATIC_ROLES, DeclaredPart, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
-from ..resolution.conditions import known_or_later, not_zero
+from ..resolution.conditions import known_or_later, not_negative, not_zero
 from ..resolution.resolver import Resolver
 
 EXPECTED = {1: "A single number", 2: "A point (x, y)", 3: "A point (x, y, z)"}
@@ -148,6 +148,18 @@ class PartAttributes:
             raise Wrong(WrongMechanism(attribute.value.span, what, why))
         return bound
 
+    def positive(self, name: str, dimension: Dimension, why: str) -> Bound:
+        """A required positive number."""
+        bound = self.nonzero(name, dimension, why)
+        attribute = self.needed(name)
+        known = known_or_later(
+            self.resolver, [bound], attribute.span, f"{name} of {self.part.entry.name}", not_negative
+        )
+        if known is not None and known[0] < 0:
+            what = f"The {name} of `{self.part.entry.name}` is negative"
+            raise Wrong(WrongMechanism(attribute.value.span, what, why))
+        return bound
+
     def point(self, name: str) -> Vector:
         """A position; the origin if the attribute is missing."""
         attribute = self.given.get(name)
@@ -172,7 +184,9 @@ class PartAttributes:
         """A direction: bare numbers or lengths, of any norm but zero."""
         attribute = self.needed(name)
         if self.planar:
-            what, hint = "An angle or a direction (x, y)", "Write `along = 90 deg` or `along = (0, 1)`."
+            what, hint = "A direction (x, y)", f"Write `{name} = (0, 1)`."
+            if name == "along":
+                what, hint = "An angle or a direction (x, y)", "Write `along = 90 deg` or `along = (0, 1)`."
         else:
             what, hint = "A direction (x, y, z)", f"Write `{name} = (0, 0, 1)`."
         found = self._three(attribute, what, hint, (ONE, METRE))
@@ -180,7 +194,13 @@ class PartAttributes:
         values = known_or_later(self.resolver, found, attribute.span, words, not_zero)
         if values is not None and not any(values):
             what = f"The direction `{name}` of `{self.part.entry.name}` has the length zero"
-            raise Wrong(WrongMechanism(attribute.value.span, what, "Any length but zero will do: `(0, 0, 1)`."))
+            raise Wrong(
+                WrongMechanism(
+                    attribute.value.span,
+                    what,
+                    f"Any length but zero will do: `{'(0, 1)' if self.planar else '(0, 0, 1)'}`.",
+                )
+            )
         return found
 
     def _three(self, attribute: tree.Attribute, expected: str, hint: str, allowed: tuple[Dimension, ...]) -> Vector:

@@ -22,6 +22,8 @@ PLANAR: Mapping[str, tuple[str, ...]] = {
     "rod": (),
     "gear": ("ratio",),
     "rack": ("radius",),
+    "wheel": ("radius", "at", "normal"),
+    "skate": ("along", "at"),
 }
 SPATIAL: Mapping[str, tuple[str, ...]] = {
     "body": ("mass", "inertia", "at", "turn", "start"),
@@ -39,6 +41,8 @@ SPATIAL: Mapping[str, tuple[str, ...]] = {
     "rod": (),
     "gear": ("ratio",),
     "rack": ("radius",),
+    "wheel": ("radius", "about", "at", "normal"),
+    "skate": ("along", "at", "normal"),
 }
 
 
@@ -95,6 +99,8 @@ def foreign_attribute(kind: str, name: str, planar: bool) -> str:
         return "In space things are turned by a rotation vector: `turn = (0, 0, 30 deg)`."
     if planar and name == "about":
         return "In the plane everything turns about the same axis, which needs no name."
-    if name == "limits" and kind in ("gear", "rack", "rod", "weld"):
+    if name == "limits" and kind in ("rod", "weld", "wheel", "skate"):
+        return f"A {kind} has no coordinate; limit a joint of its bodies, or a coordinate with `require`."
+    if name == "limits" and kind in ("gear", "rack"):
         return f"A {kind} has no coordinate; limit a joint that it ties."
     return ""

@@ -39,6 +39,11 @@ def not_zero(numbers: Sequence[Expression]) -> list[Expression]:
     return [_less(_squares(numbers))]
 
 
+def not_negative(numbers: Sequence[Expression]) -> list[Expression]:
+    """Condition that no value is negative."""
+    return [*numbers]
+
+
 def not_parallel(share: float) -> Condition:
     """Condition that two directions in space are not parallel: the sine of their angle is greater than `share`."""
 

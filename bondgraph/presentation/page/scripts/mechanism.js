@@ -66,6 +66,7 @@ class Stage {
   make() {
     const add = (look) => { const made = svg("path", { class: look }); this.picture.append(made); return made; };
     this.plates = this.scene.bodies.map(() => [add("edge"), add("plate")]);
+    this.outlines = this.scene.bodies.map((body) => body.outlines.map(() => add("line")));
     this.links = this.scene.links.map((link) => {
       const found = { rail: add("hatch"), line: add("line"), sign: add("sign pin") };
       found.line.append(svg("title", {}, document.createTextNode([link.kind, link.name, ...link.sprung].join(" "))));
@@ -100,7 +101,7 @@ class Stage {
 
   sizes() {
     let moved = 0;
-    const rest = this.scene.bodies.flatMap((b) => [b.centre, ...b.points]).concat(this.scene.links.flatMap((l) => l.ends.map((e) => e.at)));
+    const rest = this.scene.bodies.flatMap((b) => [b.centre, ...b.points, ...b.outlines.flat()]).concat(this.scene.links.flatMap((l) => l.ends.map((e) => e.at)));
     const all = rest.map((p) => this.flat(p));
     const span = (k) => all.length ? Math.max(...all.map((p) => p[k])) - Math.min(...all.map((p) => p[k])) : 1;
     const size = Math.max(span(0), span(1)) || 1;
@@ -145,6 +146,7 @@ class Stage {
     const { bodies, links, marks } = this.scene;
     return {
       bodies: bodies.map((body, b) => [body.centre, ...body.points].map((p) => this.at(b, p, place))),
+      outlines: bodies.map((body, b) => body.outlines.map((line) => line.map((p) => this.at(b, p, place)))),
       links: links.map((link) => link.ends.map((e) => this.at(e.body, e.at, place))),
       marks: marks.map((m) => this.at(m.body, m.at, place)),
     };
@@ -155,8 +157,8 @@ class Stage {
     if (!this.poses) return;
     let [left, right, low, high] = [Infinity, -Infinity, Infinity, -Infinity];
     for (let i = 0; i < this.count; i += Math.max(1, Math.floor(this.count / 40))) {
-      const { bodies, links } = this.points(i);
-      for (const [x, y] of [...bodies.flat(), ...links.flat()]) {
+      const { bodies, links, outlines } = this.points(i);
+      for (const [x, y] of [...bodies.flat(), ...links.flat(), ...outlines.flat(2)]) {
         if (!Number.isFinite(x + y)) continue;
         left = Math.min(left, x); right = Math.max(right, x); low = Math.min(low, y); high = Math.max(high, y);
       }
@@ -180,6 +182,7 @@ class Stage {
       this.masses[b][1].setAttribute("x", centre[0] + 10);
       this.masses[b][1].setAttribute("y", centre[1] - 8);
     });
+    found.outlines.forEach((lines, b) => lines.forEach((line, i) => this.outlines[b][i].setAttribute("d", way(line.map((p) => this.page(p))))));
     found.links.forEach((ends, i) => this.link(this.scene.links[i], this.links[i], ...ends.map((p) => this.page(p)), place));
     found.marks.forEach((p, i) => { const [x, y] = this.page(p); this.marks[i].setAttribute("d", `M${x - 4} ${y}h8M${x} ${y - 4}v8`); });
   }
@@ -198,6 +201,9 @@ class Stage {
       line = apart ? (spring ? coil(first, second) : way([first, second])) : spring ? coil([first[0] - 15, first[1]], [first[0] + 15, first[1]]) : "";
       look = spring ? "spring" : "measure";
       sign = disc(first, 3) + (apart ? disc(second, 3) : "");
+    } else if (["wheel", "skate"].includes(link.kind)) {
+      if (link.kind === "skate") line = way([-18, 18].map((half) => second.map((v, k) => v + half * this.along(link, place)[k])));
+      sign = disc(second, 3);
     } else {
       const [x, y] = second;
       if (link.grounded) { line = way([[x, y], [x - 9, y + 16], [x + 9, y + 16]], true); rail = hatch([x - 14, y + 16], [x + 14, y + 16]); look = "stand"; }
@@ -210,12 +216,16 @@ class Stage {
     paths.sign.setAttribute("class", `sign ${mark}`);
   }
 
+  // The direction of a joint's axis on the page.
+  along(link, place) {
+    const axis = link.axis_of < 0 ? link.axis : turned(this.pose(link.axis_of, place).turn, link.axis);
+    const [u, v] = this.flat(axis), length = Math.hypot(u, v);
+    return length > 1e-9 ? [u / length, -v / length] : [1, 0];
+  }
+
   // A block on a rail along its axis; the rail is hatched where it is the ground.
   slide(link, first, second, place) {
-    const axis = link.axis_of < 0 ? link.axis : turned(this.pose(link.axis_of, place).turn, link.axis);
-    let [u, v] = this.flat(axis);
-    const length = Math.hypot(u, v);
-    [u, v] = length > 1e-9 ? [u / length, -v / length] : [1, 0];
+    const [u, v] = this.along(link, place);
     const across = u > 0 || (u === 0 && v > 0) ? [-v, u] : [v, -u];
     const gone = (second[0] - first[0]) * u + (second[1] - first[1]) * v;
     const base = [second[0] + 8 * across[0], second[1] + 8 * across[1]];

@@ -19,7 +19,7 @@ def begin_watch(s: IntegratorWorkspace) -> None:
     s.tried = NEVER
     s.comes = 0
     s.longest = s.usual
-    if s.closed.residuals > 0:
+    if s.closed.positions.rows > 0:
         in_units(s)
         s.pose_time[0] = s.time
         s.pose_least[0] = least_singular_value(s.closed, s.closed.positions, s.time, s.si)
@@ -73,7 +73,7 @@ def opened(s: IntegratorWorkspace) -> bool:
     for i in range(s.closed.positions.rows):
         smallest = min(smallest, s.closed.positions.size[i])
     s.closed.invariant(s.time, s.si, s.inputs, s.constants, s.mode, s.closed.values)
-    for i in range(s.closed.residuals):
+    for i in range(s.closed.gaps):
         if abs(s.closed.values[i]) > APART * smallest:
             return True
     return False

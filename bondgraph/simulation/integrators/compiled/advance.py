@@ -52,7 +52,7 @@ def advance(s: IntegratorWorkspace, most: int) -> int:
             return HANDOVER
         if s.automatic != 0 and s.held_by_stability >= OFTEN and s.time < s.stop:
             return STIFF
-        if s.closed.residuals > 0 and s.time < s.stop:
+        if s.closed.positions.rows > 0 and s.time < s.stop:
             near = watch(s)
             if near != GOES_ON:
                 return near

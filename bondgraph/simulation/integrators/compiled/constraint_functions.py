@@ -15,28 +15,29 @@ from .plain import record_for
 
 
 def fields_of(program: Program, inputs: Array, constants: Array, magnitude: Array, taking: BoolArray) -> dict[str, Any]:
-    """Return the fields of a `ProjectionWorkspace`; `taking`: mask of the active residuals. Empty where a program has no constraints."""
+    """Return the fields of a `ProjectionWorkspace`; `taking`: mask of the active constraints. Empty where a program has no constraints."""
     count, full = len(program.states.names), len(program.states.names) + len(program.unknowns.names)
-    residuals = len(program.multipliers)
+    constraints = len(program.multipliers)
     rows, columns = program.invariant_pattern
     rates = np.asarray(program.rates, dtype=int)
+    gaps = len(program.invariants.names) - int((rates >= 0).sum())
     lengths = [u == "m" for u in program.invariants.units]
     bound = [count + m for m in program.eliminated]
     squares = {
         name: square(rows, columns, chosen, lengths)
-        for name, chosen in (("positions", np.flatnonzero(taking)), ("velocities", rates[taking & (rates >= 0)]))
+        for name, chosen in (("positions", np.flatnonzero(taking[:gaps])), ("velocities", rates[taking & (rates >= 0)]))
     }
     squares["positions"]["vector"] = squares["positions"]["fresh"].copy()
     return {
-        "inputs": inputs, "constants": constants, "mode": np.zeros(mode_size(program, constants)), "active": int(residuals > 0), "n": full,
-        "count": count, "residuals": residuals, "magnitude": np.array(magnitude, dtype=float), "values": np.zeros(len(program.invariants.names)),
-        "slopes": np.zeros(len(rows)), "multipliers": len(bound), "place": bound, "solution": np.zeros(full + len(bound)),
-        "full": np.zeros(full),
+        "inputs": inputs, "constants": constants, "mode": np.zeros(mode_size(program, constants)), "active": int(constraints > 0), "n": full,
+        "count": count, "gaps": gaps, "constraints": constraints, "magnitude": np.array(magnitude, dtype=float),
+        "values": np.zeros(len(program.invariants.names)), "slopes": np.zeros(len(rows)), "multipliers": len(bound), "place": bound,
+        "solution": np.zeros(full + len(bound)), "full": np.zeros(full),
     } | squares  # fmt: skip
 
 
 class Invariants(Protocol):
-    """Constraints of a program with the values of a run; `taking`: mask of the active residuals; `magnitude` of the states (n,)."""
+    """Constraints of a program with the values of a run; `taking`: mask of the active constraints; `magnitude` of the states (n,)."""
 
     program: Program
     inputs: Any
@@ -61,7 +62,7 @@ class CompiledConstraints:
             return {name: value for name, value in found.items() if name not in given}
 
         self.values = record_for(ProjectionWorkspace, program, taking.tobytes(), values, given, native)
-        self.native, self.redundant = native, not taking.all()
+        self.native, self.redundant = native, not taking[: self.values["gaps"]].all()
 
     def project(self, times: Array, states: Array, mode: Array) -> tuple[Any, Any]:
         """Return the states projected on their invariants, and the number of nearly dependent rows at each."""

@@ -77,7 +77,7 @@ def state_at(s: IntegratorWorkspace, time: float, out: Floats) -> None:
     scaled_at(s, time, out)
     for i in range(s.n):
         out[i] *= s.magnitude[i]
-    if s.closed.residuals > 0:
+    if s.closed.constraints > 0:
         project(s.closed, time, out)
 
 

@@ -30,7 +30,7 @@ def misses_stiff_states(s: IntegratorWorkspace) -> bool:
 
     Its two polynomials differ in them, or it has only one. A state may be stiff at the end of the step alone, as behind a diode that begins to conduct.
     """
-    if STEEP[s.method] == 0 or s.closed.residuals > 0 or s.sparse != 0:
+    if STEEP[s.method] == 0 or s.closed.constraints > 0 or s.sparse != 0:
         return False
     has_stiff_states(s, s.jacobian)
     has_quintic = s.ends == 3 and THROUGH_ENDS[s.method] != 0

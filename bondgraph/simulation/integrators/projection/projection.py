@@ -66,7 +66,8 @@ class ProjectionWorkspace(Record):
     active: int  # 1 if there are any
     n: int  # states and unknowns
     count: int  # states
-    residuals: int
+    gaps: int  # residuals
+    constraints: int  # with residuals, or on rates alone
     magnitude: Floats  # n
     values: Floats  # values of all invariants
     slopes: Floats

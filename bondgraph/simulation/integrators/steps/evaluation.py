@@ -72,7 +72,7 @@ def sign(x: float) -> float:
 
 def has_loops(s: IntegratorWorkspace) -> bool:
     """Return True if there are unknowns of algebraic loops; those of loop joints do not count."""
-    return s.differential < s.n and s.closed.residuals == 0
+    return s.differential < s.n and s.closed.constraints == 0
 
 
 def put_terms(s: IntegratorWorkspace, y: Floats) -> None:
@@ -94,14 +94,14 @@ def drop_noise(s: IntegratorWorkspace, x: Floats) -> None:
 def put_end_rates(s: IntegratorWorkspace, end: float) -> None:
     """Project the new state on the constraints and compute its rates, which are known where there are unknowns of loops (see `misses`)."""
     n = s.n
-    if s.closed.residuals > 0:
+    if s.closed.constraints > 0:
         onto_constraints(s, end)
     if has_loops(s):
         for i in range(n):
             s.rate[i] = s.f[n + i]
     else:
         rates(s, end, s.new, s.rate)
-    if s.closed.residuals > 0:
+    if s.closed.constraints > 0:
         for i in range(s.differential, n):
             s.rate[i] = 0.0
 
