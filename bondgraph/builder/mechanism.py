@@ -141,8 +141,8 @@ class Multibody:
         self, name: str, first: End, second: End, *, radius: Value, about: Value = None, normal: Value = None, at: Value = None
     ) -> Part:  # fmt: skip
         """Add a wheel with its centre `at` a point of `second`, which rolls on a plane of `first` without slip; in space without `about` a sphere."""
-        given = {"radius": (radius, "m"), "about": (about, ""), "normal": (normal, "")}
-        return self._joint("wheel", name, first, second, given, {"at": at})
+        attributes = {"radius": (radius, "m"), "about": (about, ""), "normal": (normal, "")}
+        return self._joint("wheel", name, first, second, attributes, {"at": at})
 
     def skate(
         self, name: str, first: End, second: End, *, along: Value, normal: Value = None, at: Value = None

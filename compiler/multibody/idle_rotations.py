@@ -6,8 +6,7 @@ inertia it keeps its angular velocity. So an inertia about that point or line, o
 it is zero, and so is the effect of the addition. Loads and energies are written without it.
 
 Symmetry is checked numerically, with the parameters of this scene and with others: a property of these values alone is no symmetry, as a run may
-change them. A ball whose only idle rotation is about a line is refused as before: its coordinates are in the model, and a universal joint has
-none too many.
+change them.
 """
 
 from __future__ import annotations
@@ -170,7 +169,7 @@ def _way(
     if not apart and not held.lines:
         return UNIT if all(_is_point(kinematics, b) for b in moving.link.bodies) else None
     ways = [*(d for _, d in held.lines), *apart]
-    if moving.link.step.kind == "ball" or not all(_is_along(ways[0], v, values) for v in ways):
+    if not all(_is_along(ways[0], v, values) for v in ways):
         return None
     if not all(_is_thin(kinematics, b, ways[0], values) for b in moving.link.bodies):
         return None

@@ -34,6 +34,9 @@ model Robot {
     hinge h2 : ground to b { about = (0, 0, 1) }
     gear g : h to h2 { ratio = -2 }
     rack t : h to s { radius = 0.01 m }
+    wheel q : ground to a { radius = 0.2 m, about = (0, 1, 0), normal = (0, 0.1, 1), at = (0.5 m, 0, 0) }
+    wheel v : ground to b { radius = 0.2 m }
+    skate e : ground to b { along = (1, 0, 0), at = (1 m, 0, 0) }
   }
   Se lift : F = 1 N
   lift -> arm.d
@@ -68,6 +71,9 @@ def robot() -> Graph:
     h2 = arm.hinge("h2", "ground", b, about=(0, 0, 1))
     arm.gear("g", h, h2, ratio=-2)
     arm.rack("t", h, s, radius=0.01)
+    arm.wheel("q", "ground", a, radius=0.2, about=(0, 1, 0), normal=(0, 0.1, 1), at=(0.5, 0, 0))
+    arm.wheel("v", "ground", b, radius=0.2)
+    arm.skate("e", "ground", b, along=(1, 0, 0), at=(1, 0, 0))
     g.Se("lift", "F = 1 N") >> d
     g.output("z", f"{tip}.z")
     g.output("Fz", f"{ball}.reaction.z")

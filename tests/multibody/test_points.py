@@ -171,13 +171,31 @@ def test_a_point_keeps_its_spin() -> None:
     np.testing.assert_allclose(ends(texts[0]), ends(texts[1]), atol=2e-7)
 
 
+@pytest.mark.parametrize("inertia", [0.0, 0.2], ids=["a point", "a thin bar"])
+def test_a_mass_at_the_end_of_a_ball_joint(inertia: float) -> None:
+    """A spherical pendulum, with any spin about itself: by hand the unit vector q along it."""
+    pull = GRAVITY / (2.0 + inertia / 2)  # (J + m l^2)/(m l)
+
+    def rates(_: float, y: Any) -> Any:
+        q, v = y[:3], y[3:]
+        return np.concatenate([v, pull - (pull @ q + v @ v) * q])
+
+    exact = 2 * solve_ivp(rates, (0, END), [1, 0, 0, 0, 1.5, 0], "DOP853", rtol=1e-11, atol=1e-12).y[:3, -1]
+    for spin in (0, 40):
+        parts = [
+            f"body a {{ mass = 1 kg, inertia = {inertia} [kg*m^2]*(0, 1, 1), at = (2 m, 0, 0) }}",
+            f"ball h : ground to a {{ at = (0, 0, 0), start rz.omega = 1.5 [1/s], start rx.omega = {spin} [1/s] }}",
+        ]
+        np.testing.assert_allclose(ends(model(parts, read("a", 3), 3)), exact, atol=2e-7)
+
+
 # ---------------------------------------------------------------- what is singular
 TWISTED = "body a { mass = 1 kg, at = (1 m, 0) }"
 LOST = {
     "a torque on a point": (2, ["{a}", "frame o : ground {{ at = (0, 0) }}", "rod r : o to a"], "Se M : M = 1 [N*m]\n  M -> m.a.phi", r"a\.phi"),
     "a spring on its hinge": (2, ["{a}", "hinge h : ground to a {{ at = (1 m, 0) }}"], "C k : M = 1 [N*m]*phi\n  m.h -> k", r"h\.phi"),
     "friction on its hinge": (2, ["{a}", "hinge h : ground to a {{ at = (1 m, 0) }}"], "R k : M = 1 [N*m*s]*omega\n  m.h -> k", r"h\.phi"),
-    "a ball beside it": (3, ["{b}", "ball h : ground to b {{ at = (0, 0, 0) }}"], "", r"h\.r[xyz]"),
+    "a torque on the ball beside it": (3, ["{b}", "ball h : ground to b {{ at = (0, 0, 0) }}"], "Se M : M = 1 [N*m]\n  M -> m.h.rx", r"h\.r[xyz]"),
     "a gear on its hinge": (2, ["{a}", "body c {{ mass = 1 kg, at = (3 m, 0) }}", "hinge h : ground to a {{ at = (1 m, 0) }}", "hinge k : ground to c {{ at = (3 m, 0) }}", "gear g : h to k {{ ratio = 2 }}"], "", r"[hk]\.phi"),
     "no mass either": (2, ["body a {{ at = (1 m, 0) }}", "hinge h : ground to a {{ at = (1 m, 0) }}"], "", r"h\.phi"),
 }  # fmt: skip

@@ -57,6 +57,9 @@ def model(joints: str, outputs: str = "", space: str = "spatial", parts: str = P
         ("free j : a to b { turn = (0, 0, 1), axes = middle, start z = 1 mm, rest z = 2 mm }", "turn = (0, 0, 1), axes = middle, rest z = 0.002 m, start z = 0.001 m"),
         ("free j : a to b { axes = world }", "axes = world"),
         ("weld j : a to b { at = (l, 0, 0) }", "at = (l, 0, 0)"),
+        ("wheel j : ground to c { radius = 2*l, about = (0, l, 0) }", "about = (0, l, 0), radius = 2*l"),
+        ("wheel j : a to c { radius = 10 mm, normal = (0, 1, 0), at = (0, 0, l) }", "at = (0, 0, l), normal = (0, 1, 0), radius = 0.01 m"),
+        ("skate j : ground to c { along = (1, 0, 0), normal = (0, 0, 1) }", "along = (1, 0, 0)"),
         ("distance j : hook to c { start d = 4 m }", "start d = 4 m"),
         ("rod j : hook to c", ""),
     ],
@@ -65,6 +68,19 @@ def test_joints_in_space(joint: str, written: str) -> None:
     flat = there_and_back(model(joint))
     link = joint.partition("{")[0].strip()
     assert f"    {link} {{ {written} }}\n" in flat if written else f"    {link}\n" in flat
+
+
+@pytest.mark.parametrize(
+    ("joint", "written"),
+    [
+        ("wheel j : ground to a { radius = l, normal = (0, 1) }", "radius = l"),
+        ("wheel j : ground to a { radius = l, normal = (-1, 1) }", "normal = (-1, 1), radius = l"),
+        ("skate j : ground to a { along = angle, at = (l, 0) }", "at = (l, 0), along = angle"),
+    ],
+)
+def test_rolling_in_the_plane(joint: str, written: str) -> None:
+    flat = there_and_back(model(joint, space="planar", parts="body a { mass = m, inertia = J[1] }"))
+    assert f"    {joint.partition('{')[0].strip()} {{ {written} }}\n" in flat
 
 
 def test_bodies_and_frames_in_space() -> None:
