@@ -152,10 +152,10 @@ class PartAttributes:
         """A required positive number."""
         bound = self.nonzero(name, dimension, why)
         attribute = self.needed(name)
-        known = known_or_later(
+        values = known_or_later(
             self.resolver, [bound], attribute.span, f"{name} of {self.part.entry.name}", not_negative
         )
-        if known is not None and known[0] < 0:
+        if values is not None and values[0] < 0:
             what = f"The {name} of `{self.part.entry.name}` is negative"
             raise Wrong(WrongMechanism(attribute.value.span, what, why))
         return bound
