@@ -122,7 +122,7 @@ class _Parts:
             yield from self._turn(joint.turn)
         if joint.kind == "universal":
             yield f"then = {self._direction(joint.other_axis)}"
-        if joint.kind in CONTACTS and joint.other_axis not in (UPRIGHT, UPWARDS):
+        if joint.kind in CONTACTS and joint.other_axis != (UPWARDS if self.planar else UPRIGHT):
             yield f"normal = {self._direction(joint.other_axis)}"
         if joint.kind == "wheel":
             yield f"radius = {self.text(joint.ratio, METRE)}"
