@@ -39,7 +39,9 @@ FEW = (
     else [c for c in CASES if c.path.parent == CIRCUITS or c.path.stem in ("dc_motor", "pendulum", "quarter_car")]
 )
 HELD_CASES = (
-    [*cases(True)] if LONG else [c for c in first_cases(True) if c.path.stem in ("four_bar", "spatial_slider_crank")]
+    [*cases(True)]
+    if LONG
+    else [c for c in first_cases(True) if c.path.stem in ("coin", "four_bar", "spatial_slider_crank")]
 )
 EXACT = 1e-11
 RTOL = 1e-8
