@@ -308,6 +308,9 @@ DRIVETRAIN: dict[str, Formula] = {
     "HertzContact": lambda t: {
         "F": 4 / 3 * 115e9 * math.sqrt(5e-3) * np.maximum(1e-3 * t - 1e-6, 0) ** 1.5
     },
+    "Bushing": lambda t: {"x": 1e-3 * np.cos(np.sqrt(1e5) * t), "turn": np.pi / 180 * np.cos(100 * t)},
+    "GroundPoint": lambda t: {"v": 3 - 0.2 * 9.81 * t, "N": 9.81 + 0 * t},
+    "GroundBall": lambda t: {"v": 2 - 0.981 * t, "omega": 0.1 / 0.004 * 0.981 * t},
     "AirDrag": lambda t: {"F": 0.6 * 0.3 * 2.2 * 900 * np.sin(t) * np.abs(np.sin(t))},
 }  # fmt: skip
 

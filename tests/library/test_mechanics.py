@@ -269,3 +269,62 @@ def test_end_stop_with_loss_after_hunt_and_crossley(side: int) -> None:
 
     near(v, -brentq(lambda s: invariant(s) - invariant(1.0), -1.0, -0.1, xtol=1e-16, rtol=1e-14))
     assert np.all(side * found["force"] >= 0)  # it never pulls
+
+
+# ---------------------------------------------------------------------- on mechanisms
+
+
+def test_a_bowling_ball_slides_and_then_rolls() -> None:
+    """Closed form: friction takes 2/7 of its speed, in any direction; then it rolls, without loss."""
+    found = run(
+        "mechanics", "GroundBall",
+        """
+        multibody m : spatial {
+          gravity = (0, 0, -9.81 [m/s^2])
+          body marble { mass = 2 kg, inertia = 0.008 [kg*m^2]*(1, 1, 1), at = (1 m, 0, 0.1 m), start x.v = 0.3 [m/s], start y.v = -0.4 [m/s], start z = 0.1 m - 20.12 um }
+        }
+        GroundBall floor { mu = 0.3, v_0 = 1e-5 [m/s], loss = 0 }
+        m.marble => floor.ends
+        output vx = m.marble.x.v, vy = m.marble.y.v, wx = m.marble.rx.omega, wy = m.marble.ry.omega, N = floor.load
+        """,
+        0.4, rtol=1e-7, energy=True,
+    )  # fmt: skip
+    slides = found.time < 2 * 0.5 / (7 * 0.3 * 9.81) - 1e-3
+    fast = np.where(slides, 0.5 - 0.3 * 9.81 * found.time, 0.5 * 5 / 7)
+    late = slides | (found.time > 0.1)
+    for name, share in (("vx", 0.6), ("vy", -0.8)):
+        near(found[name][late], share * fast[late], scale=1, rtol=1e-6)
+    near(found["wy"][-1], found["vx"][-1] / 0.1, scale=1, rtol=1e-6)
+    near(found["wx"][-1], -found["vy"][-1] / 0.1, scale=1, rtol=1e-6)
+    near(found["N"], np.full(len(found.time), 2 * 9.81), rtol=1e-6)
+    assert found.energy is not None
+    lost = {e.name: e.dissipated for e in found.energy.elements}["floor.friction"]
+    near(lost, 2 / 7 * 0.5 * 2 * 0.25, rtol=1e-6)
+    assert abs(found.energy.residual) < 1e-6
+
+
+def test_a_box_on_two_feet_slides_upright() -> None:
+    """Closed form: friction at the feet shifts the load to the front one by m mu g h over their distance; thrown up it leaves the ground."""
+    bench = """
+        multibody m : planar {{
+          gravity = (0, -9.81 [m/s^2])
+          body box {{ mass = 3 kg, inertia = 0.05 [kg*m^2], at = (0, 0.2 m), start x.v = 2 [m/s], start y.v = {up} [m/s] }}
+          frame back : box {{ at = (-0.25 m, 0) }}
+          frame front : box {{ at = (0.25 m, 0) }}
+        }}
+        GroundPoint one {{ mu = 0.25, k = 1e5 [N/m], loss = 20 [s/m] }}
+        GroundPoint two {{ mu = 0.25, k = 1e5 [N/m], loss = 20 [s/m] }}
+        m.back.x -> one.x
+        m.back.y -> one.y
+        m.front.x -> two.x
+        m.front.y -> two.y
+        output v = m.box.x.v, back = one.load, front = two.load, y = m.box.y
+        """
+    found = run("mechanics", "GroundPoint", bench.format(up=0), 0.6, rtol=1e-6)
+    mean, shift = 3 * 9.81 / 2, 3 * 0.25 * 9.81 * 0.2 / 0.5
+    assert found["front"][-1] == pytest.approx(mean + shift, rel=2e-3)
+    assert found["back"][-1] == pytest.approx(mean - shift, rel=2e-3)
+    assert found["v"][-1] == pytest.approx(2 - 0.25 * 9.81 * 0.6, abs=2e-3)
+    flies = run("mechanics", "GroundPoint", bench.format(up=1.5), 0.2, rtol=1e-8)
+    near(flies["y"], 0.2 + 1.5 * flies.time - 9.81 / 2 * flies.time**2, rtol=1e-8)
+    exact(flies["front"] + flies["back"], np.zeros(len(flies.time)))
