@@ -231,6 +231,7 @@ def _range(node: tree.Range) -> str:
 def _item(node: tree.Item) -> str:
     text = node.name + index_text(node.index)
     text += "" if node.unit is None else f": {unit_text(node.unit)}"
+    text += f": {{ {', '.join(name for name, _ in node.choices)} }}" if node.choices else ""
     text += "" if node.value is None else f" = {expression(node.value)}"
     return text + ("" if node.description is None else f' "{node.description}"')
 

@@ -106,8 +106,13 @@ class Builder:
     def item(self, parts: list[Any]) -> tree.Item:
         name, index, unit, value, description = parts
         value = _done(value)
-        span = self._span([name, value or unit or name])
-        return tree.Item(span, str(name), _items(index), unit, value, _text(description))
+        end = unit if isinstance(unit, tree.Unit) else name
+        span = self._span([name, value or end])
+        choices, unit = (unit, None) if isinstance(unit, tuple) else ((), unit)
+        return tree.Item(span, str(name), _items(index), unit, value, _text(description), choices)
+
+    def choices(self, parts: list[Any]) -> tuple[tuple[str, Span], ...]:
+        return tuple((str(t), self._span([t])) for t in parts)
 
     def function(self, parts: list[Any]) -> tree.FunctionSyntax:
         body = _done(parts[-1])

@@ -171,6 +171,7 @@ class Item(SyntaxNode):
     unit: Unit | None
     value: ExpressionSyntax | None
     description: str | None
+    choices: tuple[tuple[str, Span], ...] = ()  # `kind: {linear, cubic}`
 
 
 @dataclass(frozen=True, slots=True)

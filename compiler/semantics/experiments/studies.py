@@ -11,7 +11,7 @@ from ...syntax import tree
 from ...syntax.blocks import flat
 from ..expressions.scales import scale_of
 from ..names.domain_table import paths_of
-from ..names.errors import DimensionMismatch, NotStatic, UnknownName, WrongExperiment
+from ..names.errors import DimensionMismatch, NotStatic, UnknownName, WrongExperiment, WrongValue
 from ..names.scope import STATIC_ROLES, Scalar, Scope
 from ..names.statement_errors import Wrong, describe, suggestion
 from ..network.elaborate import Elaborator
@@ -39,6 +39,9 @@ def read_sweep(
     unit = scale_of(step.unit) if step.unit is not None else None
     values: list[float] = []
     for value in step.values:
+        if entry.choices:
+            values.append(_choice(value, name, entry.choices))
+            continue
         template = elaborator.template(value, root, unit)
         for slot in template.slots:
             if elaborator.scalar_at(slot, root).role not in STATIC_ROLES:
@@ -53,6 +56,15 @@ def read_sweep(
                 raise Wrong(WrongExperiment(value.span, "A swept value is known before the run", "Write numbers."))
             values.append(number)
     return Swept(name, tuple(values), str(entry.dimension or ONE))
+
+
+def _choice(value: tree.ExpressionSyntax, name: str, choices: tuple[str, ...]) -> float:
+    """Number of one of the words of a choice."""
+    word = value.words if isinstance(value, tree.PathSyntax) else ""
+    if word not in choices:
+        hint = suggestion(word, choices, f"It can be: {', '.join(choices)}.")
+        raise Wrong(WrongValue(value.span, name, "the sweep", value.span.words, hint))
+    return 1.0 + choices.index(word)
 
 
 def own_names(model: tree.ModelSyntax) -> set[str]:

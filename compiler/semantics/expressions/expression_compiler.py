@@ -75,7 +75,7 @@ class ExpressionCompiler:
 
     def compile(self, expression: tree.ExpressionSyntax) -> Template:
         value = self._in_unit(expression) if self.unit is not None else self.value(expression)
-        parts = value if isinstance(value, tuple) else (value,)
+        parts = value if isinstance(value, tuple) else (self._no_choice(value, expression.span),)
         formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts)
         return Template(value, tuple(self.slot_list), formulas, tuple(self.checks), tuple(self.lists.values()))
 
@@ -163,6 +163,13 @@ class ExpressionCompiler:
     def _number(self, value: Typed, span: Span) -> Typed:
         if value.truth:  # a condition read as a number is 1 or 0: `output lift_off = tyre.x < 0 m`
             return Typed(select(value.expression, NUMBER_ONE, ZERO), ONE)
+        return self._no_choice(value, span)
+
+    @staticmethod
+    def _no_choice(value: Typed, span: Span) -> Typed:
+        if value.choices:
+            hint = f"Compare it: `{span.words} == {value.choices[0]}`."
+            raise Wrong(WrongType(span, "A number", f"a choice of {', '.join(value.choices)}", hint))
         return value
 
     def _literal(self, node: tree.Literal, number: Fraction | None = None) -> Typed:
@@ -213,7 +220,7 @@ class ExpressionCompiler:
             symbol = Symbol(self._slot(node, None, base))
             if found.truth:
                 return Typed(call("less", Number(0.5), symbol), ONE, truth=True)
-            return Typed(symbol, found.dimensions[0])
+            return Typed(symbol, found.dimensions[0], choices=found.choices)
         if found.fixed:
             known = [v for v in found.values if v is not None]
             return tuple(Typed(Number(v), d) for v, d in zip(known, found.dimensions, strict=True))
@@ -310,7 +317,36 @@ class ExpressionCompiler:
             raise Wrong(WrongType(node.exponent.span, "An exponent up to 1000", "a larger one", "Use exp() and log()."))
         return Typed(power(base.expression, exponent.expression), dimension)
 
+    def _choice_at(self, node: tree.ExpressionSyntax) -> Typed | None:
+        """The choice that one side of a comparison reads; None for anything else."""
+        if not isinstance(node, tree.PathSyntax) or not (node.head in self.local or self.scope.find(node.head)):
+            return None
+        value = self.value(node)
+        return value if isinstance(value, Typed) and value.choices else None
+
+    def _compared(self, node: tree.Comparison, sides: tuple[Typed | None, Typed | None]) -> Typed:
+        """Comparison of a choice with one of its words, or with another choice of the same words."""
+        choices = next(side.choices for side in sides if side is not None)
+        numbers: list[Expression] = []
+        for side, written in zip(sides, (node.left, node.right), strict=True):
+            word = written.words if isinstance(written, tree.PathSyntax) else ""
+            if word in choices and (side is None or sides != (side, side)):
+                numbers.append(Number(1.0 + choices.index(word)))
+            elif side is not None and side.choices == choices:
+                numbers.append(side.expression)
+            else:
+                hint = suggestion(word, choices, f"It can be: {', '.join(choices)}.")
+                raise Wrong(WrongType(written.span, f"One of {', '.join(choices)}", f"`{written.span.words}`", hint))
+        if node.operator not in ("==", "!="):
+            hint = f"A choice is compared by `==` and `!=`: `{node.left.span.words} == {node.right.span.words}`."
+            raise Wrong(WrongType(node.span, "A comparison of choices", f"`{node.operator}`", hint))
+        same = call("equal", *numbers)
+        return Typed(same if node.operator == "==" else call("not", same), ONE, truth=True)
+
     def _comparison(self, node: tree.Comparison) -> Typed:
+        sides = self._choice_at(node.left), self._choice_at(node.right)
+        if sides != (None, None):
+            return self._compared(node, sides)
         left, right = self.scalar(node.left), self.scalar(node.right)
         common_dimension([(left, node.left.span), (right, node.right.span)], "These cannot be compared")
         a, b = left.expression, right.expression

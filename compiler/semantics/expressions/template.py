@@ -25,6 +25,7 @@ class Typed:
     expression: Expression
     dimension: Dimension | None
     truth: bool = False
+    choices: tuple[str, ...] = ()  # the words that a choice is one of: its expression is a number from 1
 
 
 Value = Typed | tuple[Typed, ...]
@@ -81,6 +82,7 @@ class Readable:
     values: tuple[float | None, ...] = ()  # of constants
     truth: bool = False
     fixed: bool = False  # numbers of the text: the same in every instance
+    choices: tuple[str, ...] = ()
 
 
 Resolve = Callable[[tree.PathSyntax | tree.Call, Scope], Readable]

@@ -41,6 +41,7 @@ def names_in(statements: object) -> set[str]:
     for node in tree.nodes_in(statements):
         if isinstance(node, _NAMED):
             names.add(node.name)
+            names.update(name for name, _ in getattr(node, "choices", ()))
         elif isinstance(node, tree.FunctionSyntax):
             names |= {node.name, *node.parameters}
     return names

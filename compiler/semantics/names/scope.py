@@ -63,6 +63,7 @@ class Scalar:
     role: str  # parameter, constant, input, signal, output, index, number, time, reading
     name: str
     truth: bool = False  # a condition with a name: 1 or 0 as a number
+    choices: tuple[str, ...] = ()  # a parameter that is one of these words: its number, from 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from ...algebra.expression import ZERO, Number, select, substitute, symbols
 from ...algebra.formula import Bound, Formula
+from ...errors import ValuesNeeded
 from ...graph.network import Delay, Integral, Named, Quantity
 from ...graph.units import ONE, SECOND, Dimension, Scale
 from ...scene import Override
@@ -17,11 +18,20 @@ from ..expressions.expression_compiler import ExpressionCompiler
 from ..expressions.scales import scale_of
 from ..expressions.template import Template, Typed, Value
 from ..names.domain_table import paths_of
-from ..names.errors import Cycle, DimensionMismatch, MissingValue, NotStatic, TooMany, WrongType
+from ..names.errors import (
+    Cycle,
+    DimensionMismatch,
+    DuplicateName,
+    MissingValue,
+    NotStatic,
+    TooMany,
+    WrongType,
+    WrongValue,
+)
 from ..names.scope import STATIC_ROLES, Array, InstanceEntry, Items, Pending, Scalar, Scope
-from ..names.statement_errors import AlreadyTold, Wrong, describe, unit_hint
+from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
 from .elaboration_cache import ElaborationCache
-from .resolver import Resolver
+from .resolver import SHOWN, Resolver
 
 UNCHANGING_ROLES = ("parameter", "constant", "mode")  # their values are known before the run; of a mode the first one
 MAXIMUM_ROW = 40  # quantities that wait for one another at once
@@ -138,6 +148,8 @@ class QuantityResolver(Resolver):
             self.used_overrides.add(pending.name)
         else:
             override = None
+        if item.choices:
+            return self._choice(pending, override)
         unit = scale_of(item.unit) if item.unit is not None else None
         if unit is not None and pending.owner.plain:
             raise Wrong(WrongType(item.span, "A bare number", "a unit", "A `plain model` has no units."))
@@ -151,6 +163,38 @@ class QuantityResolver(Resolver):
         # The default also says whether it is a truth: a place of the text that reads it is compiled once for all instances.
         truth = isinstance(default, Typed) and default.truth
         return replace(entered, truth=truth) if isinstance(entered, Scalar) else entered
+
+    def _choice(self, pending: Pending, override: Override | None) -> Scalar:
+        """A parameter that is one of several words: the number of its word, from 1, which is never an argument of a program."""
+        item, words = pending.item, tuple(word for word, _ in pending.item.choices)
+        for number, (word, span) in enumerate(item.choices):
+            if word in words[:number]:
+                raise Wrong(DuplicateName(span, word, item.choices[words.index(word)][1]))
+        if pending.role != "parameter":
+            hint = "Only a parameter is one of several words; a `mode` is a number or a truth."
+            raise Wrong(WrongType(item.choices[0][1], "A number", "a choice", hint))
+        known = override.value if override is not None else pending.value
+        if override is not None and known is None:  # structure: a run's program is made for one choice
+            line = item.span.source.line(item.span.line).strip()
+            raise ValuesNeeded({pending.name: f"line {item.span.line}, `{line[:SHOWN]}`"})
+        if known is None:
+            entered = self._without_value(pending, ONE)
+            return replace(entered, choices=words)
+        hint = f"It can be: {', '.join(words)}."
+        if isinstance(known, float):
+            if known not in range(1, len(words) + 1):
+                raise Wrong(WrongValue(item.span, item.name, pending.owner.definition.name, f"{known:g}", hint))
+            return Scalar(known, ONE, "parameter", pending.name, choices=words)
+        word = known.words if isinstance(known, tree.PathSyntax) else ""
+        if word in words:
+            return Scalar(1.0 + words.index(word), ONE, "parameter", pending.name, choices=words)
+        scope = self.root if override is not None else pending.scope
+        if isinstance(known, tree.PathSyntax) and scope.find(known.head) is not None:
+            found = self.lookup(known, scope)
+            if isinstance(found, Scalar) and found.choices == words:
+                return replace(found, name=pending.name)
+        hint = suggestion(word, words, hint)
+        raise Wrong(WrongValue(known.span, item.name, pending.owner.definition.name, known.span.words, hint))
 
     def _settled(
         self, pending: Pending, override: Override | None, declared: Dimension | None, unit: Scale | None

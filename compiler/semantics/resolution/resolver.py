@@ -271,10 +271,14 @@ class Resolver(ABC):
             return Readable((self.nested_memory(path, scope).dimension,), False)
         found = self.lookup(path, scope)
         if isinstance(found, Items):
+            if any(item.choices for item in found.items):
+                raise Wrong(
+                    WrongType(path.span, "A list of numbers", "an array of choices", f"Read one: `{path.words}[1]`.")
+                )
             values = tuple(map(_known, found.items))
             fixed = None not in values and self._fixed(path, scope)
             return Readable(tuple(i.dimension for i in found.items), True, values, fixed=fixed)
-        return Readable((found.dimension,), False, (_known(found),), found.truth)
+        return Readable((found.dimension,), False, (_known(found),), found.truth, choices=found.choices)
 
     def _fixed(self, path: tree.PathSyntax, scope: Scope) -> bool:
         """Return True for a list that is a `constant` of literal numbers: it is the same in every instance."""
