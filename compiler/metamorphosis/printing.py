@@ -176,7 +176,9 @@ def _statement(node: object, margin: str) -> str:
             return text + (_block(" else", node.otherwise, margin) if node.otherwise else "")
         case tree.MechanismSyntax():
             return _block(
-                f"multibody {node.name}" + (f" : {node.space}" if node.space else ""), node.statements, margin
+                f"multibody {node.name}{index_text(node.index)}" + (f" : {node.space}" if node.space else ""),
+                node.statements,
+                margin,
             )
         case tree.EventSyntax():
             resets = "; ".join(f"{expression(r.target)} = {expression(r.value)}" for r in node.resets)

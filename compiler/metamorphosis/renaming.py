@@ -98,6 +98,8 @@ def _define(file: File, model: tree.ModelSyntax) -> Definition:
                         names[inside.name] = "index"
             case tree.LoopSyntax():
                 names[statement.name] = "index"
+            case tree.FunctionSyntax():
+                names[statement.name] = "function"
             case tree.Experiment():
                 for step in statement.steps:
                     if isinstance(step, tree.SweepSyntax) and not step.path.steps:
@@ -180,10 +182,11 @@ class ReadingPlace:
             case tree.PathSyntax():
                 return self.path(node, own)
             case tree.Call():
-                own_function = node.function in self.file.functions
-                function = (
-                    self.renamer.choose(("file", self.file.path, node.function)) if own_function else node.function
-                )
+                function = node.function
+                if self.definition is not None and self.definition.names.get(function) == "function":
+                    function = self.name(function)
+                elif function in self.file.functions:
+                    function = self.renamer.choose(("file", self.file.path, function))
                 return replace(node, function=function, arguments=tuple(self.value(a, own) for a in node.arguments))
             case tuple():
                 return tuple(self.value(n, own) for n in node)
@@ -268,9 +271,12 @@ class ReadingPlace:
                 return with_inner_blocks(node, lambda block: tuple(map(self.statement, block)))
             case tree.MechanismSyntax():
                 inside = ReadingPlace(self.renamer, self.file, self.definition, self.local, node)
-                return replace(
-                    node, name=self.name(node.name), statements=tuple(map(inside.statement, node.statements))
-                )
+                statements = tuple(map(inside.statement, node.statements))
+                return replace(node, name=self.name(node.name), index=self.value(node.index), statements=statements)
+            case tree.FunctionSyntax():
+                local = {p: self.name(node.name, p) for p in node.parameters}
+                body = ReadingPlace(self.renamer, self.file, self.definition, local).value(node.body)
+                return replace(node, name=self.name(node.name), parameters=tuple(local.values()), body=body)
             case tree.Experiment():
                 word = self.name("experiment", node.name)
                 return replace(node, name=word, steps=tuple(map(self._step, node.steps)))

@@ -186,8 +186,9 @@ class Builder:
         return ("member", tree.Member(str(parts[0])), parts[0].end_pos)
 
     def mechanism(self, parts: list[Any]) -> tree.MechanismSyntax:
-        name, space, statements = parts
-        return tree.MechanismSyntax(self._span([name]), str(name), None if space is None else str(space), statements)
+        name, index, space, statements = parts
+        space = None if space is None else str(space)
+        return tree.MechanismSyntax(self._span([name]), str(name), _items(index), space, statements)
 
     def setting(self, parts: list[Any]) -> tree.SettingSyntax:
         value = _done(parts[1])

@@ -324,6 +324,7 @@ class MechanismSyntax(SyntaxNode):
     """A `multibody` block."""
 
     name: str
+    index: Index | None
     space: str | None
     statements: tuple[SyntaxNode, ...]
 

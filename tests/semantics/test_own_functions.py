@@ -46,7 +46,7 @@ def test_a_law_s_own_letters_are_not_read_by_a_function() -> None:
     [
         ("function f(x) = u*x", "BG101"), ("function f(x) = place*x", "BG101"), ("function f(x) = spring.x*x", "BG101"), ("function f(x) = f(x)", "BG107"), ("function f(x) = g(x)\n  function g(x) = f(x)", "BG107"),
         ("function f(x) = k + x", "BG103"), ("function f(x, y) = x*y", "BG108"), ("function f(x) = x\n  function f(y) = 2*y", "BG104"), ("function of_file(x) = x", "BG104"), ("function k(x) = x", "BG104"),
-        ("function spring(x) = x", "BG104"), ("function time(x) = x", "BG134"), ("function f(x) = x*integral(1, 0)", "BG130"), ("for i in 1..2 { function h(x) = x }", "BG130"), ("function f(x) = other(x)", "BG109"),
+        ("function spring(x) = x", "BG104"), ("function time(x) = x", "BG134"), ("function f(x) = x*integral(1, 0)", "BG130"), ("if true { function h(x) = x }", "BG130"), ("function f(x) = other(x)", "BG109"),
     ],
 )  # fmt: skip
 def test_wrong_ones(function: str, code: str) -> None:

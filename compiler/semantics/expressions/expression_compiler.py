@@ -64,11 +64,13 @@ class ExpressionCompiler:
     ) -> None:
         self.scope, self.resolve, self.own = scope, resolve, own or {}
         self.unit = unit  # unit of bare numbers, after `name : unit =`
-        self.slots: dict[tuple[str, int | None, bool], int] = {}
+        self.slots: dict[tuple[str, int | None, int | None], int] = {}
         self.slot_list: list[Slot] = []
         self.local: dict[str, Value] = {}  # parameters of a function being opened
         self.opening: list[str] = []  # functions being opened, outermost first
-        self.in_model = True  # True if names of the model are visible; False in a function of the file
+        self.home: Scope | None = (
+            scope  # names are read there: those of a function where it is defined; None in a function of the file
+        )
         self.opened = 0
         self.checks: list[Check] = []
         self.lists: dict[str, tuple[tree.PathSyntax, int]] = {}
@@ -210,14 +212,15 @@ class ExpressionCompiler:
             return self._item_of_argument(node)
         if self.opening:
             return self._in_function(node)
-        return self._read(node, False)
+        return self._read(node, None)
 
-    def _read(self, node: tree.PathSyntax, base: bool) -> Value:
-        """Quantity that a path reads in the scope, or with `base` in the scope of its whole instance."""
-        found = self.resolve(node, self.scope.base() if base else self.scope)
-        words = f"{node.words} of the model" if base else node.words
+    def _read(self, node: tree.PathSyntax, home: Scope | None) -> Value:
+        """Quantity that a path reads in the scope, or in that of a function."""
+        found = self.resolve(node, home or self.scope)
+        depth = None if home is None else len(home.rows()) - 1
+        words = node.words if home is None else f"{node.words} of the function's scope"
         if not found.is_list:
-            symbol = Symbol(self._slot(node, None, base))
+            symbol = Symbol(self._slot(node, None, depth))
             if found.truth:
                 return Typed(call("less", Number(0.5), symbol), ONE, truth=True)
             return Typed(symbol, found.dimensions[0], choices=found.choices)
@@ -225,7 +228,7 @@ class ExpressionCompiler:
             known = [v for v in found.values if v is not None]
             return tuple(Typed(Number(v), d) for v, d in zip(known, found.dimensions, strict=True))
         self.lists[words] = node, len(found.dimensions)
-        return tuple(Typed(Symbol(self._slot(node, i, base)), d) for i, d in enumerate(found.dimensions))
+        return tuple(Typed(Symbol(self._slot(node, i, depth)), d) for i, d in enumerate(found.dimensions))
 
     def _item_of_argument(self, node: tree.PathSyntax) -> Value:
         """`points[2]` in a function, where `points` is one of its parameters."""
@@ -243,11 +246,11 @@ class ExpressionCompiler:
 
         A function of a model also reads the parameters and constants of that model.
         """
-        if self.in_model and may_read(self.scope.base().entries.get(node.head)):
-            return self._read(node, True)
+        if self.home is not None and may_read(self.home.find(node.head)):
+            return self._read(node, self.home)
         if self.scope.find(node.head) is not None and node.head not in self.scope.definition.file.constants:
             function = self.opening[-1]
-            known = " and those of its model, and constants" if self.in_model else " and its file's constants"
+            known = " and those of its model, and constants" if self.home is not None else " and its file's constants"
             hint = f"It reads its parameters{known}; make it one: `{function}(…, {node.head})`."
             raise Wrong(UnknownName(node.span, node.head, f"the function `{function}`", hint))
         outside = Scope(self.scope.definition, "")
@@ -259,11 +262,15 @@ class ExpressionCompiler:
         parts = tuple(Typed(Number(v), d) for v, d in zip(values, found.dimensions, strict=True))
         return parts if found.is_list else parts[0]
 
-    def _slot(self, path: tree.PathSyntax | tree.Call, item: int | None, base: bool = False) -> int:
-        key = (path.words if isinstance(path, tree.PathSyntax) else f"{path.function} at {path.span.start}", item, base)
+    def _slot(self, path: tree.PathSyntax | tree.Call, item: int | None, depth: int | None = None) -> int:
+        key = (
+            path.words if isinstance(path, tree.PathSyntax) else f"{path.function} at {path.span.start}",
+            item,
+            depth,
+        )
         if key not in self.slots:
             self.slots[key] = len(self.slot_list)
-            self.slot_list.append(Slot(path, item, base))
+            self.slot_list.append(Slot(path, item, depth))
         return self.slots[key]
 
     def _sum(self, node: tree.Sum) -> Value:
@@ -378,7 +385,7 @@ class ExpressionCompiler:
     def _call(self, node: tree.Call) -> Value:
         function = self._function(node.function)
         if function is not None:
-            return self._open(function, node)
+            return self._open(*function, node)
         if node.function in MEMORIES:
             return self._memory(node)
         if node.function in tables.USAGE:
@@ -393,7 +400,7 @@ class ExpressionCompiler:
                     *MEMORIES,
                     *tables.USAGE,
                     *self.scope.definition.file.functions,
-                    *self.scope.definition.functions,
+                    *(name for row in self.scope.rows() for name in (row.functions or row.definition.functions)),
                 ],
                 "A product is written with `*`.",
             )
@@ -413,11 +420,11 @@ class ExpressionCompiler:
         arguments = [self.scalar(a) for a in node.arguments]
         return build(node, arguments)
 
-    def _function(self, name: str) -> tree.FunctionSyntax | None:
-        """The author's function of that name. A function of the file cannot call functions of the model."""
-        definition = self.scope.definition
-        own = definition.functions.get(name) if self.in_model else None
-        return own or definition.file.functions.get(name)
+    def _function(self, name: str) -> tuple[tree.FunctionSyntax, Scope | None] | None:
+        """The author's function of that name, and its scope. A function of the file cannot call functions of the model."""
+        own = self.home.function(name) if self.home is not None else None
+        shared = self.scope.definition.file.functions.get(name)
+        return own or (None if shared is None else (shared, None))
 
     def _memory(self, node: tree.Call) -> Typed:
         """Reading of `integral(rate, start)` or `delay(x, 1 ms)`, which are signals of their own with memory."""
@@ -430,7 +437,7 @@ class ExpressionCompiler:
         found = self.resolve(node, self.scope)
         return Typed(Symbol(self._slot(node, None)), found.dimensions[0])
 
-    def _open(self, function: tree.FunctionSyntax, node: tree.Call) -> Value:
+    def _open(self, function: tree.FunctionSyntax, home: Scope | None, node: tree.Call) -> Value:
         if len(node.arguments) != len(function.parameters):
             usage = f"{function.name}({', '.join(function.parameters)})"
             raise Wrong(
@@ -445,12 +452,12 @@ class ExpressionCompiler:
             raise Wrong(TooMany(node.span, "Calls of functions in one expression", MAXIMUM_CALLS))
         values = {name: self.value(a) for name, a in zip(function.parameters, node.arguments, strict=True)}
         saved, self.local = self.local, values
-        seen, self.in_model = self.in_model, self.scope.definition.functions.get(function.name) is function
+        seen, self.home = self.home, home
         self.opening.append(function.name)
         try:
             return self.value(function.body)
         finally:
-            self.local, self.in_model = saved, seen
+            self.local, self.home = saved, seen
             self.opening.pop()
 
 

@@ -37,7 +37,7 @@ class Slot:
 
     path: tree.PathSyntax | tree.Call  # a call is `integral(…)` or `delay(…)`, a signal of its own
     item: int | None
-    base: bool = False  # read in the scope of the instance, not of a loop: by a function of the model
+    depth: int | None = None  # of a function's reading: loops around the scope of the function, in which it is read
 
     @property
     def words(self) -> str:

@@ -20,14 +20,16 @@ from .part_attributes import PartAttributes, vector
 SPACES = {None: True, "planar": True, "spatial": False}
 
 
-def declare_mechanism(elaborator: Declarations, scope: Scope, statement: tree.MechanismSyntax) -> MechanismEntry:
+def declare_mechanism(
+    elaborator: Declarations, scope: Scope, statement: tree.MechanismSyntax, name: str
+) -> MechanismEntry:
     """Declare the names of a mechanism's parts."""
     if statement.space not in SPACES:
         space = str(statement.space)
         hint = suggestion(space, ["planar", "spatial"], "Write `multibody name : planar` or `: spatial`.")
         raise Wrong(UnknownName(statement.span, space, "the kinds of mechanism", hint))
     parts = Scope(scope.definition, scope.path, scope.suffix, scope)
-    entry = MechanismEntry(scope.full(statement.name), parts, statement.span, SPACES[statement.space])
+    entry = MechanismEntry(scope.full(name), parts, statement.span, SPACES[statement.space])
     elaborator.mechanism_parts[entry.name] = []
     _declare(elaborator, parts, statement.statements, entry)
     return entry
@@ -78,7 +80,7 @@ def _declare_part(elaborator: Declarations, scope: Scope, statement: tree.Declar
         elaborator.counted(name.span)
         index = elaborator.index_of(name.index, scope)
         local = name.name if index is None else f"{name.name}[{', '.join(map(str, index))}]"
-        if index is None and scope.suffix:
+        if index is None and scope is not entry.parts:
             hint = f"What stands in a `for` carries an index: `{name.name}[…]`."
             raise Wrong(WrongType(name.span, "An index", "a name alone", hint))
         part = PartEntry(entry.name, local, kind, ports, name.span, groups)

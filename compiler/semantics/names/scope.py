@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field
 from pathlib import Path
 
@@ -224,11 +224,20 @@ class ModelDefinition:
     functions: dict[str, tree.FunctionSyntax] = field(init=False)  # its own, beside those of the file
 
     def __post_init__(self) -> None:
-        self.functions = {s.name: s for s in self.model.statements if isinstance(s, tree.FunctionSyntax)}
+        self.functions = functions_in(self.model.statements)
 
     @property
     def name(self) -> str:
         return self.model.name
+
+
+def functions_in(statements: Iterable[tree.SyntaxNode]) -> dict[str, tree.FunctionSyntax]:
+    """Functions of a block, by name; of two with one name the first."""
+    found: dict[str, tree.FunctionSyntax] = {}
+    for statement in statements:
+        if isinstance(statement, tree.FunctionSyntax):
+            found.setdefault(statement.name, statement)
+    return found
 
 
 @dataclass(slots=True, eq=False)
@@ -241,6 +250,7 @@ class Scope:
     outer: Scope | None = None
     entries: dict[str, Entry] = field(default_factory=dict)
     stands: Span | None = None  # declaration of the instance
+    functions: dict[str, tree.FunctionSyntax] = field(default_factory=dict)  # of a round of a loop
 
     @property
     def plain(self) -> bool:
@@ -261,6 +271,23 @@ class Scope:
     def vacant(self, name: str) -> bool:
         """Return True if nothing is declared here under a name, except in a branch that is not taken."""
         return isinstance(self.entries.get(name), Absent | None)
+
+    def function(self, name: str) -> tuple[tree.FunctionSyntax, Scope] | None:
+        """The function of that name in this scope, or in the scopes around it within the instance, and the scope that has it."""
+        scope: Scope | None = self
+        while scope is not None:
+            known = scope.functions if scope.outer is not None else scope.definition.functions
+            if name in known:
+                return known[name], scope
+            scope = scope.outer
+        return None
+
+    def rows(self) -> list[Scope]:
+        """Scope of the whole instance, and those of the loops in it down to this one."""
+        scopes = [self]
+        while scopes[0].outer is not None:
+            scopes.insert(0, scopes[0].outer)
+        return scopes
 
     def base(self) -> Scope:
         """Scope of the whole instance, outside its loops."""

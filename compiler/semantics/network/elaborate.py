@@ -23,7 +23,6 @@ from ..names.errors import (
     TooMany,
     UnknownAttribute,
     UnknownKind,
-    Unsupported,
     WrongType,
 )
 from ..names.foreign_words import kind_advice
@@ -39,6 +38,7 @@ from ..names.scope import (
     Scope,
     SlotEntry,
     WallEntry,
+    functions_in,
 )
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from ..resolution.declarations import Declarations
@@ -124,7 +124,8 @@ class Elaborator(Declarations):
         bindings: Mapping[str, tuple[tree.Attribute, Scope]],
         chain: tuple[ModelDefinition, ...],
     ) -> None:
-        definition = scope.definition
+        if scope.outer is not None:
+            scope.functions = functions_in(statements)
         later: list[tree.SyntaxNode] = []
         functions: list[tree.FunctionSyntax] = []
         for statement in taken(self, scope, scope.base(), statements, bindings):
@@ -139,7 +140,7 @@ class Elaborator(Declarations):
                     self.requirements.append((scope, statement))
                 case tree.EventSyntax():
                     self.events.append((scope, statement))
-                case tree.FunctionSyntax() if scope.outer is not None or statement in definition.functions.values():
+                case tree.FunctionSyntax() if statement in statements:  # those of an `if` are refused
                     functions.append(statement)
         for statement in later:
             match statement:
@@ -156,7 +157,7 @@ class Elaborator(Declarations):
                 case tree.LoopSyntax():
                     self.guard(self._unroll, scope, statement, chain)
         for function in functions:  # when all names are known
-            self.guard(check_function, scope, function)
+            self.guard(check_function, scope, function, statements)
 
     def _declare_ports(self, scope: Scope, statement: tree.PortsSyntax) -> None:
         for item in statement.items:
@@ -243,7 +244,9 @@ class Elaborator(Declarations):
         self.elements.append((scope, statement, entry))
         self.element_names[entry.name] = entry
 
-    def _indexed_name(self, named: tree.Declared | tree.PortItem, scope: Scope) -> tuple[tuple[int, ...] | None, str]:
+    def _indexed_name(
+        self, named: tree.Declared | tree.PortItem | tree.MechanismSyntax, scope: Scope
+    ) -> tuple[tuple[int, ...] | None, str]:
         """Index of a declared name, if it has one, and the name with it. In a loop it must have one."""
         index = self.index_of(named.index, scope)
         if index is not None:
@@ -259,11 +262,9 @@ class Elaborator(Declarations):
             self._declare(inner, loop.statements, {}, chain)
 
     def _declare_mechanism(self, scope: Scope, statement: tree.MechanismSyntax) -> None:
-        if scope.outer is not None:
-            hint = "Put the `for` inside the block, or the block into a model of its own."
-            raise Wrong(Unsupported(statement.span, "A `multibody` block in a `for`", hint))
-        entry = declare_mechanism(self, scope, statement)
-        self.enter(scope, statement.name, entry, statement.span)
+        index, local = self._indexed_name(statement, scope)
+        entry = declare_mechanism(self, scope, statement, local)
+        self.enter_indexed(scope, statement.name, index, entry, statement.span)
         self.mechanisms.append((scope, statement, entry))
 
 

@@ -252,7 +252,7 @@ class Resolver(ABC):
 
     def scalar_at(self, slot: Slot, scope: Scope) -> Scalar:
         """Quantity that a slot reads in this scope."""
-        scope = scope.base() if slot.base else scope
+        scope = scope if slot.depth is None else scope.rows()[slot.depth]
         if isinstance(slot.path, tree.Call):
             return self.nested_memory(slot.path, scope)
         if slot.words == "time" and scope.find("time") is None:
