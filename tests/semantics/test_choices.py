@@ -43,7 +43,7 @@ def test_against_closed_forms(target: str, word: str, number: int, omega: float)
 
 
 def test_a_sweep_goes_through_words() -> None:
-    found = [(p.point["spring"], p.numbers()["v"]) for p in bondgraph.load(SPRINGS, "Hung").run("all")]
+    found = [(p.settings["spring"], p.numbers()["v"]) for p in bondgraph.load(SPRINGS, "Hung").run("all")]
     assert found == pytest.approx([(3.0, 1.0), (2.0, np.cos(20))], abs=1e-5)
 
 
