@@ -15,6 +15,7 @@ from .semantics import check_parts
 from .semantics.names.compound_units import with_compound_units
 from .source import Source
 from .syntax import SyntaxTree, parse_what_can_be_read
+from .syntax.tree import ModelSyntax, ParameterSet
 
 # Several models to choose from are no mistake of a file of parts.
 PART_ONLY = frozenset({"BG132"})
@@ -59,7 +60,8 @@ def _examine(
                 compilation.look_at_laws()
                 certificate = compilation.certificate
         except CompilationFailed as failed:
-            found = [d for d in failed.diagnostics if model is not None or not tree.models or d.code not in PART_ONLY]
+            parts_only = model is None and any(isinstance(s, ModelSyntax | ParameterSet) for s in tree.statements)
+            found = [d for d in failed.diagnostics if not parts_only or d.code not in PART_ONLY]
         except RecursionError:
             found = [too_long(tree)]
     return (CompilationFailed(found).diagnostics, None) if found else ((), certificate)

@@ -82,7 +82,7 @@ class Rename:
         self.random = random
         self.words: dict[Key, str] = {}
         # What stands in a slot, or under one name in two branches of an `if`, shares its names.
-        self.by_word = any(d.slots or has_branches(d.model) for d in self.file.models.values())
+        self.by_word = bool(self.file.sets) or any(d.slots or has_branches(d.model) for d in self.file.models.values())
         self.renamer = Renamer(self.choose)
 
     def choose(self, key: Key) -> str:
@@ -132,7 +132,7 @@ def permuted(statements: Statements, seed: int) -> Statements:
                 isinstance(s, tree.Analysis) for s in node.steps
             ):  # a run begins where they end
                 return replace(node, steps=shuffled(node.steps))
-            case tree.Quantities():
+            case tree.Quantities() | tree.ParameterSet():
                 return replace(node, items=shuffled(node.items))
             case tree.PortsSyntax():
                 return replace(node, items=shuffled(node.items))

@@ -156,6 +156,9 @@ def _statement(node: object, margin: str) -> str:
             return f'require {expression(node.condition)} "{node.text}"'
         case tree.Quantities():
             return f"{node.role} " + ", ".join(map(_item, node.items))
+        case tree.ParameterSet():
+            lines = "".join(f"{margin}  {_item(i)}\n" for i in node.items)
+            return f"parameters {node.name} {{\n{lines}{margin}}}"
         case tree.FunctionSyntax():
             return f"function {node.name}({', '.join(node.parameters)}) = {expression(node.body)}"
         case tree.PortsSyntax():

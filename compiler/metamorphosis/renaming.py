@@ -30,11 +30,12 @@ class File:
     models: dict[str, Definition] = field(default_factory=dict)
     constants: set[str] = field(default_factory=set)
     functions: set[str] = field(default_factory=set)
+    sets: dict[str, Definition] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
 class Definition:
-    """Declarations of one model: name -> its role, its declaration, or its mechanism."""
+    """Declarations of one model, or of a set of parameters: name -> its role, its declaration, or its mechanism."""
 
     file: File
     model: tree.ModelSyntax
@@ -63,13 +64,18 @@ def _read(source: Source, library: Path | None, files: dict[str, File]) -> File:
                 file.models[statement.name] = _define(file, statement)
             case tree.Quantities():
                 file.constants |= {i.name for i in statement.items}
+            case tree.ParameterSet():
+                model = tree.ModelSyntax(statement.span, statement.name, statement.span, False, ())
+                members = dict.fromkeys((i.name for i in statement.items), "constant")
+                file.sets[statement.name] = Definition(file, model, members)
             case tree.FunctionSyntax():
                 file.functions.add(statement.name)
             case tree.Import():
                 folder = Path(name).parent / statement.place
                 place = folder if statement.is_file or library is None else library / f"{statement.place}.bg"
                 other = _read(Source(str(place), read_text(place), place), library, files)
-                file.models |= {n: other.models[n] for n, _ in statement.names}
+                file.models |= {n: other.models[n] for n, _ in statement.names if n in other.models}
+                file.sets |= {n: other.sets[n] for n, _ in statement.names if n in other.sets}
     files[name] = file
     return file
 
@@ -85,6 +91,8 @@ def _define(file: File, model: tree.ModelSyntax) -> Definition:
                     if is_slot(item):
                         assert isinstance(item.value, tree.PathSyntax)
                         names[item.name], definition.slots[item.name] = "slot", item.value.head
+                    elif is_slot(item, "parameters"):
+                        names[item.name] = item
             case tree.PortsSyntax():
                 names.update({i.name: i for i in statement.items})
             case tree.Declaration():
@@ -139,6 +147,8 @@ class Renamer:
                     for i in statement.items
                 )
                 return replace(statement, items=tuple(items))
+            case tree.ParameterSet():
+                return self.parameter_set(file, statement)
             case tree.FunctionSyntax():
                 own = ("file", file.path, statement.name)
                 place = ReadingPlace(self, file, local={p: self.choose((*own, p)) for p in statement.parameters})
@@ -147,6 +157,13 @@ class Renamer:
                     statement, name=self.choose(own), parameters=parameters, body=place.value(statement.body)
                 )
         return statement
+
+    def parameter_set(self, file: File, statement: tree.ParameterSet) -> tree.ParameterSet:
+        definition = file.sets[statement.name]
+        local = {name: self.choose(definition.key(name)) for name in definition.names}
+        place = ReadingPlace(self, file, local=local)
+        items = tuple(replace(i, name=local[i.name], value=place.value(i.value)) for i in statement.items)
+        return replace(statement, name=self.model_name(definition), items=items)
 
     def model_name(self, definition: Definition) -> str:
         return self.choose(("file", definition.file.path, definition.model.name))
@@ -220,13 +237,25 @@ class ReadingPlace:
             return replace(node, head=self.local[head], steps=steps)
         if self.definition is not None and head in self.definition.names:
             return replace(node, head=self.name(head), steps=self._inside(self.definition, head, steps))
+        if head in self.file.sets:
+            found = self.file.sets[head]
+            return replace(node, head=self.renamer.model_name(found), steps=self._inside_of(found, steps))
         if head in self.file.constants:
             return replace(node, head=self.renamer.choose(("file", self.file.path, head)), steps=steps)
         return replace(node, steps=steps)
 
+    def _inside_of(self, found: Definition, steps: tuple[Any, ...]) -> tuple[Any, ...]:
+        """The steps behind the name of a set."""
+        if not steps or not isinstance(steps[0], tree.Member):
+            return steps
+        return (tree.Member(self.renamer.choose(found.key(steps[0].name))), *steps[1:])
+
     def _inside(self, definition: Definition, name: str, steps: tuple[Any, ...]) -> tuple[Any, ...]:
         """The steps behind a name of a definition."""
         entry = definition.names[name]
+        if isinstance(entry, tree.Item) and isinstance(entry.value, tree.PathSyntax):  # it stands for a set
+            default = definition.file.sets.get(entry.value.head)
+            return steps if default is None else self._inside_of(default, steps)
         for position, step in enumerate(steps):
             if isinstance(step, tree.Index):
                 continue
@@ -316,7 +345,7 @@ class ReadingPlace:
         attributes = tuple(
             replace(
                 a,
-                name=self.renamer.choose(inner.key(a.name)),
+                name=a.name if a.name == "parameters" else self.renamer.choose(inner.key(a.name)),
                 value=self._model_path(a.value) if a.name in inner.slots else self.value(a.value),
             )
             for a in node.attributes

@@ -50,7 +50,7 @@ class Powers:
                 return self._absolute(-literal.number, scale_of(u))
             case tree.Literal(unit=tree.Unit() as u):
                 return self._literal(node, u)
-            case tree.Item(unit=tree.Unit() as u) if [s for s, _, _ in u.factors] != ["model"]:
+            case tree.Item(unit=tree.Unit() as u) if [s for s, _, _ in u.factors] not in (["model"], ["parameters"]):
                 return self._item(node, u)
             case tree.SweepSyntax(unit=tree.Unit() as u):
                 values = tuple(self._in_unit(v, u) for v in node.values)

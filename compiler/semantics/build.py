@@ -112,6 +112,9 @@ def check_parts(
         diagnostics += opened.elaborator.diagnostics
         for experiment in experiments_of(definition).values():
             diagnostics += _check_experiment(opened, experiment, known)
+    elaborator = Elaborator((), True, known)
+    elaborator.check_sets(s for s in file.sets.values() if s.file is file)
+    diagnostics += elaborator.diagnostics
     return Checked(diagnostics, None if diagnostics else whole)
 
 

@@ -1,4 +1,4 @@
-"""Blocks within blocks: the statements of loops and of conditional parts."""
+"""Statements within statements: those of loops and of conditional parts, and all nodes of a tree."""
 
 from __future__ import annotations
 
@@ -37,3 +37,15 @@ def flat(statements: Statements) -> Iterator[SyntaxNode]:
         yield statement
         for block in inner_blocks(statement):
             yield from flat(block)
+
+
+def nodes_in(start: object) -> Iterator[SyntaxNode]:
+    """Yield a node, or all nodes of a tuple, and the nodes in them, the last ones first. Indices of paths are not entered."""
+    stack = [start]
+    while stack:
+        item = stack.pop()
+        if isinstance(item, tuple):
+            stack += item
+        elif isinstance(item, SyntaxNode):
+            yield item
+            stack += [getattr(item, name) for name in item.__dataclass_fields__ if name != "span"]

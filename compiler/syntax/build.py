@@ -87,6 +87,10 @@ class Builder:
     def description(self, parts: list[Any]) -> tree.Description:
         return tree.Description(self._span(parts), str(parts[0])[1:-1])
 
+    def parameter_set(self, parts: list[Any]) -> tree.ParameterSet:
+        items = tuple(part for part in parts[1:] if isinstance(part, tree.Item))
+        return tree.ParameterSet(self._span(parts[:1]), str(parts[0]), items)
+
     def model(self, parts: list[Any]) -> tree.ModelSyntax:
         plain = parts[0].type == "PLAIN"
         name = parts[-2]

@@ -34,7 +34,7 @@ TABLE = 4  # two rows of a table lie at most so many lines apart
 TAB = 8  # columns from one tab stop to the next, where there are tabs
 
 _INTRODUCES_NAMES = frozenset(["parameter", "constant", "input", "output", "signal", "mode", "port", "sweep"])
-_HAS_BLOCK = frozenset(["model", "plain", "multibody", "for", "if", "when", "every", "experiment"])
+_HAS_BLOCK = frozenset(["model", "plain", "parameters", "multibody", "for", "if", "when", "every", "experiment"])
 _SPACED = frozenset(["=", "->", "=>", "<", "<=", ">", ">=", "==", "!="])
 _CLOSE = frozenset("*/^")
 _OPERAND_ENDS = frozenset(["NAME", "NUMBER", "RPAR", "RSQB"])
@@ -192,6 +192,7 @@ class _Block:
     brace: _Word | None = None  # the brace that opened it
     beside: _Word | None = None  # the word that follows that brace in the same line
     first: str = ""
+    introduces: bool = False  # its statements are names with values, as in a set of parameters
     by_column: dict[int, _Word] = field(default_factory=dict)  # its words, except punctuation and the first of a line
     brackets: list[_Word] = field(default_factory=list)  # those that are open in it
 
@@ -261,7 +262,7 @@ def _open_or_close(word: _Word, first: _Word, blocks: list[_Block]) -> None:
         case "RPAR" | "RSQB":
             block.brackets.pop()
         case "LBRACE":
-            blocks.append(_Block(first.depth + 1, word))
+            blocks.append(_Block(first.depth + 1, word, introduces=block.first == "parameters"))
         case "RBRACE":
             brace = blocks.pop().brace
             word.brace = None if blocks[-1].first in _HAS_BLOCK else brace
@@ -289,7 +290,7 @@ def _distance(before: _Word, word: _Word, block: _Block) -> int:
         case "LSQB":
             return int(before.kind == "NUMBER")  # a unit; else an index
         case "COLON":
-            return int(bracket is None and block.first not in _INTRODUCES_NAMES)
+            return int(bracket is None and block.first not in _INTRODUCES_NAMES and not block.introduces)
         case "RBRACE":
             return int(before.kind != "LBRACE")
     match before.kind:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from fractions import Fraction
 
 from ..fast_dataclass import dataclass
@@ -459,6 +458,14 @@ class Import(SyntaxNode):
 
 
 @dataclass(frozen=True, slots=True)
+class ParameterSet(SyntaxNode):
+    """`parameters Silicon { E = 130 GPa }`: values to hand over as one."""
+
+    name: str
+    items: tuple[Item, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class ModelSyntax(SyntaxNode):
     """A model definition."""
 
@@ -479,15 +486,3 @@ class SyntaxTree:
     def models(self) -> dict[str, ModelSyntax]:
         """Models of the file by name, in the order of the text."""
         return {s.name: s for s in self.statements if isinstance(s, ModelSyntax)}
-
-
-def nodes_in(start: object) -> Iterator[SyntaxNode]:
-    """Yield a node, or all nodes of a tuple, and the nodes in them, the last ones first. Indices of paths are not entered."""
-    stack = [start]
-    while stack:
-        item = stack.pop()
-        if isinstance(item, tuple):
-            stack += item
-        elif isinstance(item, SyntaxNode):
-            yield item
-            stack += [getattr(item, name) for name in item.__dataclass_fields__ if name != "span"]

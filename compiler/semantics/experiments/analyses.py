@@ -20,6 +20,7 @@ from ...scene import (
     TargetValue,
 )
 from ...syntax import tree
+from ...syntax.blocks import nodes_in
 from ..names.domain_table import paths_of
 from ..names.errors import DimensionMismatch, NotStatic, UnknownAttribute, UnknownName, WrongExperiment, WrongType
 from ..names.scope import STATIC_ROLES, Scalar, Scope
@@ -218,7 +219,7 @@ def _over_time(elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope
 def _own_functions(value: tree.ExpressionSyntax, root: Scope) -> list[tree.Call]:
     """Calls in an expression that are the author's own functions."""
     own = {*root.definition.functions, *root.definition.file.functions}
-    return [node for node in tree.nodes_in(value) if isinstance(node, tree.Call) and node.function in own]
+    return [node for node in nodes_in(value) if isinstance(node, tree.Call) and node.function in own]
 
 
 # ---------------------------------------------------------------- parameters from measurements

@@ -13,6 +13,7 @@ from ...graph.domains import DOMAINS
 from ...graph.units import UNITS
 from ...source import Source, Span
 from ...syntax import SyntaxTree, tree
+from ...syntax.blocks import nodes_in
 from ...syntax.build import MAXIMUM_UNIT_POWER
 
 _CANDIDATE = re.compile(r"\d\s*[A-Za-z%\u03a9\u2126\u00b5\u03bc]+\s*(?:[*/]\s*([A-Za-z]\w*)\b(?!\s*[.(\[])|(\^))")
@@ -25,7 +26,9 @@ def with_compound_units(syntax: SyntaxTree) -> SyntaxTree:
     """Return the tree with one literal for each number and the symbols of units behind it that are no names of its model, nor letters of a law."""
     if not _has_candidate(syntax.source.text):  # else the tree is not walked through
         return syntax
-    shared = names_in(tuple(s for s in syntax.statements if not isinstance(s, tree.ModelSyntax)))
+    sets = [s for s in syntax.statements if isinstance(s, tree.ParameterSet)]
+    shared = names_in(tuple(s for s in syntax.statements if not isinstance(s, tree.ModelSyntax | tree.ParameterSet)))
+    shared |= {s.name for s in sets}  # their members are read behind their names
     return replace(syntax, statements=tuple(_folded(s, shared | names_in(s)) for s in syntax.statements))
 
 
@@ -38,7 +41,7 @@ def in_one_literal(value: Value, names: Set[str]) -> Value:
 def names_in(statements: object) -> set[str]:
     """Return the names that statements declare, at any depth."""
     names: set[str] = set()
-    for node in tree.nodes_in(statements):
+    for node in nodes_in(statements):
         if isinstance(node, _NAMED):
             names.add(node.name)
             names.update(name for name, _ in getattr(node, "choices", ()))
@@ -75,7 +78,7 @@ def _folded(node: Any, names: Set[str]) -> Any:
 
 def _letters(equations: object) -> set[str]:
     """Return the letters of all domains of which these equations use a letter."""
-    used = {node.head for node in tree.nodes_in(equations) if isinstance(node, tree.PathSyntax)}
+    used = {node.head for node in nodes_in(equations) if isinstance(node, tree.PathSyntax)}
     return {
         letter
         for domain in DOMAINS.values()

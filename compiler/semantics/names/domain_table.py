@@ -9,7 +9,7 @@ from ...graph.elements import ELEMENTS
 from ...graph.mechanism import domain_of, freedoms_of
 from ...source import Span
 from ...syntax import tree
-from ...syntax.blocks import flat
+from ...syntax.blocks import flat, nodes_in
 from .errors import UnknownName
 from .port_domains import DomainTable, Key
 from .scope import ModelDefinition
@@ -120,9 +120,9 @@ class _Spreading:
         return result
 
 
-def is_slot(item: tree.Item) -> bool:
-    """Return True if a parameter stands for a model."""
-    return item.unit is not None and [name for name, _, _ in item.unit.factors] == ["model"]
+def is_slot(item: tree.Item, word: str = "model") -> bool:
+    """Return True if a parameter stands for a model; for a set of parameters with the word `parameters`."""
+    return item.unit is not None and [name for name, _, _ in item.unit.factors] == [word]
 
 
 def slot_defaults(statements: tuple[tree.SyntaxNode, ...]) -> dict[str, str]:
@@ -261,4 +261,4 @@ def _letters(law: tree.LawSyntax, declaration: tree.Declaration, port: str, name
 
 def paths_of(node: tree.SyntaxNode) -> Iterator[tree.PathSyntax]:
     """All paths that are read in an expression or law."""
-    return (item for item in tree.nodes_in(node) if isinstance(item, tree.PathSyntax))
+    return (item for item in nodes_in(node) if isinstance(item, tree.PathSyntax))

@@ -356,6 +356,13 @@ class WrongStructure(WordedDiagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class WrongSet(WordedDiagnostic):
+    """BG172."""
+
+    code = "BG172"
+
+
+@dataclass(frozen=True, slots=True)
 class TooMany(Diagnostic):
     """BG160."""
 

@@ -12,7 +12,7 @@ from .compound_units import with_compound_units
 from .domain_table import ELEMENT_KINDS
 from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes, WrongImport
 from .project_folder import is_there, project_folder, within_project
-from .scope import RESERVED, FileScope, ModelDefinition
+from .scope import RESERVED, FileScope, ModelDefinition, SetDefinition
 from .statement_errors import MAXIMUM_MISTAKES, Wrong, suggestion
 
 MAXIMUM_FILES = 500
@@ -44,6 +44,9 @@ class Loader:
                         scope.missing.add(statement.name)  # the name may mean this model or the element kind
                     elif self._new(scope, statement.name, statement.name_span):
                         scope.models[statement.name] = ModelDefinition(statement, scope)
+                case tree.ParameterSet():
+                    if self._new(scope, statement.name, statement.span):
+                        scope.sets[statement.name] = SetDefinition(statement, scope)
                 case tree.FunctionSyntax():
                     if self._new(scope, statement.name, statement.span):
                         scope.functions[statement.name] = statement
@@ -98,15 +101,22 @@ class Loader:
         except CompilationFailed as failed:
             self.diagnostics += failed.diagnostics
             return
-        defined = list(dict.fromkeys([*({} if loaded.outline is None else loaded.outline.models), *loaded.models]))
+        models = {} if loaded.outline is None else loaded.outline.models
+        defined = list(dict.fromkeys([*models, *loaded.models, *loaded.sets]))
         for name, span in statement.names:
             if name in loaded.models:
                 if self._new(scope, name, span):
                     scope.models[name] = loaded.models[name]
                     scope.missing.discard(name)
+            elif name in loaded.sets:
+                if self._new(scope, name, span):
+                    scope.sets[name] = loaded.sets[name]
+                    scope.missing.discard(name)
             else:
-                hint = suggestion(name, defined, f"It defines: {', '.join(defined) or 'no model'}.")
-                self.diagnostics.append(WrongImport(span, f"There is no model `{name}` in {statement.place}", hint))
+                hint = suggestion(name, defined, f"It defines: {', '.join(defined) or 'nothing to import'}.")
+                self.diagnostics.append(
+                    WrongImport(span, f"There is no model or set `{name}` in {statement.place}", hint)
+                )
 
     def _locate(self, statement: tree.Import, scope: FileScope) -> Path:
         if not statement.is_file:

@@ -162,6 +162,8 @@ def not_a_number(entry: Entry, path: tree.PathSyntax) -> Wrong:
             full = f"{name}.{component}".rstrip(".")
             letters = f"`{full}.{domain.letter('e')}`, `{full}.{domain.letter('f')}`"
             what, hint = f"the port `{name}`", f"Read its effort or flow: {letters}."
+        case InstanceEntry(word="set", scope=scope):
+            what, hint = f"the set `{name}`", f"Read one of its members: `{name}.{next(iter(scope.entries), 'E')}`."
         case InstanceEntry():
             what, hint = f"the instance `{name}`", "Read something in it: an output, or the variable of an element."
         case GroupEntry(part=part, name=group):

@@ -24,6 +24,7 @@ RESERVED = frozenset(
         "import",
         "from",
         "parameter",
+        "parameters",
         "constant",
         "input",
         "output",
@@ -120,11 +121,12 @@ class WallEntry:
 
 @dataclass(frozen=True, slots=True)
 class InstanceEntry:
-    """An instance of a model."""
+    """An instance of a model; or a set of parameters, with the word `set`."""
 
     name: str
     scope: Scope
     span: Span
+    word: str = "instance"
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,12 +208,21 @@ class FileScope:
     models: dict[str, ModelDefinition]
     constants: dict[str, tuple[tree.Item, tree.Quantities]]
     functions: dict[str, tree.FunctionSyntax]
+    sets: dict[str, SetDefinition] = field(default_factory=dict)
     missing: set[str] = field(default_factory=set)  # models that could not be read; already reported
     root: Path | None = None  # the project folder
     library: Path | None = None
     sheets: dict[Path, Sheet] = field(default_factory=dict)  # files of columns that have been read
     places: dict[str, Span] = field(default_factory=dict)  # of all names
     outline: Outline | None = None  # of an imported file: its models that are not parsed yet
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SetDefinition:
+    """A set of parameters as defined in its file."""
+
+    syntax: tree.ParameterSet
+    file: FileScope
 
 
 @dataclass(slots=True, eq=False)

@@ -43,6 +43,7 @@ from ..names.scope import (
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from ..resolution.declarations import Declarations
 from ..resolution.elaboration_cache import ElaborationCache
+from ..resolution.parameter_sets import WORD
 from ..resolution.resolver import indexed
 from ..resolution.structure import check_blocks, taken
 
@@ -88,13 +89,15 @@ class Elaborator(Declarations):
             check_blocks(self, definition)
         chain = (*chain, definition)
         self._declare(scope, definition.model.statements, bindings, chain)
-        for name, (attribute, _) in bindings.items():
+        for name, (attribute, where) in bindings.items():
             entry = scope.entries.get(name)
+            if isinstance(entry, Absent) and where in self.set_scopes():
+                continue  # a set is handed over to what is there
             if isinstance(entry, Absent):
                 self.tell(AbsentName(attribute.span, name, entry.branch, entry.span))
                 continue
             settable = isinstance(entry, Pending) and entry.role in ("parameter", "input")
-            if not settable and not isinstance(entry, SlotEntry | Broken):
+            if not settable and not isinstance(entry, SlotEntry | Broken) and getattr(entry, "word", "") != "set":
                 known = [
                     n for n, e in scope.entries.items() if isinstance(e, Pending) and e.role in ("parameter", "input")
                 ]
@@ -210,7 +213,8 @@ class Elaborator(Declarations):
             self.counted(declared.span)
             index, local = self._indexed_name(declared, scope)
             bindings: dict[str, tuple[tree.Attribute, Scope]] = {}
-            for attribute in statement.attributes:
+            sets = [a for a in statement.attributes if a.name == WORD and a.target is None]
+            for attribute in (a for a in statement.attributes if a not in sets[:1]):
                 if attribute.target is not None or attribute.name in bindings:
                     words, hint = (
                         attribute.span.text.split("=")[0].strip(),
@@ -219,6 +223,8 @@ class Elaborator(Declarations):
                     self.tell(UnknownAttribute(attribute.span, declared.name, words, hint))
                     continue
                 bindings[attribute.name] = (attribute, scope)
+            for attribute in sets[:1]:
+                self.guard(self.hand_over, attribute, definition, bindings, scope)
             inner = self.instantiate(definition, scope.full(local) + ".", bindings, chain, declared.span)
             self.enter_indexed(
                 scope, declared.name, index, InstanceEntry(scope.full(local), inner, declared.span), declared.span

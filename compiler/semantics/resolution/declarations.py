@@ -28,14 +28,14 @@ from ..names.scope import (
 )
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from .elaboration_cache import ElaborationCache
-from .quantities import QuantityResolver
+from .parameter_sets import WORD, ParameterSets
 from .resolver import indexed
 
 MAXIMUM_INSTANCES = 100_000  # instances, elements, junctions, quantities and rounds of loops together
 MAXIMUM_ROUNDS = 100_000  # rounds of one loop
 
 
-class Declarations(QuantityResolver):
+class Declarations(ParameterSets):
     """Names of one model's instances, entered one by one and counted."""
 
     def __init__(self, overrides: Iterable[Override], part: bool, known: ElaborationCache) -> None:
@@ -121,6 +121,9 @@ class Declarations(QuantityResolver):
     ) -> None:
         if role == "parameter" and is_slot(item):
             self._declare_slot(scope, item, bindings)
+            return
+        if role == "parameter" and is_slot(item, WORD):
+            self.enter(scope, item.name, self.stand_for_set(scope, item, dict(bindings)), item.span)
             return
         self.counted(item.span)
         index = self.index_of(item.index, scope)

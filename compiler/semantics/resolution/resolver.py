@@ -282,7 +282,7 @@ class Resolver(ABC):
 
     def _fixed(self, path: tree.PathSyntax, scope: Scope) -> bool:
         """Return True for a list that is a `constant` of literal numbers: it is the same in every instance."""
-        entry = scope.find(path.head) or self._file_constant(path.head, scope)
+        entry = scope.find(path.head) or self.file_entry(path.head, scope)
         if path.steps or not isinstance(entry, Pending) or entry.role != "constant" or entry.value is None:
             return False
         unit = None if entry.item.unit is None else scale_of(entry.item.unit)
@@ -292,7 +292,7 @@ class Resolver(ABC):
         """Return the quantity or list that a path reads. Raises `Wrong` or `AlreadyTold`."""
         entry = scope.find(path.head)
         if entry is None:
-            entry = self._file_constant(path.head, scope)
+            entry = self.file_entry(path.head, scope)
         if entry is None:
             here = scope.names() if path.steps else _readable(scope)  # an element may be before a point
             names = chain(here, scope.definition.file.constants)
@@ -336,7 +336,8 @@ class Resolver(ABC):
             return entry
         raise AlreadyTold
 
-    def _file_constant(self, name: str, scope: Scope) -> Entry | None:
+    def file_entry(self, name: str, scope: Scope) -> Entry | None:
+        """A constant of the file, or what else a name of the file denotes."""
         found = scope.definition.file.constants.get(name)
         if found is None:
             return None
@@ -370,7 +371,8 @@ class Resolver(ABC):
                 inner = entry.scope.entries.get(step.name)
                 if inner is None:
                     hint = suggestion(step.name, list(entry.scope.entries), f"It has {', '.join(entry.scope.entries)}.")
-                    where = f"`{name}`, which is a `{entry.scope.definition.name}`"
+                    kind = entry.scope.definition.name
+                    where = f"`{name}`, which is a `{kind}`" if kind != name else f"`{name}`"
                     raise Wrong(UnknownName(path.span, step.name, where, hint))
                 return inner
             case ElementEntry():

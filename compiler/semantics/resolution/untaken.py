@@ -7,7 +7,7 @@ from collections.abc import Callable
 from ...errors import Diagnostic
 from ...graph.domains import BUNDLES, DOMAINS, GENERIC
 from ...syntax import tree
-from ...syntax.blocks import Statements, flat
+from ...syntax.blocks import Statements, flat, nodes_in
 from ..expressions import tables
 from ..expressions.expression_compiler import MEMORIES
 from ..expressions.functions import FUNCTIONS
@@ -30,12 +30,12 @@ def check_untaken(scope: Scope, statements: Statements, tell: Callable[[Diagnost
     definition = scope.definition
     file = definition.file
     declared = names_in(definition.model) | set(scope.names())
-    known = declared | file.constants.keys() | file.models.keys() | file.missing
+    known = declared | file.constants.keys() | file.models.keys() | file.sets.keys() | file.missing
     functions = {*FUNCTIONS, *MEMORIES, *tables.USAGE, *file.functions, *declared}
     kinds = {*ELEMENT_KINDS, *file.models, *file.missing, *kinds_of(True), *kinds_of(False), *declared}
-    for node in tree.nodes_in(statements):
+    for node in nodes_in(statements):
         match node:
-            case tree.PathSyntax(head=head) if head not in known and head not in _WORDS:
+            case tree.PathSyntax(head=head) if not (head in known or head in _WORDS or head in _choices(file)):
                 hint = suggestion(head, sorted(known), "Declare it with `parameter`, `constant`, `signal` or `input`.")
                 tell(UnknownName(node.span, head, f"`{definition.name}`", hint))
             case tree.Call(function=name) if name not in functions:
@@ -47,11 +47,17 @@ def check_untaken(scope: Scope, statements: Statements, tell: Callable[[Diagnost
                 _check_attributes(node, file, tell)
 
 
+def _choices(file: FileScope) -> set[str]:
+    """Words of the choices of all models: one of them may be set in an instance."""
+    statements = (s for d in file.models.values() for s in flat(d.model.statements) if isinstance(s, tree.Quantities))
+    return {word for s in statements for item in s.items for word, _ in item.choices}
+
+
 def _check_attributes(node: tree.Declaration, file: FileScope, tell: Callable[[Diagnostic], None]) -> None:
     """Report attributes of an instance that are no parameters or inputs of its model."""
     quantities = (s for s in flat(file.models[node.kind].model.statements) if isinstance(s, tree.Quantities))
     known = [i.name for s in quantities if s.role in ("parameter", "input") for i in s.items]
     for attribute in node.attributes:
-        if attribute.name not in known:
+        if attribute.name not in (*known, "parameters"):
             hint = suggestion(attribute.name, known, f"Its parameters and inputs: {', '.join(known) or 'none'}.")
             tell(UnknownAttribute(attribute.span, node.kind, attribute.name, hint))
