@@ -244,11 +244,11 @@ class ModelDefinition:
 
 def functions_in(statements: Iterable[tree.SyntaxNode]) -> dict[str, tree.FunctionSyntax]:
     """Functions of a block, by name; of two with one name the first."""
-    found: dict[str, tree.FunctionSyntax] = {}
+    functions: dict[str, tree.FunctionSyntax] = {}
     for statement in statements:
         if isinstance(statement, tree.FunctionSyntax):
-            found.setdefault(statement.name, statement)
-    return found
+            functions.setdefault(statement.name, statement)
+    return functions
 
 
 @dataclass(slots=True, eq=False)
@@ -287,9 +287,9 @@ class Scope:
         """The function of that name in this scope, or in the scopes around it within the instance, and the scope that has it."""
         scope: Scope | None = self
         while scope is not None:
-            known = scope.functions if scope.outer is not None else scope.definition.functions
-            if name in known:
-                return known[name], scope
+            functions = scope.functions if scope.outer is not None else scope.definition.functions
+            if name in functions:
+                return functions[name], scope
             scope = scope.outer
         return None
 

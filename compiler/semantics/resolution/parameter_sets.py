@@ -100,39 +100,39 @@ class ParameterSets(QuantityResolver):
     def stand_for_set(self, scope: Scope, item: tree.Item, bindings: Bindings) -> InstanceEntry:
         """The set of `parameter material: parameters = Silicon`: the default, or one with the same members that is set instead."""
         default = self.set_named(item.value, scope, item.span)
-        found, span = default, item.span
+        chosen, span = default, item.span
         override = self.overrides.get(scope.full(item.name))
         if override is not None:
             self.used_overrides.add(override.path)
             value = None if isinstance(override.value, float) else override.value
-            found, span = self.set_named(value, self.root, override.span), override.span
+            chosen, span = self.set_named(value, self.root, override.span), override.span
         elif item.name in bindings:
             attribute, where = bindings[item.name]
-            found, span = self.set_named(attribute.value, where, attribute.span), attribute.span
-        for name, wanted in default.scope.entries.items() if found is not default else ():
-            self._check_member(name, wanted, found, default, span)
-        return InstanceEntry(scope.full(item.name), found.scope, item.span, "set")
+            chosen, span = self.set_named(attribute.value, where, attribute.span), attribute.span
+        for name, wanted in default.scope.entries.items() if chosen is not default else ():
+            self._check_member(name, wanted, chosen, default, span)
+        return InstanceEntry(scope.full(item.name), chosen.scope, item.span, "set")
 
-    def _check_member(self, name: str, wanted: Entry, found: InstanceEntry, default: InstanceEntry, span: Span) -> None:
+    def _check_member(self, name: str, wanted: Entry, chosen: InstanceEntry, default: InstanceEntry, span: Span) -> None:
         """Raise `Wrong` unless a set has a member as the default has it: what reads it is compiled once for all instances."""
-        given = found.scope.entries.get(name)
-        if not isinstance(given, Pending) or not isinstance(wanted, Pending):
-            what = f"`{found.name}` has no `{name}`, which `{default.name}` has"
+        member = chosen.scope.entries.get(name)
+        if not isinstance(member, Pending) or not isinstance(wanted, Pending):
+            what = f"`{chosen.name}` has no `{name}`, which `{default.name}` has"
             raise Wrong(WrongSet(span, what, "A set that stands for another has all its members."))
-        first, second = self.quantity(wanted), self.quantity(given)
+        first, second = self.quantity(wanted), self.quantity(member)
         one, other = (x.items[0] if not isinstance(x, Scalar) else x for x in (first, second))
         if type(first) is not type(second) or one.truth != other.truth:
-            what = f"`{name}` of `{found.name}` is not what it is in `{default.name}`: a number, a list or a truth"
-            raise Wrong(WrongSet(given.item.span, what, "Members of one name are of one kind."))
+            what = f"`{name}` of `{chosen.name}` is not what it is in `{default.name}`: a number, a list or a truth"
+            raise Wrong(WrongSet(member.item.span, what, "Members of one name are of one kind."))
         if one.dimension is not None and other.dimension is not None and one.dimension != other.dimension:
-            what = f"`{name}` is {describe(one.dimension)} in `{default.name}`, but {describe(other.dimension)} in `{found.name}`"
-            raise Wrong(DimensionMismatch(given.item.span, what, "Members of one name have one unit."))
+            what = f"`{name}` is {describe(one.dimension)} in `{default.name}`, but {describe(other.dimension)} in `{chosen.name}`"
+            raise Wrong(DimensionMismatch(member.item.span, what, "Members of one name have one unit."))
 
     def hand_over(
         self, attribute: tree.Attribute, definition: ModelDefinition, bindings: Bindings, scope: Scope
     ) -> None:
         """Bind the parameters of an instance that are members of sets, and are not set singly. Raises `Wrong`."""
-        known = [
+        settable = [
             item.name
             for statement in flat(definition.model.statements)
             if isinstance(statement, tree.Quantities) and statement.role in ("parameter", "input")
@@ -140,24 +140,24 @@ class ParameterSets(QuantityResolver):
         ]
         value, singly = attribute.value, set(bindings)
         for named in value.items if isinstance(value, tree.VectorSyntax) else (value,):
-            found = self.set_named(named, scope, attribute.span)
-            members = {n: e.item for n, e in found.scope.entries.items() if isinstance(e, Pending)}
-            if members and not members.keys() & set(known):
-                what = f"`{definition.name}` has no parameter that `{found.name}` gives"
-                hint = f"Its parameters and inputs: {', '.join(known) or 'none'}; the set has {', '.join(members)}."
+            chosen = self.set_named(named, scope, attribute.span)
+            members = {n: e.item for n, e in chosen.scope.entries.items() if isinstance(e, Pending)}
+            if members and not members.keys() & set(settable):
+                what = f"`{definition.name}` has no parameter that `{chosen.name}` gives"
+                hint = f"Its parameters and inputs: {', '.join(settable) or 'none'}; the set has {', '.join(members)}."
                 raise Wrong(WrongSet(named.span, what, hint))
-            _check_set_singly(named.span, found.name, members, singly, known)
+            _check_set_singly(named.span, chosen.name, members, singly, settable)
             for name, item in members.items():
-                if name in known and name in bindings and name not in singly:
+                if name in settable and name in bindings and name not in singly:
                     hint = f"Set it in the instance: `{name} = …`."
                     raise Wrong(WrongSet(named.span, f"Two sets give `{name}`", hint))
-                if name in known and name not in singly:
+                if name in settable and name not in singly:
                     plain = item.value is not None and item.unit is None
                     path = tree.PathSyntax(item.span, 1, name, ())
                     bound = item.value if plain and item.value is not None else path
-                    bindings[name] = (tree.Attribute(item.span, name, None, bound), found.scope)
-            for name in members.keys() - set(known):
-                self._check_near(name, members[name], found.name, [n for n in known if n not in bindings])
+                    bindings[name] = (tree.Attribute(item.span, name, None, bound), chosen.scope)
+            for name in members.keys() - set(settable):
+                self._check_near(name, members[name], chosen.name, [n for n in settable if n not in bindings])
 
     def _check_near(self, name: str, item: tree.Item, set_name: str, left: list[str]) -> None:
         """Report a member that a model does not have, if a parameter of it has nearly that name and is not set."""
@@ -168,10 +168,10 @@ class ParameterSets(QuantityResolver):
 
 
 def _check_set_singly(
-    span: Span, set_name: str, members: dict[str, tree.Item], singly: set[str], known: list[str]
+    span: Span, set_name: str, members: dict[str, tree.Item], singly: set[str], settable: list[str]
 ) -> None:
     """Raise `Wrong` if a member that is handed over follows from one that is set singly: its value would be that of the set."""
-    for name in [n for n in members if n in known and n not in singly]:
+    for name in [n for n in members if n in settable and n not in singly]:
         read, waiting = set[str](), [name]
         while waiting:
             value = members[waiting.pop()].value

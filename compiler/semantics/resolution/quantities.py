@@ -173,28 +173,28 @@ class QuantityResolver(Resolver):
         if pending.role != "parameter":
             hint = "Only a parameter is one of several words; a `mode` is a number or a truth."
             raise Wrong(WrongType(item.choices[0][1], "A number", "a choice", hint))
-        known = override.value if override is not None else pending.value
-        if override is not None and known is None:  # structure: a run's program is made for one choice
+        value = override.value if override is not None else pending.value
+        if override is not None and value is None:  # structure: a run's program is made for one choice
             line = item.span.source.line(item.span.line).strip()
             raise ValuesNeeded({pending.name: f"line {item.span.line}, `{line[:SHOWN]}`"})
-        if known is None:
+        if value is None:
             entered = self._without_value(pending, ONE)
             return replace(entered, choices=words)
         hint = f"It can be: {', '.join(words)}."
-        if isinstance(known, float):
-            if known not in range(1, len(words) + 1):
-                raise Wrong(WrongValue(item.span, item.name, pending.owner.definition.name, f"{known:g}", hint))
-            return Scalar(known, ONE, "parameter", pending.name, choices=words)
-        word = known.words if isinstance(known, tree.PathSyntax) else ""
+        if isinstance(value, float):
+            if value not in range(1, len(words) + 1):
+                raise Wrong(WrongValue(item.span, item.name, pending.owner.definition.name, f"{value:g}", hint))
+            return Scalar(value, ONE, "parameter", pending.name, choices=words)
+        word = value.words if isinstance(value, tree.PathSyntax) else ""
         if word in words:
             return Scalar(1.0 + words.index(word), ONE, "parameter", pending.name, choices=words)
         scope = self.root if override is not None else pending.scope
-        if isinstance(known, tree.PathSyntax) and scope.find(known.head) is not None:
-            found = self.lookup(known, scope)
-            if isinstance(found, Scalar) and found.choices == words:
-                return replace(found, name=pending.name)
+        if isinstance(value, tree.PathSyntax) and scope.find(value.head) is not None:
+            other = self.lookup(value, scope)
+            if isinstance(other, Scalar) and other.choices == words:
+                return replace(other, name=pending.name)
         hint = suggestion(word, words, hint)
-        raise Wrong(WrongValue(known.span, item.name, pending.owner.definition.name, known.span.words, hint))
+        raise Wrong(WrongValue(value.span, item.name, pending.owner.definition.name, value.span.words, hint))
 
     def _settled(
         self, pending: Pending, override: Override | None, declared: Dimension | None, unit: Scale | None

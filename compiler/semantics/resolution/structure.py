@@ -53,12 +53,12 @@ def taken(
     for conditional in conditionals:
         for branch, words in _branches(conditional):
             _enter_all(scope, home, branch, words)
-    held = {id(c): declarations.guard(_holds, declarations, c.condition, scope) for c in conditionals}
+    choices = {id(c): declarations.guard(_holds, declarations, c.condition, scope) for c in conditionals}
     result: list[tree.SyntaxNode] = []
     for statement in statements:
         if not isinstance(statement, tree.ConditionalSyntax):
             result.append(statement)
-        elif (first := held[id(statement)]) is None:
+        elif (first := choices[id(statement)]) is None:
             declarations.structure_broken = True
             for branch, _ in _branches(statement):
                 _enter_all(scope, home, branch, "")

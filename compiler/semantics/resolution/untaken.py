@@ -30,13 +30,13 @@ def check_untaken(scope: Scope, statements: Statements, tell: Callable[[Diagnost
     definition = scope.definition
     file = definition.file
     declared = names_in(definition.model) | set(scope.names())
-    known = declared | file.constants.keys() | file.models.keys() | file.sets.keys() | file.missing
+    names = declared | file.constants.keys() | file.models.keys() | file.sets.keys() | file.missing
     functions = {*FUNCTIONS, *MEMORIES, *tables.USAGE, *file.functions, *declared}
     kinds = {*ELEMENT_KINDS, *file.models, *file.missing, *kinds_of(True), *kinds_of(False), *declared}
     for node in nodes_in(statements):
         match node:
-            case tree.PathSyntax(head=head) if not (head in known or head in _WORDS or head in _choices(file)):
-                hint = suggestion(head, sorted(known), "Declare it with `parameter`, `constant`, `signal` or `input`.")
+            case tree.PathSyntax(head=head) if not (head in names or head in _WORDS or head in _choices(file)):
+                hint = suggestion(head, sorted(names), "Declare it with `parameter`, `constant`, `signal` or `input`.")
                 tell(UnknownName(node.span, head, f"`{definition.name}`", hint))
             case tree.Call(function=name) if name not in functions:
                 tell(UnknownFunction(node.span, name, suggestion(name, functions, "A product is written with `*`.")))
@@ -56,8 +56,8 @@ def _choices(file: FileScope) -> set[str]:
 def _check_attributes(node: tree.Declaration, file: FileScope, tell: Callable[[Diagnostic], None]) -> None:
     """Report attributes of an instance that are no parameters or inputs of its model."""
     quantities = (s for s in flat(file.models[node.kind].model.statements) if isinstance(s, tree.Quantities))
-    known = [i.name for s in quantities if s.role in ("parameter", "input") for i in s.items]
+    names = [i.name for s in quantities if s.role in ("parameter", "input") for i in s.items]
     for attribute in node.attributes:
-        if attribute.name not in (*known, "parameters"):
-            hint = suggestion(attribute.name, known, f"Its parameters and inputs: {', '.join(known) or 'none'}.")
+        if attribute.name not in (*names, "parameters"):
+            hint = suggestion(attribute.name, names, f"Its parameters and inputs: {', '.join(names) or 'none'}.")
             tell(UnknownAttribute(attribute.span, node.kind, attribute.name, hint))
