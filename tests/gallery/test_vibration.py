@@ -120,3 +120,19 @@ def test_van_der_pol_over_three_rounds() -> None:
     exact = integrated(rates, (u, u - u**3 / 3), found.time)
     near(found["u"], exact[:, 0])
     near(found["i"], exact[:, 1])
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_resonators_of_two_materials(n: int) -> None:
+    """Four guided beams of stiffness E h w^3/l^3; folded, two such rows in series. The second one is of nickel, folded and damped."""
+    found = run("resonators", settings={"n": n}, outputs=(*(f"v[{i}]" for i in range(1, n + 1)), "loss"))
+    stiff = 4 * 20e-6 * (2e-6 / 200e-6) ** 3
+    for i in range(1, n + 1):
+        e, rho, r = (200e9, 8908.0, 1e-6) if i == 2 else (160e9, 2330.0, 0.0)
+        m = rho * i * 1e-8 * 20e-6
+        k, a = e * stiff / (2 if i == 2 else 1), r / (2 * m)
+        w = np.sqrt(k / m - a * a)
+        near(
+            found[f"v[{i}]"], 0.01 * np.exp(-a * found.time) * (np.cos(w * found.time) - a / w * np.sin(w * found.time))
+        )
+    near(found["loss"], 1e-6 * np.asarray(found["v[2]"]) ** 2)
