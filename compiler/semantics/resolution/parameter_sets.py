@@ -113,7 +113,9 @@ class ParameterSets(QuantityResolver):
             self._check_member(name, wanted, chosen, default, span)
         return InstanceEntry(scope.full(item.name), chosen.scope, item.span, "set")
 
-    def _check_member(self, name: str, wanted: Entry, chosen: InstanceEntry, default: InstanceEntry, span: Span) -> None:
+    def _check_member(
+        self, name: str, wanted: Entry, chosen: InstanceEntry, default: InstanceEntry, span: Span
+    ) -> None:
         """Raise `Wrong` unless a set has a member as the default has it: what reads it is compiled once for all instances."""
         member = chosen.scope.entries.get(name)
         if not isinstance(member, Pending) or not isinstance(wanted, Pending):
