@@ -308,6 +308,8 @@ DRIVETRAIN: dict[str, Formula] = {
     "HertzContact": lambda t: {
         "F": 4 / 3 * 115e9 * math.sqrt(5e-3) * np.maximum(1e-3 * t - 1e-6, 0) ** 1.5
     },
+    "Rope": lambda t: {"v": 9.81 / 3 * t, "T": 13.08 + 0 * t},
+    "Cantilever": lambda t: {"x": cantilever(t)},
     "Bushing": lambda t: {"x": 1e-3 * np.cos(np.sqrt(1e5) * t), "turn": np.pi / 180 * np.cos(100 * t)},
     "GroundPoint": lambda t: {"v": 3 - 0.2 * 9.81 * t, "N": 9.81 + 0 * t},
     "GroundBall": lambda t: {"v": 2 - 0.981 * t, "omega": 0.1 / 0.004 * 0.981 * t},
@@ -607,6 +609,14 @@ SIGNALS: dict[str, Formula] = {
     "Notch": lambda t: {"y": 10 * t * np.exp(-10 * t)},
     "Delay": lambda t: {"y": np.maximum(t - 0.2, 0)},
 }
+
+
+def cantilever(t: Any) -> Any:
+    """Deflection of the tip under 10 N: the static one, less what four modes swing about it."""
+    beta, k = np.array([1.8751040687119611, 4.694091132974175, 7.854757438237613, 10.995540734875467]), 20 / 0.5**3
+    swings = sum(4 / b**4 * np.cos(b**2 * np.sqrt(k / 0.2) * t) for b in beta)
+    return 10 / k * (1 / 3 - swings)
+
 
 FORMULAS: dict[str, Formula] = {
     **ELECTRIC,

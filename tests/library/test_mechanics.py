@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tests.library.bench import exact, linear, near, run
+import bondgraph
+from tests.library.bench import exact, linear, near, run, text
 
 # ---------------------------------------------------------------------- ideal transducers
 
@@ -328,3 +329,39 @@ def test_a_box_on_two_feet_slides_upright() -> None:
     flies = run("mechanics", "GroundPoint", bench.format(up=1.5), 0.2, rtol=1e-8)
     near(flies["y"], 0.2 + 1.5 * flies.time - 9.81 / 2 * flies.time**2, rtol=1e-8)
     exact(flies["front"] + flies["back"], np.zeros(len(flies.time)))
+
+
+@pytest.mark.parametrize("share", [0.2, 1.0, 5.0])
+def test_a_beam_with_a_mass_at_its_tip_has_its_frequencies(share: float) -> None:
+    """Against 1 + cos b cosh b + M/m b (cos b sinh b - sin b cosh b) = 0: the first two, which its four modes and the rest make."""
+    model = bondgraph.load(
+        text("mechanics", "Cantilever", f"Cantilever beam {{ zeta = 0 }}\nI tip : p = {0.2 * share} kg*v\n1(tip) -> beam.tip\noutput x = beam.deflection"),
+        "Bench",
+    )  # fmt: skip
+
+    def missed(b: float) -> float:
+        return float(1 / math.cosh(b) + math.cos(b) + share * b * (math.cos(b) * math.tanh(b) - math.sin(b)))
+
+    for low, high, rtol in ((0.3, 1.8751, 1e-6), (3.2, 4.7, 1e-3)):
+        exact_b = brentq(missed, low, high, xtol=1e-14)
+        wanted = exact_b**2 * math.sqrt(20 / 0.5**3 / 0.2) / (2 * math.pi)
+        assert np.abs(model.modes().frequencies / wanted - 1).min() < rtol
+
+
+def test_a_rope_goes_slack_and_catches() -> None:
+    """A weight that is thrown up flies freely until the rope is tight again; the other stands on a soft spring."""
+    found = run(
+        "mechanics", "Rope",
+        """
+        Se weight : F = 9.81 N
+        I mass : p = 1 kg*v { start v = -2 [m/s] }
+        Sf post : v = 0
+        Rope rope { r = 0, k = 1e4 [N/m] }
+        weight -> 1(mass) -> rope.a
+        post -> rope.b
+        output v = mass.v, T = rope.pull
+        """,
+        0.4,
+    )  # fmt: skip
+    near(found["v"], -2 + 9.81 * found.time)
+    exact(found["T"], np.zeros(len(found.time)))
