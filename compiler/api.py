@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         Apply, Expression, Number, Symbol, call, depends_on, evaluate, select, substitute, symbols,
     )  # fmt: skip
     from .algebra.formula import Bound
+    from .algebra.intervals import interval_of
     from .algebra.operators import value_of
     from .algebra.sympy_form import to_sympy
     from .arrays import Array, BoolArray, ComplexArray, IntArray

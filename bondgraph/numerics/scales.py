@@ -30,7 +30,7 @@ def group_numbers(groups: Sequence[object]) -> Any:
 
 
 def largest_of_group(sizes: Array, numbers: IntArray) -> Any:
-    """Return for each item the largest of the sizes, which are not negative, in its group."""
-    most = np.zeros(int(numbers.max(initial=-1)) + 1)
-    np.maximum.at(most, numbers, sizes)
-    return most[numbers]
+    """Return for each item the largest of the sizes, which are not negative, in its group; shape (…, items)."""
+    most = np.zeros((*sizes.shape[:-1], int(numbers.max(initial=-1)) + 1))
+    np.maximum.at(most.T, numbers, sizes.T)
+    return most[..., numbers]

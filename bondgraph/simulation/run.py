@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from operator import index
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from .segments.transition import PhaseTransition
 from .settings import Settings, refused_with_values, settle
 
 if TYPE_CHECKING:
-    from compiler.api import Plan, Program, Scene
+    from compiler.api import Array, Plan, Program, Scene
 
     from ..compiled_model import CompiledModel
     from ..prepared import Prepared
@@ -125,8 +125,7 @@ def run(
 ) -> Result:
     """Run a scene of a model; `values` are parameters set when it begins."""
     began = clock.perf_counter()
-    to, points, atol, energy = wanted.to, wanted.points, wanted.atol, wanted.energy
-    target = chosen_target(wanted.target)
+    energy, target = wanted.energy, chosen_target(wanted.target)
 
     def made(scene: Scene, everything: bool) -> Prepared:
         return model.prepared(scene, everything or scene.conserving, target)
@@ -136,23 +135,14 @@ def run(
     many = many_runs(plan, scene)
     if many is not None:
         raise many
-    stop = _stop(plan, to)
-    solver = chosen_solver(wanted.solver if wanted.solver is not None else plan.solver)
-    scene = _conserving(scene, solver)
+    instants, options, accuracy = planned(plan, wanted, values)
+    scene = _conserving(scene, options.solver)
     prepared = made(scene, energy)
     before = None if start is None else start.checkpoint
     if before is not None and scene.from_start and before.identity != prepared.facts.identity:
         scene = replace(scene, from_start=False)  # what nothing excites here may have moved in a run of other starts
         prepared = made(scene, energy)
-    rtol, accuracy = _rtol(plan, wanted)
-    count = _count(points if points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
-    if atol is None:
-        atol = plan.settings.get("atol")
-    if atol is not None:
-        _checked("atol", atol, *ATOL)
-    bandwidth = plan.bandwidth if wanted.bandwidth is None else hertz(wanted.bandwidth)
-    options = PhaseOptions(plan, rtol, atol, energy, values, solver, bandwidth, wanted.parts)
-    run = PhaseSequence(made, scene, options, stop, count, began)
+    run = PhaseSequence(made, scene, options, instants, began)
     run.accuracy = accuracy
     if start is not None:
         from .resume import resumed
@@ -195,6 +185,20 @@ def run(
     return run.result("")
 
 
+def planned(plan: Plan, wanted: RunOptions, values: Mapping[str, float]) -> tuple[Any, PhaseOptions, float | None]:
+    """Return the reported instants of a run, the options of its phases, and its accuracy if there is one. Raises `UsageError`."""
+    stop = _stop(plan, wanted.to)
+    solver = chosen_solver(wanted.solver if wanted.solver is not None else plan.solver)
+    rtol, accuracy = _rtol(plan, wanted)
+    count = _count(wanted.points if wanted.points is not None else round(plan.settings.get("points", DEFAULT_POINTS)))
+    atol = wanted.atol if wanted.atol is not None else plan.settings.get("atol")
+    if atol is not None:
+        _checked("atol", atol, *ATOL)
+    bandwidth = plan.bandwidth if wanted.bandwidth is None else hertz(wanted.bandwidth)
+    options = PhaseOptions(plan, rtol, atol, wanted.energy, values, solver, bandwidth, wanted.parts)
+    return np.linspace(plan.start, stop, count), options, accuracy
+
+
 def _rtol(plan: Plan, wanted: RunOptions) -> tuple[float, float | None]:
     """Return the tolerance of a run, and its accuracy if there is one, from which the tolerance is chosen."""
     rtol, accuracy = wanted.rtol, wanted.accuracy
@@ -229,11 +233,11 @@ class PhaseSequence:
     """One run: its phases so far, and the beginning of the next one."""
 
     def __init__(
-        self, made: Callable[[Scene, bool], Prepared], scene: Scene, options: PhaseOptions, stop: float, count: int, began: float
+        self, made: Callable[[Scene, bool], Prepared], scene: Scene, options: PhaseOptions, instants: Array, began: float
     ) -> None:  # fmt: skip
-        self.made, self.scene, self.options, self.stop, self.began = made, scene, options, stop, began
+        self.made, self.scene, self.options, self.began = made, scene, options, began
         self.plan, self.values, self.energy = options.plan, options.values, options.energy
-        self.instants = np.linspace(self.plan.start, stop, count)
+        self.instants, self.stop = instants, float(instants[-1])
         self.legs: list[Phase] = []
         self.leg: Phase | None = None  # the phase that is being integrated
         self.begin: PhaseTransition | None = None

@@ -7,14 +7,16 @@ the equations of the model (a mass that divides), the run uses a program with th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded
 
 if TYPE_CHECKING:
-    from compiler.api import RunMetadata
+    from compiler.api import Array, Expression, RunMetadata
 
     from ..compiled_model import CompiledModel
 
@@ -66,6 +68,80 @@ def settle(
             pass  # raised again below, with the values, if they are wrong too
         break
     return Settled(scene_with(settings), {})
+
+
+@dataclass(frozen=True, slots=True)
+class SettledPoints:
+    """A scene that several settings have in common; the `rows` of those that are numbers for it, and the numbers by name, (rows,)."""
+
+    scene: Scene
+    rows: Any
+    values: Mapping[str, Any]
+
+
+def settle_all(
+    model: CompiledModel,
+    experiment: str | None,
+    points: Sequence[Settings],
+    outputs: tuple[str, ...] | None,
+    target: str,
+) -> SettledPoints | None:
+    """Return the scene of several settings of the same names whose numbers are set when a run begins; None if those of the first are not.
+
+    Settings that are no such numbers are left out: zeros, other units, values that would be refused.
+    """
+    settled = settle(model, experiment, points[0], outputs, False, target)
+    names = [name.replace(" ", "") for name in points[0]]
+    if settled.scene.fixed or {*settled.values} != {*names}:
+        return None
+    facts = model.prepared(settled.scene, False, target).facts
+    if any(name in facts.looped for name in names):
+        return None
+    rows, numbers = [], []
+    for row, point in enumerate(points):
+        some = [_number(name, point[name]) for name in points[0]] if point.keys() == points[0].keys() else []
+        if some and all(
+            n is not None and n.value and _has_unit(facts, name, n) for name, n in zip(names, some, strict=True)
+        ):
+            rows.append(row)
+            numbers.append([n.value for n in some if n is not None])
+    values = np.array(numbers, dtype=float).reshape(len(rows), len(names))
+    fits = _are_positive(facts, names, values)
+    return SettledPoints(settled.scene, np.array(rows, dtype=int)[fits], dict(zip(names, values[fits].T, strict=True)))
+
+
+def _are_positive(facts: RunMetadata, names: Sequence[str], values: Array) -> Any:
+    """Return a mask of the points, whose numbers are the rows of `values`, at which quantities that must not be negative are not."""
+    from compiler.api import interval_of
+
+    if not len(values):
+        return np.ones(0, dtype=bool)
+    ranges = dict(zip(names, zip(values.min(axis=0), values.max(axis=0), strict=True), strict=True))
+    unsure = [x for _, x in facts.positive if not interval_of(x, ranges.__getitem__)[0] >= 0]
+    return np.array([_stay_positive(unsure, dict(zip(names, row.tolist(), strict=True))) for row in values])
+
+
+def _stay_positive(expressions: Iterable[Expression], values: Mapping[str, float]) -> bool:
+    """Return True if no expression is negative."""
+    from compiler.api import evaluate
+
+    try:
+        return all(evaluate(x, values.__getitem__) >= 0 for x in expressions)
+    except (ArithmeticError, ValueError):
+        return False
+
+
+def _has_unit(facts: RunMetadata, name: str, number: _Number) -> bool:
+    """Return True if a number is finite, and its unit is that of a quantity."""
+    from compiler.api import read_unit
+
+    unit = facts.units[name]
+    if not abs(number.value) < float("inf"):
+        return False
+    if number.unit is None or number.unit == unit:
+        return True
+    one, other = (read_unit(Source("unit", u)).dimension for u in (number.unit, unit))
+    return one == other
 
 
 def compiled_in(
@@ -136,17 +212,5 @@ def _argument(name: str) -> Override:
 
 def _fits(facts: RunMetadata, numbers: Mapping[str, _Number], values: Mapping[str, float]) -> bool:
     """Return True if the units are right, the numbers are finite, and quantities that must not be negative are not."""
-    from compiler.api import evaluate, read_unit
-
-    for name, number in numbers.items():
-        wanted = facts.units[name]
-        if not abs(number.value) < float("inf"):
-            return False
-        if number.unit is not None and number.unit != wanted:
-            one, other = (read_unit(Source("unit", u)).dimension for u in (number.unit, wanted))
-            if one != other:
-                return False
-    try:
-        return all(evaluate(x, values.__getitem__) >= 0 for _, x in facts.positive)
-    except (ArithmeticError, ValueError):
-        return False
+    units = all(_has_unit(facts, name, number) for name, number in numbers.items())
+    return units and _stay_positive((x for _, x in facts.positive), values)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from compiler.api import Analysis, Differentiating, MonteCarloRequest, Study
 
 from ..analysis.outcome import Point
+from ..batch.together import is_together, simulate_together
 from ..simulation.repetition import simulate
 from ..simulation.run import RunOptions
 from .scalar_study import STEPS, ScalarStudy
@@ -41,6 +42,23 @@ class ExperimentStudy:
         if chance is not None:  # Monte Carlo evaluates all other steps
             return Point(point, analyses=((chance.role, varied(model, chance, study, workers)),))
         return self._point(model, Point(point), studies, study, settings)
+
+    def answer_all(self, model: AnalysedModel, points: Sequence[Mapping[str, float]]) -> list[Point | None]:
+        """Return the results at points where there is a run only, for runs that are stepped together; None for the others."""
+        if self.studies or not self.simulates:
+            return [None] * len(points)
+        settings = [{**dict(self.settings), **point} for point in points]
+        runs = simulate_together(model, self.experiment, settings, self.outputs, self.wanted)
+        return [None if run is None else Point(point, run=run) for point, run in zip(points, runs, strict=True)]
+
+    def is_batch(self, model: AnalysedModel, point: Mapping[str, float]) -> bool:
+        """Return True if such runs are stepped together."""
+        settings = {**dict(self.settings), **point}
+        return (
+            not self.studies
+            and self.simulates
+            and is_together(model, self.experiment, settings, self.outputs, self.wanted)
+        )
 
     def _at(self, model: AnalysedModel, settings: Settings) -> tuple[Analysis, ...]:
         """Return the steps, whose numbers may depend on swept values."""

@@ -45,14 +45,16 @@ class LocalWorkers:
         self.executor.shutdown(cancel_futures=True)
 
 
-def local_workers(first_report: Callable[[Iterable[int]], TimedReport], count: int) -> LocalWorkers:
-    """Return workers that start with their first task. `first_report` computes some points by their indices."""
+def local_workers(
+    first_report: Callable[[Iterable[int]], TimedReport], count: int, in_threads: bool = False
+) -> LocalWorkers:
+    """Return workers that start with their first task. `first_report` computes some points by their indices; `in_threads`: without Python, mostly."""
     stopped = mmap.mmap(-1, 1)
 
     def report(numbers: Sequence[int]) -> TimedReport:
         return first_report(takewhile(lambda number: not stopped[0], numbers))
 
-    if not can_be_copied():
+    if in_threads or not can_be_copied():
         return LocalWorkers(ThreadPoolExecutor(count), report, stopped)
     fork = multiprocessing.get_context("fork")
     copies = ProcessPoolExecutor(count, fork, _begun_as_copy, (report, os.getpid()))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
-from typing import Any, Protocol
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, runtime_checkable
 
 from ..analysed_model import AnalysedModel
 
@@ -17,6 +17,19 @@ class PointRequest(Protocol):
     """Request at each point; it is sent to other processes. An exception at a point is its result (`result_at`)."""
 
     def answer(self, model: AnalysedModel, point: Any) -> Any: ...
+
+
+@runtime_checkable
+class BatchRequest(PointRequest, Protocol):
+    """Request that may be answered at several points together, in threads of this process."""
+
+    def answer_all(self, model: AnalysedModel, points: Sequence[Any]) -> list[Any]:
+        """Return the results at some points; None at a point that is to be answered alone."""
+        ...
+
+    def is_batch(self, model: AnalysedModel, point: Any) -> bool:
+        """Return True if points like this one are answered together."""
+        ...
 
 
 def key_of(model: AnalysedModel) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..batch.together import is_together, simulate_together
 from ..results.ensemble import Ensemble
 from ..results.result import Result
 from ..simulation.repetition import simulate
@@ -28,6 +29,14 @@ class RunStudy:
     def answer(self, model: AnalysedModel, point: Mapping[str, str | float]) -> Result:
         """Return the result of a run."""
         return simulate(model, self.experiment, point, self.outputs, self.wanted)
+
+    def answer_all(self, model: AnalysedModel, points: Sequence[Mapping[str, str | float]]) -> list[Result | None]:
+        """Return the results of runs that are stepped together; None for the others."""
+        return simulate_together(model, self.experiment, points, self.outputs, self.wanted)
+
+    def is_batch(self, model: AnalysedModel, point: Mapping[str, str | float]) -> bool:
+        """Return True if such runs are stepped together."""
+        return is_together(model, self.experiment, point, self.outputs, self.wanted)
 
 
 def simulate_many(

@@ -14,6 +14,7 @@ from ..analysis.modes import moving_frequencies
 from ..analysis.operating_point import AnalysisRequest
 from ..analysis.outcome import MODES
 from ..analysis.placement import operating_point
+from ..batch.together import is_together, simulate_together
 from ..errors import RunFailed, UsageError
 from ..simulation.repetition import simulate
 from ..simulation.run import RunOptions
@@ -22,6 +23,7 @@ from .point_failure import kept, why
 
 if TYPE_CHECKING:
     from ..compiled_model import CompiledModel
+    from ..results.result import Result
 
 STEPS = (*(word for word, row in ANALYSIS_STEPS.items() if row.scalar), "simulate")
 
@@ -54,6 +56,28 @@ class ScalarStudy:
         except Exception as problem:
             return Failed(why(kept(problem)))
 
+    def answer_all(
+        self, model: CompiledModel, points: Sequence[Mapping[str, str | float]]
+    ) -> list[dict[str, float] | Failed | None]:
+        """Return the numbers of runs that are stepped together; None at other points."""
+        if self.of != ("simulate",):
+            return [None] * len(points)
+        settings = [{**dict(self.settings), **point} for point in points]
+        runs = simulate_together(model, self.experiment, settings, self.outputs, self.wanted)
+        return [None if run is None else self._of_run(run) for run in runs]
+
+    def is_batch(self, model: CompiledModel, point: Mapping[str, str | float]) -> bool:
+        """Return True if such runs are stepped together."""
+        settings = {**dict(self.settings), **point}
+        return self.of == ("simulate",) and is_together(model, self.experiment, settings, self.outputs, self.wanted)
+
+    def _of_run(self, run: Result) -> dict[str, float] | Failed:
+        """Return the numbers of a run, or the reason why it has none."""
+        try:
+            return checked(numbers_of(run))
+        except RunFailed as problem:
+            return Failed(why(kept(problem)))
+
     def _numbers(self, model: CompiledModel, settings: Settings) -> dict[str, float]:
         found: dict[str, float] = {}
         if "equilibrium" in self.of or "modes" in self.of:
@@ -65,14 +89,23 @@ class ScalarStudy:
                 frequencies = moving_frequencies(at_rest)[: self.most]
                 found |= {f"frequency {i}": f for i, f in enumerate(frequencies, 1)}
         if "simulate" in self.of:
-            run = simulate(model, self.experiment, settings, self.outputs, self.wanted)
-            if run.warnings:
-                raise RunFailed("BR448", f"the model does not hold there: {run.warnings[0]}")
-            found |= {name: run.final(name) for name in run.names}
-        bad = [name for name, value in found.items() if not np.isfinite(value)]
-        if bad:
-            raise RunFailed("BR449", f"`{bad[0]}` is no number there")
-        return found
+            found |= numbers_of(simulate(model, self.experiment, settings, self.outputs, self.wanted))
+        return checked(found)
+
+
+def numbers_of(run: Result) -> dict[str, float]:
+    """Return the outputs at the end of a run. Raises `RunFailed` where the model does not hold."""
+    if run.warnings:
+        raise RunFailed("BR448", f"the model does not hold there: {run.warnings[0]}")
+    return {name: run.final(name) for name in run.names}
+
+
+def checked(numbers: dict[str, float]) -> dict[str, float]:
+    """Return numbers that are finite. Raises `RunFailed` for others."""
+    bad = [name for name, value in numbers.items() if not np.isfinite(value)]
+    if bad:
+        raise RunFailed("BR449", f"`{bad[0]}` is no number there")
+    return numbers
 
 
 def check_steps(of: tuple[str, ...], what: str) -> None:

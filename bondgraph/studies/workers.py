@@ -15,6 +15,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 from operator import index
 from queue import SimpleQueue
 from time import perf_counter
@@ -24,7 +25,7 @@ from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
 from .local_workers import LocalWorkers, local_workers, started_together
 from .point_failure import kept
-from .point_request import Answers, PointRequest, Progress, TimedReport, key_of
+from .point_request import Answers, BatchRequest, PointRequest, Progress, TimedReport, key_of
 
 if TYPE_CHECKING:
     from compiler.api import Source
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 MOST_AT_ONCE = 64  # most points of one task
 OFTEN = 0.25  # s: longest time between reports, unless a point takes longer
 AHEAD = 3  # tasks submitted in advance for each of our own workers, and number of tasks in a worker's share of the remaining points
+MORE = 8  # factor on the number of points that are answered together
 MOST_KEPT = 8  # most models that a worker keeps compiled
 
 _MODELS: dict[str, AnalysedModel] = {}  # models of this process
@@ -145,7 +147,9 @@ def _reports(
     if count <= 1:
         yield from some(missing)
         return
-    own = local_workers(lambda numbers: first_of(some(numbers)), count)
+    in_threads = isinstance(question, BatchRequest) and question.is_batch(model, points[missing[0]])
+    together = MOST_AT_ONCE if in_threads else 1  # their tasks are no larger than they may be
+    own = local_workers(lambda numbers: first_of(some(numbers, together)), count, in_threads)
     try:
         yield from _collected(own.submit, missing, count, own)
     finally:
@@ -208,15 +212,35 @@ def result_at(model: AnalysedModel, question: PointRequest, point: Any) -> Any:
         return kept(problem)
 
 
-def answered(
-    model: AnalysedModel, question: PointRequest, points: Sequence[Any] | Mapping[int, Any], numbers: Iterable[int]
-) -> Iterator[Answers]:
-    """Yield the results at the points with these indices, in reports: of several points, or of those of some time. An error ends a report, too."""
-    report: Answers = {}
-    until = perf_counter() + OFTEN
+def _results_at(model: AnalysedModel, question: PointRequest, points: Sequence[Any]) -> list[Any]:
+    """Return the results at some points that are answered together; None at the others, and at all if that fails."""
+    if len(points) == 1 or not isinstance(question, BatchRequest):
+        return [None] * len(points)
     try:
-        for number in numbers:
-            report[number] = result_at(model, question, points[number])
+        return question.answer_all(model, points)
+    except Exception:  # each point then has its own error, if it has any
+        return [None] * len(points)
+
+
+def answered(
+    model: AnalysedModel, question: PointRequest, points: Sequence[Any] | Mapping[int, Any], numbers: Iterable[int], together: int = 1
+) -> Iterator[Answers]:  # fmt: skip
+    """Yield the results at the points with these indices, in reports: of several points, or of those of some time. An error ends a report, too.
+
+    `together`: number of points that are first answered together, if they can be. It grows as long as they take little of that time.
+    """
+    report: Answers = {}
+    until, size, left = perf_counter() + OFTEN, together, iter(numbers)
+    several = isinstance(question, BatchRequest)
+    try:
+        while some := list(islice(left, min(size, MOST_AT_ONCE - len(report)))):
+            began = perf_counter()
+            results = _results_at(model, question, [points[number] for number in some])
+            for number, result in zip(some, results, strict=True):
+                report[number] = result_at(model, question, points[number]) if result is None else result
+            several = several and (len(some) == 1 or any(result is not None for result in results))
+            quick = perf_counter() - began < OFTEN / (2 * MORE)
+            size = MORE * size if several and quick else max(1, size // MORE) if several else 1
             if len(report) == MOST_AT_ONCE or perf_counter() > until:
                 full, report = report, {}
                 yield full

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from .expression import Apply, Expression, Number, Symbol
 from .operators import OPERATORS, Operator, value_of
 
 Interval = tuple[Any, Any]  # lower and upper ends, each a number or an array (boxes,)
@@ -317,3 +318,22 @@ TABLE: Mapping[str, Callable[..., Interval]] = {
     "or": lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])), "not": lambda a: (1.0 - a[1], 1.0 - a[0]),
     "select": _chosen, "noise": _noise, **{kind: _curve(kind) for kind in CURVES},
 }  # fmt: skip
+
+
+def interval_of(x: Expression, lookup: Callable[[Any], Interval]) -> Interval:
+    """Range of an expression, whose symbols have the ranges that `lookup` returns for their keys."""
+    ranges: dict[Expression, Interval] = {}
+
+    def walk(node: Expression) -> Interval:
+        if isinstance(node, Number):
+            return node.value, node.value
+        if node not in ranges:
+            ranges[node] = lookup(node.key) if isinstance(node, Symbol) else apply(node)
+        return ranges[node]
+
+    def apply(node: Expression) -> Interval:
+        assert isinstance(node, Apply)
+        row = TABLE.get(node.operator)
+        return EVERYTHING if row is None else row(*map(walk, node.operands))
+
+    return walk(x)

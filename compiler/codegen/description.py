@@ -15,8 +15,8 @@ from .program_image import KernelRows, ProgramImage
 
 
 def image_of(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[str, ...], int], ...], rows: tuple[KernelRows, ...],
-             time_functions: TimeFunctions | None) -> ProgramImage:  # fmt: skip
-    """Data of a program. `functions`: name, arguments and number of values of each."""
+             timed: tuple[TimeFunctions | None, tuple[int, ...]]) -> ProgramImage:  # fmt: skip
+    """Data of a program. `functions`: name, arguments and number of values of each; `timed`: functions of time, and the constants of signals."""
     space = lowered.space
     tables = {
         heading: NameTable(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
@@ -28,7 +28,7 @@ def image_of(lowered: Lowered, text: str, functions: tuple[tuple[str, tuple[str,
         space.name, text, tables, tuple(values[:count]), tuple(values[count:]), _places(sorted(lowered.jacobian)),
         _places(sorted(lowered.sensitivities)), _places(sorted(lowered.invariant_slopes)), _of_invariants(lowered),
         tuple(limit.note for limit in lowered.limits), count_operations(lowered.rates),
-        lowered.differentiated, functions, rows, _hybrid_note(lowered), time_functions,
+        lowered.differentiated, functions, rows, _hybrid_note(lowered), *timed,
     )  # fmt: skip
 
 

@@ -274,6 +274,7 @@ class Program:
     stored_energy: StateFunction | None = None
     # as output -> all energy that is stored, then its slopes by the states; None if the scene does not ask for it
     time_functions: TimeFunctions | None = None  # None: none has to be looked at
+    signal_constants: tuple[int, ...] = ()  # places of the constants that `signals` read
     # all that it has, by name (see `functions.py`)
     functions: Mapping[str, Callable[..., Array]] = field(default_factory=dict)
     kept: dict[object, Any] = field(init=False, default_factory=dict, repr=False)

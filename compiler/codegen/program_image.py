@@ -41,6 +41,7 @@ class ProgramImage:
     rows: tuple[KernelRows, ...] = ()  # data that the kernels read
     hybrid: HybridNote | None = None
     time_functions: TimeFunctions | None = None
+    signal_constants: tuple[int, ...] = ()
 
     def without_source(self) -> ProgramImage:
         """The same without the readable text, which is its largest part."""
@@ -65,7 +66,7 @@ def program_of(
         "limits": image.limits, "invariants": names["INVARIANTS"], "invariant_pattern": invariant_slopes,
         "multipliers": multipliers, "rates": rates, "parts": parts, "eliminated": eliminated, "solved": None,
         "operations": image.operations, "differentiated": image.differentiated, "native": native,
-        "time_functions": image.time_functions, "functions": functions,
+        "time_functions": image.time_functions, "signal_constants": image.signal_constants, "functions": functions,
         "delays": Delays(count, functions["lags"], functions["delayed"]) if count else None,
         "hybrid": None if image.hybrid is None else _hybrid(image.hybrid, functions),
     }  # fmt: skip

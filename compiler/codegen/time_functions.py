@@ -126,6 +126,14 @@ def time_functions_of(lowered: Lowered, constants: Sequence[Expression]) -> Time
     return TimeFunctions(tuple(nodes), tuple(functions), tuple(places[n] for n in narrow), narrow_ones, names)
 
 
+def constants_of_signals(lowered: Lowered, constants: Sequence[Expression]) -> tuple[int, ...]:
+    """Positions of the constants that the signals of a program read; with equal ones the signals are equal."""
+    places = {node: number for number, node in enumerate(constants)}
+    nodes = operands_first(lowered.signals, places)
+    operands = (o for node in nodes if isinstance(node, Apply) for o in node.operands)
+    return tuple(sorted({places[o] for o in (*lowered.signals, *operands) if o in places}))
+
+
 def _names_of(narrow: Sequence[Expression], lowered: Lowered) -> tuple[str, ...]:
     """Name, for each operation, of the innermost named quantity among the signals that it is part of."""
     names: dict[Expression, str] = {}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import AUTOMATIC, SOLVERS, Array, Solver
+from compiler.api import AUTOMATIC, SOLVERS, Array, Program, Solver
 
 from ...errors import UsageError
 from ..integrators.compiled.fields import is_piecewise_affine, is_sparse
@@ -32,6 +32,7 @@ LARGEST = 200  # most states for which the spectrum is computed
 LARGEST_INTERPRETED = 60  # most states for which the explicit steps run in Python
 FEWER, FEWEST = 16, 6  # most states for which the matrix exponential is chosen; the same where its steps run in Python
 TRIAL = 60  # trial steps
+UNCLEAR = -1  # no method
 ENOUGH = 64  # most discrete modes examined: others are assumed to be like most of them
 
 
@@ -83,15 +84,21 @@ def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
 def _examined(stepper: IntegrationState, stretch: Segment, x: Array) -> tuple[int, dict[str, int], bool]:
     """Return the method, evaluations of trial steps, and True if it is also that of all further segments."""
     rates = _spectrum(stepper, stretch, x)
-    if rates is None:
-        return RADAU, {}, False
-    turns = np.abs(rates).max(initial=0.0) * (stretch.stop - stretch.start)
-    if turns <= EASY:
-        return EXPLICIT, {}, False
-    dying = rates[-rates.real >= DAMPED * np.abs(rates)]
-    if np.abs(dying).max(initial=0.0) * (stretch.stop - stretch.start) > STIFF:
-        return RADAU, {}, False
-    return _tried(stepper, stretch, x)
+    method = RADAU if rates is None else int(clear_method(rates, stretch.stop - stretch.start))
+    return _tried(stepper, stretch, x) if method == UNCLEAR else (method, {}, False)
+
+
+def clear_method(rates: Array, length: float) -> Any:
+    """Return the method that fits eigenvalues, shape (…, n), on a segment of this length, shape (…,); `UNCLEAR` where trial steps decide."""
+    turns = np.abs(rates) * length
+    dying = np.where(-rates.real >= DAMPED * np.abs(rates), turns, 0.0).max(axis=-1, initial=0.0)
+    stiff = np.where(dying > STIFF, RADAU, UNCLEAR)
+    return np.where(turns.max(axis=-1, initial=0.0) <= EASY, EXPLICIT, stiff)
+
+
+def after_trial(stiff: Any, finished: Any) -> tuple[Any, Any]:
+    """Return the method after trial steps of the explicit one, and True if it is also that of all further segments."""
+    return np.where(stiff & ~finished, RADAU, EXPLICIT), ~finished
 
 
 def _obstacle(stepper: IntegrationState, stretch: Segment, solver: Solver, compiled: bool) -> str:
@@ -135,20 +142,31 @@ def _spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> Any:
     """Return the eigenvalues at a state; for a large model a bound of the fastest one; None if there are none."""
     program, magnitude = stepper.program, stepper.tolerances.magnitude
     fixed = (stepper.inputs, stepper.constants, stretch.mode)
-    rows, columns = program.pattern
-    entries = program.jacobian_entries(stretch.start, x, *fixed) * magnitude[columns] / magnitude[rows]
+    entries = scaled_entries(program, program.jacobian_entries(stretch.start, x, *fixed), magnitude)
     if not np.isfinite(entries).all():
         return None
     if len(x) > LARGEST:
         sums = np.zeros(len(x))
-        np.add.at(sums, rows, np.abs(entries))
+        np.add.at(sums, program.pattern[0], np.abs(entries))
         return 1j * sums.max(initial=0.0, keepdims=True)
-    matrix = np.zeros((len(x), len(x)))
-    matrix[rows, columns] = entries
     try:
-        return np.linalg.eigvals(matrix)
+        return spectrum(program, entries)
     except np.linalg.LinAlgError:
         return None
+
+
+def scaled_entries(program: Program, entries: Array, magnitude: Array) -> Any:
+    """Return the entries of Jacobians, shape (…, entries), in units of the magnitudes, shape (…, n)."""
+    rows, columns = program.pattern
+    return entries * magnitude[..., columns] / magnitude[..., rows]
+
+
+def spectrum(program: Program, entries: Array) -> Any:
+    """Return the eigenvalues of matrices with these entries, shape (…, n). Raises `LinAlgError`."""
+    count = len(program.states.names)
+    matrices = np.zeros((*entries.shape[:-1], count, count))
+    matrices[(..., *program.pattern)] = entries
+    return np.linalg.eigvals(matrices)
 
 
 def _tried(stepper: IntegrationState, stretch: Segment, x: Array) -> tuple[int, dict[str, int], bool]:
@@ -157,4 +175,5 @@ def _tried(stepper: IntegrationState, stretch: Segment, x: Array) -> tuple[int, 
         evaluations, stiff, finished = explicit_trial(stepper, stretch, x, TRIAL)
     except StepFailed:
         return RADAU, {}, False
-    return RADAU if stiff and not finished else EXPLICIT, evaluations, not finished
+    method, settled = after_trial(np.bool_(stiff), np.bool_(finished))
+    return int(method), evaluations, bool(settled)

@@ -31,32 +31,49 @@ def balance(matrix: Array, compiled: bool) -> tuple[Any, Any]:
 
 @dataclass(frozen=True, slots=True)
 class FreeMotion:
-    """Modes of a linear motion: each state reaches at most the sum of their amplitudes. Arrays (n, n), (n, n), (n,)."""
+    """Modes of a linear motion: each state reaches at most the sum of their amplitudes. Arrays (…, n, n), (…, n, n), (…, n)."""
 
     amplitudes: Any
     inverse: Any
     scale: Any
-    fastest: float  # largest of its rates, 1/s
+    fastest: Any  # largest of its rates, 1/s; shape (…,)
     matrix: Any  # in units of the scale
 
     def __call__(self, x: Array) -> Any:
-        return self.amplitudes @ np.abs(self.inverse @ (x / self.scale)) * self.scale
+        modes = np.abs(self.inverse @ (x / self.scale)[..., None])
+        return (self.amplitudes @ modes)[..., 0] * self.scale
 
-    def rest(self, rates: Array) -> Any | None:
-        """Return the displacement to the point of zero rates according to the Jacobian; None where there is no restoring force."""
-        try:
-            away = -np.linalg.solve(self.matrix, rates / self.scale) * self.scale
-        except np.linalg.LinAlgError:
-            return None
-        return away if np.isfinite(away).all() else None
+    def rest(self, rates: Array) -> Any:
+        """Return the displacement to the point of zero rates according to the Jacobian, shape (…, n); not finite where there is no restoring force."""
+        scaled = (rates / self.scale)[..., None]
+        return -item_by_item(np.linalg.solve, self.matrix, scaled)[..., 0] * self.scale
 
     def is_slower_than(self, rate: float, jacobians: Array) -> bool:
         """Return True if all modes of other Jacobians, shape (…, n, n), are slower; Jacobians that are not finite are ignored."""
         finite = jacobians[np.isfinite(jacobians).all(axis=(-2, -1))]
-        sums = np.abs(finite * self.scale / self.scale[:, None]).sum(axis=-1)
-        if sums.max(initial=0.0) <= rate:  # an upper bound
+        if is_bounded(finite, self.scale, rate):
             return True
         return bool(np.abs(np.linalg.eigvals(finite)).max(initial=0.0) <= rate)
+
+    def of(self, row: int) -> FreeMotion:
+        """Return one of several motions."""
+        return FreeMotion(*(x[row] for x in (self.amplitudes, self.inverse, self.scale, self.fastest, self.matrix)))
+
+
+def is_bounded(jacobians: Array, scale: Array, rate: Array | float) -> Any:
+    """Return True where a bound of the modes of Jacobians, shape (…, k, n, n), in units of a scale (…, n), shows that all are slower."""
+    units = scale[..., None, None, :] / scale[..., None, :, None]
+    return np.abs(jacobians * units).sum(axis=-1).max(axis=(-2, -1), initial=0.0) <= rate
+
+
+def item_by_item(function: Callable[..., Any], *stacks: Array) -> Any:
+    """Return the values of a function of numpy's linear algebra for stacks of matrices, shape (…,), NaN for a matrix that it refuses."""
+    try:
+        return function(*stacks)
+    except np.linalg.LinAlgError:
+        if stacks[0].ndim == 2:
+            return np.full(stacks[-1].shape, np.nan)
+        return np.array([item_by_item(function, *items) for items in zip(*stacks, strict=True)])
 
 
 def along(reach: FreeMotion, basis: Any | None, size: int) -> Callable[[Any], Any]:
@@ -72,15 +89,40 @@ def free_motion(jacobian: Array, compiled: bool) -> FreeMotion | None:
 
     `compiled`: there is machine code for it.
     """
-    if not 0 < len(jacobian) <= LARGEST or not np.isfinite(jacobian).all():
-        return None
-    balanced, scale = balance(jacobian, compiled)
+    motions = free_motions(jacobian[None], compiled)
+    return motions[0][1].of(0) if motions else None
+
+
+def free_motions(jacobians: Array, compiled: bool) -> list[tuple[Any, FreeMotion]]:
+    """Return the free linear motions of states with Jacobians of shape (k, n, n): indices of those that have one, and their motions, real modes apart."""
+    rows = np.flatnonzero(np.isfinite(jacobians).all(axis=(-2, -1)))
+    if not 0 < jacobians.shape[-1] <= LARGEST or not len(rows):
+        return []
+    balanced, scale = map(np.array, zip(*(balance(jacobians[row], compiled) for row in rows), strict=True))
     try:
         rates, shapes = np.linalg.eig(balanced)
-        inverse = np.linalg.inv(shapes)
     except np.linalg.LinAlgError:
-        return None
-    bound = np.vdot(shapes, shapes).real * np.vdot(inverse, inverse).real
-    if not bound <= WELL_TOLD**2 and not np.linalg.cond(shapes) <= WELL_TOLD:
-        return None
-    return FreeMotion(np.abs(shapes), inverse, scale, float(np.abs(rates).max()), balanced)
+        if len(rows) == 1:
+            return []
+        return [((row,), motion) for row in rows for _, motion in free_motions(jacobians[row : row + 1], compiled)]
+    real = ~rates.imag.any(axis=-1)
+    motions: list[tuple[Any, FreeMotion]] = []
+    for chosen, some in ((real, shapes[real].real), (~real, shapes[~real])):
+        if not chosen.any():
+            continue
+        inverse = item_by_item(np.linalg.inv, some)
+        with np.errstate(all="ignore"):
+            separable = _squares(some) * _squares(inverse) <= WELL_TOLD**2
+        for row in np.flatnonzero(~separable):
+            separable[row] = np.isfinite(inverse[row]).all() and np.linalg.cond(some[row]) <= WELL_TOLD
+        places = np.flatnonzero(chosen)[separable]
+        if len(places):
+            fastest = np.abs(rates[places]).max(axis=-1)
+            motion = FreeMotion(np.abs(some[separable]), inverse[separable], scale[places], fastest, balanced[places])
+            motions.append((rows[places], motion))
+    return motions
+
+
+def _squares(matrices: Array) -> Any:
+    """Return the sums of the squares of absolute values, shape (k,)."""
+    return np.square(np.abs(matrices)).reshape(len(matrices), -1).sum(axis=-1)

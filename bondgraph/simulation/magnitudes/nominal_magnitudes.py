@@ -81,18 +81,22 @@ def nominal_magnitudes(
             look_along, program, stretches, len(program.signals(first.start, inputs, constants, first.mode)) > 0
         )
         peak, stopped = np.maximum(peak, look.largest), look.stopped
-    result = np.where(given > 0, given, peak)
-    for members, share in ((_owned_units(program, tuple(mechanisms)), SHARE), (unit_numbers(program), SLIGHT)):
-        result = np.maximum(result, share * largest_of_group(result, members))
     levels = rounding_levels(program, mechanisms, constraints, state, stretches[0])
-    result = np.maximum(result, levels)
-    result = np.maximum(result, _levels_at_rest(program, result, levels))
+    result = raised(program, mechanisms, np.where(given > 0, given, peak), levels)
     unknown = (result == 0) | ~np.isfinite(result)
     if unknown.any():
         charged = chargeable(program, constants, inputs, state, stretches, np.where(unknown, 0.0, result))
         result[unknown] = (1.0 if stopped is None else CAUTIOUS) * charged[unknown]
     names = () if stopped is None else tuple(program.variables.names[i] for i in np.flatnonzero(unknown))
     return Magnitudes(result, stopped, names)
+
+
+def raised(program: Program, mechanisms: Sequence[str], sizes: Array, levels: Array) -> Any:
+    """Return sizes, shape (…, n), raised by those of the same unit, and to their rounding levels."""
+    for members, share in ((_owned_units(program, tuple(mechanisms)), SHARE), (unit_numbers(program), SLIGHT)):
+        sizes = np.maximum(sizes, share * largest_of_group(sizes, members))
+    sizes = np.maximum(sizes, levels)
+    return np.maximum(sizes, _levels_at_rest(program, sizes, levels))
 
 
 def _owned_units(program: Program, mechanisms: tuple[str, ...]) -> Any:

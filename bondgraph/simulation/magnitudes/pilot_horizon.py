@@ -37,7 +37,7 @@ def trusted(
     found, first, beginning = looks[0].largest, stretches[0], looks[0].beginning
     if driven or len(stretches) > 1 or len(found) > LARGEST:
         return looks[0]
-    if (found <= ASTRAY * np.maximum(beginning, SLIGHT * _most_alike(program, beginning))).all():
+    if not goes_astray(program, found, beginning):
         return looks[0]
 
     def largest(part: int) -> Any:
@@ -53,6 +53,11 @@ def trusted(
     parts = [(part, PARTS - 1) for part in range(PARTS)] + [(part, 1) for part in reversed(range(PARTS))]
     sound = next((looks[part] for part, most in parts if is_sound(part, most)), looks[0])
     return replace(sound, largest=np.maximum(sound.largest, beginning))
+
+
+def goes_astray(program: Program, largest: Array, beginning: Array) -> Any:
+    """Return True where magnitudes, shape (…, n), are far above those of the beginning."""
+    return ~(largest <= ASTRAY * np.maximum(beginning, SLIGHT * _most_alike(program, beginning))).all(axis=-1)
 
 
 def _follows_from(program: Program, found: Array, before: Array, times: float) -> bool:

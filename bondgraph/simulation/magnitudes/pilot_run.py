@@ -101,10 +101,11 @@ class PilotRun:
             if loop is not None and conditions is not None:
                 loop.observe(conditions)
             while pace.time < stretch.stop and pace.taken < pilot.MOST_STEPS:
-                if loop is not None and loop.go(
-                    self, pace, first.start, stretch.mode
-                ):  # all but the last step of a segment, and a failed one
-                    return self.largest
+                if loop is not None:
+                    if loop.go(self, pace, first.start, stretch.mode):  # all but the last step of a segment
+                        return self.largest
+                    if not choice and _ends(pace, follows) and loop.finish(self, pace):
+                        continue
                 if not self._further(pace, follows, stretch.mode):
                     if pace.size < pace.smallest:
                         return self._given_up(first.start, pace.time)
@@ -139,7 +140,7 @@ class PilotRun:
         found = along(reach, basis, len(self.state))
         if basis is None and self._stiffens(first, reach):
             return None
-        if away is not None:
+        if np.isfinite(away).all():
             whole = away if basis is None else np.concatenate([basis @ away, np.zeros(len(self.state) - count)])
             self.beginning = np.maximum(self.largest, np.abs(self.state + whole) + found(whole))
         return found
@@ -249,3 +250,10 @@ class PilotRun:
             return loops.solve(time, begin, mode)
         found = loops.newton(time, begin, mode, begin[loops.count :])
         return begin if found is None else np.concatenate([begin[: loops.count], found])
+
+
+def _ends(pace: StepSchedule, follows: Callable[[float, float], bool]) -> bool:
+    """Return True if the next step ends the segment, and resolves the signals of time."""
+    if pace.taken + 1 == pilot.CAREFUL or pace.time + 1.001 * pace.size < pace.stop:
+        return False
+    return pace.stop - pace.time <= pace.smallest or follows(pace.time, pace.stop)

@@ -10,7 +10,7 @@ from ..lowered import Lowered
 from ..numpy.write import Writer
 from ..program import Program
 from ..program_image import ProgramImage
-from ..time_functions import time_functions_of
+from ..time_functions import constants_of_signals, time_functions_of
 from .bind import bind
 from .module import Module
 
@@ -34,7 +34,8 @@ def generate_code(lowered: Lowered, compile_: Compile = object_code) -> tuple[Pr
     codes = compile_(texts[0], _level(modules[0])), compile_(texts[1], 0)
     functions = tuple(function for module in modules for function in module.functions)
     rows = tuple(module.rows for module in modules if module.rows is not None)
-    return image_of(lowered, texts[0], functions, rows, time_functions_of(lowered, writer.constants)), codes
+    timed = time_functions_of(lowered, writer.constants), constants_of_signals(lowered, writer.constants)
+    return image_of(lowered, texts[0], functions, rows, timed), codes
 
 
 def _level(module: Module) -> int:

@@ -12,7 +12,7 @@ from ..description import image_of, name_tables
 from ..lowered import Lowered
 from ..program import Program
 from ..program_image import program_of
-from ..time_functions import time_functions_of
+from ..time_functions import constants_of_signals, time_functions_of
 from .write import Writer
 
 
@@ -22,7 +22,8 @@ def generate_program(lowered: Lowered) -> Program:
     source = _text(writer)
     module = vars(load_module(lowered.space.name, source))
     rows = tuple((row.name, (row.arguments,), len(results)) for row, results in writer.functions)
-    image = image_of(lowered, source, rows, (), time_functions_of(lowered, writer.constants))
+    timed = time_functions_of(lowered, writer.constants), constants_of_signals(lowered, writer.constants)
+    image = image_of(lowered, source, rows, (), timed)
     image = replace(image, defaults=module["DEFAULTS"], input_defaults=module["INPUT_DEFAULTS"])
     others = ("constants", "jacobian", *(["mode_at"] if image.hybrid is not None else []))
     return program_of(image, {name: module[name] for name in (*others, *(name for name, _, _ in rows))})

@@ -24,6 +24,12 @@ from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tol
 if TYPE_CHECKING:
     from ...segments.context import SegmentContext
 
+COUNTS = "steps", "rejected", "derivatives", "jacobians", "factorisations", "negative"
+# Fields of a new solver: of the search for the fastest mode, and of what steps share with each other.
+UNMEASURED = {"fastest": 0.0, "since_looked": dop853.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0}
+FORGOTTEN = dict.fromkeys(
+    ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending", "last_size", "last_error", "contraction"), 0
+)  # fmt: skip
 LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with a sparse ordering
 
 
@@ -48,14 +54,14 @@ def given_at(
     differential = len(program.states.names)
     magnitude = np.asarray(tolerances.magnitude, dtype=float)
     unit = np.array(magnitude)
-    unit[differential:] = 1.0  # the factorisation scales residuals
+    unit[..., differential:] = 1.0  # the factorisation scales residuals
     scaled, resting = state / magnitude, tolerances.scaled
     relative = tolerances.relative
     earliest, latest = inside(stretch)
     return {
         "inputs": context.inputs, "constants": context.constants, "mode": np.array(stretch.mode, dtype=float),
         "rows": rows, "columns": columns, "magnitude": magnitude, "per_unit": 1.0 / unit,
-        "ratio": magnitude[columns] / unit[rows], "relative": relative, "absolute": np.array(resting, dtype=float), "resting": resting,
+        "ratio": magnitude[..., columns] / unit[..., rows], "relative": relative, "absolute": np.array(resting, dtype=float), "resting": resting,
         "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
         "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative),
         "first_newton_tolerance": newton_tolerance(relative, FIRST), "creeping_tolerance": creeping_tolerance(relative),
@@ -110,6 +116,15 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "energy": 0.0, "energies": room(1 + n), "dropped": room(n),
         "slope": room(dop853.ALL_STAGES * n), "dense": room(7 * n), "dense_known": 0,
         "automatic": 0, "fastest": 0.0, "direction": room(n), "since_looked": dop853.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0,
+    }  # fmt: skip
+
+
+def fields_at(stretch: Segment, signals: Signals, method: int, automatic: int) -> dict[str, Any]:
+    """Return the numbers with which a `IntegratorWorkspace` goes on at the start of another segment; `FORGOTTEN` are the others."""
+    earliest, latest = inside(stretch)
+    return signal_fields(signals, stretch.start) | UNMEASURED | {
+        "time": stretch.start, "stop": float(stretch.stop), "until": float(stretch.stop), "earliest": earliest, "latest": latest,
+        "method": method, "automatic": automatic, **dict.fromkeys(COUNTS, 0),
     }  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from .code import called
 from .fields import is_sparse
 from .in_numpy import interpreted
 from .plain import Unordered, record_for
+from .record_layout import Form, form_of
 from .run import Ordered
 
 if TYPE_CHECKING:
@@ -47,6 +48,21 @@ def _room(program: Program, constants: Array) -> dict[str, Any]:
         "mode": np.zeros(mode_size(program, constants)), "smallest": np.zeros(n), "kinds": unit_numbers(program),
         "real": room_for(Factors, 0 if is_sparse(program) else n),
     }  # fmt: skip
+
+
+def _room_of_loop(program: Program) -> dict[str, Any]:
+    """Return the same for the loop over steps."""
+    n = len(program.states.names) + len(program.unknowns.names)
+    numbers = dict.fromkeys((*PACE, "begun"), 0.0) | {"noted": 0, "taken": 0, "root_count": 0, "n": n}
+    count = 0 if program.hybrid is None else len(program.hybrid.conditions)
+    roots = {"root": np.zeros(count)} | {name: np.zeros(count, dtype=np.int64) for name in ("root_said", "root_strict")}
+    return numbers | roots | {name: np.zeros(n) for name in ("found", "most", "modes")}
+
+
+def pilot_forms(program: Program, constants: Array) -> tuple[Form, Form]:
+    """Return the layouts of the records of steps and of their loop; `constants`: any of the program."""
+    steps = form_of(Euler, program, "", lambda: _room(program, constants))
+    return steps, form_of(PilotWorkspace, program, "", lambda: _room_of_loop(program))
 
 
 class CompiledPilotStep:
@@ -91,25 +107,16 @@ class CompiledPilotRun:
     def __init__(self, steps: CompiledPilotStep, motion: tuple[Any, Any, Any] | None) -> None:
         """`motion`: amplitudes, inverse and scale of the modes of the free motion from the start, if its reach counts."""
         self.euler, n = steps, steps.record.n
-
-        def room() -> dict[str, Any]:
-            numbers = dict.fromkeys((*PACE, "begun"), 0.0) | {"noted": 0, "taken": 0, "root_count": 0, "n": n}
-            hybrid = steps.program.hybrid
-            count = 0 if hybrid is None else len(hybrid.conditions)
-            roots = {"root": np.zeros(count)} | {
-                name: np.zeros(count, dtype=np.int64) for name in ("root_said", "root_strict")
-            }
-            return numbers | roots | {name: np.zeros(n) for name in ("found", "most", "modes")}
-
         nothing, ones = np.zeros((0, 0)), np.ones(n)
         shapes, inverse, unit = motion or (nothing, nothing, ones)
         given = {
             "euler": steps.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
             "inverse_im": inverse.imag.ravel(), "unit": unit, **dict.fromkeys(("state", "far", "until"), ones),
         }  # fmt: skip
-        self.values = record_for(PilotWorkspace, steps.program, "", room, given, steps.program.native is not None)
+        program, native = steps.program, steps.program.native is not None
+        self.values = record_for(PilotWorkspace, program, "", lambda: _room_of_loop(program), given, native)
         self._record = self.values.record
-        self._run = steps.function("coarse")
+        self._run, self._last = steps.function("coarse"), steps.function("last_step")
 
     def observe(self, conditions: Conditions) -> None:
         """Return from `go` where one of these conditions changes."""
@@ -128,6 +135,17 @@ class CompiledPilotRun:
             if not order.choose(1 / self.euler.record.size, euler["scaled"]):
                 break
             order.record.tolerant = 1
-        pace.time, pace.size, pace.taken = record.time, record.size, record.taken
-        run.state, run.largest, run.noted = values["state"], euler["largest"].copy(), record.noted
+        self._put_back(run, pace)
         return bool(answer == CROSSED)
+
+    def finish(self, run: Progress, pace: StepSchedule) -> bool:
+        """Make the step that ends the segment, after `go`; return False if it fails, and nothing has changed."""
+        if self._last(self.values.address) != FINE:
+            return False
+        self._put_back(run, pace)
+        return True
+
+    def _put_back(self, run: Progress, pace: StepSchedule) -> None:
+        record = self._record
+        pace.time, pace.size, pace.taken = record.time, record.size, record.taken
+        run.state, run.largest, run.noted = self.values["state"], self.euler.values["largest"].copy(), record.noted

@@ -138,6 +138,61 @@ class RecordArray:
         self.put({name: value})
 
 
+class RecordBatch:
+    """Records of one kind in one block, a row for each of `count` runs; numbers and arrays of all by the names of their fields.
+
+    Numbers are common to all, or one for each, shape (count,); arrays are common to all, shape (m,), or one for each, shape (count, m).
+    """
+
+    def __init__(self, form: Form, count: int, given: Mapping[str, Any]) -> None:
+        self._form, self.count = form, count
+        self._numbers: Any = np.zeros((count, form.size))
+        self._words = self._numbers.view(np.int64)
+        self.addresses: Any = address_of(self._numbers) + WORD * form.size * np.arange(count)
+        self._words[:, : len(form.head)] = form.head
+        self._words[:, form.inside] += self.addresses[:, None]
+        self._arrays: dict[str, Any] = {}
+        self.put(given)
+
+    def put(self, values: Mapping[str, Any]) -> None:
+        """Set fields: numbers are copied, arrays and records are pointed to."""
+        for name, value in values.items():
+            place, kind = self._form.places[name]
+            if isinstance(kind, str) and kind in _C_TYPES:
+                (self._numbers if kind == "double" else self._words)[:, place] = value
+                continue
+            self._arrays[name] = value
+            if isinstance(kind, Fields):
+                self._words[:, place] = value.addresses if isinstance(value, RecordBatch) else value.address
+                continue
+            value = self._arrays[name] = np.ascontiguousarray(value, dtype=_WHOLE if kind == INTS else _DOUBLE)
+            if value.ndim > 1:
+                self.point(name, value, np.arange(self.count))
+            else:
+                self._words[:, place] = address_of(value)
+
+    def point(self, name: str, array: Array, rows: Any) -> None:
+        """Point a field of each record to a row of a contiguous array (…, m), by the index of the row."""
+        self._arrays[name] = array
+        self._words[:, self._form.places[name][0]] = address_of(array) + WORD * array.shape[1] * rows
+
+    def call(self, source: str, rows: Any, *numbers: int) -> Any:
+        """Call a function of the source on the records of these rows, one after another; return its answers, shape (rows,)."""
+        function = called(source, WHOLE, POINTER, *(WHOLE for _ in numbers))
+        return np.array([function(address, *numbers) for address in self.addresses[rows].tolist()], dtype=np.int64)
+
+    def __getitem__(self, name: str) -> Any:
+        if name in self._arrays:
+            return self._arrays[name]
+        if name in self._form.views:
+            begin, size, whole = self._form.views[name]
+            return (self._words if whole else self._numbers)[:, begin : begin + size]
+        place, kind = self._form.places[name]
+        if not isinstance(kind, str) or kind not in _C_TYPES:
+            raise KeyError(name)
+        return (self._numbers if kind == "double" else self._words)[:, place]
+
+
 @lru_cache
 def _layout(noun: type) -> type[ctypes.Structure]:
     """Return the memory layout of a record."""

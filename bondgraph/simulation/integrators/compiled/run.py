@@ -16,7 +16,7 @@ import numpy as np
 from compiler.api import Array, Program, address_of, record_of
 
 from ...monitors.state_selection import Choice
-from ...segments.timeline import Segment, Signals, inside
+from ...segments.timeline import Segment, Signals
 from .. import dop853, radau, rodas
 from ..linear_algebra.sparse import FINE, Pattern
 from ..methods import METHODS, THROUGH_ENDS
@@ -24,7 +24,7 @@ from ..outcomes import FAILURES, LOOK, MORE, NEWTON, ORDER
 from ..radau import StepFailed
 from ..workspace import IntegratorWorkspace
 from .code import POINTER, WHOLE, called
-from .fields import given_at, is_sparse, room_of, signal_fields
+from .fields import FORGOTTEN, UNMEASURED, fields_at, given_at, is_sparse, room_of
 from .ordering import DIAGONAL, on_diagonal, ordered, room_in
 from .plain import Unordered, record_for
 from .record_layout import RecordArray, form_of
@@ -163,18 +163,12 @@ class CompiledRadau:
 
     def begin_at(self, stretch: Segment, state: Array, signals: Signals, method: int, automatic: int) -> None:
         """Go on with another segment, or after an event, as a new solver would."""
-        record, values = self._record, self.values
+        values = self.values
         scaled = state / values["magnitude"]
         values["state"][:], values["absolute"][:], values["greatest"][:] = scaled, values["resting"], 0.0
         values["peak"][:] = np.maximum(np.abs(scaled), 1.0)
         self.put_mode(stretch.mode)
-        values.put(signal_fields(signals, stretch.start))
-        record.time, record.stop, record.until = stretch.start, stretch.stop, stretch.stop
-        record.earliest, record.latest = inside(stretch)
-        record.method, record.automatic = method, automatic
-        record.fastest, record.since_looked, record.held_by_stability, record.free_steps = 0.0, dop853.LOOK_AGAIN, 0, 0
-        for name in ("steps", "rejected", "derivatives", "jacobians", "factorisations", "negative"):
-            setattr(record, name, 0)
+        values.put(fields_at(stretch, signals, method, automatic))
         values["error"][:] = 0.0
         self._forget()
 
@@ -210,7 +204,7 @@ class CompiledRadau:
         before = record.ends - 2
         record.time = float(values["end_time"][before])
         values["state"][:] = values["end_state"][before * n : (before + 1) * n]
-        record.fastest, record.since_looked, record.held_by_stability, record.free_steps = 0.0, dop853.LOOK_AGAIN, 0, 0
+        values.put(UNMEASURED)
         self._forget()
         record.size = size
 
@@ -221,10 +215,7 @@ class CompiledRadau:
 
     def _forget(self) -> None:
         """Discard the data that steps share with each other."""
-        record = self._record
-        for name in ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending"):
-            setattr(record, name, 0)
-        record.last_size = record.last_error = record.contraction = 0.0
+        self.values.put(FORGOTTEN)
         self.values.call("begin")
 
     def went_on(self, position: int, work: Array | None, traffic: float) -> Any:

@@ -11,7 +11,7 @@ from ..linear_algebra.balancing import balance
 from ..linear_algebra.eliminations import plan_eliminations, put_rows
 from ..linear_algebra.least_degree import least_degree
 from ..linear_algebra.sparse import real_factors
-from ..pilot.loop import coarse
+from ..pilot.loop import coarse, last_step
 from ..pilot.step import euler
 from ..projection.projection import least_singular_values, project_all, rates_projected
 from .advance import advance, begin
@@ -19,7 +19,7 @@ from .advance import advance, begin
 SOURCES: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        begin, advance, euler, coarse, roots_along, states_along, scaled_along, least_singular_values, project_all, rates_projected,
+        begin, advance, euler, coarse, last_step, roots_along, states_along, scaled_along, least_singular_values, project_all, rates_projected,
         balance, real_factors, least_degree, plan_eliminations, put_rows,
     )
 }  # fmt: skip

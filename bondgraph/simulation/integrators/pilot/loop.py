@@ -1,6 +1,7 @@
 """Loop of the pilot run over steps of `step.py`, in the subset that becomes machine code; same names as in `magnitudes.PilotRun.peak`.
 
 It returns where Python must act: before the step that ends a segment, where even the shortest step fails, and where a condition no longer holds as it did.
+Python then asks for the last step, where that resolves the signals of time.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class PilotWorkspace(Record):
     inverse_im: Floats  # n n, or none
     unit: Floats  # n
     found: Floats  # n
-    most: Floats  # n: the largest of the unit after a step
+    most: Floats  # n: the largest of the unit after a step; then work space
     modes: Floats  # n
 
 
@@ -75,6 +76,23 @@ def coarse(c: PilotWorkspace) -> int:
         if c.reaching != 0:
             reached(c, c.euler)
         note(c, c.euler)
+    return FINE
+
+
+def last_step(c: PilotWorkspace) -> int:
+    """Make the step that ends the segment; return `FINE`, or `ANEW` or `SINGULAR` where Python must act, as before the step."""
+    size = c.size
+    c.size = c.stop - c.time
+    done = sure_step(c, c.euler, c.taken + 1 < CAREFUL)
+    if done != FINE:
+        c.size = size
+        return done
+    c.taken += 1
+    go_on(c, c.euler)
+    c.time = c.stop
+    if c.reaching != 0:
+        reached(c, c.euler)
+    note(c, c.euler)
     return FINE
 
 
@@ -109,12 +127,14 @@ def note(c: PilotWorkspace, e: Euler) -> None:
 
 def reached(c: PilotWorkspace, e: Euler) -> None:
     """Raise the magnitudes by the reach of a free linear motion from here: the sum of its modes' amplitudes."""
+    for j in range(c.n):
+        c.most[j] = c.found[j] / c.unit[j]
     for i in range(c.n):
         real = 0.0
         imaginary = 0.0
         for j in range(c.n):
-            real += c.inverse_re[i * c.n + j] * (c.found[j] / c.unit[j])
-            imaginary += c.inverse_im[i * c.n + j] * (c.found[j] / c.unit[j])
+            real += c.inverse_re[i * c.n + j] * c.most[j]
+            imaginary += c.inverse_im[i * c.n + j] * c.most[j]
         c.modes[i] = sqrt(real * real + imaginary * imaginary)
     for i in range(c.n):
         total = 0.0

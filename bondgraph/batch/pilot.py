@@ -1,0 +1,139 @@
+"""Pilot runs of a batch: the steps of `simulation/magnitudes/pilot_run.py` for all runs, in the cases in which none of them fails."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..simulation.integrators.compiled.pilot_run import SMALL, pilot_forms
+from ..simulation.integrators.compiled.record_layout import RecordBatch
+from ..simulation.integrators.compiled.run import Ordered
+from ..simulation.integrators.linear_algebra.sparse import FINE
+from ..simulation.integrators.pilot.schedule import CAREFUL, MOST_STEPS, NOTES
+from ..simulation.magnitudes.free_response import FreeMotion, free_motions, is_bounded
+from ..simulation.magnitudes.pilot_horizon import goes_astray
+from ..simulation.magnitudes.pilot_run import COARSE, SMALLEST_STEP, STEPS, STIFFER, smallest_angles
+from ..simulation.segments.timeline import Segment, always, follower, signals_on
+from .runs import BatchCourse, Runs
+from .scope import BatchScene
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeReach:
+    """Free motions of runs from their starts: for each run the data of the pilot run, and the magnitudes of the beginning (runs, n)."""
+
+    moves: Any  # (runs,): True if its reach counts
+    amplitudes: Any  # (runs, n n)
+    inverse: Any  # (runs, n n), complex
+    scale: Any  # (runs, n)
+    beginning: Any
+
+
+def free_reach(scene: BatchScene, runs: Runs, first: Segment) -> FreeReach:
+    """Return the reach of the free motions of runs, as `PilotRun._reach` does for one."""
+    program, (count, n) = scene.program, runs.state.shape
+    at = scene.inputs, runs.constants, first.mode
+    jacobians = program.jacobian(first.start, runs.state, *at)
+    rates = program.derivative(first.start, runs.state, *at)
+    size = np.abs(runs.state)
+    reach = FreeReach(
+        np.zeros(count, dtype=bool), np.zeros((count, n * n)), np.zeros((count, n * n), dtype=complex), np.ones((count, n)), size.copy()
+    )  # fmt: skip
+    for rows, motion in free_motions(jacobians, True):
+        state = runs.state[rows]
+        away = motion.rest(rates[rows])
+        whole = np.abs(state + away) + motion(away)
+        goes = ~_stiffens(scene, runs.those(rows), motion, first)
+        reach.moves[rows] = goes
+        reach.amplitudes[rows] = motion.amplitudes.reshape(len(rows), -1)
+        reach.inverse[rows] = motion.inverse.reshape(len(rows), -1)
+        reach.scale[rows] = motion.scale
+        returns = (np.isfinite(away).all(axis=1) & goes)[:, None]
+        reach.beginning[rows] = np.where(returns, np.maximum(size[rows], whole), size[rows])
+    return reach
+
+
+def _stiffens(scene: BatchScene, runs: Runs, motion: FreeMotion, first: Segment) -> Any:
+    """Return a mask of the runs whose rates grow so much along their free motion that they never get there."""
+    far = motion(runs.state)
+    there = np.stack([runs.state + far, runs.state - far], axis=1)
+    jacobians = scene.program.jacobian(first.start, there, scene.inputs, runs.constants[:, None], first.mode)
+    rate = STIFFER * motion.fastest
+    slower = np.isfinite(jacobians).all(axis=(1, 2, 3)) & is_bounded(jacobians, motion.scale, rate)
+    for row in np.flatnonzero(~slower).tolist():
+        slower[row] = motion.of(row).is_slower_than(rate[row], jacobians[row])
+    return (motion.fastest > 0) & ~slower
+
+
+def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[Any, Any]:
+    """Return the largest values of the states in pilot runs, shape (runs, n), and a mask of the runs for which they are certain."""
+    first, stretches = course.segments[0], course.segments
+    reach = free_reach(scene, runs, first)
+    loop, steps = _records(scene, runs, reach, first)
+    sound, taken = np.ones(len(runs), dtype=bool), np.zeros(len(runs), dtype=int)
+    for stretch in stretches:
+        length = stretch.stop - stretch.start
+        usual = length / max(2, min(STEPS, round(STEPS * length / course.whole)))
+        smallest, follows = SMALLEST_STEP * course.whole, _follows(scene, stretch, course)
+        size = usual
+        while size > smallest and not follows(stretch.start, stretch.start + size):
+            size *= 0.25
+        steps["mode"][:] = stretch.mode
+        loop.put(
+            {
+                "time": stretch.start,
+                "size": size,
+                "taken": taken,
+                "usual": usual,
+                "smallest": smallest,
+                "stop": stretch.stop,
+            }
+        )
+        _advance(loop, "coarse", sound)
+        times, taken = loop["time"], loop["taken"].copy()
+        sound &= (taken < MOST_STEPS) & (taken + 1 != CAREFUL)
+        ends = {
+            time: stretch.stop - time <= smallest or follows(time, stretch.stop) for time in set(times[sound].tolist())
+        }
+        sound[sound] = [ends[time] for time in times[sound].tolist()]
+        _advance(loop, "last_step", sound)
+        taken = loop["taken"].copy()
+    largest = steps["largest"].copy()
+    driven = len(scene.program.signals(first.start, scene.inputs, runs.constants[0], first.mode)) > 0
+    if not driven and len(stretches) == 1:
+        sound &= ~goes_astray(scene.program, largest, reach.beginning)
+    return largest, sound
+
+
+def _advance(loop: RecordBatch, source: str, sound: Any) -> None:
+    """Call a function for the runs that are sound; those with another answer than `FINE` are not any more."""
+    rows = np.flatnonzero(sound)
+    sound[rows] = loop.call(source, rows) == FINE
+
+
+def _follows(scene: BatchScene, stretch: Segment, course: BatchCourse) -> Any:
+    """Return the test that a step resolves the signals of time, the same for all runs."""
+    if not 1 < len(course.segments) <= STEPS:
+        return always
+    at = scene.program, scene.inputs, course.constants
+    return follower(*at, stretch, signals_on(*at, stretch, course.whole), COARSE)
+
+
+def _records(scene: BatchScene, runs: Runs, reach: FreeReach, first: Segment) -> tuple[RecordBatch, RecordBatch]:
+    """Return the records of the loops over steps, and of the steps."""
+    program, (count, n) = scene.program, runs.state.shape
+    rows, columns = program.pattern
+    of_step, of_loop = pilot_forms(program, runs.constants[0])
+    steps = RecordBatch(of_step, count, {
+        "inputs": scene.inputs, "constants": runs.constants, "rows": rows, "columns": columns,
+        "pattern": Ordered(program, SMALL).values, "smallest": smallest_angles(program, scene.prepared.facts.mechanisms),
+    })  # fmt: skip
+    steps["largest"][:] = np.abs(runs.state)
+    loop = RecordBatch(of_loop, count, {
+        "euler": steps, "reaching": reach.moves, "amplitudes": reach.amplitudes, "inverse_re": reach.inverse.real,
+        "inverse_im": reach.inverse.imag, "unit": reach.scale, "state": runs.state.copy(), "far": np.zeros((count, NOTES)),
+        "until": np.zeros((count, NOTES * n)), "begun": first.start, "noted": 0,
+    })  # fmt: skip
+    return loop, steps

@@ -1,0 +1,84 @@
+"""Runs of a batch: their parameters, constants and starts; and groups of them with equal segments and signals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from compiler.api import Array, IntArray, Program
+
+from ..simulation.segments.timeline import GOLDEN, Segment, timeline
+from .scope import BatchScene
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Runs:
+    """Runs of one program; `numbers` (runs,) among those of the batch; parameters (runs, P), constants (runs, K) and states at the start (runs, n)."""
+
+    numbers: IntArray
+    parameters: Array
+    constants: Array
+    state: Array
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def those(self, rows: Any) -> Runs:
+        """Return some of them, by indices or a mask."""
+        return Runs(self.numbers[rows], self.parameters[rows], self.constants[rows], self.state[rows])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BatchCourse:
+    """Segments of some runs, notes on how they were found, and the constants (K,) of one of the runs, with which the signals of all are evaluated."""
+
+    segments: tuple[Segment, ...]
+    notes: tuple[str, ...]
+    constants: Array
+
+    @property
+    def whole(self) -> float:
+        """Length of all segments, s."""
+        return self.segments[-1].stop - self.segments[0].start
+
+
+def grouped(scene: BatchScene, parameters: Array) -> Iterator[tuple[Runs, BatchCourse]]:
+    """Yield runs with equal segments and signals, and the segments. Runs without a finite start are left out, and those with other conditions."""
+    program = scene.program
+    constants = np.asarray(program.constants(parameters))
+    state = np.asarray(program.start(constants))
+    rows = np.flatnonzero(np.isfinite(state).all(axis=1))
+    every = Runs(rows, parameters[rows], constants[rows], state[rows])
+    timed = program.instants(every.constants), program.periods(every.constants)
+    read = np.concatenate([*timed, every.constants[:, _constants_of_time(program)]], axis=1)
+    groups: dict[bytes, list[int]] = {}
+    for row, numbers in enumerate(read):
+        groups.setdefault(numbers.tobytes(), []).append(row)
+    for members in groups.values():
+        runs = every.those(np.array(members))
+        cuts = timeline(program, runs.constants[0], float(scene.instants[0]), float(scene.instants[-1]))
+        course = BatchCourse(tuple(cuts.segments), cuts.notes, runs.constants[0])
+        yield runs.those(_has_conditions(program, runs, course)), course
+
+
+def _constants_of_time(program: Program) -> list[int]:
+    """Return the places of the constants that decide segments and signals, beside known instants."""
+    functions = program.time_functions
+    places = set(program.signal_constants)
+    if functions is not None and functions.crossings:
+        roots = [place for f in functions.crossings for place in (f.place, max(f.slope, 0))]
+        places.update(functions.constants_of(roots))
+    return sorted(places)
+
+
+def _has_conditions(program: Program, runs: Runs, course: BatchCourse) -> Any:
+    """Return a mask of the runs whose conditions on time, which may read other constants, are those of the segments."""
+    same = np.ones(len(runs), dtype=bool)
+    for segment in course.segments:
+        if np.size(segment.mode):
+            inside = segment.start + GOLDEN * (segment.stop - segment.start)
+            same &= (program.switches(inside, runs.constants) == segment.mode).all(axis=1)
+    return same

@@ -1,0 +1,73 @@
+"""Scope of batches: scenes whose runs are one phase of steps without events, loops or constraints; and what their runs have in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compiler.api import AUTOMATIC
+
+from ..prepared import chosen_target, many_runs
+from ..simulation.integration.method import LARGEST
+from ..simulation.integrators.compiled.fields import is_sparse
+from ..simulation.integrators.compiled.run import obstacle
+from ..simulation.phase import PhaseOptions
+from ..simulation.run import RunOptions, planned
+
+if TYPE_CHECKING:
+    from compiler.api import Program, Scene
+
+    from ..compiled_model import CompiledModel
+    from ..prepared import Prepared
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BatchScene:
+    """A compiled scene with the options of its runs; `instants` (points,) that they report, and `inputs` (U,), common to all."""
+
+    prepared: Prepared
+    options: PhaseOptions
+    instants: Any
+    inputs: Any
+
+    @property
+    def program(self) -> Program:
+        """Program of all runs."""
+        return self.prepared.program
+
+    @property
+    def whole(self) -> float:
+        """Length of the runs, s."""
+        return float(self.instants[-1] - self.instants[0])
+
+
+def batch_scene(model: CompiledModel, scene: Scene, wanted: RunOptions) -> BatchScene | None:
+    """Return a scene whose runs may be stepped together; None if they need Python on their way, or more than steps. Raises `UsageError`."""
+    target = chosen_target(wanted.target)
+    if target != "native" or scene.fixed or wanted.energy or wanted.error or wanted.check or wanted.parts != 1:
+        return None
+    prepared = model.prepared(replace(scene, conserving=False), False, target)
+    plan = prepared.plan
+    if many_runs(plan, scene) is not None:
+        return None
+    instants, options, accuracy = planned(plan, wanted, {})
+    plain = options.solver == AUTOMATIC and options.bandwidth is None and accuracy is None
+    if not plain or plan.equilibrium or plan.tolerances or not _has_only_steps(prepared):
+        return None
+    return BatchScene(prepared, options, instants, np.array(prepared.program.input_defaults, dtype=float))
+
+
+def _has_only_steps(prepared: Prepared) -> bool:
+    """Return True if a run of a program is one phase, whose steps end where time says so, and nothing but their errors is checked."""
+    program, facts = prepared.program, prepared.facts
+    if program.native is None or obstacle(program) or prepared.certificate.linear:
+        return False
+    with_events = program.hybrid is not None or program.delays is not None or facts.valves or facts.integrals
+    with_loops = program.unknowns.names or program.invariants.names or facts.claims
+    watched = program.limits or len(program.sensitivity_pattern[0])
+    functions = program.time_functions
+    narrow = functions is not None and functions.narrow
+    fits = 0 < len(program.states.names) <= LARGEST and not is_sparse(program)
+    return fits and not (with_events or with_loops or watched or narrow)

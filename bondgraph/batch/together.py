@@ -1,0 +1,126 @@
+"""Runs of one scene together: the parameters of each, in stages over all of them, to a result of each; bit by bit that of a run alone.
+
+A run for which anything else than steps is needed has no result here: it is to be made alone.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..numerics.threads import one_thread
+from ..prepared import chosen_target
+from ..results.checkpoint import Checkpoint
+from ..results.result import Result
+from ..simulation.run import RunOptions
+from ..simulation.segments.timeline import mode_after
+from ..simulation.settings import settle_all
+from .magnitudes import batch_magnitudes
+from .runs import BatchCourse, Runs, grouped
+from .scope import BatchScene, batch_scene
+from .steps import EVALUATIONS, BatchIntegrator, BatchTrajectories, names_of
+
+if TYPE_CHECKING:
+    from compiler.api import Array
+
+    from ..compiled_model import CompiledModel
+
+FEWEST = 3  # runs of a group; fewer take longer together than alone
+
+
+def simulate_together(
+    model: CompiledModel, experiment: str | None, settings: Sequence[Mapping[str, str | float]], outputs: tuple[str, ...] | None, wanted: RunOptions
+) -> list[Result | None]:  # fmt: skip
+    """Return the results of runs with some settings; None for a run that is to be made alone."""
+    results: list[Result | None] = [None] * len(settings)
+    settled = settle_all(model, experiment, settings, outputs, chosen_target(wanted.target))
+    scene = None if settled is None else batch_scene(model, settled.scene, wanted)
+    if settled is None or scene is None:
+        return results
+    program, rows = scene.program, settled.rows
+    parameters = np.tile(np.array(program.defaults, dtype=float), (len(rows), 1))
+    for place, name in enumerate(program.parameters.names):
+        if name in settled.values:
+            parameters[:, place] = settled.values[name]
+    with np.errstate(all="ignore"), one_thread(len(program.states.names)):
+        for runs, course in grouped(scene, parameters):
+            if len(runs) < FEWEST:
+                continue
+            for number, result in _results(scene, runs, course):
+                results[rows[number]] = result
+    return results
+
+
+def is_together(
+    model: CompiledModel, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None, wanted: RunOptions
+) -> bool:  # fmt: skip
+    """Return True if runs with settings like these may be stepped together."""
+    settled = settle_all(model, experiment, [settings], outputs, chosen_target(wanted.target))
+    return settled is not None and len(settled.rows) > 0 and batch_scene(model, settled.scene, wanted) is not None
+
+
+def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tuple[int, Result]]:
+    """Yield the results of runs with equal segments, by their numbers; none of those that need more than steps."""
+    began = clock.perf_counter()
+    magnitude, sound = batch_magnitudes(scene, runs, course)
+    runs, magnitude = runs.those(sound), magnitude[sound]
+    if not len(runs):
+        return
+    trajectories = BatchIntegrator(scene, runs, course, magnitude).through()
+    values = _outputs(scene, runs, course, trajectories)
+    sound = trajectories.sound & np.isfinite(values).all(axis=(1, 2))
+    stored = _stored(scene, runs, course, trajectories)
+    time = (clock.perf_counter() - began) / len(runs)
+    for row in np.flatnonzero(sound).tolist():
+        checkpoint = _checkpoint(scene, runs.parameters[row], stored[row], magnitude[row])
+        yield int(runs.numbers[row]), _result(scene, course, trajectories, row, values[row], checkpoint, time)
+
+
+def _outputs(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: BatchTrajectories) -> Any:
+    """Return the outputs, shape (runs, points, outputs)."""
+    program, instants, states = scene.program, scene.instants, trajectories.states
+    values = np.empty((*states.shape[:2], len(program.outputs.names)))
+    for segment in course.segments:
+        part = slice(*instants.searchsorted((segment.start, segment.stop)).tolist())
+        if part.start < part.stop:
+            for row, constants in enumerate(runs.constants):
+                values[row, part] = program.output(
+                    instants[part], states[row, part], scene.inputs, constants, segment.mode
+                )
+    last = course.segments[-1]
+    for row, constants in enumerate(runs.constants):
+        mode = mode_after(program, constants, last.stop, last)
+        values[row, -1] = program.output(instants[-1], states[row, -1], scene.inputs, constants, mode)
+    return values
+
+
+def _stored(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: BatchTrajectories) -> Any:
+    """Return what is stored at the end, states and dependent storages, shape (runs, n)."""
+    final = trajectories.states[:, -1]
+    at = scene.inputs, runs.constants, course.segments[-1].mode
+    return np.concatenate([final, scene.program.dependent(float(scene.instants[-1]), final, *at)], axis=1)
+
+
+def _checkpoint(scene: BatchScene, parameters: Array, stored: Array, magnitude: Array) -> Checkpoint:
+    program, end = scene.program, float(scene.instants[-1])
+    names = (*program.states.names, *program.dependents.names)
+    return Checkpoint(
+        scene.prepared.facts.identity, dict(zip(program.parameters.names, parameters.tolist(), strict=True)), end, end,
+        dict(zip(names, stored.tolist(), strict=True)), dict(zip(names, np.abs(stored).tolist(), strict=True)), {},
+        dict(zip(program.variables.names, magnitude.tolist(), strict=True)), {}, (), (), scene.prepared.scene.preferences, None,
+    )  # fmt: skip
+
+
+def _result(
+    scene: BatchScene, course: BatchCourse, trajectories: BatchTrajectories, row: int, values: Array, checkpoint: Checkpoint, time: float
+) -> Result:  # fmt: skip
+    prepared, plan = scene.prepared, scene.options.plan
+    counts = zip(EVALUATIONS, trajectories.evaluations[row].tolist(), strict=True)
+    return Result(
+        scene.program.name, plan.experiment, scene.instants.copy(), prepared.columns, values, plan.report, names_of(trajectories.methods[row]),
+        int(trajectories.steps[row]), {kind: count for kind, count in counts if count}, scene.options.rtol, time, None, (), prepared.certificate,
+        course.notes, (), "", checkpoint,
+    )  # fmt: skip

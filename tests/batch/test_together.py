@@ -1,0 +1,199 @@
+"""Runs that are stepped together: bit by bit those of runs alone; what needs more than steps is left to runs alone."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.batch import together as batch
+from bondgraph.batch.together import is_together, simulate_together
+from bondgraph.compiled_model import CompiledModel
+from bondgraph.results.result import Result
+from bondgraph.simulation.repetition import simulate
+from bondgraph.simulation.run import RunOptions
+from compiler.api import native_available
+
+pytestmark = pytest.mark.skipif(not native_available(), reason="there is no machine code")
+
+DUFFING = """
+model Duffing {
+  parameter m = 1 kg, k: N/m = 100, k3: N/m^3 = 2e4, r: N*s/m = 0.5, F_0 = 1 N, t_0 = 0.1 s, gain: 1 = 1
+  Se push   : F = F_0*gain*step(time - t_0)
+  1  body
+  I  mass   : p = m*v
+  C  spring : F = k*x + k3*x^3  { start x = 1 mm }
+  R  damper : F = r*v
+  push -> body -> mass, spring, damper
+  output position = spring.x
+  experiment push_it { simulate 0 .. 2 s }
+}
+"""
+VAN_DER_POL = "models/van_der_pol.bg"
+
+
+@pytest.fixture(autouse=True)
+def small_groups(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs are stepped together however few they are."""
+    monkeypatch.setattr(batch, "FEWEST", 1)
+
+
+def parts_of(result: Result) -> dict[str, Any]:
+    """All of a result but its time on the clock, bit by bit."""
+    found = {f.name: getattr(result, f.name) for f in fields(result) if f.name not in ("wall_time", "checkpoint")}
+    end = result.checkpoint
+    assert end is not None
+    found |= {f"end {f.name}": getattr(end, f.name) for f in fields(end)}
+    return {name: value.tobytes() if isinstance(value, np.ndarray) else value for name, value in found.items()}
+
+
+def together(
+    text: str, settings: list[Mapping[str, str | float]], experiment: str = "", **options: Any
+) -> list[Result | None]:
+    """Results of runs together; each is that of a run alone."""
+    model, wanted = CompiledModel(bondgraph.load(text).source), RunOptions(**options)
+    results = simulate_together(model, experiment, settings, None, wanted)
+    for point, result in zip(settings, results, strict=True):
+        if result is not None:
+            assert parts_of(result) == parts_of(simulate(model, experiment, point, None, wanted))
+    return results
+
+
+def is_whole(results: list[Result | None]) -> bool:
+    return all(result is not None for result in results)
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "values"),
+    [
+        (DUFFING, "k", (80.0, 100.0, 317.0)),
+        (DUFFING, "m", (0.2, 1.0, 30.0)),
+        ("models/manipulator.bg", "h", (36e-6, 38e-6, 41e-6)),
+        (VAN_DER_POL, "eps", (0.1, 1.0, 5.0)),
+        ("models/lotka_volterra.bg", "alpha", (0.5, 1.0, 1.1)),
+        ("models/reaction.bg", "k_f", (1e-3, 0.1, 20.0)),
+        ("models/rectifier.bg", "load", (500.0, 900.0)),
+    ],
+)
+def test_runs_together_are_runs_alone(text: str, name: str, values: tuple[float, ...]) -> None:
+    assert is_whole(together(text, [{name: value} for value in values]))
+
+
+def test_some_runs_go_on_with_another_method() -> None:
+    """Explicit steps, Radau's, and those that find out on the way, in one batch."""
+    results = together(VAN_DER_POL, [{"eps": 10.0**k} for k in range(-1, 5)], to="60 s")
+    solvers = {result.solver for result in results if result is not None}
+    assert len(solvers) > 1
+    assert any("Radau" in solver for solver in solvers) and any("Dormand" in solver for solver in solvers)
+
+
+def test_what_decides_segments_and_signals_makes_groups() -> None:
+    """Instants, heights and gains of a step: equal ones have their segments in common, and all are right."""
+    points = [{"t_0": t, "F_0": f, "gain": g} for t in (0.1, 0.3) for f in (1.0, 2.0) for g in (1.0, 0.5)]
+    assert is_whole(together(DUFFING, points))
+
+
+def test_conditions_on_parameters_are_those_of_each_run() -> None:
+    """Runs with another truth of a condition beside time are not of the same segments."""
+    text = DUFFING.replace("F_0*gain*step(time - t_0)", "F_0 if time > t_0 and gain > 0.7 else F_0/2")
+    results = together(text, [{"gain": value} for value in (1.0, 0.9, 0.5, 0.2)])
+    ends = [result.final("position") for result in results if result is not None]
+    assert ends
+
+
+def test_texts_are_numbers() -> None:
+    results = together(DUFFING, [{"k": "100 [N/m]"}, {"k": "0.1 [N/mm]"}, {"k": 100.0}, {"k": "80 [N/m]"}])
+    assert is_whole(results)
+    first, second, third, _ = (result.values.tobytes() for result in results if result is not None)
+    assert first == second == third
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"k": 0.0}, {"k": "2 kg"}, {"k": "k3*(1 [m^2])"}, {"m": 2.0}, {"k": float("nan")}, {}]
+)
+def test_other_settings_are_left_to_runs_alone(wrong: Mapping[str, str | float]) -> None:
+    first, second, third = together(DUFFING, [{"k": 90.0}, wrong, {"k": 110.0}])
+    assert first is not None and third is not None
+    assert second is None
+
+
+def test_negative_masses_are_left_to_runs_alone() -> None:
+    """A run alone refuses it by name."""
+    model = bondgraph.load("models/manipulator.bg")
+    first, second = simulate_together(model, "", [{"h": 38e-6}, {"h": -38e-6}], None, RunOptions())
+    assert first is not None and second is None
+
+
+def test_runs_without_an_end_are_left_to_runs_alone() -> None:
+    """A spring that pulls away: one run fails, with its message, and the others are whole."""
+    text = DUFFING.replace("k3*x^3", "k3*x^3 - 1e6 [N/m^5]*x^5").replace("0 .. 2 s", "0 .. 20 s")
+    many = bondgraph.load(text).simulate_many([{"k": 100.0}, {"k": -1e5}, {"k": 90.0}])
+    with pytest.raises(bondgraph.RunFailed) as alone:
+        bondgraph.load(text).simulate(settings={"k": -1e5})
+    assert str(many.failures[1]) == str(alone.value)
+    assert np.isfinite(many["position"][[0, 2]]).all()
+
+
+@pytest.mark.parametrize(
+    "options", [{"energy": True}, {"solver": "radau"}, {"check": True}, {"error": True}, {"accuracy": 1e-4}, {"bandwidth": "1 kHz"}, {"target": "numpy"}]
+)  # fmt: skip
+def test_more_than_steps_is_left_to_runs_alone(options: dict[str, Any]) -> None:
+    model = bondgraph.load(DUFFING)
+    assert is_together(model, "", {"k": 90.0}, None, RunOptions())
+    assert not is_together(model, "", {"k": 90.0}, None, RunOptions(**options))
+
+
+@pytest.mark.parametrize("options", [{"rtol": 1e-9}, {"atol": 1e-7}, {"points": 2}, {"points": 3000}, {"to": "50 ms"}])
+def test_options_of_steps(options: dict[str, Any]) -> None:
+    assert is_whole(together(DUFFING, [{"k": 90.0}, {"k": 110.0}], **options))
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rlc", "end_stops", "robot_arm"])
+def test_events_loops_and_linear_models_are_left_to_runs_alone(name: str) -> None:
+    model = bondgraph.load(f"models/{name}.bg")
+    parameter, quantity = next((n, q) for n, q in model.parameters.items() if q.value)
+    assert simulate_together(model, "", [{parameter: quantity.value}], None, RunOptions()) == [None]
+
+
+def test_python_does_not_act_between_runs() -> None:
+    """Of forty more runs each makes few calls of Python: a run alone makes 2 500."""
+    model = bondgraph.load("models/manipulator.bg")
+
+    def calls(count: int) -> int:
+        made = 0
+
+        def count_one(frame: Any, event: str, argument: Any) -> None:
+            nonlocal made
+            made += event == "call"
+
+        settings = [{"h": 37e-6 + 1e-9 * i} for i in range(count)]
+        sys.setprofile(count_one)
+        try:
+            results = simulate_together(model, "", settings, None, RunOptions())
+        finally:
+            sys.setprofile(None)
+        assert is_whole(results)
+        return made
+
+    calls(2)
+    assert (calls(42) - calls(2)) / 40 < 80
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_many_runs_and_sweeps_step_together(workers: int) -> None:
+    model = bondgraph.load(DUFFING)
+    many = model.simulate_many([{"k": 80.0 + i} for i in range(30)], workers=workers)
+    sweep = model.sweep({"k": [80.0, 81.0]}, of="simulate", experiment="push_it", workers=workers)
+    for i in (0, 1, 29):
+        alone = model.simulate(settings={"k": 80.0 + i})
+        assert many[i].values.tobytes() == alone.values.tobytes()
+        assert many[i].checkpoint is not None
+    assert [point.run.final("position") for point in sweep.points] == [
+        many[0].final("position"),
+        many[1].final("position"),
+    ]
