@@ -49,6 +49,7 @@ from .template import (
     negated,
     times,
 )
+from .vectors import VECTORS, compile_vector
 
 MEMORIES = {"integral": "integral(rate, start)", "delay": "delay(x, 1 ms)"}  # signals with memory
 MAXIMUM_ITEMS = 10_000  # of one list
@@ -391,6 +392,8 @@ class ExpressionCompiler:
         if node.function in tables.USAGE:
             readers = tables.Arguments(self.scope.definition.file, self.value, self.scalar, self.checks)
             return tables.compile_table(readers, node)
+        if node.function in VECTORS:
+            return compile_vector(node, [self.value(a) for a in node.arguments])
         rule = FUNCTIONS.get(node.function)
         if rule is None:
             hint = suggestion(
@@ -399,6 +402,7 @@ class ExpressionCompiler:
                     *FUNCTIONS,
                     *MEMORIES,
                     *tables.USAGE,
+                    *VECTORS,
                     *self.scope.definition.file.functions,
                     *(name for row in self.scope.rows() for name in (row.functions or row.definition.functions)),
                 ],
@@ -409,14 +413,6 @@ class ExpressionCompiler:
         count, usage, build = rule
         if len(node.arguments) != count:
             raise Wrong(WrongArguments(node.span, node.function, _arguments(count), len(node.arguments), usage))
-        if node.function == "rotate":
-            vector = self.value(node.arguments[0])
-            if not isinstance(vector, tuple) or len(vector) != 2:
-                raise Wrong(WrongType(node.arguments[0].span, "A point (x, y)", "something else"))
-            angle = self.scalar(node.arguments[1])
-            c, s = call("cos", angle.expression), call("sin", angle.expression)
-            (x, y), d = (v.expression for v in vector), vector[0].dimension or vector[1].dimension
-            return Typed(c * x - s * y, d), Typed(s * x + c * y, d)
         arguments = [self.scalar(a) for a in node.arguments]
         return build(node, arguments)
 

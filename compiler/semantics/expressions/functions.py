@@ -162,5 +162,4 @@ FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
     **{f"smoothstep{n}": (3, f"smoothstep{n}(time, 1 s, 2 s)", _rise(shape)) for n, shape in _SMOOTH.items()},
     "chirp": (4, "chirp(time, 1 Hz, 20 Hz, 10 s)", _chirp),
     "polar": (2, "polar(radius, angle)", _polar),
-    "rotate": (2, "rotate((x, y), angle)", _polar),
 }

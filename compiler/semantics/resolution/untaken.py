@@ -11,6 +11,7 @@ from ...syntax.blocks import Statements, flat, nodes_in
 from ..expressions import tables
 from ..expressions.expression_compiler import MEMORIES
 from ..expressions.functions import FUNCTIONS
+from ..expressions.vectors import VECTORS
 from ..names.compound_units import names_in
 from ..names.domain_table import ELEMENT_KINDS
 from ..names.errors import UnknownAttribute, UnknownFunction, UnknownKind, UnknownName
@@ -31,7 +32,7 @@ def check_untaken(scope: Scope, statements: Statements, tell: Callable[[Diagnost
     file = definition.file
     declared = names_in(definition.model) | set(scope.names())
     names = declared | file.constants.keys() | file.models.keys() | file.sets.keys() | file.missing
-    functions = {*FUNCTIONS, *MEMORIES, *tables.USAGE, *file.functions, *declared}
+    functions = {*FUNCTIONS, *MEMORIES, *tables.USAGE, *VECTORS, *file.functions, *declared}
     kinds = {*ELEMENT_KINDS, *file.models, *file.missing, *kinds_of(True), *kinds_of(False), *declared}
     for node in nodes_in(statements):
         match node:
