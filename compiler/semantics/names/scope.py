@@ -281,7 +281,8 @@ class Scope:
 
     def vacant(self, name: str) -> bool:
         """Return True if nothing is declared here under a name, except in a branch that is not taken."""
-        return isinstance(self.entries.get(name), Absent | None)
+        entry = self.entries.get(name)
+        return entry is None or isinstance(entry, Absent)
 
     def function(self, name: str) -> tuple[tree.FunctionSyntax, Scope] | None:
         """The function of that name in this scope, or in the scopes around it within the instance, and the scope that has it."""

@@ -57,6 +57,7 @@ class Elaborator(Declarations):
         super().__init__(overrides, part, known)
         self.elements: list[tuple[Scope, tree.Declaration, ElementEntry]] = []
         self.bonds: list[tuple[Scope, tree.Bonds]] = []
+        self._blocks_checked: set[int] = set()  # definitions whose blocks hold what may stand there
         self.stands: dict[str, Span] = {}  # instance -> where it is declared
         self.requirements: list[tuple[Scope, tree.RequirementSyntax]] = []
         self.events: list[tuple[Scope, tree.EventSyntax]] = []
@@ -85,7 +86,8 @@ class Elaborator(Declarations):
             self.root = scope  # loops and indices may already read what is set from outside
             self._enter_swept(scope)
         self.table_of(definition)
-        if definition not in chain:
+        if id(definition) not in self._blocks_checked:
+            self._blocks_checked.add(id(definition))
             check_blocks(self, definition)
         chain = (*chain, definition)
         self._declare(scope, definition.model.statements, bindings, chain)
@@ -213,8 +215,11 @@ class Elaborator(Declarations):
             self.counted(declared.span)
             index, local = self._indexed_name(declared, scope)
             bindings: dict[str, tuple[tree.Attribute, Scope]] = {}
-            sets = [a for a in statement.attributes if a.name == WORD and a.target is None]
-            for attribute in (a for a in statement.attributes if a not in sets[:1]):
+            sets: tree.Attribute | None = None
+            for attribute in statement.attributes:
+                if attribute.name == WORD and attribute.target is None and sets is None:
+                    sets = attribute
+                    continue
                 if attribute.target is not None or attribute.name in bindings:
                     words, hint = (
                         attribute.span.text.split("=")[0].strip(),
@@ -223,8 +228,8 @@ class Elaborator(Declarations):
                     self.tell(UnknownAttribute(attribute.span, declared.name, words, hint))
                     continue
                 bindings[attribute.name] = (attribute, scope)
-            for attribute in sets[:1]:
-                self.guard(self.hand_over, attribute, definition, bindings, scope)
+            if sets is not None:
+                self.guard(self.hand_over, sets, definition, bindings, scope)
             inner = self.instantiate(definition, scope.full(local) + ".", bindings, chain, declared.span)
             self.enter_indexed(
                 scope, declared.name, index, InstanceEntry(scope.full(local), inner, declared.span), declared.span

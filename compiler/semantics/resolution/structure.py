@@ -47,7 +47,7 @@ def taken(
     for statement in statements:
         if isinstance(statement, tree.Quantities):
             declarations.guard(declarations.declare_quantities, scope, statement, bindings)
-    conditionals = [s for s in statements if isinstance(s, tree.ConditionalSyntax)]
+    conditionals = [s for s in statements if type(s) is tree.ConditionalSyntax]
     if not conditionals:
         return statements
     for conditional in conditionals:
