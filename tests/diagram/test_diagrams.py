@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -240,6 +241,19 @@ def test_the_same_bytes() -> None:
 def test_the_pictures_of_the_readme_are_up_to_date(golden: Golden, model: str, file: str) -> None:
     assert f"models/{file})" in (MODELS.parent / "README.md").read_text(encoding="utf-8")
     golden(MODELS / file, svg_text(loaded(MODELS / f"{model}.bg").draw()))
+
+
+@pytest.mark.parametrize("path", [p for p in FILES if p.parent == MODELS], ids=lambda p: p.stem)
+def test_the_pictures_of_the_gallery_are_up_to_date(golden: Golden, path: Path) -> None:
+    golden(MODELS / "pictures" / f"{path.stem}.svg", svg_text(loaded(path).draw(closed=True)))
+
+
+def test_the_gallery_lists_every_model_with_its_picture() -> None:
+    text = (MODELS / "README.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)) == sorted(p.stem for p in MODELS.glob("*.bg"))
+    shown = re.findall(r"^\| `(\w+)` \|.*\| !\[\1\]\(pictures/\1\.svg\) \|$", text, re.MULTILINE)
+    assert sorted(shown) == sorted(p.stem for p in (MODELS / "pictures").glob("*.svg"))
+    assert set(shown) == {p.stem for p in FILES if p.parent == MODELS}
 
 
 def test_a_run_loads_nothing_of_it() -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.gallery.reference import driven, near, run
+import bondgraph
+from tests.gallery.reference import GALLERY, driven, near, run
 
 
 def test_hydraulic_press() -> None:
@@ -128,3 +129,27 @@ def test_reaction_of_second_order() -> None:
     near(found["n_dimer"], (total - exact) / 2)
     assert np.all(found["affinity"] > 0)
     near(found["affinity"] / (8.314462618 * 298.15), np.log(k_f * exact**2 / (k_r * (total - exact) / 2)))
+
+
+def cooler(current: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rates a x + b of the temperatures of box and sink at a constant current: linear."""
+    alpha, r, k, g, air, load = 0.05, 2.0, 0.5, 2.0, 298.15, 5.0
+    a = np.array([[-(alpha * current + k) / 300, k / 300], [k / 500, (alpha * current - k - g) / 500]])
+    return a, np.array([(load + r * current**2 / 2) / 300, (r * current**2 / 2 + g * air) / 500])
+
+
+def test_thermoelectric_cooler() -> None:
+    """C T_c' = load - alpha T_c i + R i^2/2 + K (T_h - T_c), C T_h' = alpha T_h i + R i^2/2 - K (T_h - T_c) - G (T_h - T_air)."""
+    found = run("thermoelectric_cooler")
+    exact = driven(*cooler(1.5), (298.15, 298.15), found.time)
+    near(found["T_box"], exact[:, 0])
+    near(found["T_sink"], exact[:, 1])
+    near(found["power"], 1.5 * (0.05 * (exact[:, 1] - exact[:, 0]) + 2 * 1.5))
+
+
+def test_the_best_current_of_a_thermoelectric_cooler() -> None:
+    """Rest of the two balances at each current; the box is coldest near 4 A."""
+    points = bondgraph.load(GALLERY / "thermoelectric_cooler.bg").run("best_current")
+    boxes = [point.numbers()["T_box"] for point in points]
+    assert boxes == pytest.approx([-np.linalg.solve(*cooler(i))[0] for i in range(1, 6)], rel=1e-9)
+    assert int(np.argmin(boxes)) == 3

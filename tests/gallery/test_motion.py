@@ -196,6 +196,21 @@ def test_servo_large_step_is_limited_and_does_not_wind_up() -> None:
     assert found["phi"].max() < 5 * 1.2
 
 
+@pytest.mark.parametrize(("experiment", "i_d"), [("start", 0.0), ("weaken", -3.0)])
+def test_field_oriented_currents_answer_as_a_first_order(experiment: str, i_d: float) -> None:
+    """What couples the axes is fed forward and the poles are cancelled: i = i_wanted (1 - exp(-t/T)); the torque is their product."""
+    found = run("field_oriented", experiment)
+    rise = 1 - np.exp(-found.time / 2e-3)
+    near(found["current_d"], i_d * rise, scale=1)
+    near(found["current_q"], 5 * rise)
+    a, b = 4 * 5 * 0.02, 4 * 5 * i_d * (1e-3 - 1.5e-3)  # M = a rise + b rise^2
+    near(found["torque"], a * rise + b * rise**2)
+    terms = {0.0: a + b, 500.0: -a - 2 * b, 1000.0: b}  # of exp(-rate t)
+    slow = 1e-3 / 2e-4
+    speed = sum(c * (np.exp(-k * found.time) - np.exp(-slow * found.time)) / (slow - k) for k, c in terms.items())
+    near(found["speed"], speed / 2e-4)
+
+
 def test_predators_and_prey() -> None:
     """x' = 1.1 x - 0.4 x y, y' = 0.1 x y - 0.4 y; delta x - gamma ln x + beta y - alpha ln y stays."""
 
