@@ -56,6 +56,12 @@ def test_an_example_has_its_closed_form(name: str, target: str) -> None:
         near(found[output] if whole else found.final(output), values, rtol=RTOL * LOOSE.get(name, 1))
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_an_example_can_be_written_flat(name: str) -> None:
+    """No part reads a port that nothing shows where its bonds are joined."""
+    assert bondgraph.check(example(name).text()) == ()
+
+
 # ---------------------------------------------------------------------- the command
 
 
