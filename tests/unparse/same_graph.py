@@ -31,7 +31,8 @@ class Same:
     def _quantities(self) -> dict[str, str]:
         outputs = dict(zip(self.first.outputs, self.second.outputs, strict=True))
         mine = [n for n in self.first.quantities if n not in outputs]
-        theirs = [n for n, q in self.second.quantities.items() if n not in outputs.values()]
+        # A delay has no name where it is written, and in the text a signal of its own.
+        theirs = [n for n in self.second.quantities if n not in outputs.values() and n not in self.second.delays]
         return dict(zip(mine, theirs, strict=True)) | {a: b for a, b in outputs.items() if a in self.first.quantities}
 
     # ------------------------------------------------------------ expressions with references put in, names of the second
@@ -80,15 +81,19 @@ class Same:
             assert (a.unit, a.value, a.description) == (b.unit, b.value, b.description), name
             if a.role in ("parameter", "constant", "input"):
                 assert a.role == b.role
-            self.bounds(a.definition, b.definition)
+            if name not in first.delays:
+                self.bounds(a.definition, b.definition)
+        for past, other in zip(first.delays.values(), second.delays.values(), strict=True):
+            self.bounds(past.value, other.value)
+            self.bounds(past.lag, other.lag)
         for (name, a), (mapped, b) in zip(first.outputs.items(), second.outputs.items(), strict=True):
             assert a.unit == b.unit, name
             if name not in self.quantities:
                 self.bounds(a.definition, second.quantities[mapped].definition)
         for name, integral in first.integrals.items():
-            other = second.integrals[self.quantities[name]]
-            self.bounds(integral.rate, other.rate)
-            self.bounds(integral.start, other.start)
+            again = second.integrals[self.quantities[name]]
+            self.bounds(integral.rate, again.rate)
+            self.bounds(integral.start, again.start)
 
     def ends(self, graph: BondGraph, mapped: bool) -> list[tuple[Any, ...]]:
         """All bonds in order; a mechanism's port by name, as they are numbered in the order in which the text reaches them."""
