@@ -20,7 +20,7 @@ import sys
 sys.path.insert(0, {root!r})
 from compiler.jit.machine import object_code
 text = sys.stdin.buffer.read().decode("utf-8")
-sys.stdout.buffer.write(object_code(text, {level}))
+sys.stdout.buffer.write(object_code(text, {level}, {platform!r}))
 """
 
 
@@ -49,11 +49,27 @@ def compiled_safely(text: str, level: int) -> bytes:
     return object_code(text, level)
 
 
-def kernel(name: str, text: Callable[[], str], level: int) -> bytes:
-    """Return the object code of a part of this package that is equal for all models, from the cache if it is there."""
+def compiled_for(text: str, level: int, platform: str) -> bytes:
+    """Return the object code of a module for a platform of libraries, from the cache if it is there. Raises `CannotCompile`."""
+    from compiler.api import LIBRARY_PLATFORMS
+
+    key = cache.key_of("library", LIBRARY_PLATFORMS[platform], level, text)
+    stored = cache.fetch(key)
+    if isinstance(stored, bytes):
+        return stored
+    code = in_child(text, level, platform)
+    cache.keep(key, code)
+    return code
+
+
+def kernel(name: str, text: Callable[[], str], level: int, platform: str = "") -> bytes:
+    """Return the object code of a part of this package that is equal for all models, from the cache if it is there.
+
+    `platform`: one of those that libraries are made for; this machine if there is none.
+    """
     from compiler.api import processor
 
-    key = cache.key_of("kernel", name, processor(), level)
+    key = cache.key_of("kernel", name, processor(), level, *([platform] if platform else []))
     kept = cache.fetch(key)
     if isinstance(kept, bytes):
         return kept
@@ -66,17 +82,17 @@ def kernel(name: str, text: Callable[[], str], level: int) -> bytes:
             raise CannotCompile(
                 "BR615", "no machine code is made: this package has changed since the process started", "start it again"
             )
-    code = in_child(source, level)
+    code = in_child(source, level, platform)
     cache.keep(key, code)
     return code
 
 
-def in_child(text: str, level: int) -> bytes:
+def in_child(text: str, level: int, platform: str = "") -> bytes:
     """Return the object code of a module, compiled by another process. Raises `CannotCompile`."""
     import subprocess
 
     root = str(Path(__file__).resolve().parent.parent)
-    command = [sys.executable, "-c", _CHILD.format(root=root, level=level)]
+    command = [sys.executable, "-c", _CHILD.format(root=root, level=level, platform=platform)]
     try:
         done = subprocess.run(command, input=text.encode("utf-8"), capture_output=True, timeout=PATIENCE, check=False)
     except (OSError, subprocess.TimeoutExpired) as problem:

@@ -25,33 +25,42 @@ if TYPE_CHECKING:
     from .causality import CausalGraph, Dependence, StrokeReason, dependences
     from .certificate import Certificate
     from .chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
+    from .codegen.c.write import ARGUMENTS as C_ARGUMENTS
+    from .codegen.c.write import write_library_c
     from .codegen.cost import Cost, cost
     from .codegen.limits import Leaf
     from .codegen.llvm.bind import bind
+    from .codegen.llvm.library import LibraryModule, library_module
+    from .codegen.errors import NotInUnit
     from .codegen.lowered import Lowered
     from .codegen.program import EventNote, Hybrid, LimitNote, Program, TimeFunction, TimeFunctions
     from .codegen.ranges import Ranges
     from .codegen.series import TaylorSeries
+    from .codegen.structure import ProgramStructure, structure_of
     from .codegen.tape import Tape
     from .codegen.text.targets import target_of, text_targets
     from .compilation import Compilation
     from .examination import examine
     from .examination import check as check_source
     from .equations.sharing import dependent_rates
-    from .equations.system import Assignment, EquationSystem, PowerPort, Storage
-    from .errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, render
+    from .equations.system import Assignment, EquationSystem, PowerPort, Storage, Variable
+    from .errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, printable, render
     from .graph.domains import BUNDLES, DOMAINS
     from .graph.elements import ELEMENTS, Kind, letters
     from .graph.mechanism import Joint, Mechanism, freedoms_of
     from .graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Quantity, Reading
     from .graph.network import Node as GraphNode
     from .graph.prune import adjustable
+    from .linking.elf_library import SharedLibrary, link
     from .metamorphosis.reductions import smallest
     from .metamorphosis.text_changes import TEXT_CHANGES, Inapplicable, TextChange, TextScene, scene_of
     from .persistent_cache import CacheBackend
     from .garbage_collection import uncollected
-    from .jit.arrays import Floats, Ints, Numbers, Record
-    from .jit.kinds import INTS, Fields, Handed, record_of
+    from .jit.arrays import Floats, Ints, Numbers, Record, ShortInts
+    from .jit.c_source import BEGINNING as C_BEGINNING
+    from .jit.c_source import c_source
+    from .jit.kinds import FLOATS, INTS, Fields, Handed, record_of
+    from .jit.machine import PLATFORMS as LIBRARY_PLATFORMS
     from .jit.machine import MachineCode, address_of, object_code, processor
     from .jit.machine import available as native_available
     from .jit.translate import translate
@@ -74,7 +83,7 @@ if TYPE_CHECKING:
     from .syntax.format import format_text
     from .syntax.outline import Outline
     from .syntax.tree import (
-        Bonds, Experiment, Literal, ModelSyntax, Negative, PathSyntax, PortsSyntax, Quantities, RequirementSyntax,
+        Bonds, Description, Experiment, Literal, ModelSyntax, Negative, PathSyntax, PortsSyntax, Quantities, RequirementSyntax,
     )  # fmt: skip
     from .unparse import write_text
     from .unparse.literals import bond_lines, braces, number_text

@@ -23,6 +23,8 @@ from .options import (
     settings_option,
 )
 
+FMU = ".fmu"  # ending of functional mock-up units
+
 
 @click.command("show")
 @file_argument
@@ -101,16 +103,29 @@ def explain(
 
 @click.command("compile")
 @file_argument
-@click.option("-o", "--out", required=True, metavar="MODEL.py|MODEL.c", help="The file to write.")
+@click.option("-o", "--out", required=True, metavar="MODEL.py|MODEL.c|MODEL.fmu", help="The file to write.")
 @click.option("--target", metavar="NAME", help="Kind of program: numpy, c, casadi. By default what the ending means.")
+@click.option(
+    "--platforms", metavar="NAMES", help="Of an FMU, separated by commas: linux64 (by default), linux-aarch64."
+)
+@click.option("--experiment", metavar="NAME", help="Of an FMU: with the settings of this experiment; by default none.")
 @model_option
-def compile(file: str, out: str, target: str | None, model: str | None) -> None:
-    """Write a Python module that needs numpy alone, C that needs nothing, or functions of CasADi."""
+def compile(
+    file: str, out: str, target: str | None, platforms: str | None, experiment: str | None, model: str | None
+) -> None:
+    """Write a Python module that needs numpy alone, C that needs nothing, functions of CasADi, or a functional mock-up unit."""
     from compiler.api import target_of, text_targets
 
     from ..files import write_text
 
     targets = text_targets().values()
     chosen = [t for t in targets if t.name == target] or targets
-    check_target(out, tuple(dict.fromkeys(t.ending for t in chosen)), "--out")
+    endings = tuple(dict.fromkeys(t.ending for t in chosen))
+    check_target(out, endings if target else (*endings, FMU), "--out")
+    if out.endswith(FMU):
+        words = {} if platforms is None else {"platforms": tuple(p.strip() for p in platforms.split(","))}
+        load(file, model).to_fmu(out, experiment, **words)
+        return
+    if platforms is not None or experiment is not None:
+        raise click.UsageError(f"--platforms and --experiment belong to an FMU, a file that ends in {FMU}")
     write_text(out, load(file, model).compile(target or target_of(PurePath(out).suffix)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -111,3 +112,16 @@ class Shown(AnalysedModel):
         if target not in (targets := api.text_targets()):
             raise UsageError("BR602", f"there is no target `{target}`; targets are {', '.join(targets)}")
         return self.compilation(api.Scene(self.model, None, free=frozenset({"*"}))).text(target)
+
+    def to_fmu(self, path: str | Path, experiment: str | None = None, platforms: Sequence[str] = ("linux64",)) -> None:
+        """Write the model as a functional mock-up unit of FMI 2.0 for other tools: model exchange and co-simulation, without a C compiler.
+
+        All parameters can be set, all inputs are free; with an experiment, its settings hold. Start, stop and tolerance are those of the experiment, or of
+        the first one. Raises `CompilationFailed`, also for what a unit cannot hold, `UsageError`, `RunFailed`, OSError.
+        """
+        from ..exchange.unit import fmu
+        from ..files import replacing
+
+        data = fmu(self, experiment, platforms)
+        with replacing(path) as stream:
+            stream.write(data)

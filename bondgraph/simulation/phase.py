@@ -284,7 +284,7 @@ class Phase:
             "and fro;", "give the start itself instead of `equilibrium`, or delay what does not read itself",
         )  # fmt: skip
 
-    def _tolerances(self) -> Tolerances:
+    def tolerances(self) -> Tolerances:
         """Return absolute tolerances per state: the given value, else rtol times the magnitude."""
         magnitude = self.used = self._magnitudes()
         absolute = np.full(len(self.state), self.atol) if self.atol is not None else self.rtol * magnitude
@@ -391,7 +391,7 @@ class Phase:
     def _problem(self, events: Events | None, choice: Choice | None) -> PhaseProblem:
         """Return the integration of this phase, with its events or a copy of them."""
         return PhaseProblem(
-            self.program, self.constants, self.inputs, self.instants, self._tolerances,
+            self.program, self.constants, self.inputs, self.instants, self.tolerances,
             self._powers if self.energy else None, self.watch, self.constraints, choice, self.compilation.certificate.linear,
             events, self.off, self.history, self.solver, self.leaving,
         )  # fmt: skip

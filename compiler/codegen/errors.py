@@ -45,3 +45,14 @@ class NumpyAlone(Diagnostic):
     advice = "Compile for numpy, which has functions for all of them."
     target: str
     what: str = "Events, switched junctions and delays"
+
+
+@dataclass(frozen=True, slots=True)
+class NotInUnit(Diagnostic):
+    """BG606."""
+
+    code = "BG606"
+    title = "A functional mock-up unit cannot hold {what} yet"
+    advice = "{instead}"
+    what: str
+    instead: str

@@ -25,6 +25,13 @@ class Ints(Protocol):
     def __setitem__(self, place: int, value: int) -> None: ...
 
 
+class ShortInts(Protocol):
+    """An array of 32-bit integers, as a library of C is given; its items count as 64-bit integers."""
+
+    def __getitem__(self, place: int) -> int: ...
+    def __setitem__(self, place: int, value: int) -> None: ...
+
+
 Numbers = tuple[float, ...]  # a literal list in the source
 
 

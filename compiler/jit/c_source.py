@@ -8,10 +8,32 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from .kinds import BOOL, FLOAT, FLOATS, INT, INTS, ITEMS, NOTHING, Fields, Handed, TranslationError, signature
+from .kinds import (
+    BOOL,
+    FLOAT,
+    FLOATS,
+    INT,
+    INTS,
+    ITEMS,
+    NOTHING,
+    WORD,
+    WORDS,
+    Fields,
+    Handed,
+    TranslationError,
+    signature,
+)  # fmt: skip
 from .source import tree_of
 
-_WORDS = {FLOAT: "double", INT: "int64_t", BOOL: "int", FLOATS: "double *", INTS: "int64_t *", NOTHING: "void"}
+_WORDS = {
+    FLOAT: "double",
+    INT: "int64_t",
+    BOOL: "int",
+    FLOATS: "double *",
+    INTS: "int64_t *",
+    WORDS: "int32_t *",
+    NOTHING: "void",
+}
 _SIGNS = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "/", ast.Mod: "%", ast.BitAnd: "&", ast.BitXor: "^",
     ast.RShift: ">>", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=", ast.And: "&&", ast.Or: "||",
@@ -32,8 +54,10 @@ def c_source(exported: Sequence[Callable[..., Any]]) -> str:
         writer.need(function)
     while writer.waiting:
         writer.bodies.append(_CFunction(writer, writer.waiting.pop()).text())
-    records = [writer.record(r) for r in writer.records.values()]
-    return "\n".join([*records, *writer.lists.values(), *writer.heads, "", *writer.bodies])
+    records: dict[str, str] = {}
+    while missing := writer.records.keys() - records.keys():  # a record names others
+        records |= {name: writer.record(writer.records[name]) for name in sorted(missing)}
+    return "\n".join([*records.values(), *writer.lists.values(), *writer.heads, "", *writer.bodies])
 
 
 def c_number(value: float) -> str:
@@ -214,7 +238,9 @@ class _CFunction:
         return f"({a} {_SIGNS[type(node.op)]} {b})"
 
     def _call(self, node: ast.Call) -> str:
-        values = [self._value(a) for a in node.args]
+        values = [self._argument(a) for a in node.args]
+        if isinstance(node.func, ast.Subscript):
+            return f"({self._chosen(node.func)})({', '.join(values)})"
         if isinstance(node.func, ast.Name):
             name = node.func.id
             if name in ("min", "max"):
@@ -234,6 +260,24 @@ class _CFunction:
             f"{self._value(node.func) if isinstance(node.func, ast.Attribute) else node.func.id}({', '.join(values)})"  # type: ignore[attr-defined]
         )
 
+    def _argument(self, node: ast.expr) -> str:
+        """An argument of a call: functions of the subset do not say which arrays they only read, so lists of numbers are no constants to them."""
+        root = node.value if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice) else node
+        if isinstance(root, ast.Name) and root.id not in self.variables and isinstance(self.home.get(root.id), tuple):
+            return f"({_WORDS[self._kind(root)]}){self._value(node)}"
+        return self._value(node)
+
+    def _chosen(self, which: ast.Subscript) -> str:
+        """The item of a tuple of functions that an index names; the last for any other index."""
+        functions = self.home[ast.unparse(which.value)]
+        index = self._value(which.slice)
+        chosen: str = functions[-1].__name__
+        for number, function in reversed([*enumerate(functions)]):
+            self.writer.need(function)
+            if function is not functions[-1]:
+                chosen = f"{index} == {number} ? {function.__name__} : {chosen}"
+        return chosen
+
     def _kind(self, node: ast.expr) -> Any:
         match node:
             case ast.Constant(value=value):
@@ -246,7 +290,10 @@ class _CFunction:
             case ast.Attribute(value=owner, attr=name):
                 return self._kind(owner).fields[name]
             case ast.Subscript(value=array, slice=index):
-                return self._kind(array) if isinstance(index, ast.Slice) else ITEMS[self._kind(array)]
+                if isinstance(index, ast.Slice):
+                    return self._kind(array)
+                item = ITEMS[self._kind(array)]
+                return INT if item == WORD else item
             case ast.UnaryOp(op=op, operand=operand):
                 return BOOL if isinstance(op, ast.Not) else self._kind(operand)
             case ast.BinOp(op=op, left=left, right=right):
@@ -261,6 +308,10 @@ class _CFunction:
                 if inspect.isfunction(self.home.get(name)):
                     return signature(self.home[name])[1]
                 return {"int": INT, "isfinite": BOOL, "isnan": BOOL}.get(name, FLOAT)
+            case ast.Call(func=ast.Subscript(value=which)):
+                return signature(self.home[ast.unparse(which)][0])[1]
+            case ast.Call(func=ast.Attribute() as function):
+                return self._kind(function).result
         raise TranslationError(f"{type(node).__name__} is not in the subset")
 
     def _wider(self, *nodes: ast.expr) -> Any:

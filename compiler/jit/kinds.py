@@ -9,13 +9,23 @@ from typing import Any, NamedTuple, get_args
 from ..fast_dataclass import dataclass
 from .arrays import Record
 
-FLOAT, INT, BOOL, FLOATS, INTS, NOTHING = "double", "i64", "i1", "floats", "ints", "void"
-_WORDS = {"float": FLOAT, "int": INT, "bool": BOOL, "Floats": FLOATS, "Numbers": FLOATS, "Ints": INTS, "None": NOTHING}
-ITEMS = {FLOATS: FLOAT, INTS: INT}
+FLOAT, INT, BOOL, FLOATS, INTS, WORDS, NOTHING = "double", "i64", "i1", "floats", "ints", "words", "void"
+WORD = "i32"  # item of `ShortInts`: an integer as soon as it is read
+_WORDS = {
+    "float": FLOAT,
+    "int": INT,
+    "bool": BOOL,
+    "Floats": FLOATS,
+    "Numbers": FLOATS,
+    "Ints": INTS,
+    "ShortInts": WORDS,
+    "None": NOTHING,
+}
+ITEMS = {FLOATS: FLOAT, INTS: INT, WORDS: WORD}
 
 
 # Disjoint kinds of memory: records and arrays never overlap, nor do numbers and pointers.
-MEMORIES = ("field double", "field i64", "field ptr", "item double", "item i64")
+MEMORIES = ("field double", "field i64", "field ptr", "item double", "item i64", "item i32")
 
 
 class TranslationError(TypeError):
@@ -83,7 +93,7 @@ def record_of(noun: type) -> Fields:
 
 def text_of(kind: Any) -> str:
     """The type in LLVM's notation."""
-    return kind if kind in (FLOAT, INT, BOOL, NOTHING) else "ptr"
+    return kind if kind in (FLOAT, INT, BOOL, WORD, NOTHING) else "ptr"
 
 
 def signature(function: Callable[..., Any]) -> tuple[tuple[Any, ...], Any]:

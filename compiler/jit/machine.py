@@ -22,6 +22,9 @@ LIBRARY = (
 )
 
 _view: Any = (ctypes.c_char * 0).from_buffer  # of arrays without items, too
+# Platforms that libraries are made for: LLVM's name of each, and its least processor. Names without `gnu` keep LLVM from calling
+# functions that only one C library has, such as `sincos`.
+PLATFORMS = {"linux64": ("x86_64-unknown-linux", "x86-64"), "linux-aarch64": ("aarch64-unknown-linux", "generic")}
 AS_WRITTEN = -1  # a level: the text with the best instructions, but without optimization passes
 
 
@@ -67,11 +70,11 @@ def address_of(array: Any) -> int:
         return found
 
 
-def object_code(text: str, level: int) -> bytes:
-    """Object code of a module. `level`: optimization level, 0 to 3, or `AS_WRITTEN`."""
+def object_code(text: str, level: int, platform: str = "") -> bytes:
+    """Object code of a module. `level`: optimization level, 0 to 3, or `AS_WRITTEN`; `platform`: one of `PLATFORMS`, or this machine."""
     from llvmlite import binding
 
-    machine = _machine(2 if level == AS_WRITTEN else level)
+    machine = _machine(2 if level == AS_WRITTEN else level, platform)
     module = binding.parse_assembly(text)
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     module.verify()
@@ -116,9 +119,16 @@ def _prepare() -> None:
         binding.add_symbol(name, address)
 
 
-def _machine(level: int) -> Any:
+def _machine(level: int, platform: str = "") -> Any:
     from llvmlite import binding
 
+    if platform:
+        binding.initialize_all_targets()
+        binding.initialize_all_asmprinters()
+        triple, processor = PLATFORMS[platform]
+        return binding.Target.from_triple(triple).create_target_machine(
+            cpu=processor, features="", opt=level, reloc="pic", codemodel="small"
+        )
     _prepare()
     target = binding.Target.from_triple(binding.get_process_triple())
     return target.create_target_machine(

@@ -18,6 +18,7 @@ from .kinds import (
     ITEMS,
     MEMORIES,
     NOTHING,
+    WORD,
     Fields,
     Handed,
     TranslationError,
@@ -173,9 +174,15 @@ class ValueWriter:
         return None
 
     def _load(self, place: Value) -> Value:
+        if place.kind == WORD:
+            return self._emit(
+                INT, f"sext i32 {self._emit(None, f'load i32, ptr {place.text}{_apart(place)}').text} to i64"
+            )
         return self._emit(place.kind, f"load {text_of(place.kind)}, ptr {place.text}{_apart(place)}")
 
     def _store(self, place: Value, value: Value, node: ast.AST) -> None:
+        if place.kind == WORD:
+            value = self._emit(WORD, f"trunc i64 {self._as(value, INT, node).text} to i32")
         value = self._as(value, place.kind, node)
         self.lines.append(f"  store {text_of(place.kind)} {value.text}, ptr {place.text}{_apart(place)}")
 

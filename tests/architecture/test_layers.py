@@ -91,6 +91,7 @@ ROOMS = {
     "reduction": {"equations", "algebra"},
     "codegen": {"reduction", "equations", "algebra", "jit"},
     "jit": set(),
+    "linking": set(),
     "metamorphosis": {"semantics", "syntax", "graph", "algebra"},
     "unparse": {"semantics", "syntax", "graph", "algebra"},
 }

@@ -37,7 +37,7 @@ def test_a_number_that_creeps_beside_large_changes_is_no_solution() -> None:
     solver = IntegratorWorkspace(**values | {
         "method": RADAU, "derivative": rates, "entries": steep, "closed": held, "n": 2, "differential": 2, "entry_count": 2, "rows": places, "columns": places,
         "magnitude": ones, "per_unit": ones, "ratio": ones, "relative": 1e-3, "absolute": 1e-3 * ones, "state": np.zeros(2), "jacobian": np.zeros(2),
-        "newton_tolerance": newton_tolerance(1e-3), "first_newton_tolerance": newton_tolerance(1e-3), "allowed_estimate": allowed_estimate(1e-3),
+        "newton_tolerance": newton_tolerance(1e-3, 1.0), "first_newton_tolerance": newton_tolerance(1e-3, 1.0), "allowed_estimate": allowed_estimate(1e-3),
         "creeping_tolerance": creeping_tolerance(1e-3), "longest": np.inf, "usual": np.inf, "stop": 1.0, "until": 1.0,
         "real": room_for(Factors, 2), "complex": room_for(ComplexFactors, 2), "norms": np.zeros(8), "sizes": np.zeros(8),
     })  # fmt: skip

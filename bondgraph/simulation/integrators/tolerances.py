@@ -23,22 +23,22 @@ def allowed_estimate(relative: float) -> float:
     Step sizes are proportional to the fourth root of the estimate and the error to their fifth power: for an error proportional to the tolerance, the
     estimate must be tolerance^(4/5) where that is less (Hairer and Wanner, section IV.8, use the power 2/3 throughout).
     """
-    return 1.0 if relative <= LOOSE else float((relative / LOOSE) ** -0.2)
+    return 1.0 if relative <= LOOSE else pow(relative / LOOSE, -0.2)
 
 
-def newton_tolerance(relative: float, share: float = 1.0) -> float:
+def newton_tolerance(relative: float, share: float) -> float:
     """Return the remaining error of an iteration, in units of a tolerance; `share`: factor on it."""
-    return float(max(10 * EPSILON / relative, share * min(0.03, relative**0.5)))
+    return max(10.0 * EPSILON / relative, share * min(0.03, sqrt(relative)))
 
 
 def creeping_tolerance(relative: float) -> float:
     """Return the same for a single component of the stages: larger, because one component alone shows rounding."""
-    return max(newton_tolerance(relative), float(100 * EPSILON / relative))
+    return max(newton_tolerance(relative, 1.0), 100.0 * EPSILON / relative)
 
 
 def stagnation_tolerance(relative: float) -> float:
     """Return the largest change, in units of a tolerance, of a stagnating iteration for which rounding is considered as the reason."""
-    amplified = float(AMPLIFIED * EPSILON / relative)
+    amplified = AMPLIFIED * EPSILON / relative
     return amplified if relative < FINEST else min(MOST_STAGNANT, amplified)
 
 

@@ -17,11 +17,13 @@ from ...algebra.table import lists, order_of
 from ...errors import printable
 from ...jit.c_source import BEGINNING, c_number, c_source
 from ..description import name_tables
+from ..functions import ProgramFunction
 from ..limits import Leaf
 from ..llvm import runtime
 from ..lowered import Lowered
 from ..numpy.write import Writer
 from ..order import operations_in_order
+from ..structure import slopes_of
 
 ARGUMENTS = (
     "double time, const double *state, const double *inputs, const double *constants, const double *mode, double *out"
@@ -35,14 +37,20 @@ static inline double sign(double x) { return x > 0 ? 1.0 : x < 0 ? -1.0 : x == 0
 
 def write_c(lowered: Lowered) -> str:
     """Return the text of a file."""
-    return _File(lowered).text()
+    return _File(lowered, ()).text()
+
+
+def write_library_c(lowered: Lowered) -> tuple[str, str]:
+    """Return the text of a file with the slopes of a library, and the prefix of its names."""
+    file = _File(lowered, (slopes_of(lowered),))
+    return file.text(), file.prefix
 
 
 class _File:
     """Writer of the file."""
 
-    def __init__(self, lowered: Lowered) -> None:
-        self.lowered, self.writer = lowered, Writer(lowered)
+    def __init__(self, lowered: Lowered, more: Sequence[tuple[ProgramFunction, Sequence[Expression]]]) -> None:
+        self.lowered, self.writer = lowered, Writer(lowered, more)
         self.prefix = re.sub(r"\W", "_", lowered.space.name, flags=re.ASCII)
         self.called: set[str] = set()
         self.arrays: dict[tuple[float, ...], str] = {}

@@ -31,14 +31,14 @@ def generate_code(lowered: Lowered, compile_: Compile = object_code) -> tuple[Pr
     writer = Writer(lowered)
     modules = Module(writer, True), Module(writer, False)
     texts = [module.text() for module in modules]
-    codes = compile_(texts[0], _level(modules[0])), compile_(texts[1], 0)
+    codes = compile_(texts[0], level_of(modules[0])), compile_(texts[1], 0)
     functions = tuple(function for module in modules for function in module.functions)
     rows = tuple(module.rows for module in modules if module.rows is not None)
     timed = time_functions_of(lowered, writer.constants), constants_of_signals(lowered, writer.constants)
     return image_of(lowered, texts[0], functions, rows, timed), codes
 
 
-def _level(module: Module) -> int:
+def level_of(module: Module) -> int:
     """Optimization level of a module. Loops over kernels are limited by memory: LLVM's passes only make their code longer."""
     level = next((level for most, level in LEVELS if module.operations <= most), 0)
     return AS_WRITTEN if level and module.rows is not None and not module.needs.called else level

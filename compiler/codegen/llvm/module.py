@@ -28,8 +28,9 @@ def mode_size(lowered: Lowered) -> int:
 class Module:
     """Writer of a module with some functions of a program. `functions` gives for each: name, arguments in Python, number of values."""
 
-    def __init__(self, writer: Writer, hot: bool) -> None:
-        self.lowered, self.writer, self.hot = writer.lowered, writer, hot
+    def __init__(self, writer: Writer, hot: bool, chosen: frozenset[str] | None = None) -> None:
+        """`chosen`: names of the functions of a library, which is one module without kernels."""
+        self.lowered, self.writer, self.hot, self.chosen = writer.lowered, writer, hot, chosen
         self.needs = LlvmNeeds()
         self.functions: list[tuple[str, tuple[str, ...], int]] = []
         self.operations = 0
@@ -45,14 +46,14 @@ class Module:
         known |= {Symbol(Leaf("state", i)): ("state", i) for i in range(counts["state"])}
         known |= {Symbol(Leaf("input", i)): ("inputs", i) for i in range(counts["input"])}
         known |= {Symbol(Leaf("mode", i)): ("mode", i) for i in range(mode_size(self.lowered))}
-        wanted = [] if self.hot else [self._constants(constants)]
+        wanted = [] if self.hot and self.chosen is None else [self._constants(constants)]
         for row, roots in self.writer.functions:
-            if row.hot == self.hot:
+            if row.hot == self.hot if self.chosen is None else row.name in self.chosen:
                 self.functions.append((row.name, tuple(row.arguments.split(", ")), len(roots)))
                 wanted.append(_ordered(row.name, roots, known))
         parts = self._parts(wanted)
         needed = list(dict.fromkeys(runtime.BY_OPERATOR[o] for o in sorted(self.needs.called)))
-        supporting = translate(needed if self.hot else [runtime.batch, *needed])
+        supporting = translate(needed if self.hot or self.chosen is not None else [runtime.batch, *needed])
         declared = [
             f"declare double @{name}"
             for name in sorted(self.needs.declared)
@@ -72,7 +73,7 @@ class Module:
 
     def _parts(self, functions: Sequence[OrderedFunction]) -> list[str]:
         """Text of the functions: straight-line code if it is short or has few equal parts, else over kernels."""
-        if sum(len(f.order) + len(f.roots) for f in functions) > LONGEST_IN_LINES:
+        if self.chosen is None and sum(len(f.order) + len(f.roots) for f in functions) > LONGEST_IN_LINES:
             kernels = Kernels(self.lowered, functions)
             if SAVING * kernels.size() < sum(len(f.order) + len(f.roots) for f in functions):
                 suffix = "hot" if self.hot else "cold"

@@ -13,7 +13,7 @@ from ...algebra.systems import SYSTEMS
 from ...errors import printable
 from ..dependence import INPUT, MODE, STATE, TIME
 from ..events import LoweredEvents
-from ..functions import FIXED, functions_of
+from ..functions import FIXED, ProgramFunction, functions_of
 from ..limits import Leaf
 from ..lower import moving
 from ..lowered import Lowered
@@ -25,9 +25,10 @@ from .runtime import beginning
 class Writer:
     """Writer of the module."""
 
-    def __init__(self, lowered: Lowered) -> None:
+    def __init__(self, lowered: Lowered, more: Sequence[tuple[ProgramFunction, Sequence[Expression]]] = ()) -> None:
+        """`more`: functions that only this program has."""
         self.lowered = lowered
-        self.functions = tuple(functions_of(lowered))
+        self.functions = (*functions_of(lowered), *more)
         self.constants = self._constant_nodes()
         self.constant_names: dict[Expression, str] = {}
         identifiers = Identifiers()

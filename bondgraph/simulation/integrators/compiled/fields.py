@@ -63,7 +63,7 @@ def given_at(
         "rows": rows, "columns": columns, "magnitude": magnitude, "per_unit": 1.0 / unit,
         "ratio": magnitude[..., columns] / unit[..., rows], "relative": relative, "absolute": np.array(resting, dtype=float), "resting": resting,
         "held": tolerances.held, "peak": np.maximum(np.abs(scaled), 1.0),
-        "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative),
+        "allowed_estimate": allowed_estimate(relative), "newton_tolerance": newton_tolerance(relative, 1.0),
         "first_newton_tolerance": newton_tolerance(relative, FIRST), "creeping_tolerance": creeping_tolerance(relative),
         "stagnation_tolerance": stagnation_tolerance(relative),
         **signal_fields(signals, stretch.start),

@@ -41,6 +41,9 @@ class Form:
         words: list[int] = []
         inside: list[int] = []  # indices of words that are addresses within the block
         arrays: list[tuple[int, str, Any]] = []
+        self.functions: list[
+            tuple[int, str]
+        ] = []  # indices of words that are addresses of functions, with their fields
         self._lay(fields, values, words, inside, arrays)
         arrays.sort(key=lambda item: not item[2].any())  # nonzero arrays first: the rest of a block is zeros
         own = [np.ravel(a).view(np.int64) for _, _, a in arrays if a.any()]
@@ -62,6 +65,7 @@ class Form:
         words += [0] * len(fields)
         for at, (name, kind) in enumerate(fields.items(), place):
             if isinstance(kind, Handed):
+                self.functions.append((at, name))
                 words[at] = self.addresses.get("jacobian_entries" if name == "entries" else name, 0)
             elif name not in values:
                 continue

@@ -1,0 +1,18 @@
+"""Sentences by which a unit tells an importer why it refuses something; the numbers are those of `runtime/instance.py`."""
+
+from __future__ import annotations
+
+from .runtime import instance
+
+_SENTENCES = {
+    instance.NO_VALUE: "There is no such value reference, or it cannot be set.",
+    instance.NOT_NOW: "This is not possible in this state of the instance.",
+    instance.TOO_MANY_STEPS: "The communication step needs too many steps: make it shorter.",
+    instance.NO_STEP: "No step is short enough for the tolerance: the values grow without bound, or the model is singular here.",
+    instance.NOT_FINITE: "A value or a rate is not finite.",
+    instance.LIMIT_LEFT: "A requirement of the model does not hold any more.",
+    instance.TABLE_LEFT: "A table of the model is asked outside of its range.",
+    instance.WRONG_TIME: "The communication point is not the time that the instance has reached.",
+    instance.NO_SLOPE: "There are directional derivatives of outputs and rates by inputs and states alone.",
+}  # fmt: skip
+MESSAGES = tuple(_SENTENCES.get(number, "") for number in range(max(_SENTENCES) + 1))

@@ -1,0 +1,43 @@
+"""Refusals: models that a functional mock-up unit cannot hold, by the line of the text that stands against it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from compiler.api import CompilationFailed, NotInUnit
+
+if TYPE_CHECKING:
+    from compiler.api import Compilation, Span
+
+_RUN = "Run the model here, or give other tools the run's numbers (`--csv`)."
+
+
+def refuse(compilation: Compilation) -> None:
+    """Raise `CompilationFailed` with all that a unit cannot hold."""
+    if refusals := [NotInUnit(span, what, instead) for span, what, instead in _obstacles(compilation)]:
+        raise CompilationFailed(refusals)
+
+
+def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
+    space, graph = compilation.state_space, compilation.whole_graph
+    lowered = compilation.lowered
+    if space.events or space.discretes:
+        yield space.events[0].span if space.events else graph.span, "events (`when`, `every`)", _RUN
+    elif space.switches:
+        yield space.switches[0].span, "switched junctions", _RUN
+    elif lowered.events.present:
+        yield graph.span, "conditions on states whose crossing a run locates", _RUN
+    if space.delays:
+        yield space.delays[0].span, "delayed signals", _RUN
+    if space.invariants:
+        yield graph.span, "a mechanism with closed loops that constraints hold together", _RUN
+    elif space.unknowns:
+        names = ", ".join(f"`{space.variables[u.variable].name}`" for u in space.unknowns[:3])
+        loop = "Put a storage or a compliance into the loop, or solve its law for the variable that causality asks for."
+        yield graph.span, f"nonlinear algebraic loops ({names})", loop
+    if space.claims:
+        text = "Give the start of the storage itself."
+        yield graph.span, "starts of quantities that are computed from states", text
+    if lowered.crossings:
+        yield graph.span, "instants that only a search over time finds", _RUN

@@ -1,0 +1,162 @@
+"""Model exchange: the importer integrates, the unit tells rates and the instants at which something changes with time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...simulation.integrators.tolerances import (
+    FIRST,
+    allowed_estimate,
+    creeping_tolerance,
+    newton_tolerance,
+    stagnation_tolerance,
+)  # fmt: skip
+from .instance import ERROR, EVENTS, INITIALIZING, INSTANTIATED, NOT_NOW, OK, RUNNING, TERMINATED, FmuInstance
+from .values import INFINITE, check_limits, find_rates, forget, settle
+
+if TYPE_CHECKING:
+    from compiler.api import Floats, ShortInts
+
+
+LEAST, LARGEST = 1e-13, 0.1  # relative tolerances
+
+
+def set_up(s: FmuInstance, has_tolerance: int, tolerance: float, start: float, has_stop: int, stop: float) -> int:
+    """Take the experiment of the importer."""
+    if s.phase != INSTANTIATED:
+        s.message = NOT_NOW
+        return ERROR
+    s.time = start
+    s.segment_known = 0
+    s.stop = stop if has_stop != 0 else INFINITE
+    if has_tolerance != 0 and tolerance > 0.0:
+        hold(s, min(max(tolerance, LEAST), LARGEST))
+    return OK
+
+
+def hold(s: FmuInstance, relative: float) -> None:
+    """Integrate to a relative tolerance; absolute ones that no author gave are proportional to it."""
+    w = s.solver
+    for i in range(w.n):
+        if w.held[i] == 0:
+            w.resting[i] *= relative / w.relative
+    s.relative = relative
+    w.relative = relative
+    w.tolerance = relative
+    w.allowed_estimate = allowed_estimate(relative)
+    w.newton_tolerance = newton_tolerance(relative, 1.0)
+    w.first_newton_tolerance = newton_tolerance(relative, FIRST)
+    w.creeping_tolerance = creeping_tolerance(relative)
+    w.stagnation_tolerance = stagnation_tolerance(relative)
+
+
+def end_initialization(s: FmuInstance) -> int:
+    """End the initialization."""
+    if s.phase != INITIALIZING:
+        s.message = NOT_NOW
+        return ERROR
+    settle(s)
+    failed = find_rates(s)
+    if failed != OK:
+        return failed
+    s.phase = RUNNING if s.makes_steps != 0 else EVENTS
+    s.broken = 1
+    return check_limits(s)
+
+
+def enter_events(s: FmuInstance) -> int:
+    """Let the importer change values at an instant."""
+    s.phase = EVENTS
+    return OK
+
+
+def enter_continuous(s: FmuInstance) -> int:
+    """Let the importer integrate."""
+    s.phase = RUNNING
+    return OK
+
+
+def update_events(s: FmuInstance, flags: ShortInts, numbers: Floats) -> int:
+    """Act on an instant: pass into the next segment of time. `flags` and `numbers` are the same structure of the importer."""
+    s.segment_known = 0
+    settle(s)
+    for k in range(5):
+        flags[k] = 0
+    if s.next_instant < INFINITE:
+        flags[4] = 1
+        numbers[3] = s.next_instant
+    return OK
+
+
+def set_time(s: FmuInstance, time: float) -> int:
+    """Set the time."""
+    if time != s.time:
+        s.time = time
+        forget(s)
+    return OK
+
+
+def set_states(s: FmuInstance, states: Floats, count: int) -> int:
+    """Set all states."""
+    if count != s.solver.n:
+        s.message = NOT_NOW
+        return ERROR
+    settle(s)
+    for i in range(count):
+        s.state[i] = states[i]
+    forget(s)
+    return OK
+
+
+def get_states(s: FmuInstance, states: Floats, count: int) -> int:
+    """Put all states into an array."""
+    settle(s)
+    for i in range(min(count, s.solver.n)):
+        states[i] = s.state[i]
+    return OK
+
+
+def get_rates(s: FmuInstance, rates: Floats, count: int) -> int:
+    """Put the rates of all states into an array."""
+    failed = find_rates(s)
+    if failed != OK:
+        return failed
+    for i in range(min(count, s.solver.n)):
+        rates[i] = s.rates[i]
+    return OK
+
+
+def get_nominals(s: FmuInstance, nominals: Floats, count: int) -> int:
+    """Put the magnitudes of all states into an array."""
+    for i in range(min(count, s.solver.n)):
+        nominals[i] = s.solver.magnitude[i]
+    return OK
+
+
+def get_indicators(s: FmuInstance, indicators: Floats, count: int) -> int:
+    """Put the event indicators into an array: there are none."""
+    return OK if count == 0 else ERROR
+
+
+def end_step(s: FmuInstance, no_return: int, events: ShortInts, ends: ShortInts) -> int:
+    """Look at a step that the importer has made."""
+    events[0] = 0
+    ends[0] = 0
+    return check_limits(s)
+
+
+def terminate(s: FmuInstance) -> int:
+    """End the run."""
+    s.phase = TERMINATED
+    return OK
+
+
+def reset(s: FmuInstance, steps: int) -> None:
+    """Prepare a new instance; `steps`: 1 if it makes its own steps."""
+    s.makes_steps = steps
+    s.phase = INSTANTIATED
+
+
+def makes_own_steps(s: FmuInstance) -> int:
+    """Return 1 in co-simulation."""
+    return s.makes_steps

@@ -1,0 +1,134 @@
+"""Co-simulation: the unit makes its own steps, with the methods and the error control of a run."""
+
+from __future__ import annotations
+
+from math import isfinite, ulp
+
+from ...simulation.integrators.compiled.advance import advance, begin
+from ...simulation.integrators.dop853 import LOOK_AGAIN
+from ...simulation.integrators.methods import EXPLICIT, RADAU
+from ...simulation.integrators.outcomes import FINISHED, LOOK, MORE, STIFF
+from ...simulation.integrators.workspace import IntegratorWorkspace
+from .instance import DISCARD, ERROR, NO_STEP, NOT_NOW, OK, RUNNING, TOO_MANY_STEPS, WARNING, WRONG_TIME, FmuInstance
+from .values import INFINITE, check_limits, forget, judge_limits, settle
+
+BATCH = 1000
+MOST = 10_000_000  # steps within one communication step
+ROUNDING = 64.0  # units in the last place by which an importer's time may be off
+
+
+def do_step(s: FmuInstance, time: float, size: float) -> int:
+    """Integrate up to the next communication point."""
+    if s.phase != RUNNING:
+        s.message = NOT_NOW
+        return ERROR
+    if abs(time - s.time) > ROUNDING * max(ulp(time), ulp(time + size)) or not size >= 0.0 or not isfinite(time + size):
+        s.message = WRONG_TIME
+        return ERROR
+    settle(s)
+    answer = go_to(s, time + size)
+    if answer > WARNING:
+        return answer
+    return max(answer, check_limits(s))
+
+
+def go_to(s: FmuInstance, target: float) -> int:
+    """Integrate to a time, from segment to segment."""
+    w = s.solver
+    result = OK
+    while s.time < target:
+        until = min(target, s.next_instant)
+        if w.n > 0:
+            if s.broken != 0 or w.time != s.time:
+                start_steps(s, until)
+            w.stop = until
+            w.until = until
+            answer = make_steps(s)
+            if answer > WARNING:
+                return answer
+            result = max(result, answer)
+            for i in range(w.n):
+                s.state[i] = w.state[i] * w.magnitude[i]
+        s.time = until
+        forget(s)
+        if until == s.next_instant:
+            s.segment_known = 0
+            s.broken = 1
+            settle(s)
+    return result
+
+
+def make_steps(s: FmuInstance) -> int:
+    """Make the steps up to the end that is set."""
+    w = s.solver
+    result = OK
+    steps = 0
+    while steps < MOST:
+        answer = advance(w, BATCH)
+        steps += BATCH
+        if answer == FINISHED:
+            return result
+        if answer == STIFF:
+            s.own_method = RADAU
+            w.method = RADAU
+            w.automatic = 0
+            forget_steps(w)
+            begin(w)
+        elif answer == LOOK:
+            for i in range(w.n):
+                s.state[i] = w.state[i] * w.magnitude[i]
+            judged = judge_limits(s, w.time, w.si)
+            if judged > WARNING:
+                return judged
+            result = max(result, judged)
+        elif answer != MORE:
+            s.message = NO_STEP
+            s.broken = 1
+            return DISCARD
+    s.message = TOO_MANY_STEPS
+    s.broken = 1
+    return DISCARD
+
+
+def start_steps(s: FmuInstance, until: float) -> None:
+    """Begin to integrate from the current values, as a new solver would."""
+    w = s.solver
+    w.longest = INFINITE
+    if s.period_count > 0:
+        s.find_periods(0.0, s.state, w.inputs, w.constants, w.mode, s.periods)
+        for k in range(s.period_count):
+            w.longest = min(w.longest, abs(s.periods[k]))
+    w.usual = w.longest
+    for i in range(w.n):
+        w.state[i] = s.state[i] / w.magnitude[i]
+        w.absolute[i] = w.resting[i]
+        w.greatest[i] = 0.0
+        w.error[i] = 0.0
+        w.peak[i] = max(abs(w.state[i]), 1.0)
+    w.time = s.time
+    w.stop = until
+    w.until = until
+    w.method = s.own_method
+    w.automatic = 1 if s.own_method == EXPLICIT else 0
+    w.fastest = 0.0
+    w.since_looked = LOOK_AGAIN
+    w.held_by_stability = 0
+    w.free_steps = 0
+    w.negative = 0
+    forget_steps(w)
+    begin(w)
+    s.broken = 0
+
+
+def forget_steps(w: IntegratorWorkspace) -> None:
+    """Discard the data that steps share with each other."""
+    w.ends = 0
+    w.known = 0
+    w.current = 0
+    w.factorised = 0
+    w.first_sloped = 0
+    w.node_count = 0
+    w.pending = 0
+    w.last_size = 0.0
+    w.last_error = 0.0
+    w.contraction = 0.0

@@ -1,0 +1,278 @@
+"""Values of an instance: what importers set and read, and what follows from it. Nothing is computed before it is read."""
+
+from __future__ import annotations
+
+from math import isfinite, ulp
+from typing import TYPE_CHECKING
+
+from .instance import (
+    ERROR,
+    INITIALIZING,
+    INSTANTIATED,
+    LIMIT_LEFT,
+    NO_SLOPE,
+    NO_VALUE,
+    NOT_FINITE,
+    NOT_NOW,
+    OK,
+    RUNNING,
+    TABLE_LEFT,
+    WARNING,
+    FmuInstance,
+)
+
+if TYPE_CHECKING:
+    from compiler.api import Floats, ShortInts
+
+INFINITE = 1.7976931348623157e308
+GOLDEN = 0.6180339887498949  # place within a segment at which no periods meet
+ROUNDING = 16.0  # units in the last place of a time
+
+
+def forget(s: FmuInstance) -> None:
+    """Discard what was computed from values that have changed since."""
+    s.rates_known = 0
+    s.outputs_known = 0
+    s.slopes_known = 0
+
+
+def settle(s: FmuInstance) -> None:
+    """Compute what follows from the parameters, and the segment of time."""
+    w = s.solver
+    if s.constants_known == 0:
+        s.find_constants(0.0, s.state, w.inputs, s.parameters, w.mode, w.constants)
+        if s.phase <= INITIALIZING and w.n > 0:
+            s.find_start(0.0, s.state, w.inputs, w.constants, w.mode, s.starts)
+            for i in range(w.n):
+                if s.is_set[i] == 0:
+                    s.state[i] = s.starts[i]
+        s.constants_known = 1
+        s.segment_known = 0
+        forget(s)
+    if s.segment_known == 0:
+        enter_segment(s)
+        s.segment_known = 1
+        forget(s)
+
+
+def enter_segment(s: FmuInstance) -> None:
+    """Find the next instant at which an expression of time jumps or bends, and the truth of the conditions on time up to it."""
+    w = s.solver
+    if s.instant_count > 0:
+        s.find_instants(0.0, s.state, w.inputs, w.constants, w.mode, s.instants)
+    s.next_instant = INFINITE
+    for k in range(s.instant_count):
+        near = ROUNDING * max(ulp(s.time), ulp(s.instants[k]))
+        if s.instants[k] > s.time + near:
+            s.next_instant = min(s.next_instant, s.instants[k])
+    margin = ROUNDING * ulp(s.time)
+    w.earliest = s.time + margin
+    w.latest = s.next_instant
+    if s.next_instant < INFINITE:
+        w.latest = s.next_instant - ROUNDING * max(ulp(s.time), ulp(s.next_instant))
+    if s.mode_count > 0:
+        within = s.time + max(1.0, abs(s.time))
+        if s.next_instant < INFINITE:
+            within = s.time + GOLDEN * (s.next_instant - s.time)
+        s.find_switches(within, s.state, w.inputs, w.constants, w.mode, w.mode)
+
+
+def inside(s: FmuInstance) -> float:
+    """Return the time; just inside of the segment where it is an end of it, because ends are rounded."""
+    w = s.solver
+    if s.time < w.earliest:
+        return w.earliest
+    if s.time > w.latest and s.time - s.next_instant <= s.next_instant - w.latest:
+        return w.latest
+    return s.time
+
+
+def find_rates(s: FmuInstance) -> int:
+    """Compute the rates of the states."""
+    settle(s)
+    w = s.solver
+    if s.rates_known == 0 and w.n > 0:
+        w.derivative(inside(s), s.state, w.inputs, w.constants, w.mode, s.rates)
+        for i in range(w.n):
+            if not isfinite(s.rates[i]):
+                s.message = NOT_FINITE
+                return ERROR
+    s.rates_known = 1
+    return OK
+
+
+def find_outputs(s: FmuInstance) -> int:
+    """Compute the outputs."""
+    settle(s)
+    w = s.solver
+    if s.outputs_known == 0 and s.output_count > 0:
+        s.find_output(inside(s), s.state, w.inputs, w.constants, w.mode, s.outputs)
+        s.outputs_known = 1
+    return OK
+
+
+def find_all_slopes(s: FmuInstance) -> None:
+    """Compute the slopes of rates and outputs by states and inputs."""
+    settle(s)
+    w = s.solver
+    if s.slopes_known == 0 and s.slope_count > 0:
+        s.find_slopes(inside(s), s.state, w.inputs, w.constants, w.mode, s.slopes)
+        s.slopes_known = 1
+
+
+def get_values(s: FmuInstance, references: ShortInts, count: int, values: Floats) -> int:
+    """Put the values of some references into an array."""
+    n = s.solver.n
+    for k in range(count):
+        place = references[k]
+        if place == 0:
+            values[k] = s.time
+        elif place < 0:
+            return unknown(s)
+        elif place <= n:
+            settle(s)
+            values[k] = s.state[place - 1]
+        elif place <= 2 * n:
+            failed = find_rates(s)
+            if failed != OK:
+                return failed
+            values[k] = s.rates[place - 1 - n]
+        elif place <= 2 * n + s.input_count:
+            values[k] = s.solver.inputs[place - 1 - 2 * n]
+        elif place <= 2 * n + s.input_count + s.parameter_count:
+            values[k] = s.parameters[place - 1 - 2 * n - s.input_count]
+        elif place <= 2 * n + s.input_count + s.parameter_count + s.output_count:
+            failed = find_outputs(s)
+            if failed != OK:
+                return failed
+            values[k] = s.outputs[place - 1 - 2 * n - s.input_count - s.parameter_count]
+        else:
+            return unknown(s)
+    return OK
+
+
+def unknown(s: FmuInstance) -> int:
+    """Refuse a reference that there is not, or that is not to be set."""
+    s.message = NO_VALUE
+    return ERROR
+
+
+def set_values(s: FmuInstance, references: ShortInts, count: int, values: Floats) -> int:
+    """Set states, inputs and parameters."""
+    n = s.solver.n
+    for k in range(count):
+        if not isfinite(values[k]):
+            s.message = NOT_FINITE
+            return ERROR
+        place = references[k] - 1
+        if 0 <= place < n:
+            if s.phase == RUNNING:
+                s.message = NOT_NOW
+                return ERROR
+            s.state[place] = values[k]
+            s.is_set[place] = 1
+            forget(s)
+        elif 2 * n <= place < 2 * n + s.input_count:
+            if s.solver.inputs[place - 2 * n] != values[k]:
+                s.solver.inputs[place - 2 * n] = values[k]
+                s.broken = 1
+                forget(s)
+        elif 2 * n + s.input_count <= place < 2 * n + s.input_count + s.parameter_count:
+            s.parameters[place - 2 * n - s.input_count] = values[k]
+            s.constants_known = 0
+            s.broken = 1
+        else:
+            return unknown(s)
+    return OK
+
+
+def get_slopes(s: FmuInstance, unknowns: ShortInts, unknown_count: int, knowns: ShortInts, known_count: int, seed: Floats, result: Floats) -> int:  # fmt: skip
+    """Compute the derivatives of rates and outputs along a direction of states and inputs."""
+    n = s.solver.n
+    find_all_slopes(s)
+    for i in range(n + s.input_count):
+        s.seed[i] = 0.0
+    for k in range(known_count):
+        place = knowns[k] - 1
+        if 0 <= place < n:
+            s.seed[place] += seed[k]
+        elif 2 * n <= place < 2 * n + s.input_count:
+            s.seed[place - n] += seed[k]
+        else:
+            s.message = NO_SLOPE
+            return ERROR
+    for k in range(unknown_count):
+        row = row_of(s, unknowns[k] - 1)
+        if row < 0:
+            s.message = NO_SLOPE
+            return ERROR
+        total = 0.0
+        for i in range(s.slope_count):
+            if s.slope_rows[i] == row:
+                total += s.slopes[i] * s.seed[s.slope_columns[i]]
+        result[k] = total
+    return OK
+
+
+def row_of(s: FmuInstance, place: int) -> int:
+    """Return the row of the slopes of a rate or an output; -1 for what has none."""
+    n = s.solver.n
+    before = 2 * n + s.input_count + s.parameter_count
+    if n <= place < 2 * n:
+        return place - n
+    if before <= place < before + s.output_count:
+        return place - before + n
+    return -1
+
+
+def check_limits(s: FmuInstance) -> int:
+    """Look at the limits of the model at the current values."""
+    settle(s)
+    w = s.solver
+    if w.limit_count == 0:
+        return OK
+    w.holds(inside(s), s.state, w.inputs, w.constants, w.mode, w.truth)
+    return judge_limits(s, inside(s), s.state)
+
+
+def judge_limits(s: FmuInstance, time: float, state: Floats) -> int:
+    """Judge the truth of the limits at a state: a table that is left by more than the tolerance is an error, a requirement a warning, once."""
+    w = s.solver
+    answer = OK
+    for k in range(w.limit_count):
+        if w.truth[k] == 1.0 or w.left[k] != 0:
+            continue
+        if s.is_table[k] == 0:
+            w.left[k] = 1
+            s.message = LIMIT_LEFT
+            answer = WARNING
+            continue
+        s.find_limits(time, state, w.inputs, w.constants, w.mode, s.limit_values)
+        at = s.limit_place[k]
+        x = s.limit_values[at]
+        low = s.limit_values[at + 1]
+        high = s.limit_values[at + 2]
+        if not max(low - x, x - high) <= s.relative * (high - low):
+            s.message = TABLE_LEFT
+            return ERROR
+    return answer
+
+
+def may_start(s: FmuInstance) -> int:
+    """Begin the initialization."""
+    if s.phase != INSTANTIATED:
+        s.message = NOT_NOW
+        return ERROR
+    s.phase = INITIALIZING
+    return OK
+
+
+def have_none(s: FmuInstance, count: int) -> int:
+    """Answer to a request of values of a type that no quantity has."""
+    return OK if count == 0 else unknown(s)
+
+
+def refuse(s: FmuInstance) -> int:
+    """Refuse what no unit of ours does."""
+    s.message = NOT_NOW
+    return ERROR

@@ -1,0 +1,133 @@
+"""A model as a functional mock-up unit of FMI 2.0: model exchange and co-simulation in one file, without a compiler or a linker.
+
+The libraries are linked here from object code: that of the runtime, which is the same for all models, and that of the program.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+from compiler import api
+
+from .. import cache
+from ..errors import UsageError
+from ..native import compiled_for, kernel
+from ..prepared import chosen_target
+from ..simulation.run import DEFAULT_POINTS
+from .functions import exported, sources
+from .image import FUNCTIONS, ModelImage, image_of, llvm_data
+from .interface import llvm_interface
+from .interface_c import c_unit
+from .model_description import UnitHead, model_description
+from .obstacles import refuse
+from .platforms import PLATFORMS
+from .start import StartValues, start_values
+from .variables import variables_of
+
+if TYPE_CHECKING:
+    from compiler.api import Compilation, LibraryModule, Plan
+
+    from ..compiled_model import CompiledModel
+
+SOURCES = ("program.c", "fmu.c")
+READABLE = 0o644 << 16
+OPTIMISED = 1  # level of the runtime
+LONG_AGO = (1980, 1, 1, 0, 0, 0)  # date of the files, so that equal models give equal bytes
+
+
+@dataclass(frozen=True, slots=True)
+class _UnitParts:
+    """Parts that all platforms share."""
+
+    module: LibraryModule
+    image: ModelImage
+    head: UnitHead
+
+
+def fmu(model: CompiledModel, experiment: str | None = None, platforms: Sequence[str] = ("linux64",)) -> bytes:
+    """Return the bytes of a unit.
+
+    All parameters can be set, all inputs are free. With an experiment its settings are in it. Start, stop and tolerance are those of
+    the experiment, or of the first one. Raises `CompilationFailed`, `UsageError`, `RunFailed`.
+    """
+    for word in platforms or ("",):
+        if word not in PLATFORMS:
+            raise UsageError("BR640", f"there is no platform `{word}`; platforms are {', '.join(PLATFORMS)}")
+    chosen_target("native")
+    compilation = _compilation(model, experiment)
+    refuse(compilation)
+    plan = model.compilation(api.Scene(model.model, experiment or "")).plan
+    prepared = model.prepared(compilation.scene, True, "native")
+    values = start_values(prepared, compilation, plan, experiment)
+    module, structure = api.library_module(compilation.lowered, FUNCTIONS), api.structure_of(compilation.lowered)
+    descriptions = {name: q.description for name, q in compilation.whole_graph.quantities.items()}
+    variables = variables_of(compilation.lowered, structure, values, descriptions)
+    image = image_of(prepared.program, module, values)
+    token = hashlib.sha256(repr((module.text, image, variables, cache.code_version())).encode()).hexdigest()[:32]
+    parts = _UnitParts(module, image, _head(compilation, plan, values, f"{{{token}}}"))
+    files = {"modelDescription.xml": model_description(parts.head, variables, plan.report).encode("utf-8")}
+    for word in platforms:
+        platform = PLATFORMS[word]
+        files[f"binaries/{platform.folder}/{parts.head.identifier}{platform.ending}"] = _library(parts, word)
+    files |= _sources(compilation, parts)
+    return _zipped(files)
+
+
+def _compilation(model: CompiledModel, experiment: str | None) -> Compilation:
+    """Return the stages with all parameters and inputs free, differentiated by the inputs that no experiment sets."""
+    scene = api.Scene(model.model, experiment, free=frozenset({"*"}))
+    variables = model.compilation(scene, everything=True).state_space.variables
+    inputs = tuple(v.name for v in variables if v.role == "input")
+    if not inputs:
+        return model.compilation(scene, everything=True)
+    return model.compilation(api.Scene(model.model, experiment, free=frozenset({"*"}), by=inputs), everything=True)
+
+
+def _head(compilation: Compilation, plan: Plan, values: StartValues, token: str) -> UnitHead:
+    name = compilation.whole_graph.name
+    identifier = re.sub(r"\W", "_", name, flags=re.ASCII)
+    points = round(plan.settings.get("points", DEFAULT_POINTS))
+    return UnitHead(
+        name, identifier if not identifier[:1].isdigit() else f"_{identifier}", token, _description(compilation), plan.start, plan.stop,
+        values.tolerances.relative, points, SOURCES,
+    )  # fmt: skip
+
+
+def _description(compilation: Compilation) -> str:
+    """Return the text that an author has put behind the name of a model."""
+    model = compilation.tree.models.get(compilation.whole_graph.name)
+    texts = [s.text for s in model.statements if isinstance(s, api.Description)] if model is not None else []
+    return texts[0] if texts else ""
+
+
+def _library(parts: _UnitParts, platform: str) -> bytes:
+    """Return the shared library of a platform."""
+    runtime = kernel(
+        "runtime of exported units", lambda: api.translate(sources()) + llvm_interface(), OPTIMISED, platform
+    )
+    text = parts.module.text + llvm_data(parts.image, parts.head.token)
+    own, row = compiled_for(text, parts.module.level, platform), PLATFORMS[platform]
+    return api.link([runtime, own], api.SharedLibrary(parts.head.identifier + row.ending, exported(), row.system))
+
+
+def _sources(compilation: Compilation, parts: _UnitParts) -> dict[str, bytes]:
+    """Return the unit as files of C: the program, and the functions that an importer calls."""
+    program, prefix = api.write_library_c(compilation.lowered)
+    texts = dict(zip(SOURCES, (program, c_unit(parts.image, parts.head.token, prefix)), strict=True))
+    return {f"sources/{name}": text.encode("utf-8") for name, text in texts.items()}
+
+
+def _zipped(files: dict[str, bytes]) -> bytes:
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            entry = zipfile.ZipInfo(name, LONG_AGO)
+            entry.external_attr = READABLE
+            archive.writestr(entry, data, zipfile.ZIP_DEFLATED)
+    return stream.getvalue()

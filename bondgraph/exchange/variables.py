@@ -1,0 +1,119 @@
+"""Variables of a functional mock-up unit, in the order of their value references, with what each reads."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from compiler.api import Number, Source, read_unit
+
+if TYPE_CHECKING:
+    from compiler.api import Lowered, ProgramStructure, Variable
+
+    from .start import StartValues
+
+# Names of the structured convention: a.b[1].c, and der(a.b) of them.
+_STRUCTURED = re.compile(r"[A-Za-z_]\w*(\[\d+(,\d+)*\])?(\.[A-Za-z_]\w*(\[\d+(,\d+)*\])?)*", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class FmuVariable:
+    """A variable; its value reference is its place among all, from 0. `reads`: places and kinds of what a rate or an output depends on."""
+
+    name: str
+    causality: str
+    variability: str
+    unit: str
+    initial: str = ""
+    start: float | None = None
+    nominal: float | None = None
+    description: str = ""
+    derivative_of: int | None = None  # place
+    reads: tuple[tuple[int, str], ...] | None = None
+
+
+def variables_of(
+    lowered: Lowered, structure: ProgramStructure, values: StartValues, descriptions: Mapping[str, str]
+) -> tuple[FmuVariable, ...]:
+    """Return all variables. `descriptions`: the author's, by name."""
+    groups = (
+        [FmuVariable("time", "independent", "continuous", "s")], _states(lowered, values, descriptions), _rates(lowered, structure),
+        _inputs(lowered, values, descriptions), _parameters(lowered, structure, values, descriptions),
+        _outputs(lowered, structure, descriptions),
+    )  # fmt: skip
+    return tuple(_unique([item for group in groups for item in group]))
+
+
+def _states(lowered: Lowered, values: StartValues, descriptions: Mapping[str, str]) -> Iterator[FmuVariable]:
+    """Yield the states. One whose start parameters decide is calculated, and others can be set."""
+    magnitudes = values.tolerances.magnitude
+    for state, start, magnitude in zip(_state_variables(lowered), lowered.starts, magnitudes, strict=True):
+        number = float(start.value) if isinstance(start, Number) else None
+        initial, description = "calculated" if number is None else "exact", descriptions.get(state.name, "")
+        yield FmuVariable(state.name, "local", "continuous", state.unit, initial, number, float(magnitude), description)
+
+
+def _rates(lowered: Lowered, structure: ProgramStructure) -> Iterator[FmuVariable]:
+    for place, state in enumerate(_state_variables(lowered)):
+        name, unit, reads = f"der({state.name})", _rate_unit(state.unit), _reads(lowered, structure, place)
+        yield FmuVariable(name, "local", "continuous", unit, derivative_of=1 + place, reads=reads)
+
+
+def _inputs(lowered: Lowered, values: StartValues, descriptions: Mapping[str, str]) -> Iterator[FmuVariable]:
+    for number, value in zip(lowered.inputs, values.inputs, strict=True):
+        item = lowered.space.variables[number]
+        description = descriptions.get(item.name, "")
+        yield FmuVariable(item.name, "input", "continuous", item.unit, "", float(value), None, description)
+
+
+def _parameters(
+    lowered: Lowered, structure: ProgramStructure, values: StartValues, descriptions: Mapping[str, str]
+) -> Iterator[FmuVariable]:
+    """Yield the parameters. Those that only starts read are fixed."""
+    for place, (number, value) in enumerate(zip(lowered.parameters, values.parameters, strict=True)):
+        item, variability = lowered.space.variables[number], "tunable" if place in structure.read else "fixed"
+        description = descriptions.get(item.name, "")
+        yield FmuVariable(item.name, "parameter", variability, item.unit, "exact", float(value), None, description)
+
+
+def _outputs(lowered: Lowered, structure: ProgramStructure, descriptions: Mapping[str, str]) -> Iterator[FmuVariable]:
+    for row, (name, number) in enumerate(lowered.space.outputs.items(), len(lowered.space.states)):
+        unit, reads = lowered.space.variables[number].unit, _reads(lowered, structure, row)
+        description = descriptions.get(name, "")
+        yield FmuVariable(name, "output", "continuous", unit, "calculated", description=description, reads=reads)
+
+
+def _state_variables(lowered: Lowered) -> list[Variable]:
+    return [lowered.space.variables[s.variable] for s in lowered.space.states]
+
+
+def _reads(lowered: Lowered, structure: ProgramStructure, row: int) -> tuple[tuple[int, str], ...]:
+    """Return the places of what a row reads among the variables, and how."""
+    count = len(lowered.space.states)
+    dependencies = [(d.column, d.kind) for d in structure.dependencies if d.row == row]
+    return tuple((1 + column if column < count else 1 + count + column, kind) for column, kind in dependencies)
+
+
+def _rate_unit(unit: str) -> str:
+    second = read_unit(Source("unit", "s"))
+    return str(read_unit(Source("unit", unit or "1")).dimension / second.dimension)
+
+
+def _unique(variables: Sequence[FmuVariable]) -> Iterator[FmuVariable]:
+    """Yield the variables, an output that has the name of another quantity with `output.` before it."""
+    taken: set[str] = set()
+    for item in variables:
+        if item.name in taken:
+            item = replace(item, name=f"output.{item.name}")
+        taken.add(item.name)
+        yield item
+
+
+def is_structured(variables: Sequence[FmuVariable]) -> bool:
+    """Return True if all names are of the structured convention."""
+    names = (
+        item.name.removeprefix("der(").removesuffix(")") if item.derivative_of else item.name for item in variables
+    )
+    return all(_STRUCTURED.fullmatch(name) for name in names)

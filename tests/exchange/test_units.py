@@ -1,0 +1,288 @@
+"""Functional mock-up units in another tool: closed forms, time events, states, slopes, limits, several instances."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import subprocess
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import bondgraph
+from bondgraph.commands import commands
+from compiler.errors import CompilationFailed
+from tests.exchange.unit_files import exported, instance, run
+
+pytestmark = pytest.mark.machine_code
+KINDS = ("ModelExchange", "CoSimulation")
+# A mass on a spring, pulled by an input from a time on.
+SPRING = """model Spring {
+  "A mass on a spring."
+  parameter m = 2 kg, k: N/m = 8, x_0 = 3 mm, t_0 = 0.5 s
+  input pull_by: N = 0
+  MSe pull : F = pull_by*step(time - t_0)
+  1 body
+  I mass : p = m*v
+  C spring : F = k*x { start x = x_0 }
+  pull -> body -> mass, spring
+  output x = spring.x
+  output work = 0.5*k*spring.x^2
+  experiment swing { simulate 0 .. 3 s; report x in mm }
+}
+"""
+STIFF = """plain model Kinetics {
+  Sf a : f = 0
+  0 one
+  C q : e = q { start q = 1 }
+  R slow : f = 0.04*e
+  MR fast : f = 1e6*(e - cos(time))
+  a -> one -> q, slow, fast
+  output u = q.q
+  experiment long { simulate 0 .. 10 }
+}
+"""
+LIMITED = """plain model Limited {
+  Sf a : f = 1
+  0 one
+  C q : e = linear(q, (0, 1, 2), (0, 3, 4)) { start q = 0.5 }
+  R r : f = 0*e
+  a -> one -> q, r
+  require q.q < 1.2 "it is filled too far"
+  output u = q.e
+  experiment fill { simulate 0 .. 1 }
+}
+"""
+
+
+def swing(time: np.ndarray, m: float, k: float, x_0: float, t_0: float, force: float) -> np.ndarray:
+    w, after = math.sqrt(k / m), np.maximum(time - t_0, 0.0)
+    return x_0 * np.cos(w * time) + force / k * (1 - np.cos(w * after))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_closed_form_with_a_time_event_that_a_parameter_moves(kind: str, tmp_path: Path) -> None:
+    exported(SPRING, tmp_path)
+    values = {"pull_by": 0.04, "t_0": 0.9, "k": 12.5, "x_0": 5e-3}
+    found = run(tmp_path, kind, rtol=1e-9, start_values=values, output=["x", "work"])
+    closed = swing(found["time"], 2.0, 12.5, 5e-3, 0.9, 0.04)
+    assert np.abs(found["x"] - closed).max() < (1e-10 if kind == "CoSimulation" else 1e-8)
+    assert found["work"] == pytest.approx(0.5 * 12.5 * found["x"] ** 2, rel=1e-12)
+
+
+def test_a_looser_tolerance_is_met_with_a_larger_error(tmp_path: Path) -> None:
+    exported(SPRING, tmp_path)
+    errors = []
+    for rtol in (1e-3, 1e-9):
+        found = run(tmp_path, "CoSimulation", rtol=rtol, output_interval=3.0)
+        errors.append(np.abs(found["x"] - swing(found["time"], 2.0, 8.0, 3e-3, 0.5, 0.0)).max() / 3e-3)
+    assert errors[1] < 1e-9 < 10 * errors[1] or errors[1] < errors[0] < 1e-2
+
+
+def test_description_structure_and_units(tmp_path: Path) -> None:
+    found = exported(SPRING, tmp_path)
+    by_name = {v.name: v for v in found.modelVariables}
+    assert found.description == "A mass on a spring." and found.variableNamingConvention == "structured"
+    assert [by_name[n].variability for n in ("m", "k", "x_0", "t_0")] == ["tunable", "tunable", "fixed", "tunable"]
+    assert (by_name["mass.p"].initial, by_name["spring.x"].initial) == ("exact", "calculated")
+    assert (by_name["x"].unit, by_name["x"].displayUnit) == ("m", "mm") and by_name["der(mass.p)"].unit == "N"
+    assert {u.name: u.baseUnit.s for u in found.unitDefinitions if u.baseUnit}["N/m"] == -2
+    assert float(by_name["spring.x"].nominal) > 0
+    reads = {
+        u.variable.name: ([v.name for v in u.dependencies], u.dependenciesKind)
+        for u in [*found.outputs, *found.derivatives]
+    }
+    assert reads["x"] == (["spring.x"], ["constant"])
+    assert reads["work"] == (["spring.x"], ["dependent"])
+    assert reads["der(spring.x)"] == (["mass.p"], ["tunable"])
+    assert reads["der(mass.p)"] == (["spring.x", "pull_by"], ["tunable", "dependent"])
+    experiment = found.defaultExperiment
+    assert [float(x) for x in (experiment.startTime, experiment.stopTime, experiment.tolerance)] == [0.0, 3.0, 1e-6]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_slopes_are_those_of_the_equations(kind: str, tmp_path: Path) -> None:
+    exported(SPRING, tmp_path)
+    with instance(tmp_path, kind, {"pull_by": 0.5, "x_0": 2e-3}) as (unit, place):
+        if kind == "CoSimulation":
+            unit.doStep(0.0, 0.75)
+        rows, columns = [place["der(mass.p)"], place["work"], place["x"]], [place["spring.x"], place["pull_by"]]
+        (x,) = unit.getReal([place["spring.x"]])
+        after = 1.0 if kind == "CoSimulation" else 0.0
+        along = [unit.getDirectionalDerivative(rows, [c], [1.0]) for c in columns]
+        assert [list(a) for a in along] == [[-8.0, 8.0 * x, 1.0], [after, 0.0, 0.0]]
+        assert list(unit.getDirectionalDerivative(rows, columns, [2.0, 3.0]))[0] == -16.0 + 3.0 * after
+
+
+def test_states_are_kept_and_brought_back_bit_by_bit(tmp_path: Path) -> None:
+    """A state, and one that went through a file, lead to the same bits; also after other steps."""
+    exported(SPRING, tmp_path)
+    with instance(tmp_path, values={"pull_by": 0.1}) as (unit, place):
+        names = [place["x"], place["mass.p"]]
+        unit.doStep(0.0, 0.3)
+        state = unit.getFMUState()
+        saved = unit.serializeFMUState(state)
+        unit.doStep(0.3, 0.4)
+        wanted = unit.getReal(names)
+        other = unit.deserializeFMUState(saved)
+        assert unit.serializeFMUState(other) == saved
+        for number in range(200):
+            unit.setFMUState(other if number % 2 else state)
+            unit.doStep(0.3, 0.4)
+            assert unit.getReal(names) == wanted
+            unit.doStep(0.7, 0.1 + 0.001 * number)
+        unit.freeFMUState(state)
+        unit.freeFMUState(other)
+
+
+def test_instances_in_one_process_do_not_touch_each_other(tmp_path: Path) -> None:
+    exported(SPRING, tmp_path)
+    settings = ({"k": 8.0, "pull_by": 0.2}, {"k": 50.0, "pull_by": -0.1})
+
+    def alone(values: dict[str, float]) -> list[float]:
+        with instance(tmp_path, values=values) as (unit, place):
+            return [unit.doStep(0.1 * i, 0.1) or unit.getReal([place["x"]])[0] for i in range(10)]
+
+    wanted = [alone(values) for values in settings]
+    with (
+        instance(tmp_path, values=settings[0]) as (one, place),
+        instance(tmp_path, values=settings[1]) as (two, _),
+    ):
+        for i in range(10):
+            for unit, values in zip((one, two), wanted, strict=True):
+                unit.doStep(0.1 * i, 0.1)
+                assert unit.getReal([place["x"]])[0] == values[i]
+
+
+def test_values_that_change_between_steps(tmp_path: Path) -> None:
+    """An input and a tunable parameter are set while it runs; then it is reset."""
+    exported(SPRING, tmp_path)
+    with instance(tmp_path, values={"t_0": 0.0, "x_0": 0.0}, tolerance=1e-10) as (unit, place):
+        unit.setReal([place["pull_by"]], [0.08])
+        unit.doStep(0.0, 1.0)
+        x, p = unit.getReal([place["spring.x"], place["mass.p"]])
+        assert x == pytest.approx(0.01 * (1 - math.cos(2.0)), rel=1e-8)
+        unit.setReal([place["pull_by"], place["k"]], [0.0, 18.0])
+        unit.doStep(1.0, 1.0)
+        assert unit.getReal([place["x"]])[0] == pytest.approx(x * math.cos(3.0) + p / 6.0 * math.sin(3.0), rel=1e-8)
+        unit.reset()
+        unit.setupExperiment(startTime=0.0)
+        unit.enterInitializationMode()
+        unit.exitInitializationMode()
+        assert unit.getReal([place["k"], place["pull_by"], place["x"]]) == [8.0, 0.0, 3e-3]
+
+
+def test_a_stiff_model_is_integrated_by_the_implicit_method(tmp_path: Path) -> None:
+    exported(STIFF, tmp_path)
+    found = run(tmp_path, "CoSimulation", output_interval=0.5)
+    mine = bondgraph.load(STIFF).simulate(rtol=1e-9)
+    assert np.interp(found["time"], mine.time, mine["u"]) == pytest.approx(found["u"], abs=1e-5)
+
+
+def test_limits_of_a_model_are_told(tmp_path: Path) -> None:
+    """A requirement is a warning, once; a table that is left is an error, with a sentence in the log."""
+    exported(LIMITED, tmp_path)
+    from fmpy.fmi1 import FMICallException
+    from fmpy.fmi2 import defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+
+    told: list[tuple[int, str]] = []
+    callbacks = fmi2CallbackFunctions()
+    callbacks.logger = fmi2CallbackLoggerTYPE(
+        lambda _, name, status, category, text: told.append((status, text.decode()))
+    )
+    callbacks.allocateMemory, callbacks.freeMemory = defaultCallbacks.allocateMemory, defaultCallbacks.freeMemory
+    with instance(tmp_path, callbacks=callbacks) as (unit, place):
+        unit.doStep(0.0, 0.5)
+        assert told == []
+        unit.doStep(0.5, 0.5)
+        unit.doStep(1.0, 0.25)
+        assert told == [(1, "A requirement of the model does not hold any more.")]
+        assert unit.getReal([place["u"]])[0] == pytest.approx(3.75, rel=1e-9)
+        with pytest.raises(FMICallException):
+            unit.doStep(1.25, 0.5)
+        assert told[1:] == [(3, "A table of the model is asked outside of its range.")]
+
+
+def test_what_an_importer_must_not_do_is_refused(tmp_path: Path) -> None:
+    exported(SPRING, tmp_path)
+    from fmpy.fmi1 import FMICallException
+
+    with instance(tmp_path) as (unit, place):
+        for call in (
+            lambda: unit.getReal([999]), lambda: unit.setReal([place["x"]], [1.0]), lambda: unit.setReal([place["k"]], [math.nan]),
+            lambda: unit.doStep(5.0, 0.1), lambda: unit.enterInitializationMode(), lambda: unit.getInteger([0]),
+            lambda: unit.getDirectionalDerivative([place["x"]], [place["k"]], [1.0]),
+        ):  # fmt: skip
+            with pytest.raises(FMICallException):
+                call()
+        unit.doStep(0.0, 0.1)
+
+
+@pytest.mark.parametrize("name", ["oscillator", "van_der_pol", "pid_dc_motor", "gyroscope"])
+def test_models_give_the_numbers_of_a_run(name: str, tmp_path: Path) -> None:
+    path = Path(__file__).resolve().parents[2] / "models" / f"{name}.bg"
+    model = bondgraph.load(path)
+    mine = model.simulate(rtol=1e-9)
+    exported(path, tmp_path, mine.experiment or None)
+    found = run(tmp_path, "CoSimulation", rtol=1e-7, output_interval=float(mine.time[-1]) / 20)
+    for output in mine.names:
+        at = np.searchsorted(mine.time, found["time"] - 1e-9)
+        size = np.abs(mine[output]).max()
+        assert np.abs(found[output] - mine[output][at]).max() < 1e-5 * size, output
+
+
+def test_sources_give_the_same_bits(tmp_path: Path) -> None:
+    if not (compiler := shutil.which("gcc") or shutil.which("cc")):
+        pytest.skip("no C compiler")
+    exported(SPRING, tmp_path)
+    wanted = {kind: run(tmp_path, kind, start_values={"pull_by": 0.3}) for kind in KINDS}
+    with zipfile.ZipFile(tmp_path / "unit.fmu") as archive:
+        archive.extractall(tmp_path)
+    library = tmp_path / "binaries" / "linux64" / "Spring.so"
+    files = [str(tmp_path / "sources" / name) for name in ("program.c", "fmu.c")]
+    flags = ("-std=c11", "-O0", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden", "-Wall", "-Werror")
+    more = ("-Wno-unused-function", "-Wno-unused-variable")
+    subprocess.run([compiler, *flags, *more, *files, "-lm", "-o", str(library)], check=True)
+    with zipfile.ZipFile(tmp_path / "unit.fmu", "w") as archive:
+        archive.write(tmp_path / "modelDescription.xml", "modelDescription.xml")
+        archive.write(library, "binaries/linux64/Spring.so")
+    for kind in KINDS:
+        found = run(tmp_path, kind, start_values={"pull_by": 0.3})
+        assert all(np.array_equal(found[n], wanted[kind][n]) for n in found.dtype.names)
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        ("when spring.x > 4 [mm] { hits = hits + 1 }", "events"), ("output late = delay(spring.x, 1 ms)", "delayed signals"),
+    ],
+)  # fmt: skip
+def test_what_a_unit_cannot_hold_is_named(part: str, words: str) -> None:
+    text = SPRING.replace("  output work", f"  {part}\n  output work")
+    if "hits" in part:
+        text = text.replace("parameter m", "mode hits = 0\n  output count = hits\n  parameter m")
+    with pytest.raises(CompilationFailed) as failed:
+        bondgraph.load(text).to_fmu("never.fmu")
+    assert {d.code for d in failed.value.diagnostics} == {"BG606"}
+    assert words in failed.value.diagnostics[0].sentence
+    assert not Path("never.fmu").exists()
+
+
+def test_the_command_writes_units(tmp_path: Path) -> None:
+    (tmp_path / "m.bg").write_text(SPRING, encoding="utf-8")
+    out = tmp_path / "m.fmu"
+    arguments = ["compile", str(tmp_path / "m.bg"), "-o", str(out), "--platforms", "linux64,linux-aarch64"]
+    assert CliRunner().invoke(commands, [*arguments, "--experiment", "swing"]).exit_code == 0
+    first = out.read_bytes()
+    with zipfile.ZipFile(out) as archive:
+        folders = {n.split("/")[1] for n in archive.namelist() if n.startswith("binaries/")}
+    assert folders == {"linux64", "aarch64-linux"}
+    assert CliRunner().invoke(commands, [*arguments, "--experiment", "swing"]).exit_code == 0
+    assert out.read_bytes() == first  # equal models give equal bytes
+    wrong = CliRunner().invoke(commands, [*arguments[:-1], "amiga"])
+    assert wrong.exit_code == 2 and "platforms are linux64, linux-aarch64" in wrong.output
+    wrong = CliRunner().invoke(commands, ["compile", str(tmp_path / "m.bg"), "-o", "m.py", "--platforms", "linux64"])
+    assert wrong.exit_code == 2

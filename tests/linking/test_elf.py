@@ -1,0 +1,201 @@
+"""Shared libraries of our own linker: loaded and called, read by other tools, and made of damaged objects."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import platform
+import random
+import shutil
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from compiler.jit.machine import object_code
+from compiler.linking.elf_library import SharedLibrary, link
+from compiler.linking.elf_object import LinkError, read_object
+
+pytestmark = pytest.mark.machine_code
+here = pytest.mark.skipif(
+    sys.platform != "linux" or platform.machine() != "x86_64", reason="libraries of Linux on x86-64 are loaded"
+)
+SYSTEM = (("libm.so.6", frozenset(("sin", "cos", "pow"))), ("libc.so.6", frozenset(("memset",))))
+FIRST = """
+@weights = private constant [3 x double] [double 2.0, double 3.0, double 5.0]
+@table = internal global [2 x ptr] [ptr @twice, ptr @weighted]
+@count = internal global i64 0
+declare double @sin(double)
+declare double @cos(double)
+declare double @other(double)
+define double @twice(double %x) {
+  %y = fadd double %x, %x
+  ret double %y
+}
+define double @weighted(double %x) {
+  %p = getelementptr [3 x double], ptr @weights, i64 0, i64 2
+  %w = load double, ptr %p
+  %y = fmul double %x, %w
+  ret double %y
+}
+define double @circle(double %x) {
+  %s = call double @sin(double %x)
+  %c = call double @cos(double %x)
+  %y = fadd double %s, %c
+  ret double %y
+}
+define double @chosen(i64 %n, double %x) {
+  %p = getelementptr [2 x ptr], ptr @table, i64 0, i64 %n
+  %f = load ptr, ptr %p
+  %y = call double %f(double %x)
+  ret double %y
+}
+define double @both(double %x) {
+  %y = call double @other(double %x)
+  ret double %y
+}
+define i64 @counted() {
+  %n = load i64, ptr @count
+  %m = add i64 %n, 1
+  store i64 %m, ptr @count
+  ret i64 %m
+}
+"""
+# A function of the same name in each object: each calls its own.
+SECOND = """
+define double @twice(double %x) {
+  %y = fmul double %x, 20.0
+  ret double %y
+}
+define double @other(double %x) {
+  %y = call double @twice(double %x)
+  ret double %y
+}
+"""
+EXPORTED = ("twice", "weighted", "circle", "chosen", "both", "counted")
+
+
+def library(platform: str = "linux64", exported: tuple[str, ...] = EXPORTED) -> bytes:
+    objects = [object_code(text, 0, platform) for text in (FIRST, SECOND)]
+    return link(objects, SharedLibrary("some.so", exported, SYSTEM))
+
+
+@here
+def test_functions_of_a_library_are_called(tmp_path: Path) -> None:
+    """Calls into the mathematical library, constants, addresses in data, memory that begins as zero, calls between objects."""
+    path = tmp_path / "some.so"
+    path.write_bytes(library())
+    loaded = ctypes.CDLL(str(path))
+    for name in EXPORTED[:-1]:
+        getattr(loaded, name).restype = ctypes.c_double
+    x = ctypes.c_double(0.7)
+    assert loaded.twice(x) == 1.4
+    assert loaded.weighted(x) == 3.5
+    assert loaded.circle(x) == math.sin(0.7) + math.cos(0.7)
+    assert [loaded.chosen(ctypes.c_int64(n), x) for n in (0, 1)] == [1.4, 3.5]
+    assert loaded.both(x) == 14.0
+    assert [loaded.counted() for _ in range(3)] == [1, 2, 3]
+    with pytest.raises(AttributeError):
+        _ = loaded.other  # it is not exported
+
+
+@here
+def test_two_libraries_have_their_own_data(tmp_path: Path) -> None:
+    paths = [tmp_path / "one.so", tmp_path / "two.so"]
+    for path in paths:
+        path.write_bytes(library())
+    one, two = (ctypes.CDLL(str(path)) for path in paths)
+    assert [one.counted(), one.counted(), two.counted()] == [1, 2, 1]
+
+
+@pytest.mark.parametrize("platform", ["linux64", "linux-aarch64"])
+def test_another_tool_reads_a_library(platform: str, tmp_path: Path) -> None:
+    if not (tool := shutil.which("readelf")):
+        pytest.skip("no readelf")
+    path = tmp_path / "some.so"
+    path.write_bytes(library(platform))
+    command = [tool, "-W", "-l", "-d", "-r", "-s", "--use-dynamic", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    parts = [line.split() for line in done.stdout.splitlines()]
+    loads = [p[6:-1] for p in parts if p[:1] == ["LOAD"]]
+    assert loads == [["R"], ["R", "E"], ["RW"]]
+    assert any(p[:1] == ["GNU_STACK"] and "RW" in p for p in parts)
+    assert "BIND_NOW" in done.stdout and "libm.so.6" in done.stdout and "libc.so.6" not in done.stdout
+    names = {p[-1]: p[-2] for p in parts if len(p) == 8 and p[3] == "FUNC"}
+    assert {n for n, place in names.items() if place == "UND"} == {"sin", "cos"}
+    assert {n for n, place in names.items() if place != "UND"} == set(EXPORTED)
+
+
+def test_addresses_in_instructions_of_arm() -> None:
+    """The pair `adrp`, `ldr` that reads the constant of `weighted` leads to it: 5.0 at byte 16 of the list."""
+    data = library("linux-aarch64")
+    place, size = _symbol(data, "weighted")
+    words = struct.unpack_from(f"<{size // 4}I", data, place)
+    far = next(i for i, w in enumerate(words) if w & 0x9F000000 == 0x90000000)
+    pages = (words[far] >> 29 & 3) | (words[far] >> 5 & 0x7FFFF) << 2
+    pages -= (pages & 1 << 20) * 2
+    page = ((place + 4 * far) >> 12) + pages << 12
+    near = next(w for w in words[far + 1 :] if w & 0x3B000000 in (0x39000000, 0x11000000))
+    shift = 3 if near & 0x3B000000 == 0x39000000 else 0
+    at = page + ((near >> 10 & 0xFFF) << shift)
+    assert 5.0 in struct.unpack_from("<3d", data, at)
+
+
+def _symbol(data: bytes, name: str) -> tuple[int, int]:
+    """Address and size of an exported function, from the table that the loader reads."""
+    (start,) = struct.unpack_from("<Q", data, 32)
+    count = struct.unpack_from("<H", data, 56)[0]
+    parts = [struct.unpack_from("<IIQQQQQQ", data, start + 56 * i) for i in range(count)]
+    place, length = next((p[2], p[5]) for p in parts if p[0] == 2)
+    table = dict(struct.unpack_from("<QQ", data, place + i) for i in range(0, length, 16))
+    for i in range(1, 1000):
+        row = struct.unpack_from("<IBBHQQ", data, table[6] + 24 * i)
+        text = table[5] + row[0]
+        if data[text : data.index(b"\0", text)].decode() == name:
+            return row[4], row[5]
+    raise AssertionError(name)
+
+
+def test_what_is_not_there_is_named() -> None:
+    with pytest.raises(LinkError, match="`tan` is to be exported, but is not defined"):
+        library(exported=("tan",))
+    with pytest.raises(LinkError, match="`other` is defined nowhere"):
+        link([object_code(FIRST, 0, "linux64")], SharedLibrary("some.so", (), SYSTEM))
+    with pytest.raises(LinkError, match="one known processor"):
+        link([object_code(SECOND, 0, p) for p in ("linux64", "linux-aarch64")], SharedLibrary("some.so", (), SYSTEM))
+    for data in (b"", b"\x7fELF", b"MZ" + bytes(200), bytes(64)):
+        with pytest.raises(LinkError):
+            read_object(data)
+
+
+def test_damaged_objects_are_linked_or_refused() -> None:
+    """Bytes changed, cut and doubled at random places: never another exception, never a library without end."""
+    chance = random.Random(1)
+    good = [object_code(text, 0, "linux64") for text in (FIRST, SECOND)]
+    answers = {"linked": 0, "refused": 0}
+    for _ in range(1500):
+        data = bytearray(good[0])
+        for _ in range(chance.choice((1, 1, 2, 5))):
+            at = chance.randrange(len(data))
+            match chance.randrange(4):
+                case 0:
+                    data[at] = chance.randrange(256)
+                case 1:
+                    data[at] ^= 1 << chance.randrange(8)
+                case 2:
+                    data[at : at + 8] = chance.choice((bytes(8), b"\xff" * 8, bytes(7) + b"\x80"))
+                case _:
+                    data = data[:at] if chance.random() < 0.1 else data
+            if not data:
+                break
+        try:
+            image = link([bytes(data), good[1]], SharedLibrary("some.so", EXPORTED, SYSTEM))
+        except LinkError:
+            answers["refused"] += 1
+        else:
+            answers["linked"] += 1
+            assert len(image) < 1 << 24
+    assert min(answers.values()) > 100, answers
