@@ -44,7 +44,10 @@ def test_a_part_is_documented(part: LibraryPart) -> None:
     assert all(p.domain for p in interface.ports)
 
 
-@pytest.mark.parametrize("target", ["native", "numpy"])
+@pytest.mark.parametrize(
+    "target",
+    [pytest.param("native", marks=pytest.mark.machine_code), pytest.param("numpy", marks=pytest.mark.interpreted)],
+)
 @pytest.mark.parametrize("name", NAMES)
 def test_an_example_has_its_closed_form(name: str, target: str) -> None:
     found = example(name).simulate(rtol=RTOL, target=target, points=41)
