@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..compiled_model import CompiledModel
 
 FEWEST = 3  # runs of a group; fewer take longer together than alone
+MOST_NUMBERS = 8_000_000  # in states and outputs of runs that are stepped at once
 
 
 def simulate_together(
@@ -47,11 +48,20 @@ def simulate_together(
             parameters[:, place] = settled.values[name]
     with np.errstate(all="ignore"), one_thread(len(program.states.names)):
         for runs, course in grouped(scene, parameters):
-            if len(runs) < FEWEST:
-                continue
-            for number, result in _results(scene, runs, course):
-                results[rows[number]] = result
+            for part in _parts(scene, runs):
+                for number, result in _results(scene, part, course):
+                    results[rows[number]] = result
     return results
+
+
+def _parts(scene: BatchScene, runs: Runs) -> Iterator[Runs]:
+    """Yield so many runs at once as memory is meant for; none of so few that they are faster alone."""
+    width = len(scene.program.variables.names) + len(scene.program.outputs.names)
+    most = max(1, MOST_NUMBERS // (len(scene.instants) * width))
+    for first in range(0, len(runs), most):
+        part = runs.those(slice(first, first + most))
+        if len(part) >= FEWEST:
+            yield part
 
 
 def is_together(

@@ -153,6 +153,22 @@ def test_options_of_steps(options: dict[str, Any]) -> None:
     assert is_whole(together(DUFFING, [{"k": 90.0}, {"k": 110.0}], **options))
 
 
+@pytest.mark.parametrize("runs", [1, 2, 5])
+def test_runs_with_many_points_are_stepped_some_at_once(runs: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Memory is that of so many runs as are stepped at once: here of states x and p and one output at 501 instants."""
+    monkeypatch.setattr(batch, "MOST_NUMBERS", 3 * 501 * runs)
+    sizes: list[int] = []
+    plain = batch.batch_magnitudes
+
+    def measured(scene: Any, some: Any, course: Any) -> Any:
+        sizes.append(len(some))
+        return plain(scene, some, course)
+
+    monkeypatch.setattr(batch, "batch_magnitudes", measured)
+    assert is_whole(together(DUFFING, [{"k": 80.0 + i} for i in range(7)]))
+    assert sum(sizes) == 7 and max(sizes) == runs
+
+
 @pytest.mark.parametrize("name", ["four_bar", "rlc", "end_stops", "robot_arm"])
 def test_events_loops_and_linear_models_are_left_to_runs_alone(name: str) -> None:
     model = bondgraph.load(f"models/{name}.bg")
