@@ -99,7 +99,10 @@ def test_a_ladder_of_two_thousand_parts() -> None:
     Same(original.whole_graph, compiled(text).whole_graph).check()
 
 
-PLANAR = (("x", "translation"), ("y", "translation"), ("phi", "rotation"))
+WIDE = {
+    "planar": {"x": "translation", "y": "translation", "phi": "rotation"},
+    "spatial": {**dict.fromkeys("xyz", "translation"), **dict.fromkeys(("rx", "ry", "rz"), "rotation")},
+}
 
 
 def bench(library: str, name: str, inward: tuple[bool, ...]) -> str:
@@ -112,11 +115,11 @@ def bench(library: str, name: str, inward: tuple[bool, ...]) -> str:
         f"  {name} part {{ {values} }}" if values else f"  {name} part",
     ]
     for port, enters in zip(ports(model), inward, strict=True):
-        outside, planar = f"outside_{port.name}", port.domain == "planar"
-        lines.append(f"  splitter {outside}(x, y, phi)" if planar else f"  0 {outside} : {port.domain}")
+        outside, wide = f"outside_{port.name}", WIDE.get(port.domain or "", {})
+        lines.append(f"  splitter {outside}({', '.join(wide)})" if wide else f"  0 {outside} : {port.domain}")
         first, second = (outside, f"part.{port.name}") if enters else (f"part.{port.name}", outside)
-        lines.append(f"  {first} {'=>' if planar else '->'} {second}")
-        lines += [f"  0 {outside}_{p} : {d}\n  {outside}_{p} -> {outside}.{p}" for p, d in PLANAR if planar]
+        lines.append(f"  {first} {'=>' if wide else '->'} {second}")
+        lines += [f"  0 {outside}_{p} : {d}\n  {outside}_{p} -> {outside}.{p}" for p, d in wide.items()]
     return "\n".join([*lines, "}"])
 
 
