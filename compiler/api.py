@@ -45,16 +45,18 @@ if TYPE_CHECKING:
     from .equations.sharing import dependent_rates
     from .equations.system import Assignment, EquationSystem, PowerPort, Storage, Variable
     from .errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, printable, render
-    from .graph.domains import BUNDLES, DOMAINS
+    from .graph.domains import BUNDLES, DOMAINS, Domain
     from .graph.elements import ELEMENTS, Kind, letters
     from .graph.mechanism import Joint, Mechanism, freedoms_of
     from .graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Quantity, Reading
     from .graph.network import Node as GraphNode
     from .graph.prune import adjustable
+    from .graph.units import PREFIXES, UNITS, Dimension, Scale
     from .linking.elf_library import SharedLibrary, link
     from .metamorphosis.reductions import smallest
     from .metamorphosis.text_changes import TEXT_CHANGES, Inapplicable, TextChange, TextScene, scene_of
     from .persistent_cache import CacheBackend
+    from .project import Document, Project, Survey
     from .garbage_collection import uncollected
     from .jit.arrays import Floats, Ints, Numbers, Record, ShortInts
     from .jit.c_source import BEGINNING as C_BEGINNING
@@ -71,15 +73,19 @@ if TYPE_CHECKING:
         Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, Reported,
         RunMetadata, Scene, Study,
     )  # fmt: skip
-    from .semantics.names.domain_table import ELEMENT_KINDS
-    from .semantics.names.scope import RESERVED
+    from .semantics.expressions.functions import FUNCTIONS
+    from .semantics.expressions.scales import scale_of
     from .semantics.expressions.unit import read_unit
+    from .semantics.names.domain_table import ELEMENT_KINDS, slot_defaults
+    from .semantics.names.part_kinds import attributes_of, kinds_of
+    from .semantics.names.scope import RESERVED, ElementEntry, FileScope, ModelDefinition, PartEntry
     from .semantics.names.project_folder import project_folder
     from .solvers import AUTOMATIC, SOLVERS, Solver
     from .source import Source, Span, read_text
     from .source_file import read_source
     from .steps import ANALYSIS_STEPS
-    from .syntax import parse, parse_expression, parse_law
+    from .syntax import parse, parse_expression, parse_law, tree
+    from .syntax.blocks import nodes_in
     from .syntax.format import format_text
     from .syntax.outline import Outline
     from .syntax.tree import (

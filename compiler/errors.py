@@ -44,7 +44,7 @@ class Diagnostic:
     @property
     def cause(self) -> tuple[str, str, int, str]:
         """Equal for one error of a definition in all its instances: code, file, place, and the words without names."""
-        return self.code, self.span.source.name, self.span.start, re.sub(r"`[^`]*`", "", self.sentence)
+        return self.code, self.span.source.name, self.span.offset, re.sub(r"`[^`]*`", "", self.sentence)
 
     def related(self) -> tuple[tuple[Span, str], ...]:
         """Other relevant places, each with a word why."""
@@ -72,7 +72,7 @@ class CompilationFailed(Exception):
         unique: dict[tuple[str, str, int, str], Diagnostic] = {}
         for item in diagnostics:
             unique.setdefault(item.cause, item)
-        self.diagnostics = tuple(sorted(unique.values(), key=lambda d: (d.span.source.name, d.span.start, d.code)))
+        self.diagnostics = tuple(sorted(unique.values(), key=lambda d: (d.span.source.name, d.span.offset, d.code)))
         super().__init__("\n\n".join(render(item) for item in self.diagnostics))
 
     def __reduce__(self) -> tuple[type[CompilationFailed], tuple[tuple[Diagnostic, ...]]]:

@@ -40,7 +40,7 @@ def _examine(
     certificate: Certificate | None = None
     tree, mistakes = parse_what_can_be_read(source)
     tree = None if tree is None else with_compound_units(tree)
-    broken = frozenset[str]() if tree is None else _models_with(mistakes, tree)
+    broken = frozenset[str]() if tree is None else models_with(mistakes, tree)
     if tree is None or (mistakes and not broken):
         return CompilationFailed(mistakes).diagnostics, None
     try:
@@ -55,22 +55,30 @@ def _examine(
         compilation.__dict__["tree"] = tree
         if parts.built is not None:
             compilation.__dict__["_built"] = parts.built
-        try:
-            if compilation.open_part is None:
-                compilation.look_at_laws()
-                certificate = compilation.certificate
-        except CompilationFailed as failed:
-            parts_only = model is None and any(isinstance(s, ModelSyntax | ParameterSet) for s in tree.statements)
-            found = [d for d in failed.diagnostics if not parts_only or d.code not in PART_ONLY]
-        except RecursionError:
-            found = [too_long(tree)]
+        found, certificate = look_at_equations(compilation)
     return (CompilationFailed(found).diagnostics, None) if found else ((), certificate)
+
+
+def look_at_equations(compilation: Compilation) -> tuple[list[Diagnostic], Certificate | None]:
+    """Return the errors that only the equations of the main model show, and its certificate; neither for a file of parts."""
+    tree = compilation.tree
+    try:
+        if compilation.open_part is not None:
+            return [], None
+        compilation.look_at_laws()
+        return [], compilation.certificate
+    except CompilationFailed as failed:
+        has_parts = any(isinstance(s, ModelSyntax | ParameterSet) for s in tree.statements)
+        parts_only = compilation.scene.model is None and has_parts
+        return [d for d in failed.diagnostics if not parts_only or d.code not in PART_ONLY], None
+    except RecursionError:
+        return [too_long(tree)], None
 
 
 _NO_BRACES = re.compile(r'"[^"\n]*"|#[^\n]*')  # texts and comments: braces in them open nothing
 
 
-def _models_with(mistakes: Sequence[Diagnostic], tree: SyntaxTree) -> frozenset[str]:
+def models_with(mistakes: Sequence[Diagnostic], tree: SyntaxTree) -> frozenset[str]:
     """Models with a line that cannot be parsed; none if such a line is outside of all models, where it defines the meaning of names."""
     found = set()
     for place in [d.span.start for d in mistakes]:

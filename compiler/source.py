@@ -17,11 +17,15 @@ _COMMENT = re.compile(r"#[^\n]*")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """One text with its name in messages; `path` is None for a text that is no file."""
+    """One text with its name in messages; `path` is None for a text that is no file.
+
+    `before`: of a piece of a file, the characters and lines of the file before it.
+    """
 
     name: str
     text: str
     path: Path | None = None
+    before: tuple[int, int] = (0, 0)
     line_starts: tuple[int, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -33,7 +37,8 @@ class Source:
         object.__setattr__(self, "line_starts", tuple(starts))
 
     def line(self, number: int) -> str:
-        """Text of line `number` (from 1), without its line break."""
+        """Text of line `number` of the file (from 1), without its line break."""
+        number -= self.before[1]
         start = self.line_starts[number - 1]
         end = self.line_starts[number] if number < len(self.line_starts) else len(self.text)
         return self.text[start:end].rstrip("\r\n")
@@ -49,13 +54,18 @@ class Span:
 
     @property
     def line(self) -> int:
-        """Line number, from 1."""
-        return bisect_right(self.source.line_starts, self.start)
+        """Line number in the file, from 1."""
+        return bisect_right(self.source.line_starts, self.start) + self.source.before[1]
 
     @property
     def column(self) -> int:
         """Column, from 1."""
-        return self.start - self.source.line_starts[self.line - 1] + 1
+        return self.start - self.source.line_starts[bisect_right(self.source.line_starts, self.start) - 1] + 1
+
+    @property
+    def offset(self) -> int:
+        """First character, counted from the beginning of the file."""
+        return self.source.before[0] + self.start
 
     @property
     def place(self) -> str:
@@ -80,6 +90,11 @@ class Span:
     def to(self, other: Span) -> Span:
         """Span from the start of this one to the end of the other."""
         return Span(self.source, self.start, max(self.end, other.end))
+
+
+def move(piece: Source, characters: int, lines: int) -> None:
+    """Tell a piece of a file how much of the file stands before it, as it changes when another piece is edited."""
+    object.__setattr__(piece, "before", (characters, lines))
 
 
 def read_text(path: str | Path, newline: str | None = None) -> str:

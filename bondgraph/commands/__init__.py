@@ -16,7 +16,7 @@ from .error_reporting import INTERRUPTED, problems_told
 
 COMMANDS = (
     "benchmark", "bode", "causality", "certificate", "check", "compile", "continue", "draw", "equations", "equilibrium", "explain", "fit", "fmt", "invert",
-    "library", "linearize", "modes", "montecarlo", "new", "report", "reproduce", "run", "sensitivity", "serve", "show", "stress", "sweep",
+    "library", "linearize", "lsp", "modes", "montecarlo", "new", "report", "reproduce", "run", "sensitivity", "serve", "show", "stress", "sweep",
 )  # fmt: skip
 STAGES = ("causality", "certificate", "compile", "equations", "explain", "show")  # commands of `stages.py`
 

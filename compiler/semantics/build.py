@@ -20,7 +20,7 @@ from .names.compound_units import in_one_literal, names_in
 from .names.domain_table import slot_defaults, wall_items
 from .names.errors import AbsentName, NoSingleModel, UnknownName
 from .names.imports import Loader
-from .names.scope import Absent, Broken, FileScope, ModelDefinition
+from .names.scope import Absent, Broken, FileScope, ModelDefinition, Scope
 from .names.statement_errors import MAXIMUM_MISTAKES, suggestion
 from .network.elaborate import Elaborator
 from .network.events import read_events
@@ -97,28 +97,50 @@ def check_parts(
     file.missing |= broken
     diagnostics = list(loader.diagnostics)
     known = ElaborationCache()
-    main = None if diagnostics or broken else _main(file, wanted)
+    main = None if diagnostics or broken else main_model(file, wanted)
     whole: Built | None = None
     for definition in [d for d in file.models.values() if d.file is file]:
         if len(diagnostics) > MAXIMUM_MISTAKES:
             break
-        opened = _Opened.of(definition, Scene(experiment=None), (), definition is not main, known)
-        whole = opened.built() if definition is main else whole
-        if definition is main and opened.elaborator.diagnostics:  # values missing for a run: reported last
-            whole, opened = None, _Opened.of(definition, Scene(experiment=None), (), True, known)
-            opened.built()
-        elif definition is not main:
-            opened.built()
-        diagnostics += opened.elaborator.diagnostics
-        for experiment in experiments_of(definition).values():
-            diagnostics += _check_experiment(opened, experiment, known)
-    elaborator = Elaborator((), True, known)
-    elaborator.check_sets(s for s in file.sets.values() if s.file is file)
-    diagnostics += elaborator.diagnostics
+        checked = check_model(definition, definition is main, known)
+        whole = checked.built if definition is main else whole
+        diagnostics += checked.diagnostics
+    diagnostics += check_sets(file, known)
     return Checked(diagnostics, None if diagnostics else whole)
 
 
-def _main(file: FileScope, wanted: str | None) -> ModelDefinition | None:
+@dataclass(frozen=True, slots=True)
+class CheckedModel:
+    """Errors in one model and its experiments, its names, and its flat graph; `built` is complete if there are no errors and it is the main model."""
+
+    diagnostics: list[Diagnostic]
+    scope: Scope | None  # None if a limit was passed
+    parts: Built | None
+    built: Built | None = None
+
+
+def check_model(definition: ModelDefinition, is_main: bool, known: ElaborationCache) -> CheckedModel:
+    """Elaborate one model with its experiments and return all errors in it."""
+    opened = _Opened.of(definition, Scene(experiment=None), (), not is_main, known)
+    parts = opened.built()
+    whole = parts if is_main else None
+    if is_main and opened.elaborator.diagnostics:  # values missing for a run: reported last
+        whole, opened = None, _Opened.of(definition, Scene(experiment=None), (), True, known)
+        parts = opened.built()
+    diagnostics = list(opened.elaborator.diagnostics)
+    for experiment in experiments_of(definition).values():
+        diagnostics += _check_experiment(opened, experiment, known)
+    return CheckedModel(diagnostics, opened.elaborator.root, parts, whole)
+
+
+def check_sets(file: FileScope, known: ElaborationCache) -> list[Diagnostic]:
+    """Return the errors in the sets of parameters of a file."""
+    elaborator = Elaborator((), True, known)
+    elaborator.check_sets(s for s in file.sets.values() if s.file is file)
+    return elaborator.diagnostics
+
+
+def main_model(file: FileScope, wanted: str | None) -> ModelDefinition | None:
     """The model that a run would take; None for a file of parts."""
     try:
         chosen = choose_model(file, wanted, [])

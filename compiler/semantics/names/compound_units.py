@@ -24,12 +24,23 @@ _NAMED = tree.Item | tree.PortItem | tree.Component | tree.Declared | tree.LoopS
 
 def with_compound_units(syntax: SyntaxTree) -> SyntaxTree:
     """Return the tree with one literal for each number and the symbols of units behind it that are no names of its model, nor letters of a law."""
-    if not _has_candidate(syntax.source.text):  # else the tree is not walked through
-        return syntax
-    sets = [s for s in syntax.statements if isinstance(s, tree.ParameterSet)]
-    shared = names_in(tuple(s for s in syntax.statements if not isinstance(s, tree.ModelSyntax | tree.ParameterSet)))
-    shared |= {s.name for s in sets}  # their members are read behind their names
-    return replace(syntax, statements=tuple(_folded(s, shared | names_in(s)) for s in syntax.statements))
+    statements = statements_with_compound_units(syntax.statements, syntax.source.text, shared_names(syntax.statements))
+    return replace(syntax, statements=statements)
+
+
+def shared_names(statements: tuple[tree.SyntaxNode, ...]) -> set[str]:
+    """Return the names that a file declares outside of models, which all of its models read."""
+    sets = {s.name for s in statements if isinstance(s, tree.ParameterSet)}  # their members are read behind their names
+    return sets | names_in(tuple(s for s in statements if not isinstance(s, tree.ModelSyntax | tree.ParameterSet)))
+
+
+def statements_with_compound_units(
+    statements: tuple[tree.SyntaxNode, ...], text: str, shared: Set[str]
+) -> tuple[tree.SyntaxNode, ...]:
+    """Return the statements of a part of a file, whose text is `text`, as `with_compound_units` would."""
+    if not _has_candidate(text):  # else the tree is not walked through
+        return statements
+    return tuple(_folded(s, shared | names_in(s)) for s in statements)
 
 
 def in_one_literal(value: Value, names: Set[str]) -> Value:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Set
 from pathlib import Path
 
 from ...errors import CompilationFailed, Diagnostic
@@ -19,10 +20,15 @@ MAXIMUM_FILES = 500
 
 
 class Loader:
-    """Loader of a file and its imports. Errors are collected."""
+    """Loader of a file and its imports. Errors are collected.
 
-    def __init__(self, library: Path | None) -> None:
-        self.library = library
+    `held`: trees of files that somebody holds, by path and name; None for a file that is to be read.
+    """
+
+    def __init__(
+        self, library: Path | None, held: Callable[[Path, str, Set[str]], SyntaxTree | None] | None = None
+    ) -> None:
+        self.library, self.held = library, held
         self.files: dict[Path, FileScope] = {}
         self.diagnostics: list[Diagnostic] = []
 
@@ -86,10 +92,7 @@ class Loader:
             if loaded is None:
                 if len(self.files) >= MAXIMUM_FILES:
                     raise Wrong(TooMany(statement.span, "Imported files", MAXIMUM_FILES))
-                source = Source(_shown(target, scope.source), read_text(target), target)
-                outline = Outline(source.text)
-                loaded = FileScope(source, {}, {}, {}, root=scope.root, library=self.library, outline=outline)
-                self._declare(loaded, with_compound_units(parse(source, outline.next_text(names))), chain)
+                loaded = self._read(target, scope, names, chain)
             elif loaded.outline is not None and names & loaded.outline.unused.keys():
                 self._declare(loaded, with_compound_units(parse(loaded.source, loaded.outline.next_text(names))), chain)
         except OSError as error:
@@ -117,6 +120,18 @@ class Loader:
                 self.diagnostics.append(
                     WrongImport(span, f"There is no model or set `{name}` in {statement.place}", hint)
                 )
+
+    def _read(self, target: Path, importer: FileScope, names: set[str], chain: tuple[Path, ...]) -> FileScope:
+        """Read the models of a file that have these names, with what they name. Raises OSError, UnicodeDecodeError and `CompilationFailed`."""
+        name = _shown(target, importer.source)
+        tree = None if self.held is None else self.held(target, name, names)
+        if tree is not None:
+            loaded = FileScope(tree.source, {}, {}, {}, root=importer.root, library=self.library)
+            return self._declare(loaded, tree, chain)
+        source = Source(name, read_text(target), target)
+        outline = Outline(source.text)
+        loaded = FileScope(source, {}, {}, {}, root=importer.root, library=self.library, outline=outline)
+        return self._declare(loaded, with_compound_units(parse(source, outline.next_text(names))), chain)
 
     def _locate(self, statement: tree.Import, scope: FileScope) -> Path:
         if not statement.is_file:

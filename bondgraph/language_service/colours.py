@@ -1,0 +1,44 @@
+"""Classes of the words of a file, for colours that know what a name is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from .answers import MarkedWord
+from .context import WORD
+from .names import path_of
+from .vocabulary import classes
+from .workspace import Workspace
+
+CLASSES = ("keyword", "operator", "value", "attribute", "kind", "domain", "function", "unit", "model", "parameter", "constant", "variable", "port",
+           "element", "instance", "text", "number", "comment")  # fmt: skip
+_OF_NAMES = {
+    "model": "model", "parameter": "parameter", "constant": "constant", "input": "variable", "output": "variable", "signal": "variable", "mode": "variable",
+    "port": "port", "component": "port", "element": "element", "junction": "element", "part": "element", "instance": "instance", "mechanism": "instance",
+    "function": "function", "argument": "parameter", "index": "parameter", "experiment": "function",
+}  # fmt: skip
+_PLAIN = {"comment": "comment", "text": "text", "number": "number"}
+
+
+def marked_words(workspace: Workspace, path: Path, start: int = 0, end: int | None = None) -> Iterator[MarkedWord]:
+    """Yield the words of a part of a file with their classes, in order; names that are not declared, and signs, have none."""
+    document, _ = workspace.names(path)
+    path = path.resolve()
+    named: dict[int, tuple[str, bool]] = {}
+    for occurrence in workspace.occurrences(path):
+        kind = _OF_NAMES.get(occurrence.name.kind, "") if occurrence.name is not None else _builtin(occurrence.kind)
+        if kind and path_of(occurrence.span) == path:
+            named[occurrence.span.offset] = (kind, occurrence.is_definition)
+    words = {word: kind for kind, listed in classes().items() for word in listed}
+    for found in WORD.finditer(document.text, start, len(document.text) if end is None else end):
+        sort = found.lastgroup or ""
+        kind, defined = named.get(found.start(), (_PLAIN.get(sort, ""), False))
+        if not kind and sort == "name":
+            kind = words.get(found[0], "")
+        if kind:
+            yield MarkedWord(found.start(), found.end(), kind, defined)
+
+
+def _builtin(kind: str) -> str:
+    return kind if kind in ("unit", "function", "kind", "attribute", "variable") else ""

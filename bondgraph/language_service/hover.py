@@ -1,0 +1,170 @@
+"""Texts about the word at a place: what it is, its unit and value, its law, its strokes and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+from compiler.api import DOMAINS, ELEMENTS, UNITS, Span, Survey, tree
+
+from .answers import HoverText
+from .context import WORD
+from .facts import (
+    author_unit,
+    domain_line,
+    number,
+    ports,
+    quantity_line,
+    stroke_lines,
+)
+from .names import DeclaredName, table_of
+from .occurrences import Occurrence, model_of
+from .vocabulary import FUNCTION_TEXTS, JUNCTIONS, KEYWORDS, USAGES, kind_text
+from .workspace import Workspace, place_of
+
+QUANTITIES = frozenset({"parameter", "constant", "input", "output", "signal", "mode"})
+MOST_PARAMETERS = 16
+
+
+def hover(workspace: Workspace, path: Path, at: int) -> HoverText | None:
+    """Return a text about the word at a character; None where there is nothing to say."""
+    document, survey = workspace.names(path, complete=True)
+    occurrence = workspace.occurrence_at(path, at)
+    if occurrence is not None:
+        lines = list(_lines(workspace, path, occurrence, survey))
+        if lines:
+            return HoverText(place_of(occurrence.span), "\n\n".join(lines))
+    for found in WORD.finditer(document.text, document.text.rfind("\n", 0, at) + 1):
+        if found.start() > at:
+            break
+        text = _word_text(found[0]) if at <= found.end() and found.lastgroup in ("name", "number") else ""
+        if text:
+            place = place_of(Span(document.tree.source, found.start(), found.end()))
+            return HoverText(place, text)
+    return None
+
+
+def _word_text(word: str) -> str:
+    """A sentence on a word of the language."""
+    keyword = next((k for k in KEYWORDS if k.word == word), None)
+    if keyword is not None:
+        return f"**{word}**\n\n{keyword.text}"
+    text = kind_text(word)
+    if text:
+        return f"**{word}**\n\n{text}"
+    return _domain_text(word)
+
+
+def _domain_text(word: str) -> str:
+    domain = DOMAINS.get(word)
+    return (
+        ""
+        if domain is None
+        else f"**{word}**, a domain\n\n{domain_line(domain, 'efqp' if domain.letters[3] else 'efq')}"
+    )
+
+
+def _lines(workspace: Workspace, path: Path, occurrence: Occurrence, survey: Survey) -> Iterator[str]:
+    name = occurrence.name
+    if name is None:
+        yield from filter(None, [_builtin(occurrence, survey)])
+    elif name.kind in QUANTITIES:
+        yield from _quantity(name, occurrence, survey)
+    elif name.kind in ("element", "junction", "part"):
+        yield from _element(workspace, path, name, occurrence, survey)
+    elif name.kind == "instance":
+        model = model_of(name, survey.file)
+        yield f"**{name.type} {name.name}**{_described(name)}"
+        if model is not None:
+            yield from _model_lines(model.model)
+    elif name.kind == "model" and isinstance(name.node, tree.ModelSyntax):
+        yield f"**model {name.name}**"
+        yield from _model_lines(name.node)
+    elif name.kind == "function" and isinstance(name.node, tree.FunctionSyntax):
+        yield f"`{name.name}({', '.join(name.node.parameters)}) = {name.node.body.span.words}`"
+    else:
+        yield f"**{name.kind} {name.name}**{f' : {name.type}' if name.type else ''}{_described(name)}"
+
+
+def _described(name: DeclaredName) -> str:
+    return f" — {name.description}" if name.description else ""
+
+
+def _quantity(name: DeclaredName, occurrence: Occurrence, survey: Survey) -> Iterator[str]:
+    yield f"**{name.kind} {name.name}**{_described(name)}"
+    reading = occurrence.reading or name.name
+    value = quantity_line(name, survey, occurrence.home, reading)
+    own = name.owner[0] if name.owner else ""
+    if not value and own in survey.models:
+        value = quantity_line(name, survey, own, name.name)
+    if value:
+        yield value
+    elif (unit := author_unit(name.node)) is not None:
+        yield f"in {unit.span.words}"
+    if isinstance(name.node, tree.Item) and name.node.value is not None:
+        yield f"`{name.name} = {name.node.value.span.words}`"
+
+
+def _element(
+    workspace: Workspace, path: Path, name: DeclaredName, occurrence: Occurrence, survey: Survey
+) -> Iterator[str]:
+    node = name.node
+    assert isinstance(node, tree.Declaration)
+    yield f"**{name.type} {name.name}**{_described(name)}"
+    own = name.owner[0] if name.owner else occurrence.home
+    domains = ports(survey, own, name.name)
+    for port, domain in domains.items():
+        row = ELEMENTS.get(name.type)
+        letters = row.readable if row is not None and len(domains) == 1 else {"0": "e", "1": "f"}.get(name.type, "ef")
+        yield f"{f'port `{port}`, ' if port else ''}{domain.name}: {domain_line(domain, letters)}"
+    if isinstance(node.definition, tree.LawSyntax) or (node.definition is not None and name.kind == "part"):
+        yield f"`{node.definition.span.words}`"
+    if name.kind == "junction" and name.type in JUNCTIONS:
+        yield JUNCTIONS[name.type]
+    yield from stroke_lines(name, survey.main, workspace.strokes(path))
+
+
+def _model_lines(model: tree.ModelSyntax) -> Iterator[str]:
+    text = next((s.text for s in model.statements if isinstance(s, tree.Description)), "")
+    if text:
+        yield text
+    names = list(table_of(model).values())
+    listed = [n for n in names if n.kind in ("port", "parameter", "input", "output")]
+    rows = []
+    for one in listed[:MOST_PARAMETERS]:
+        value = one.node.value if isinstance(one.node, tree.Item) else None
+        shown = f" = {value.span.words}" if value is not None and one.kind in ("parameter", "input") else ""
+        rows.append(f"- {one.kind} `{one.name}{f': {one.type}' if one.type else ''}{shown}`{_described(one)}")
+    if rows:
+        yield "\n".join(rows)
+
+
+def _builtin(occurrence: Occurrence, survey: Survey) -> str:
+    """A text on a word that no one declares: a unit, a function, a letter of a law."""
+    word = occurrence.span.text
+    if occurrence.kind == "unit" and word in UNITS:
+        unit = UNITS[word]
+        si = "1" if str(unit.dimension) == "1" else str(unit.dimension)
+        zero = f", zero at {number(float(unit.offset))} K" if unit.offset else ""
+        return f"**{word}** = {number(unit.to_si(Fraction(1)) - float(unit.offset))} {si}{zero}"
+    if occurrence.kind == "function" and word in USAGES:
+        text = FUNCTION_TEXTS.get(word, "")
+        return f"`{USAGES[word]}`" + (f"\n\n{text}" if text else "")
+    if occurrence.kind == "kind":
+        return _word_text(word)
+    if occurrence.kind == "variable":
+        return _variable(occurrence, survey)
+    return _word_text(word)
+
+
+def _variable(occurrence: Occurrence, survey: Survey) -> str:
+    """A text on a letter that is read of an element, `spring.x`."""
+    owner, _, letter = occurrence.reading.rpartition(".")
+    domains = ports(survey, occurrence.home, owner) if owner else {}
+    words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}
+    for domain in domains.values():
+        variable = domain.variable(letter)
+        if variable is not None:
+            return f"**{occurrence.reading}**, the {words[variable]} in {domain.dimension(variable)}"
+    return ""

@@ -1,0 +1,165 @@
+"""Declared names: a table for each model, mechanism and file, made of the syntax tree alone, so that it holds in a half-typed file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from compiler.api import ELEMENT_KINDS, FileScope, ModelDefinition, Span, tree
+
+_TABLES_KEPT = 2048
+_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredName:
+    """A name that a text declares. Equal for equal `path`, `owner` and `name`: what refers to it, has the same.
+
+    `owner`: the model, and the mechanism or element in it, that has the name; empty for a name of a file.
+    """
+
+    path: Path
+    owner: tuple[str, ...]
+    name: str
+    kind: str = field(
+        compare=False
+    )  # model parameter constant input output signal mode port element junction instance …
+    span: Span = field(compare=False)
+    node: tree.SyntaxNode = field(compare=False)
+    type: str = field(default="", compare=False)  # of an element or instance its kind, of a port its domain
+    description: str = field(default="", compare=False)
+
+
+NameTable = Mapping[str, DeclaredName]
+
+
+def name_span(span: Span, name: str) -> Span:
+    """The first `name` in a span that begins with it, or has it further on."""
+    found = re.compile(rf"\b{re.escape(name)}\b").search(span.source.text, span.start)
+    start = span.start if found is None else found.start()
+    return Span(span.source, start, start + len(name))
+
+
+def path_of(span: Span) -> Path:
+    """File of a span."""
+    return (span.source.path or Path(span.source.name)).resolve()
+
+
+_tables: dict[int, tuple[tree.SyntaxNode, NameTable]] = {}  # by identity: equal nodes of other places have other names
+
+
+def table_of(model: tree.ModelSyntax) -> NameTable:
+    """Names that a model declares, with those of its loops; not those of its experiments."""
+    return _kept(model, (model.name,))
+
+
+def parts_of(mechanism: tree.MechanismSyntax, owner: tuple[str, ...]) -> NameTable:
+    """Names of the parts of a mechanism; `owner` is its model."""
+    return _kept(mechanism, (*owner, mechanism.name))
+
+
+def _kept(node: tree.ModelSyntax | tree.MechanismSyntax, owner: tuple[str, ...]) -> NameTable:
+    before = _tables.get(id(node))
+    if before is not None and before[0] is node:
+        return before[1]
+    table: dict[str, DeclaredName] = {}
+    for name in _declared(node.statements, path_of(node.span), owner):
+        if name.kind != "experiment":
+            table.setdefault(name.name, name)
+    if len(_tables) >= _TABLES_KEPT:
+        _tables.clear()
+    _tables[id(node)] = (node, table)
+    return table
+
+
+def model_name(definition: ModelDefinition) -> DeclaredName:
+    """The name of a model."""
+    model = definition.model
+    text = next((s.text for s in model.statements if isinstance(s, tree.Description)), "")
+    return DeclaredName(path_of(model.name_span), (), model.name, "model", model.name_span, model, "", text)
+
+
+def file_names(file: FileScope) -> NameTable:
+    """Names that models of a file read besides their own: models, constants and functions."""
+    names = {n: model_name(d) for n, d in file.models.items()}
+    for name, (item, _) in file.constants.items():
+        names[name] = DeclaredName(
+            path_of(item.span), (), name, "constant", name_span(item.span, name), item, "", item.description or ""
+        )
+    for name, defined in file.sets.items():
+        node = defined.syntax
+        names[name] = DeclaredName(path_of(node.span), (), name, "set", name_span(node.span, name), node)
+    for name, function in file.functions.items():
+        names[name] = DeclaredName(
+            path_of(function.span), (), name, "function", name_span(function.span, name), function
+        )
+    return names
+
+
+def _declared(statements: tuple[tree.SyntaxNode, ...], path: Path, owner: tuple[str, ...]) -> Iterator[DeclaredName]:
+    for statement in statements:
+        match statement:
+            case tree.Quantities(role=role, items=items):
+                for item in items:
+                    yield DeclaredName(
+                        path, owner, item.name, role, name_span(item.span, item.name), item, "", item.description or ""
+                    )
+            case tree.PortsSyntax(items=ports):
+                for port in ports:
+                    yield DeclaredName(
+                        path, owner, port.name, "port", name_span(port.span, port.name), port, port.domain or "", port.description or ""
+                    )  # fmt: skip
+            case tree.Declaration():
+                kind = _kind_of(statement, owner)
+                for declared in statement.names:
+                    span = name_span(declared.span, declared.name)
+                    yield DeclaredName(
+                        path, owner, declared.name, kind, span, statement, statement.kind, statement.description or ""
+                    )
+            case tree.MechanismSyntax(name=name, space=space):
+                yield DeclaredName(
+                    path, owner, name, "mechanism", name_span(statement.span, name), statement, space or "planar"
+                )
+            case tree.LoopSyntax(name=name, statements=inner):
+                yield DeclaredName(path, owner, name, "index", name_span(statement.span, name), statement)
+                yield from _declared(inner, path, owner)
+            case tree.FunctionSyntax(name=name):
+                yield DeclaredName(path, owner, name, "function", name_span(statement.span, name), statement)
+            case tree.Experiment(name=name):
+                text = next((s.text for s in statement.steps if isinstance(s, tree.Description)), "")
+                span = name_span(statement.span, name)
+                yield DeclaredName(path, (*owner, "experiment"), name, "experiment", span, statement, "", text)
+
+
+def _kind_of(declaration: tree.Declaration, owner: tuple[str, ...]) -> str:
+    if len(owner) > 1:
+        return "part"
+    if declaration.kind in ("0", "1", "splitter"):
+        return "junction"
+    return "element" if declaration.kind in ELEMENT_KINDS else "instance"
+
+
+def ports_of(element: DeclaredName) -> NameTable:
+    """Names of the ports that an element lists in parentheses."""
+    assert isinstance(element.node, tree.Declaration)
+    declared = next((d for d in element.node.names if d.name == element.name), None)
+    components = declared.components if declared is not None else ()
+    owner = (*element.owner, element.name)
+    return {
+        c.name: DeclaredName(element.path, owner, c.name, "component", name_span(c.span, c.name), c, c.domain or "")
+        for c in components
+    }
+
+
+def arguments_of(function: tree.FunctionSyntax, owner: tuple[str, ...]) -> NameTable:
+    """Names of the arguments of a function."""
+    path, source = path_of(function.span), function.span.source
+    names: dict[str, DeclaredName] = {}
+    after = function.span.start + len(function.name)
+    for found in _NAME.finditer(source.text, after, function.body.span.start):
+        if found[0] in function.parameters:
+            span = Span(source, *found.span())
+            names[found[0]] = DeclaredName(path, (*owner, function.name), found[0], "argument", span, function)
+    return names

@@ -1,0 +1,259 @@
+"""Occurrences of names: each word of a file that declares or refers to a name, with what it refers to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+
+from compiler.api import ELEMENT_KINDS, FileScope, ModelDefinition, Span, slot_defaults, tree
+
+from .names import (
+    DeclaredName,
+    NameTable,
+    arguments_of,
+    file_names,
+    model_name,
+    name_span,
+    parts_of,
+    path_of,
+    ports_of,
+    table_of,
+)
+
+_STEP = re.compile(r"\[|\]|\.\s*([A-Za-z_]\w*)", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Occurrence:
+    """A word of the text; `name` is None for a word that belongs to the language, such as the letter of a law.
+
+    `home`: the model that it stands in. `reading`: the path up to it, `axle[2].k`.
+    """
+
+    span: Span
+    name: DeclaredName | None
+    is_definition: bool = False
+    kind: str = ""  # of a word without a declared name
+    reading: str = ""
+    home: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Home:
+    """Names that can be read at a place, and the model that it is in."""
+
+    file: FileScope
+    names: Mapping[str, DeclaredName]
+    owner: tuple[str, ...] = ()
+    letters: Mapping[str, DeclaredName | None] | None = None  # in a law: the element's ports
+    in_law: bool = False
+
+    def also(self, names: NameTable) -> _Home:
+        return replace(self, names={**self.names, **names})
+
+
+def occurrences(file: FileScope, statements: tuple[tree.SyntaxNode, ...]) -> Iterator[Occurrence]:
+    """Yield the occurrences of all names in the statements of a file."""
+    home = _Home(file, file_names(file))
+    for statement in statements:
+        match statement:
+            case tree.ModelSyntax():
+                yield from _model(statement, home)
+            case tree.Import():
+                for name, span in statement.names:
+                    definition = file.models.get(name)
+                    yield Occurrence(span, None if definition is None else model_name(definition), kind="model")
+            case _:
+                yield from _statement(statement, home)
+
+
+def words_of_path(path: tree.PathSyntax) -> list[tuple[str, Span]]:
+    """The names of a path with their places; what stands in its indices is no part of it."""
+    source = path.span.source
+    start = path.span.start
+    words = [(path.head, Span(source, start, start + len(path.head)))]
+    depth = 0
+    for step in _STEP.finditer(source.text, start + len(path.head), path.span.end):
+        if step[1] is None:
+            depth += 1 if step[0] == "[" else -1
+        elif not depth:
+            words.append((step[1], Span(source, *step.span(1))))
+    return words
+
+
+def inside(name: DeclaredName, file: FileScope) -> tuple[NameTable, FileScope]:
+    """Names that follow a name after a point, and the file in whose words they are meant."""
+    if name.kind == "instance":
+        definition = model_of(name, file)
+        return ({}, file) if definition is None else (table_of(definition.model), definition.file)
+    if name.kind == "mechanism" and isinstance(name.node, tree.MechanismSyntax):
+        return parts_of(name.node, name.owner), file
+    if name.kind == "element":
+        return ports_of(name), file
+    return {}, file
+
+
+def model_of(name: DeclaredName, file: FileScope) -> ModelDefinition | None:
+    """Model of an instance; of one whose kind is a parameter, the default of that."""
+    own = file.models.get(name.owner[0]) if name.owner else None
+    slots = {} if own is None else slot_defaults(own.model.statements)
+    return file.models.get(slots.get(name.type, name.type))
+
+
+# ---------------------------------------------------------------- statements
+
+
+def _model(model: tree.ModelSyntax, home: _Home) -> Iterator[Occurrence]:
+    definition = ModelDefinition(model, home.file)
+    yield Occurrence(model.name_span, model_name(definition), True)
+    inner = replace(home.also(table_of(model)), owner=(model.name,))
+    for statement in model.statements:
+        for found in _statement(statement, inner):
+            yield replace(found, home=model.name)
+
+
+def _statement(statement: tree.SyntaxNode, home: _Home) -> Iterator[Occurrence]:
+    match statement:
+        case tree.Declaration():
+            yield from _declaration(statement, home)
+        case tree.MechanismSyntax():
+            yield from _defined(home, statement.name, statement.span)
+            parts = parts_of(statement, home.owner)
+            inner = replace(home.also(parts), owner=(*home.owner, statement.name))
+            for part in statement.statements:
+                yield from _statement(part, inner)
+        case tree.LoopSyntax():
+            yield from _defined(home, statement.name, statement.span)
+            yield from _expression(statement.range, home)
+            for item in statement.statements:
+                yield from _statement(item, home)
+        case tree.ParameterSet():
+            yield from _defined(home, statement.name, statement.span)
+            yield from _expression([i.value for i in statement.items], home)
+        case tree.FunctionSyntax():
+            yield from _defined(home, statement.name, statement.span)
+            arguments = arguments_of(statement, home.owner)
+            yield from (Occurrence(a.span, a, True) for a in arguments.values())
+            yield from _expression(statement.body, home.also(arguments))
+        case tree.Experiment():
+            yield from _experiment(statement, home)
+        case tree.SettingSyntax():
+            yield Occurrence(name_span(statement.span, statement.name), None, kind="attribute")
+            yield from _expression(statement.value, home)
+        case tree.Quantities(items=items):
+            for item in items:
+                yield from _defined(home, item.name, item.span)
+                yield from _expression(item, home)
+        case tree.PortsSyntax(items=ports):
+            for port in ports:
+                yield from _defined(home, port.name, port.span)
+                yield from _expression(port.index, home)
+        case _:
+            yield from _expression(statement, home)
+
+
+def _defined(home: _Home, word: str, span: Span) -> Iterator[Occurrence]:
+    name = home.names.get(word)
+    if name is not None:
+        yield Occurrence(name_span(span, word), name, True)
+
+
+def _declaration(declaration: tree.Declaration, home: _Home) -> Iterator[Occurrence]:
+    kind_span = name_span(declaration.span, declaration.kind)
+    kind = home.names.get(declaration.kind) if declaration.kind not in ELEMENT_KINDS and len(home.owner) == 1 else None
+    if kind is not None and kind.kind in ("model", "parameter"):  # a parameter may stand for a model
+        yield Occurrence(kind_span, kind)
+    elif declaration.kind.isidentifier():
+        yield Occurrence(kind_span, None, kind="kind")
+    inner: NameTable = {}
+    target = home
+    for declared in declaration.names:
+        name = home.names.get(declared.name)
+        if name is None or name.node is not declaration:
+            continue
+        yield Occurrence(name.span, name, True)
+        yield from _expression(declared.index, home)
+        inner, file = inside(name, home.file)
+        if name.kind == "element":
+            yield from (Occurrence(c.span, c, True) for c in inner.values())
+        elif name.kind == "instance":
+            target = _Home(file, inner)
+    law = isinstance(declaration.definition, tree.LawSyntax)
+    yield from _expression(declaration.definition, replace(home, letters=inner, in_law=law))
+    for attribute in declaration.attributes:
+        span = name_span(attribute.span, attribute.name)
+        named = target.names.get(attribute.name) if target is not home else None
+        yield Occurrence(span, named, kind="attribute")
+        yield from _expression(attribute.target, replace(home, names=inner, in_law=True))
+        yield from _expression(attribute.value, home)
+
+
+def _experiment(experiment: tree.Experiment, home: _Home) -> Iterator[Occurrence]:
+    owner = (*home.owner, "experiment")
+    span = name_span(experiment.span, experiment.name)
+    path = path_of(experiment.span)
+    yield Occurrence(span, DeclaredName(path, owner, experiment.name, "experiment", span, experiment), True)
+    swept: dict[str, DeclaredName] = {}
+    for step in experiment.steps:
+        if isinstance(step, tree.SweepSyntax) and not step.path.steps and step.path.head not in home.names:
+            word, span = words_of_path(step.path)[0]
+            swept[word] = DeclaredName(path, (*owner, experiment.name), word, "parameter", span, step)
+    inner = home.also(swept)
+    for step in experiment.steps:
+        for attribute in getattr(step, "attributes", ()):
+            yield Occurrence(name_span(attribute.span, attribute.name), None, kind="attribute")
+        for found in _expression(step, inner):
+            is_swept = found.name is not None and found.name.span == found.span and found.name.node is step
+            yield replace(found, is_definition=True) if is_swept else found
+
+
+# ---------------------------------------------------------------- expressions
+
+
+def _expression(node: object, home: _Home) -> Iterator[Occurrence]:
+    """Yield the occurrences in a node, or in all nodes of a tuple."""
+    match node:
+        case tuple() | list():
+            for item in node:
+                yield from _expression(item, home)
+        case tree.PathSyntax():
+            yield from _path(node, home)
+        case tree.Call():
+            span = name_span(node.span, node.function)
+            yield Occurrence(span, home.names.get(node.function), kind="function")
+            yield from _expression(node.arguments, home)
+        case tree.Unit():
+            yield from (Occurrence(span, None, kind="unit") for _, _, span in node.factors)
+        case tree.Index():
+            yield from _expression(node.items, home)
+        case tree.SyntaxNode():
+            for part in fields(node):
+                if part.name != "span":
+                    yield from _expression(getattr(node, part.name), home)
+
+
+def _path(path: tree.PathSyntax, home: _Home) -> Iterator[Occurrence]:
+    for step in path.steps:
+        if isinstance(step, tree.Index):
+            yield from _expression(step, home)
+    words = words_of_path(path)
+    names: Mapping[str, DeclaredName] = home.names
+    if home.letters and words[0][0] in home.letters:
+        names = home.letters  # type: ignore[assignment]
+    file = home.file
+    for number, (word, span) in enumerate(words):
+        name = names.get(word)
+        if name is None:
+            yield Occurrence(
+                span, None, kind="variable" if number or home.in_law else "word", reading=_reading(path, span)
+            )
+            names = {}
+            continue
+        yield Occurrence(span, name, reading=_reading(path, span))
+        names, file = inside(name, file)
+
+
+def _reading(path: tree.PathSyntax, span: Span) -> str:
+    """A path up to one of its words, without spaces."""
+    return "".join(path.span.source.text[path.span.start : span.end].split())

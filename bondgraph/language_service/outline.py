@@ -1,0 +1,101 @@
+"""Structure of a file: what it declares, and what an editor may fold."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from compiler.api import Document, Span, tree
+
+from .answers import OutlineNode, TextPlace
+from .names import DeclaredName, name_span, parts_of, table_of
+from .workspace import Workspace, place_of
+
+_MARK = re.compile(r'"[^"\n]*"|#[^\n]*|[{}\[\]()]')
+
+
+def outline(workspace: Workspace, path: Path) -> list[OutlineNode]:
+    """Return the models, functions and constants of a file, with what they declare."""
+    document = workspace.project.document(path)
+    ends = _ends(document.text)
+    nodes: list[OutlineNode] = []
+    for statement in document.tree.statements:
+        match statement:
+            case tree.ModelSyntax():
+                children = _children(statement, ends)
+                nodes.append(
+                    _node(
+                        statement.name, "model", _first_text(statement.statements), statement.name_span, ends, children
+                    )
+                )
+            case tree.FunctionSyntax(name=name):
+                nodes.append(_node(name, "function", "", name_span(statement.span, name), ends))
+            case tree.Quantities(items=items):
+                nodes += [_node(i.name, "constant", i.span.words, name_span(i.span, i.name), ends) for i in items]
+    return [n for n in nodes if n.place.path == path.resolve()]
+
+
+def _children(model: tree.ModelSyntax, ends: dict[int, int]) -> tuple[OutlineNode, ...]:
+    nodes = [_declared(name, ends) for name in table_of(model).values()]
+    for statement in model.statements:
+        if isinstance(statement, tree.Experiment):
+            span = name_span(statement.span, statement.name)
+            nodes.append(_node(statement.name, "experiment", _first_text(statement.steps), span, ends))
+    return tuple(sorted(nodes, key=lambda n: n.place.start))
+
+
+def _declared(name: DeclaredName, ends: dict[int, int]) -> OutlineNode:
+    parts: tuple[OutlineNode, ...] = ()
+    if isinstance(name.node, tree.MechanismSyntax):
+        parts = tuple(_declared(part, ends) for part in parts_of(name.node, name.owner).values())
+    return _node(name.name, name.kind, f"{name.type} {name.description}".strip(), name.span, ends, parts)
+
+
+def _node(
+    name: str, kind: str, detail: str, span: Span, ends: dict[int, int], children: tuple[OutlineNode, ...] = ()
+) -> OutlineNode:
+    place = place_of(span)
+    whole = place
+    if kind in ("model", "mechanism", "experiment"):  # up to the brace that closes it
+        whole = TextPlace(place.path, place.start, ends.get(_brace_after(span) + span.source.before[0], place.end))
+    return OutlineNode(name, kind, detail, whole, place, children)
+
+
+def _brace_after(span: Span) -> int:
+    return span.source.text.find("{", span.end)
+
+
+def _first_text(statements: tuple[tree.SyntaxNode, ...]) -> str:
+    return next((s.text for s in statements if isinstance(s, tree.Description)), "")
+
+
+def _ends(text: str) -> dict[int, int]:
+    """Place behind the partner of each opening brace; the end of the text for one that is never closed."""
+    return {start: end for start, end, mark in _pairs(text) if mark == "{"}
+
+
+def _pairs(text: str) -> Iterator[tuple[int, int, str]]:
+    open_marks: list[tuple[int, str]] = []
+    for mark in _MARK.finditer(text):
+        if mark[0] in "{[(":
+            open_marks.append((mark.start(), mark[0]))
+        elif mark[0] in "}])" and open_marks and open_marks[-1][1] == {"}": "{", "]": "[", ")": "("}[mark[0]]:
+            start, sign = open_marks.pop()
+            yield start, mark.end(), sign
+    yield from ((start, len(text), sign) for start, sign in open_marks)
+
+
+def folds(document: Document) -> list[tuple[int, int]]:
+    """Return the first and last line, from 0, of each block, list and group of comments that an editor may fold."""
+    text = document.text
+    folded = {(text.count("\n", 0, start), text.count("\n", 0, end)) for start, end, _ in _pairs(text)}
+    lines = text.split("\n")
+    start: int | None = None
+    for number, line in enumerate([*lines, ""]):
+        if line.lstrip().startswith("#"):
+            start = number if start is None else start
+        elif start is not None:
+            folded.add((start, number - 1))
+            start = None
+    return sorted((a, b) for a, b in folded if b > a)

@@ -1,0 +1,165 @@
+"""Words of the language, one table: what colours, completion and hover texts say of each of them.
+
+Kinds of elements, parts, domains, functions, units and analysis steps are the compiler's own tables; only sentences on them stand here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from compiler.api import ANALYSIS_STEPS, DOMAINS, ELEMENTS, FUNCTIONS, SOLVERS, kinds_of
+
+
+@dataclass(frozen=True, slots=True)
+class Keyword:
+    """A word that begins a statement, or stands within one. `place`: file, model, experiment, mechanism, attribute or expression."""
+
+    word: str
+    place: str
+    snippet: str
+    text: str
+
+
+_ROWS = (
+    Keyword("import", "file", "import ${1:Name} from ${2:library}", "Models of a library, `from electric`, or of a file beside this one, `from \"parts.bg\"`."),
+    Keyword("model", "file", "model ${1:Name} {\n  $0\n}", "A model: quantities, elements, bonds, experiments."),
+    Keyword("plain", "file", "plain model ${1:Name} {\n  $0\n}", "`plain model` has bare numbers only, without units."),
+    Keyword("constant", "file model", "constant ${1:name} = ${0:1}", "A value that is not to be set from outside."),
+    Keyword("function", "file model", "function ${1:f}(${2:x}) = $0", "A name for an expression of its arguments."),
+    Keyword("parameter", "model", "parameter ${1:name} = ${0:1}", "A value known before the run, which an instance, an experiment or `--set` may set."),
+    Keyword("input", "model", "input ${1:name} = ${0:0}", "A signal from outside; the value is what holds without it."),
+    Keyword("signal", "model", "signal ${1:name} = $0", "A name for an expression that may change during a run."),
+    Keyword("output", "model", "output ${1:name} = $0", "A signal that runs report."),
+    Keyword("mode", "model", "mode ${1:on} = ${0:false}", "A number or a truth that only events change; the value is its start."),
+    Keyword("port", "model", "port ${1:name}: ${2:translation}", "A port of the model, through which it is bonded where it is used."),
+    Keyword("multibody", "model", "multibody ${1:name} : ${2|planar,spatial|} {\n  $0\n}", "A mechanism of bodies and joints."),
+    Keyword("for", "model mechanism", "for ${1:i} in 1..${2:3} {\n  $0\n}", "Repeats what stands in its braces."),
+    Keyword("when", "model", "when ${1:condition} { ${2:name} = $0 }", "An event: when the condition becomes true, the assignments are made."),
+    Keyword("every", "model", "every ${1:1 ms} { ${2:name} = $0 }", "Assignments at each multiple of a time."),
+    Keyword("require", "model", "require ${1:condition} \"${0:why}\"", "A condition under which the model is valid; a run says when it fails."),
+    Keyword("experiment", "model", "experiment ${1:name} {\n  $0\n}", "What a run sets, simulates and reports."),
+    Keyword("set", "experiment", "set ${1:name} = $0", "A value, or a signal of time, for a parameter or an input."),
+    Keyword("start", "experiment attribute", "start ${1:name} = $0", "Where what is stored, or a coordinate, begins."),
+    Keyword("simulate", "experiment", "simulate 0 .. ${0:1 s}", "A run over time; in braces `rtol`, `points`, `solver`, `tolerance`."),
+    Keyword("report", "experiment", "report ${1:name} in ${0:unit}", "Outputs, or anything that can be read, in units."),
+    Keyword("sweep", "experiment", "sweep ${1:name} = $0", "Values that a parameter, or a name of the experiment, takes one after the other."),
+    Keyword("bandwidth", "experiment", "bandwidth ${0:1 kHz}", "Modes that ring faster need not be followed."),
+    Keyword("nominal", "attribute", "nominal ${1:x} = $0", "A typical magnitude, for tolerances."),
+    Keyword("prefer", "attribute", "prefer = ${0|integral,derivative,effort,flow|}", "What the element should decide if there is a choice."),
+    Keyword("require", "attribute", "require = ${0|integral,derivative,effort,flow|}", "What the element must decide; an error if it cannot."),
+    Keyword("active", "attribute junction", "active = $0", "A junction that is on while this holds."),
+    Keyword("gravity", "mechanism", "gravity = (0, -9.81 [m/s^2])", "Acceleration of free fall."),
+    Keyword("rtol", "simulate", "rtol = ${0:1e-8}", "Relative tolerance."),
+    Keyword("atol", "simulate", "atol = $0", "Absolute tolerance."),
+    Keyword("accuracy", "simulate", "accuracy = ${0:1e-6}", "The tolerance is chosen so that outputs have this error."),
+    Keyword("points", "simulate", "points = ${0:101}", "Number of reported instants."),
+    Keyword("solver", "simulate", "solver = ${0:automatic}", "Integration method."),
+    Keyword("tolerance", "simulate", "tolerance ${1:state} = $0", "Absolute tolerance of one state."),
+    Keyword("from", "import", "from", "The library or the file of an import."),
+    Keyword("to", "words", "to", "What a joint joins; what an analysis looks for."),
+    Keyword("in", "words", "in", "The unit of a report; the range of a `for`."),
+    Keyword("over", "words", "over", "The range of an analysis."),
+    Keyword("if", "expression", "if", "`a if condition else b`."),
+    Keyword("else", "expression", "else", "`a if condition else b`."),
+    Keyword("and", "expression", "and", "Both conditions hold."),
+    Keyword("or", "expression", "or", "One of the conditions holds."),
+    Keyword("not", "expression", "not", "The condition does not hold."),
+    Keyword("true", "value", "true", "A condition that holds."),
+    Keyword("false", "value", "false", "A condition that does not hold."),
+    Keyword("time", "value", "time", "Time of the run, in s."),
+    Keyword("pi", "value", "pi", "3.14159…"),
+    Keyword("ground", "value", "ground", "The world of a mechanism, to which joints may fix bodies."),
+)  # fmt: skip
+_ANALYSES = {
+    "equilibrium": "Where the model is at rest.",
+    "modes": "Eigenmodes at rest: frequencies, dampings, where their energy is.",
+    "bode": "Frequency responses of all inputs and outputs.",
+    "response": "Frequency response: `response volt to u over 1 Hz .. 10 kHz`.",
+    "linearize": "A, B, C, D at rest: `linearize volt to x`.",
+    "sensitivity": "Exact derivatives by parameters: `sensitivity k, gap`.",
+    "continue": "Rest against a parameter, around folds: `continue volt over 0 V .. 5 V`.",
+    "invert": "Inputs that hold outputs at values or lead them along a path: `invert volt to x = 1 um`.",
+    "montecarlo": "Tolerances: `montecarlo k = normal(8 [N/m], 0.2 [N/m])`.",
+    "fit": 'Parameters from measured data: `fit k = 1 [N/m] .. 20 [N/m] to "pulls.csv"`.',
+}
+KEYWORDS: tuple[Keyword, ...] = (
+    *_ROWS,
+    *(Keyword(word, "experiment", word, _ANALYSES.get(word, "An analysis.")) for word in ANALYSIS_STEPS),
+)
+
+_KINDS = {
+    "Se": "Source of effort: its law gives the effort, in numbers, parameters and time.",
+    "Sf": "Source of flow: its law gives the flow.",
+    "C": "Stores displacement: a spring, a capacitor.",
+    "I": "Stores momentum: a mass, an inductor.",
+    "IC": "Storage field: ports that store displacement beside ports that store momentum.",
+    "R": "Dissipates: its law relates effort and flow.",
+    "RS": "As R; its last port, a thermal one, gives what the others lose.",
+    "Mem": "Memristor: as R, with its own displacement or momentum in its law.",
+    "TF": "Transformer: relates two efforts or two flows; power gives the other equation.",
+    "GY": "Gyrator: relates an effort and a flow; power gives the other equation.",
+}
+JUNCTIONS = {
+    "0": "0-junction: one effort for all bonds; the flows add up to zero.",
+    "1": "1-junction: one flow for all bonds; the efforts add up to zero.",
+    "splitter": "A multibond on one side, its bonds one by one on the other.",
+}
+
+
+def kind_text(kind: str) -> str:
+    """A sentence on a kind of element, with an example of its law; empty for other words."""
+    row = ELEMENTS.get(kind)
+    if row is None:
+        return JUNCTIONS.get(kind, "")
+    more = " Its law also reads signals, inputs and other elements." if kind != row.letters else ""
+    return f"{_KINDS[row.letters]}{more}\n\n`{kind} name : {row.example}`"
+
+
+def classes() -> Mapping[str, tuple[str, ...]]:
+    """All words by their class, for colours: `keyword`, `operator`, `value`, `attribute`, `kind`, `domain` and `function`."""
+    operators = ("if", "else", "and", "or", "not", "in", "to", "over")
+    values = ("true", "false", "time", "pi", "ground")
+    attributes = dict.fromkeys(k.word for k in KEYWORDS if k.place.split()[0] in ("attribute", "simulate", "mechanism"))
+    keywords = dict.fromkeys(k.word for k in KEYWORDS if k.word not in (*operators, *values, *attributes))
+    joints = dict.fromkeys([*kinds_of(True), *kinds_of(False)])
+    functions = (*FUNCTIONS, "integral", "delay", "linear", "cubic", "monotone", "column", "noise")
+    return {
+        "keyword": tuple(keywords), "operator": operators, "value": values, "attribute": tuple(attributes),
+        "kind": (*ELEMENTS, "splitter", *(j for j in joints if j not in ("planar", "frame"))),
+        "domain": (*DOMAINS, "planar", "spatial"), "function": functions,
+    }  # fmt: skip
+
+
+def solver_names() -> tuple[str, ...]:
+    """Names of integration methods."""
+    return tuple(SOLVERS)
+
+
+USAGES: Mapping[str, str] = {
+    **{name: usage for name, (_, usage, _) in FUNCTIONS.items()},
+    "integral": "integral(rate, start)",
+    "delay": "delay(x, 1 ms)",
+    "linear": "linear(x, xs, ys)",
+    "cubic": "cubic(x, xs, ys)",
+    "monotone": "monotone(x, xs, ys)",
+    "column": 'column("curve.csv", "force")',
+    "noise": "noise(time, period, seed)",
+}
+FUNCTION_TEXTS: Mapping[str, str] = {
+    "step": "0 before the argument is zero, 1 from then on.",
+    "pulse": "1 from the second argument to the third, else 0.",
+    "ramp": "From 0 to 1, straight, between the second argument and the third.",
+    "chirp": "sin(2 pi (f0 t + (f1 - f0) t^2/(2 t1))).",
+    "integral": "A signal with memory: the integral of its rate over time, from its start.",
+    "delay": "The signal so long ago; the time is known before the run.",
+    "linear": "A curve through points, straight between them.",
+    "cubic": "A smooth curve through points.",
+    "monotone": "A smooth curve through points without overshoot.",
+    "column": "A column of a file of numbers, as a list.",
+    "noise": "Reproducible random numbers between -1 and 1.",
+    "polar": "A point by its distance and its angle.",
+    "rotate": "A point turned by an angle.",
+    "log": "The natural logarithm, as `ln`.",
+    **{f"smoothstep{n}": f"From 0 to 1 by a polynomial of degree {n}." for n in (3, 5, 7, 9)},
+}

@@ -1,0 +1,105 @@
+"""Corrections of errors: each that is offered leaves the file without the error, and with no name or number of its own."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+from bondgraph.language_service.corrections import corrections, corrections_of
+from bondgraph.language_service.navigation import edited
+from bondgraph.language_service.workspace import Workspace
+from compiler.errors import Diagnostic
+from compiler.examination import check
+from compiler.source import Source
+from tests.compiling import LIBRARY, ROOT
+from tests.errors.test_foreign_words import CASES as FOREIGN
+from tests.errors.test_foreign_words import MODEL
+
+# Codes whose errors have corrections, with at least one case among the wrong files.
+CORRECTED = "001 002 007 101 102 103 104 105 109 111 116 117 118 120 121 122 131 134 150 152 301 504"
+CASES = sorted((ROOT / "tests/errors/cases").glob("*.bg"))
+
+
+def errors(text: str, path: Path) -> tuple[Diagnostic, ...]:
+    return check(Source(str(path), text, path), None, LIBRARY)
+
+
+def offered(path: Path) -> dict[str, list[str]]:
+    """The errors of a file by code, each with the texts of its corrections; those texts are without the error."""
+    workspace = Workspace()
+    text = path.read_text(encoding="utf-8")
+    found = workspace.survey(path, True).diagnostics
+    texts = defaultdict(list)
+    for item in [d for d in found if d.span.source.path == path][:4]:
+        for correction in corrections_of(workspace, path, item, len(found)):
+            new = edited(text, list(correction.edits), path)
+            left = errors(new, path)
+            assert (item.code, item.sentence, item.span.line) not in {(d.code, d.sentence, d.span.line) for d in left}
+            later = [d for d in left if d.code > "BG3"]  # what is found only where nothing else is wrong
+            assert item.code < "BG1" or "Did you mean" in item.help or len(left) - len(later) < len(found)
+            numbers = re.findall(r"\d+(?:\.\d+)?", new)
+            assert not set(numbers) - set(re.findall(r"\d+(?:\.\d+)?", text.replace("_", ""))) - {"0.5", "5.0", "2"}, (
+                "a number that nobody wrote"
+            )
+            texts[item.code].append(new)
+    return texts
+
+
+def test_corrections_mend_what_they_are_offered_for() -> None:
+    codes = {code for path in CASES for code, texts in offered(path).items() if texts}
+    assert codes == {f"BG{code}" for code in CORRECTED.split()}
+
+
+def test_lines_of_other_languages_become_what_their_authors_meant() -> None:
+    """The first correction of a foreign line is the line as the table of these lines has it, but for spaces."""
+    right, wrong = [], []
+    for line, _, followed in FOREIGN:
+        text = MODEL.replace("IMPORT", "").replace("LINE", line)
+        workspace, path = Workspace(), ROOT / "models/foreign.bg"
+        workspace.open(path, text)
+        start = text.index(f"\n  {line}") + 1
+        options = corrections(workspace, path, start, start + len(line))
+        if options and followed and followed != "import":
+            new = edited(text, list(options[0].edits), path).split("\n")[text.count("\n", 0, start)]
+            same = "".join(followed.split()).startswith("".join(new.split()))
+            (right if same else wrong).append(line)
+    assert wrong == [] and len(right) >= 35
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("  output y = sprin.x", "  output y = spring.x"),
+        ("  R other : F = 2 [N*s/m]*v*spring.x/(1 m)", "  MR other : F = 2 [N*s/m]*v*spring.x/(1 m)"),
+        ("  output y = spring.x + 3", "  output y = spring.x + 3 m"),
+        ("  output y = spring", "  output y = spring.F"),
+        ("  parameter m = 2", "  parameter m_2 = 2"),
+        ("  spring -> body", "  body -> spring"),
+        ("  output y = (1 + 2", "  output y = (1 + 2)"),
+        ("  output y = sinus(1)", "  output y = sin(1)"),
+    ],
+)
+def test_a_mistake_of_each_sort(tmp_path: Path, line: str, wanted: str) -> None:
+    text = f"model A {{\n  parameter m = 1 kg\n  I mass : p = m*v\n  C spring : F = 5 [N/m]*x\n  1 body\n  body -> mass\n{line}\n}}\n"
+    if "-> body" not in line:
+        text = text.replace("body -> mass", "body -> mass, spring" + (", other" if "other" in line else ""))
+    workspace, path = Workspace(), tmp_path / "a.bg"
+    workspace.open(path, text)
+    at = text.index(line)
+    options = [
+        edited(text, list(c.edits), path).split("\n")[6] for c in corrections(workspace, path, at, at + len(line))
+    ]
+    assert wanted in options
+
+
+def test_a_part_is_imported_from_the_library(tmp_path: Path) -> None:
+    text = "model A {\n  Se u : u = 1 V\n  Resistor r { R = 10 ohm }\n  u -> r.pins\n  output i = u.i\n}\n"
+    workspace, path = Workspace(), tmp_path / "a.bg"
+    workspace.open(path, text)
+    at = text.index("Resistor")
+    (option,) = corrections(workspace, path, at, at)
+    new = edited(text, list(option.edits), path)
+    assert new.startswith("import Resistor from electric\n") and "BG105" not in [d.code for d in errors(new, path)]
