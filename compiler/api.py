@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from .metamorphosis.reductions import smallest
     from .metamorphosis.text_changes import TEXT_CHANGES, Inapplicable, TextChange, TextScene, scene_of
     from .persistent_cache import CacheBackend
-    from .project import Document, Project, Survey
+    from .project import EditedFile, Project, FileSurvey
     from .garbage_collection import uncollected
     from .jit.arrays import Floats, Ints, Numbers, Record, ShortInts
     from .jit.c_source import BEGINNING as C_BEGINNING

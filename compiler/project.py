@@ -32,7 +32,7 @@ READS_FILES = frozenset(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Document:
+class EditedFile:
     """A file as it is now: its pieces, where they begin, and its tree. Of a piece that cannot be read at all, the tree has the last one of its name."""
 
     path: Path
@@ -45,11 +45,11 @@ class Document:
     @property
     def broken(self) -> frozenset[str]:
         """Names of models with lines that cannot be parsed."""
-        found: set[str] = set()
+        names: set[str] = set()
         for piece in self.pieces:
             if piece.mistakes:
-                found |= models_with(piece.mistakes, SyntaxTree(piece.source, piece.statements)) or {piece.model}
-        return frozenset(found - {""})
+                names |= models_with(piece.mistakes, SyntaxTree(piece.source, piece.statements)) or {piece.model}
+        return frozenset(names - {""})
 
     @property
     def is_broken_outside(self) -> bool:
@@ -78,8 +78,8 @@ class _Kept:
 
 
 @dataclass(slots=True, eq=False)
-class Survey:
-    """What is known of a file: its names with those it imports, its models as they were checked, and its main model's stages if that has no errors."""
+class FileSurvey:
+    """Knowledge of a file: its names with those it imports, its models as they were checked, and its main model's stages if that has no errors."""
 
     file: FileScope
     diagnostics: tuple[Diagnostic, ...] = ()
@@ -94,19 +94,19 @@ class Project:
 
     library: Path | None = None
     open_texts: dict[Path, str] = field(default_factory=dict)
-    _documents: dict[Path, Document] = field(default_factory=dict)
+    _documents: dict[Path, EditedFile] = field(default_factory=dict)
     _stamps: dict[Path, tuple[int, int]] = field(default_factory=dict)
     _kept: dict[tuple[Path, str, bool], _Kept] = field(default_factory=dict)
     _mains: dict[Path, tuple[CheckedModel | None, Compilation, list[Diagnostic]]] = field(default_factory=dict)
 
     # ------------------------------------------------------------ files
-    def document(self, path: Path, name: str = "") -> Document:
+    def document(self, path: Path, name: str = "") -> EditedFile:
         """Return a file as it is in the editor, else on the disk. Raises OSError and UnicodeDecodeError."""
         path = path.resolve()
         text, before = self.open_texts.get(path), self._documents.get(path)
         if text is None:
-            found = path.stat()
-            stamp = (found.st_mtime_ns, found.st_size)
+            status = path.stat()
+            stamp = (status.st_mtime_ns, status.st_size)
             if before is not None and self._stamps.get(path) == stamp:
                 return before
             text = read_text(path)
@@ -133,7 +133,7 @@ class Project:
         return document.tree
 
     # ------------------------------------------------------------ errors
-    def survey(self, path: Path, complete: bool = True) -> Survey:
+    def survey(self, path: Path, complete: bool = True) -> FileSurvey:
         """Return what is known of a file. If not `complete`, large models that must be looked at again are left for later.
 
         Raises OSError and UnicodeDecodeError for a file that cannot be read.
@@ -146,21 +146,21 @@ class Project:
         with uncollected():
             return self._loaded(self.document(path))[0]
 
-    def _loaded(self, document: Document) -> tuple[FileScope, list[Diagnostic]]:
+    def _loaded(self, document: EditedFile) -> tuple[FileScope, list[Diagnostic]]:
         loader = Loader(self.library, self._held)
         try:
             return loader.load(document.tree), loader.diagnostics
         except (CompilationFailed, RecursionError):
             return FileScope(document.tree.source, {}, {}, {}), loader.diagnostics
 
-    def _survey(self, document: Document, complete: bool) -> Survey:
+    def _survey(self, document: EditedFile, complete: bool) -> FileSurvey:
         file, wrong_imports = self._loaded(document)
         definitions = [d for d in file.models.values() if d.file is file]
         main = main_model(file, None)
         for name in document.broken:
             file.models.pop(name, None)
         file.missing |= document.broken
-        survey = Survey(file)
+        survey = FileSurvey(file)
         mistakes = [*document.mistakes, *wrong_imports]
         for definition in definitions:
             is_main = definition is main and not mistakes
@@ -182,9 +182,9 @@ class Project:
         return survey
 
     def _checked(
-        self, document: Document, definition: ModelDefinition, is_main: bool, complete: bool
+        self, document: EditedFile, definition: ModelDefinition, is_main: bool, complete: bool
     ) -> CheckedModel | None:
-        """Return the errors of one model: those found before if they still hold; None if they are left for later."""
+        """Return the errors of one model: those from before if they still hold; None if they are left for later."""
         closure = list(_closure(definition))
         grounds, places = _grounds(closure), [item.model.span.source.before for item in closure]
         key = (document.path, definition.name, is_main)
@@ -203,13 +203,13 @@ class Project:
             self._kept[key] = _Kept(grounds, places, checked)
         return checked
 
-    def _outdated(self, document: Document, definition: ModelDefinition) -> CheckedModel | None:
+    def _outdated(self, document: EditedFile, definition: ModelDefinition) -> CheckedModel | None:
         """Return the errors that a model had, if its own text is still the same."""
-        kept = (self._kept.get((document.path, definition.name, is_main)) for is_main in (True, False))
-        return next((k.checked for k in kept if k is not None and k.grounds[0] is definition.model), None)
+        results = (self._kept.get((document.path, definition.name, is_main)) for is_main in (True, False))
+        return next((k.checked for k in results if k is not None and k.grounds[0] is definition.model), None)
 
     def _equations(
-        self, document: Document, survey: Survey, main: ModelDefinition | None, complete: bool
+        self, document: EditedFile, survey: FileSurvey, main: ModelDefinition | None, complete: bool
     ) -> list[Diagnostic]:
         """Return the errors that the equations of the main model show; if there are none, the survey has its stages."""
         checked = None if main is None else survey.models[main.name]
@@ -229,7 +229,7 @@ class Project:
         return before[2]
 
 
-def _document(path: Path, name: str, text: str, before: Document | None) -> Document:
+def _document(path: Path, name: str, text: str, before: EditedFile | None) -> EditedFile:
     """Return a file with this text. Pieces that it had before are kept."""
     old: dict[str, list[Piece]] = {}
     last: dict[str, Piece] = {}
@@ -261,9 +261,9 @@ def _after(piece: Piece, last: Mapping[str, Piece]) -> Piece:
 
 
 def _assembled(
-    path: Path, name: str, text: str, pieces: tuple[Piece, ...], before: Document | None,
+    path: Path, name: str, text: str, pieces: tuple[Piece, ...], before: EditedFile | None,
     folded: Mapping[Piece, tuple[tree.SyntaxNode, ...]],
-) -> Document:  # fmt: skip
+) -> EditedFile:  # fmt: skip
     source = Source(name, text, path)
     shared = shared_names(tuple(s for p in pieces for s in p.statements))
     if before is None or shared != shared_names(before.tree.statements):
@@ -272,7 +272,7 @@ def _assembled(
         folded[p] if p in folded else statements_with_compound_units(p.statements, p.text, shared) for p in pieces
     )
     whole = SyntaxTree(source, tuple(s for part in statements for s in part))
-    return Document(path, text, pieces, statements, whole, tuple(m for p in pieces for m in p.mistakes))
+    return EditedFile(path, text, pieces, statements, whole, tuple(m for p in pieces for m in p.mistakes))
 
 
 # ---------------------------------------------------------------- what a model's errors depend on
@@ -280,14 +280,14 @@ def _assembled(
 
 def _closure(definition: ModelDefinition) -> Iterator[ModelDefinition]:
     """Yield a model and all models that its text names, at any depth."""
-    rest, seen = [definition], {id(definition)}
+    rest, visited = [definition], {id(definition)}
     while rest:
         item = rest.pop()
         yield item
         for name in sorted(_words(item.model.span.source) & item.file.models.keys()):
             other = item.file.models[name]
-            if id(other) not in seen:
-                seen.add(id(other))
+            if id(other) not in visited:
+                visited.add(id(other))
                 rest.append(other)
 
 

@@ -13,10 +13,10 @@ from ..language_service.answers import (
     InlineHint,
     MarkedWord,
     OutlineNode,
-    Problem,
     Suggestion,
     TextEdit,
     TextPlace,
+    TextProblem,
 )
 from ..language_service.colours import CLASSES
 from ..language_service.workspace import Workspace
@@ -70,7 +70,7 @@ class Converter:
     def offset(self, path: Path, position: types.Position) -> int:
         return self.lines(path).offset(position.line, position.character)
 
-    def diagnostic(self, problem: Problem) -> types.Diagnostic:
+    def diagnostic(self, problem: TextProblem) -> types.Diagnostic:
         """A problem with its advice in its message, and the related places."""
         related = [types.DiagnosticRelatedInformation(self.location(p), why) for p, why in problem.related]
         message = f"{problem.sentence}\n{problem.advice}" if problem.advice else problem.sentence

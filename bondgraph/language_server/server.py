@@ -30,7 +30,7 @@ from .conversions import TOKEN_MODIFIERS, TOKEN_TYPES, Converter, signature
 PAUSE = 0.3  # s without a key press after which large models are looked at
 
 
-class Session:
+class EditorSession:
     """One editor: its files, and the diagnostics that it shows."""
 
     def __init__(self) -> None:
@@ -69,7 +69,7 @@ class Session:
         await self._changed(parameters.text_document.uri)
 
     async def _changed(self, address: str) -> None:
-        """Tell the errors that are found at once; after a pause those of large models, and of files that import this one."""
+        """Tell the errors that are answer at once; after a pause those of large models, and of files that import this one."""
         self.changes += 1
         change, path = self.changes, self.path(address)
         self.workspace.open(path, self.server.workspace.get_text_document(address).source)
@@ -86,9 +86,9 @@ class Session:
 
     def publish(self, path: Path, complete: bool) -> bool:
         """Show the errors of a file where they are; return whether these are all."""
-        found, is_complete = problems(self.workspace, path, complete)
+        answer, is_complete = problems(self.workspace, path, complete)
         by_address: dict[str, list[types.Diagnostic]] = {self.convert.address(path): []}
-        for problem in found:
+        for problem in answer:
             by_address.setdefault(self.convert.address(problem.place.path), []).append(self.convert.diagnostic(problem))
         for address in self.shown.get(path, set()) - by_address.keys():
             by_address[address] = []
@@ -113,11 +113,11 @@ class Session:
         return self.workspace, path, self.convert.offset(path, parameters.position)
 
     def hover(self, parameters: types.HoverParams) -> types.Hover | None:
-        found = hover(*self.at(parameters))
-        if found is None:
+        answer = hover(*self.at(parameters))
+        if answer is None:
             return None
-        content = types.MarkupContent(types.MarkupKind.Markdown, found.text)
-        return types.Hover(content, self.convert.range(found.place))
+        content = types.MarkupContent(types.MarkupKind.Markdown, answer.text)
+        return types.Hover(content, self.convert.range(answer.place))
 
     def definition(self, parameters: types.DefinitionParams) -> types.Location | None:
         place = definition(*self.at(parameters))
@@ -182,11 +182,11 @@ class Session:
     def actions(self, parameters: types.CodeActionParams) -> list[types.CodeAction]:
         path = self.path(parameters.text_document.uri)
         start, end = (self.convert.offset(path, p) for p in (parameters.range.start, parameters.range.end))
-        found = corrections(self.workspace, path, start, end)
-        return [self.convert.correction(c, parameters.context.diagnostics) for c in found]
+        answer = corrections(self.workspace, path, start, end)
+        return [self.convert.correction(c, parameters.context.diagnostics) for c in answer]
 
 
-def _features(session: Session) -> dict[str, tuple[Callable[..., Any], Any]]:
+def _features(session: EditorSession) -> dict[str, tuple[Callable[..., Any], Any]]:
     """Table of the features: what answers each of them, and its options."""
     legend = types.SemanticTokensLegend(TOKEN_TYPES, TOKEN_MODIFIERS)
     return {
@@ -223,7 +223,7 @@ def serve() -> None:
     """Serve one editor over standard input and output until it ends the session."""
     # Streams of its own, as the protocol closes them at its end.
     with open(os.dup(0), "rb") as requests, open(os.dup(1), "wb") as answers:
-        Session().server.start_io(requests, answers)
+        EditorSession().server.start_io(requests, answers)
 
 
 def _version() -> str:

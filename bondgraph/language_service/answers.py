@@ -24,7 +24,7 @@ class TextEdit:
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class TextProblem:
     """A diagnostic. `related`: other places, each with a word why."""
 
     place: TextPlace

@@ -31,13 +31,13 @@ def marked_words(workspace: Workspace, path: Path, start: int = 0, end: int | No
         if kind and path_of(occurrence.span) == path:
             named[occurrence.span.offset] = (kind, occurrence.is_definition)
     words = {word: kind for kind, listed in classes().items() for word in listed}
-    for found in WORD.finditer(document.text, start, len(document.text) if end is None else end):
-        sort = found.lastgroup or ""
-        kind, defined = named.get(found.start(), (_PLAIN.get(sort, ""), False))
+    for match in WORD.finditer(document.text, start, len(document.text) if end is None else end):
+        sort = match.lastgroup or ""
+        kind, defined = named.get(match.start(), (_PLAIN.get(sort, ""), False))
         if not kind and sort == "name":
-            kind = words.get(found[0], "")
+            kind = words.get(match[0], "")
         if kind:
-            yield MarkedWord(found.start(), found.end(), kind, defined)
+            yield MarkedWord(match.start(), match.end(), kind, defined)
 
 
 def _builtin(kind: str) -> str:

@@ -12,10 +12,10 @@ from compiler.api import (
     DOMAINS,
     ELEMENTS,
     Dimension,
-    Document,
+    EditedFile,
     FileScope,
+    FileSurvey,
     PartEntry,
-    Survey,
     attributes_of,
     freedoms_of,
     kinds_of,
@@ -47,11 +47,11 @@ PART_UNITS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class CursorPlace:
     """Everything that decides what may stand at the cursor."""
 
-    document: Document
-    survey: Survey
+    document: EditedFile
+    survey: FileSurvey
     context: Context
     model: tree.ModelSyntax | None
     names: NameTable
@@ -78,7 +78,7 @@ def completion(workspace: Workspace, path: Path, at: int) -> list[Suggestion]:
     return list(offered.values())
 
 
-def place_at(workspace: Workspace, path: Path, at: int) -> Place:
+def place_at(workspace: Workspace, path: Path, at: int) -> CursorPlace:
     """Return the surroundings of a character, with the names of the model that it is in."""
     document, survey = workspace.names(path)
     start = 0
@@ -88,10 +88,10 @@ def place_at(workspace: Workspace, path: Path, at: int) -> Place:
     context = context_at(document.text[start:], at - start)
     head = next((b for b in context.blocks if b and b[0].text in ("model", "plain")), ())
     model = document.tree.models.get(head[-1].text) if head else None
-    return Place(document, survey, context, model, {} if model is None else table_of(model))
+    return CursorPlace(document, survey, context, model, {} if model is None else table_of(model))
 
 
-def _offered(workspace: Workspace, place: Place) -> Iterator[Suggestion]:
+def _offered(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:
     context = place.context
     if context.last == ".":
         yield from _members(place)
@@ -124,7 +124,7 @@ def _keywords(where: str) -> Iterator[Suggestion]:
 # ---------------------------------------------------------------- models
 
 
-def _in_model(workspace: Workspace, place: Place) -> Iterator[Suggestion]:
+def _in_model(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:
     context = place.context
     first = context.first
     if not context.statement:
@@ -158,7 +158,7 @@ def _in_model(workspace: Workspace, place: Place) -> Iterator[Suggestion]:
         yield from _expression(place) if context.last not in (first, ",") else ()
 
 
-def _is_declaration(place: Place) -> bool:
+def _is_declaration(place: CursorPlace) -> bool:
     first = place.context.first
     return first in ELEMENTS or first in JUNCTIONS or first in place.file.models
 
@@ -189,7 +189,7 @@ def _domains() -> Iterator[Suggestion]:
     yield from (Suggestion(name, "domain", " ".join(parts)) for name, parts in BUNDLES.items())
 
 
-def _kinds(workspace: Workspace, place: Place) -> Iterator[Suggestion]:
+def _kinds(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:
     for kind, row in ELEMENTS.items():
         snippet = f"{kind} ${{1:name}} : ${{0:{row.example}}}"
         yield Suggestion(kind, "kind", row.relates, kind_text(kind), snippet, True)
@@ -201,7 +201,7 @@ def _kinds(workspace: Workspace, place: Place) -> Iterator[Suggestion]:
     yield from library_models(workspace, place.document, place.file)
 
 
-def _law(place: Place) -> Iterator[Suggestion]:
+def _law(place: CursorPlace) -> Iterator[Suggestion]:
     """Letters of the element whose law is written."""
     name = place.context.statement[1].text if len(place.context.statement) > 1 else ""
     row = ELEMENTS[place.context.first]
@@ -220,7 +220,7 @@ def _law(place: Place) -> Iterator[Suggestion]:
 # ---------------------------------------------------------------- names
 
 
-def _names(place: Place, kinds: Iterable[str]) -> Iterator[Suggestion]:
+def _names(place: CursorPlace, kinds: Iterable[str]) -> Iterator[Suggestion]:
     """Names of some kinds, those of the first kind first."""
     order = list(kinds)
     listed = [name for name in place.names.values() if name.kind in order]
@@ -233,7 +233,7 @@ def _named(name: DeclaredName) -> Suggestion:
     return Suggestion(name.name, name.kind, " ".join(filter(None, (name.type, shown))), name.description)
 
 
-def _expression(place: Place) -> Iterator[Suggestion]:
+def _expression(place: CursorPlace) -> Iterator[Suggestion]:
     yield from (_named(n) for n in place.names.values() if n.kind != "function")
     for name in file_names(place.file).values():
         if name.kind == "constant":
@@ -249,7 +249,7 @@ def _functions() -> Iterator[Suggestion]:
         yield Suggestion(function, "function", usage, FUNCTION_TEXTS.get(function, ""), f"{function}($0)", True)
 
 
-def _members(place: Place) -> Iterator[Suggestion]:
+def _members(place: CursorPlace) -> Iterator[Suggestion]:
     """Names behind a point: ports in a bond, else what can be read."""
     path = path_before(place.context.statement)
     names, file, name, owner = place.names, place.file, None, place.home
@@ -271,7 +271,7 @@ def _members(place: Place) -> Iterator[Suggestion]:
         yield from _readable(place, name, owner)
 
 
-def _coordinates(place: Place, part: DeclaredName) -> Iterator[Suggestion]:
+def _coordinates(place: CursorPlace, part: DeclaredName) -> Iterator[Suggestion]:
     mechanism = place.names.get(part.owner[-1])
     planar = mechanism is None or mechanism.type != "spatial"
     yield from (Suggestion(c, "port", "coordinate") for c in freedoms_of(part.type, planar))
@@ -281,7 +281,7 @@ def _coordinates(place: Place, part: DeclaredName) -> Iterator[Suggestion]:
         yield from (Suggestion(group, "variable", " ".join(names)) for group, names in inner.groups.items())
 
 
-def _readable(place: Place, name: DeclaredName, owner: str) -> Iterator[Suggestion]:
+def _readable(place: CursorPlace, name: DeclaredName, owner: str) -> Iterator[Suggestion]:
     row = ELEMENTS.get(name.type)
     words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}
     for port, domain in ports(place.survey, owner, name.name).items():
@@ -295,7 +295,7 @@ def _readable(place: Place, name: DeclaredName, owner: str) -> Iterator[Suggesti
 # ---------------------------------------------------------------- blocks
 
 
-def _experiment(place: Place) -> Iterator[Suggestion]:
+def _experiment(place: CursorPlace) -> Iterator[Suggestion]:
     context = place.context
     if not context.statement:
         yield from _keywords("experiment")
@@ -312,7 +312,7 @@ def _experiment(place: Place) -> Iterator[Suggestion]:
         yield from _expression(place)
 
 
-def _mechanism(place: Place) -> Iterator[Suggestion]:
+def _mechanism(place: CursorPlace) -> Iterator[Suggestion]:
     context = place.context
     block = next(b for b in context.blocks if b and b[0].text == "multibody")
     mechanism = place.names.get(block[1].text) if len(block) > 1 else None
@@ -333,7 +333,7 @@ def _mechanism(place: Place) -> Iterator[Suggestion]:
         yield from _expression(place)
 
 
-def _simulate(place: Place) -> Iterator[Suggestion]:
+def _simulate(place: CursorPlace) -> Iterator[Suggestion]:
     if [w.text for w in place.context.statement[-2:]] == ["solver", "="]:
         yield from (Suggestion(name, "solver") for name in solver_names())
     elif not place.context.statement or place.context.last == ",":
@@ -342,7 +342,7 @@ def _simulate(place: Place) -> Iterator[Suggestion]:
         yield from _expression(place)
 
 
-def _analysis(place: Place) -> Iterator[Suggestion]:
+def _analysis(place: CursorPlace) -> Iterator[Suggestion]:
     row = ANALYSIS_STEPS[place.context.head]
     if not place.context.statement or place.context.last == ",":
         words = (*(name for name, _, _ in row.counts), *row.truths, *row.named)
@@ -351,7 +351,7 @@ def _analysis(place: Place) -> Iterator[Suggestion]:
         yield from _expression(place)
 
 
-def _resets(place: Place) -> Iterator[Suggestion]:
+def _resets(place: CursorPlace) -> Iterator[Suggestion]:
     yield from (
         _names(place, ("mode", "element", "instance", "mechanism"))
         if place.context.last in ("", ",")
@@ -359,7 +359,7 @@ def _resets(place: Place) -> Iterator[Suggestion]:
     )
 
 
-_BLOCKS: Mapping[str, Callable[[Place], Iterator[Suggestion]]] = {
+_BLOCKS: Mapping[str, Callable[[CursorPlace], Iterator[Suggestion]]] = {
     "experiment": _experiment,
     "multibody": _mechanism,
     "for": _mechanism,
@@ -370,7 +370,7 @@ _BLOCKS: Mapping[str, Callable[[Place], Iterator[Suggestion]]] = {
 }
 
 
-def _attributes(place: Place) -> Iterator[Suggestion]:
+def _attributes(place: CursorPlace) -> Iterator[Suggestion]:
     """Attributes in the braces of a declaration."""
     context = place.context
     words = (
@@ -428,7 +428,7 @@ def _declares_unit(context: Context) -> bool:
     return False
 
 
-def _wanted_dimension(place: Place) -> Dimension | None:
+def _wanted_dimension(place: CursorPlace) -> Dimension | None:
     """Dimension that a quantity at the cursor must have, if the statement tells."""
     context = place.context
     words = [w.text for w in context.statement]
@@ -458,7 +458,7 @@ def _wanted_dimension(place: Place) -> Dimension | None:
     return _dimension_of_words(place, context.statement[:equals])
 
 
-def _letter_dimension(place: Place, element: str, letter: str) -> Dimension | None:
+def _letter_dimension(place: CursorPlace, element: str, letter: str) -> Dimension | None:
     for domain in ports(place.survey, place.home, element).values():
         variable = domain.variable(letter) or domain.variable(letter[:-1])
         if variable is not None:
@@ -469,7 +469,7 @@ def _letter_dimension(place: Place, element: str, letter: str) -> Dimension | No
     return next(iter(usual)) if len(usual) == 1 else None
 
 
-def _dimension_of_words(place: Place, words: tuple[object, ...]) -> Dimension | None:
+def _dimension_of_words(place: CursorPlace, words: tuple[object, ...]) -> Dimension | None:
     """Dimension of the last path among the words: a name, or `spring.x`."""
     texts = [getattr(w, "text", "") for w in words]
     if not texts:

@@ -65,25 +65,25 @@ def context_at(text: str, at: int) -> Context:
     blocks: list[tuple[Word, ...]] = []
     statement: list[Word] = []
     brackets: list[int] = []
-    for found in WORD.finditer(text, 0, at):
-        kind = found.lastgroup or ""
-        word = Word(kind, found[0], found.start())
+    for match in WORD.finditer(text, 0, at):
+        kind = match.lastgroup or ""
+        word = Word(kind, match[0], match.start())
         if kind == "comment":
             if word.end >= at:
                 return Context(tuple(blocks), tuple(statement), Word("name", "", at), tuple(brackets), True)
-        elif kind == "newline" or found[0] == ";":
-            in_line = found[0] == "\n" and (
-                brackets or _goes_on(statement) or _BEGINS_AS_BEFORE.match(text, found.end(), at)
+        elif kind == "newline" or match[0] == ";":
+            in_line = match[0] == "\n" and (
+                brackets or _goes_on(statement) or _BEGINS_AS_BEFORE.match(text, match.end(), at)
             )
             if not in_line:
                 statement, brackets = [], []
-        elif found[0] == "{":
+        elif match[0] == "{":
             blocks.append(tuple(statement))
             statement, brackets = [], []
-        elif found[0] == "}":
+        elif match[0] == "}":
             statement, brackets = list(blocks.pop()) if blocks else [], []
         else:
-            _bracket(found[0], statement, brackets)
+            _bracket(match[0], statement, brackets)
             statement.append(word)
     return _typed(blocks, statement, brackets, at)
 

@@ -113,13 +113,13 @@ def _units(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Ite
     place = place_of(item.span)
     symbol = unit[1][1:-1]
     new = f" {symbol}" if symbol.isidentifier() else f" {unit[1]}"
-    for found in re.finditer(
+    for match in re.finditer(
         r"(?<![\w.^])\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(\s*\[[^]]*\]|\s*[A-Za-z%]\w*(?:[*/^][\w^]+)*)?",
         text[place.start : place.end],
     ):
-        number = found[0][: len(found[0]) - len(found[1] or "")]
-        start = place.start + found.start()
-        yield _replace(path, start, start + len(found[0]), f"{number}{new}")
+        number = match[0][: len(match[0]) - len(match[1] or "")]
+        start = place.start + match.start()
+        yield _replace(path, start, start + len(match[0]), f"{number}{new}")
 
 
 _TO_WRITE = re.compile(
@@ -211,8 +211,8 @@ def _signs(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Ite
     for pattern, new, advice in _SIGNS:
         if advice in item.help and item.code < "BG103":
             uses = list(re.finditer(pattern, line))
-            for found in uses:
-                yield _replace(path, start + found.start(), start + found.end(), found.expand(new))
+            for match in uses:
+                yield _replace(path, start + match.start(), start + match.end(), match.expand(new))
             if len(uses) > 1:
                 yield _replace(path, start, end, re.sub(pattern, new, line), f"Write `{new}` throughout")
 
@@ -225,9 +225,9 @@ def _brackets(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> 
     place = place_of(item.span)
     start, end = _line(text, place.start)
     if "stands in brackets" in item.help:
-        for found in _SEVERAL.finditer(text, start, end):
-            unit = "*".join([found[2], *found[3].split()])
-            yield _replace(path, *found.span(), f"{found[1]} [{unit}]")
+        for match in _SEVERAL.finditer(text, start, end):
+            unit = "*".join([match[2], *match[3].split()])
+            yield _replace(path, *match.span(), f"{match[1]} [{unit}]")
     if item.code == "BG102" and "in brackets: `[" in item.help:
         yield _replace(path, place.start, place.end, item.help.partition("`")[2].partition("`")[0])
     if item.code == "BG007":
@@ -291,12 +291,12 @@ def _names(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Ite
     required = re.search(r"[Ll]eave out (?:the|its) `(require|prefer)` of `([\w.]+)`|remove its `(require)`", item.help)
     if required is not None:
         attribute, owner = required[1] or required[3], (required[2] or "").rpartition(".")[2]
-        for found in re.finditer(
+        for match in re.finditer(
             rf"\s*\{{\s*{attribute}\s*=\s*\w+\s*\}}|,\s*{attribute}\s*=\s*\w+|{attribute}\s*=\s*\w+\s*,\s*", text
         ):
-            start, _ = _line(text, found.end())
-            if not owner or re.search(rf"\b{owner}\b", text[start : found.start()]):
-                yield _replace(path, *found.span(), "", f"Leave out `{attribute}`")
+            start, _ = _line(text, match.end())
+            if not owner or re.search(rf"\b{owner}\b", text[start : match.start()]):
+                yield _replace(path, *match.span(), "", f"Leave out `{attribute}`")
 
 
 def _arrows(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
@@ -305,9 +305,9 @@ def _arrows(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> It
         return
     start, end = _line(text, place_of(item.span).start)
     line = text[start:end]
-    for found in re.finditer(r"([\w.\[\]]+)(\s*->\s*)([\w.\[\]]+)", line):
+    for match in re.finditer(r"([\w.\[\]]+)(\s*->\s*)([\w.\[\]]+)", line):
         yield _replace(
-            path, start + found.start(), start + found.end(), f"{found[3]}{found[2]}{found[1]}", "Turn the arrow"
+            path, start + match.start(), start + match.end(), f"{match[3]}{match[2]}{match[1]}", "Turn the arrow"
         )
     if "`=>`" in item.help or "`->`" in item.help:
         for old, new in (("->", "=>"), ("=>", "->")):

@@ -12,7 +12,7 @@ from ..presentation.text.causality import CausalityExplanation, explain
 from .names import DeclaredName, path_of
 
 if TYPE_CHECKING:
-    from compiler.api import Compilation, Dimension, Domain, Scale, Survey
+    from compiler.api import Compilation, Dimension, Domain, FileSurvey, Scale
 
 
 def number(value: float) -> str:
@@ -49,7 +49,7 @@ def in_author_unit(value: float, unit: str, written: tree.Unit | None) -> str:
     return f"{number(factor.from_si(value))} {written.span.words} = {own}"
 
 
-def quantity_line(name: DeclaredName, survey: Survey, home: str, reading: str) -> str:
+def quantity_line(name: DeclaredName, survey: FileSurvey, home: str, reading: str) -> str:
     """Unit and value of a quantity, as a model reads it; empty if the compiler has not found any."""
     checked = survey.models.get(home)
     if checked is None or checked.parts is None:
@@ -72,7 +72,7 @@ def domain_line(domain: Domain, variables: str) -> str:
     return ", ".join(f"`{domain.letter(v)}` in {domain.dimension(v)}" for v in variables)
 
 
-def entry_of(survey: Survey, home: str, name: str) -> object | None:
+def entry_of(survey: FileSurvey, home: str, name: str) -> object | None:
     """Meaning of a name of a model, as it was elaborated: that of the first item of an array."""
     checked = survey.models.get(home)
     entry = None if checked is None or checked.scope is None else checked.scope.entries.get(name)
@@ -80,7 +80,7 @@ def entry_of(survey: Survey, home: str, name: str) -> object | None:
     return next(iter(items.values()), None) if isinstance(items, dict) else entry
 
 
-def ports(survey: Survey, home: str, name: str) -> Mapping[str, Domain]:
+def ports(survey: FileSurvey, home: str, name: str) -> Mapping[str, Domain]:
     """Ports of an element, junction or part with their domains."""
     entry = entry_of(survey, home, name)
     return entry.ports if isinstance(entry, ElementEntry | PartEntry) else {}
@@ -135,7 +135,7 @@ def dimension_of(unit: str) -> Dimension | None:
         return None
 
 
-def declared_dimension(name: DeclaredName, file: FileScope, survey: Survey, home: str) -> Dimension | None:
+def declared_dimension(name: DeclaredName, file: FileScope, survey: FileSurvey, home: str) -> Dimension | None:
     """Dimension of a quantity: as the compiler found it, else by the unit that its declaration has."""
     checked = survey.models.get(home)
     if checked is not None and checked.parts is not None:

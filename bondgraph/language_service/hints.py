@@ -40,12 +40,12 @@ def _strokes(main: Compilation, why: CausalityExplanation, path: Path) -> Iterat
             row = why.strokes[bonds[0]]
             yield InlineHint(at, STROKES[sides.pop()], f"{row.bond}: {row.why}")
     reasons = {row.storage: row for row in why.derivative}
-    seen: set[int] = set()
+    shown: set[int] = set()
     for storage in causal.derivative:
         node = causal.graph.nodes[storage.node]
         behind = node.span.offset + node.span.end - node.span.start
-        if path_of(node.span) == path and behind not in seen:
-            seen.add(behind)
+        if path_of(node.span) == path and behind not in shown:
+            shown.add(behind)
             row_of = reasons.get(node.name)
             yield InlineHint(behind, " derivative form", row_of.why if row_of is not None else "")
 

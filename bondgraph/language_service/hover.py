@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
-from compiler.api import DOMAINS, ELEMENTS, UNITS, Span, Survey, tree
+from compiler.api import DOMAINS, ELEMENTS, UNITS, FileSurvey, Span, tree
 
 from .answers import HoverText
 from .context import WORD
@@ -19,7 +19,7 @@ from .facts import (
     stroke_lines,
 )
 from .names import DeclaredName, table_of
-from .occurrences import Occurrence, model_of
+from .occurrences import NameUse, model_of
 from .vocabulary import FUNCTION_TEXTS, JUNCTIONS, KEYWORDS, USAGES, kind_text
 from .workspace import Workspace, place_of
 
@@ -35,12 +35,12 @@ def hover(workspace: Workspace, path: Path, at: int) -> HoverText | None:
         lines = list(_lines(workspace, path, occurrence, survey))
         if lines:
             return HoverText(place_of(occurrence.span), "\n\n".join(lines))
-    for found in WORD.finditer(document.text, document.text.rfind("\n", 0, at) + 1):
-        if found.start() > at:
+    for match in WORD.finditer(document.text, document.text.rfind("\n", 0, at) + 1):
+        if match.start() > at:
             break
-        text = _word_text(found[0]) if at <= found.end() and found.lastgroup in ("name", "number") else ""
+        text = _word_text(match[0]) if at <= match.end() and match.lastgroup in ("name", "number") else ""
         if text:
-            place = place_of(Span(document.tree.source, found.start(), found.end()))
+            place = place_of(Span(document.tree.source, match.start(), match.end()))
             return HoverText(place, text)
     return None
 
@@ -65,7 +65,7 @@ def _domain_text(word: str) -> str:
     )
 
 
-def _lines(workspace: Workspace, path: Path, occurrence: Occurrence, survey: Survey) -> Iterator[str]:
+def _lines(workspace: Workspace, path: Path, occurrence: NameUse, survey: FileSurvey) -> Iterator[str]:
     name = occurrence.name
     if name is None:
         yield from filter(None, [_builtin(occurrence, survey)])
@@ -91,7 +91,7 @@ def _described(name: DeclaredName) -> str:
     return f" — {name.description}" if name.description else ""
 
 
-def _quantity(name: DeclaredName, occurrence: Occurrence, survey: Survey) -> Iterator[str]:
+def _quantity(name: DeclaredName, occurrence: NameUse, survey: FileSurvey) -> Iterator[str]:
     yield f"**{name.kind} {name.name}**{_described(name)}"
     reading = occurrence.reading or name.name
     value = quantity_line(name, survey, occurrence.home, reading)
@@ -107,7 +107,7 @@ def _quantity(name: DeclaredName, occurrence: Occurrence, survey: Survey) -> Ite
 
 
 def _element(
-    workspace: Workspace, path: Path, name: DeclaredName, occurrence: Occurrence, survey: Survey
+    workspace: Workspace, path: Path, name: DeclaredName, occurrence: NameUse, survey: FileSurvey
 ) -> Iterator[str]:
     node = name.node
     assert isinstance(node, tree.Declaration)
@@ -140,7 +140,7 @@ def _model_lines(model: tree.ModelSyntax) -> Iterator[str]:
         yield "\n".join(rows)
 
 
-def _builtin(occurrence: Occurrence, survey: Survey) -> str:
+def _builtin(occurrence: NameUse, survey: FileSurvey) -> str:
     """A text on a word that no one declares: a unit, a function, a letter of a law."""
     word = occurrence.span.text
     if occurrence.kind == "unit" and word in UNITS:
@@ -158,7 +158,7 @@ def _builtin(occurrence: Occurrence, survey: Survey) -> str:
     return _word_text(word)
 
 
-def _variable(occurrence: Occurrence, survey: Survey) -> str:
+def _variable(occurrence: NameUse, survey: FileSurvey) -> str:
     """A text on a letter that is read of an element, `spring.x`."""
     owner, _, letter = occurrence.reading.rpartition(".")
     domains = ports(survey, occurrence.home, owner) if owner else {}

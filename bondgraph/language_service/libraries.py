@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from compiler.api import Document, FileScope, tree
+from compiler.api import EditedFile, FileScope, tree
 
 from ..compiled_model import LIBRARY
 from .answers import Suggestion, TextEdit, TextPlace
@@ -36,7 +36,7 @@ def import_suggestions(workspace: Workspace, path: Path, context: Context) -> It
             yield Suggestion(name, "model", library.stem, _text(model), insert)
 
 
-def library_models(workspace: Workspace, document: Document, file: FileScope) -> Iterator[Suggestion]:
+def library_models(workspace: Workspace, document: EditedFile, file: FileScope) -> Iterator[Suggestion]:
     """Yield the parts of the library that a file does not import yet, with the line that does."""
     for library in sorted(LIBRARY.glob("*.bg")):
         if library.resolve() == document.path:
@@ -46,7 +46,7 @@ def library_models(workspace: Workspace, document: Document, file: FileScope) ->
                 yield part_suggestion(name, model, library.stem, import_edits(document, name, library.stem))
 
 
-def import_edits(document: Document, name: str, library: str) -> tuple[TextEdit, ...]:
+def import_edits(document: EditedFile, name: str, library: str) -> tuple[TextEdit, ...]:
     """Return the edit by which a file imports a model of a library: in the line that imports others of it, else in a new one."""
     imports = [
         s

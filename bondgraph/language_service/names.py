@@ -37,8 +37,8 @@ NameTable = Mapping[str, DeclaredName]
 
 def name_span(span: Span, name: str) -> Span:
     """The first `name` in a span that begins with it, or has it further on."""
-    found = re.compile(rf"\b{re.escape(name)}\b").search(span.source.text, span.start)
-    start = span.start if found is None else found.start()
+    match = re.compile(rf"\b{re.escape(name)}\b").search(span.source.text, span.start)
+    start = span.start if match is None else match.start()
     return Span(span.source, start, start + len(name))
 
 
@@ -158,8 +158,8 @@ def arguments_of(function: tree.FunctionSyntax, owner: tuple[str, ...]) -> NameT
     path, source = path_of(function.span), function.span.source
     names: dict[str, DeclaredName] = {}
     after = function.span.start + len(function.name)
-    for found in _NAME.finditer(source.text, after, function.body.span.start):
-        if found[0] in function.parameters:
-            span = Span(source, *found.span())
-            names[found[0]] = DeclaredName(path, (*owner, function.name), found[0], "argument", span, function)
+    for match in _NAME.finditer(source.text, after, function.body.span.start):
+        if match[0] in function.parameters:
+            span = Span(source, *match.span())
+            names[match[0]] = DeclaredName(path, (*owner, function.name), match[0], "argument", span, function)
     return names

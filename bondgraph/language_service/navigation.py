@@ -11,7 +11,7 @@ from compiler.api import ELEMENT_KINDS, RESERVED, tree
 from ..compiled_model import LIBRARY
 from .answers import OutlineNode, TextEdit, TextPlace
 from .names import DeclaredName, path_of
-from .occurrences import Occurrence
+from .occurrences import NameUse
 from .outline import outline
 from .workspace import Workspace, place_of
 
@@ -115,7 +115,7 @@ def _means_the_same(workspace: Workspace, edits: list[TextEdit], name: DeclaredN
     )
 
 
-def _meaning(occurrence: Occurrence, renamed: DeclaredName, new: str) -> tuple[object, ...]:
+def _meaning(occurrence: NameUse, renamed: DeclaredName, new: str) -> tuple[object, ...]:
     """Owner and name of what a word refers to, with the new name for what is renamed, and whether it declares it."""
     name = occurrence.name
     if name is None:

@@ -25,7 +25,7 @@ _STEP = re.compile(r"\[|\]|\.\s*([A-Za-z_]\w*)", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
-class Occurrence:
+class NameUse:
     """A word of the text; `name` is None for a word that belongs to the language, such as the letter of a law.
 
     `home`: the model that it stands in. `reading`: the path up to it, `axle[2].k`.
@@ -53,7 +53,7 @@ class _Home:
         return replace(self, names={**self.names, **names})
 
 
-def occurrences(file: FileScope, statements: tuple[tree.SyntaxNode, ...]) -> Iterator[Occurrence]:
+def occurrences(file: FileScope, statements: tuple[tree.SyntaxNode, ...]) -> Iterator[NameUse]:
     """Yield the occurrences of all names in the statements of a file."""
     home = _Home(file, file_names(file))
     for statement in statements:
@@ -63,7 +63,7 @@ def occurrences(file: FileScope, statements: tuple[tree.SyntaxNode, ...]) -> Ite
             case tree.Import():
                 for name, span in statement.names:
                     definition = file.models.get(name)
-                    yield Occurrence(span, None if definition is None else model_name(definition), kind="model")
+                    yield NameUse(span, None if definition is None else model_name(definition), kind="model")
             case _:
                 yield from _statement(statement, home)
 
@@ -104,16 +104,16 @@ def model_of(name: DeclaredName, file: FileScope) -> ModelDefinition | None:
 # ---------------------------------------------------------------- statements
 
 
-def _model(model: tree.ModelSyntax, home: _Home) -> Iterator[Occurrence]:
+def _model(model: tree.ModelSyntax, home: _Home) -> Iterator[NameUse]:
     definition = ModelDefinition(model, home.file)
-    yield Occurrence(model.name_span, model_name(definition), True)
+    yield NameUse(model.name_span, model_name(definition), True)
     inner = replace(home.also(table_of(model)), owner=(model.name,))
     for statement in model.statements:
-        for found in _statement(statement, inner):
-            yield replace(found, home=model.name)
+        for use in _statement(statement, inner):
+            yield replace(use, home=model.name)
 
 
-def _statement(statement: tree.SyntaxNode, home: _Home) -> Iterator[Occurrence]:
+def _statement(statement: tree.SyntaxNode, home: _Home) -> Iterator[NameUse]:
     match statement:
         case tree.Declaration():
             yield from _declaration(statement, home)
@@ -134,12 +134,12 @@ def _statement(statement: tree.SyntaxNode, home: _Home) -> Iterator[Occurrence]:
         case tree.FunctionSyntax():
             yield from _defined(home, statement.name, statement.span)
             arguments = arguments_of(statement, home.owner)
-            yield from (Occurrence(a.span, a, True) for a in arguments.values())
+            yield from (NameUse(a.span, a, True) for a in arguments.values())
             yield from _expression(statement.body, home.also(arguments))
         case tree.Experiment():
             yield from _experiment(statement, home)
         case tree.SettingSyntax():
-            yield Occurrence(name_span(statement.span, statement.name), None, kind="attribute")
+            yield NameUse(name_span(statement.span, statement.name), None, kind="attribute")
             yield from _expression(statement.value, home)
         case tree.Quantities(items=items):
             for item in items:
@@ -153,30 +153,30 @@ def _statement(statement: tree.SyntaxNode, home: _Home) -> Iterator[Occurrence]:
             yield from _expression(statement, home)
 
 
-def _defined(home: _Home, word: str, span: Span) -> Iterator[Occurrence]:
+def _defined(home: _Home, word: str, span: Span) -> Iterator[NameUse]:
     name = home.names.get(word)
     if name is not None:
-        yield Occurrence(name_span(span, word), name, True)
+        yield NameUse(name_span(span, word), name, True)
 
 
-def _declaration(declaration: tree.Declaration, home: _Home) -> Iterator[Occurrence]:
+def _declaration(declaration: tree.Declaration, home: _Home) -> Iterator[NameUse]:
     kind_span = name_span(declaration.span, declaration.kind)
     kind = home.names.get(declaration.kind) if declaration.kind not in ELEMENT_KINDS and len(home.owner) == 1 else None
     if kind is not None and kind.kind in ("model", "parameter"):  # a parameter may stand for a model
-        yield Occurrence(kind_span, kind)
+        yield NameUse(kind_span, kind)
     elif declaration.kind.isidentifier():
-        yield Occurrence(kind_span, None, kind="kind")
+        yield NameUse(kind_span, None, kind="kind")
     inner: NameTable = {}
     target = home
     for declared in declaration.names:
         name = home.names.get(declared.name)
         if name is None or name.node is not declaration:
             continue
-        yield Occurrence(name.span, name, True)
+        yield NameUse(name.span, name, True)
         yield from _expression(declared.index, home)
         inner, file = inside(name, home.file)
         if name.kind == "element":
-            yield from (Occurrence(c.span, c, True) for c in inner.values())
+            yield from (NameUse(c.span, c, True) for c in inner.values())
         elif name.kind == "instance":
             target = _Home(file, inner)
     law = isinstance(declaration.definition, tree.LawSyntax)
@@ -184,16 +184,16 @@ def _declaration(declaration: tree.Declaration, home: _Home) -> Iterator[Occurre
     for attribute in declaration.attributes:
         span = name_span(attribute.span, attribute.name)
         named = target.names.get(attribute.name) if target is not home else None
-        yield Occurrence(span, named, kind="attribute")
+        yield NameUse(span, named, kind="attribute")
         yield from _expression(attribute.target, replace(home, names=inner, in_law=True))
         yield from _expression(attribute.value, home)
 
 
-def _experiment(experiment: tree.Experiment, home: _Home) -> Iterator[Occurrence]:
+def _experiment(experiment: tree.Experiment, home: _Home) -> Iterator[NameUse]:
     owner = (*home.owner, "experiment")
     span = name_span(experiment.span, experiment.name)
     path = path_of(experiment.span)
-    yield Occurrence(span, DeclaredName(path, owner, experiment.name, "experiment", span, experiment), True)
+    yield NameUse(span, DeclaredName(path, owner, experiment.name, "experiment", span, experiment), True)
     swept: dict[str, DeclaredName] = {}
     for step in experiment.steps:
         if isinstance(step, tree.SweepSyntax) and not step.path.steps and step.path.head not in home.names:
@@ -202,16 +202,16 @@ def _experiment(experiment: tree.Experiment, home: _Home) -> Iterator[Occurrence
     inner = home.also(swept)
     for step in experiment.steps:
         for attribute in getattr(step, "attributes", ()):
-            yield Occurrence(name_span(attribute.span, attribute.name), None, kind="attribute")
-        for found in _expression(step, inner):
-            is_swept = found.name is not None and found.name.span == found.span and found.name.node is step
-            yield replace(found, is_definition=True) if is_swept else found
+            yield NameUse(name_span(attribute.span, attribute.name), None, kind="attribute")
+        for use in _expression(step, inner):
+            is_swept = use.name is not None and use.name.span == use.span and use.name.node is step
+            yield replace(use, is_definition=True) if is_swept else use
 
 
 # ---------------------------------------------------------------- expressions
 
 
-def _expression(node: object, home: _Home) -> Iterator[Occurrence]:
+def _expression(node: object, home: _Home) -> Iterator[NameUse]:
     """Yield the occurrences in a node, or in all nodes of a tuple."""
     match node:
         case tuple() | list():
@@ -221,10 +221,10 @@ def _expression(node: object, home: _Home) -> Iterator[Occurrence]:
             yield from _path(node, home)
         case tree.Call():
             span = name_span(node.span, node.function)
-            yield Occurrence(span, home.names.get(node.function), kind="function")
+            yield NameUse(span, home.names.get(node.function), kind="function")
             yield from _expression(node.arguments, home)
         case tree.Unit():
-            yield from (Occurrence(span, None, kind="unit") for _, _, span in node.factors)
+            yield from (NameUse(span, None, kind="unit") for _, _, span in node.factors)
         case tree.Index():
             yield from _expression(node.items, home)
         case tree.SyntaxNode():
@@ -233,7 +233,7 @@ def _expression(node: object, home: _Home) -> Iterator[Occurrence]:
                     yield from _expression(getattr(node, part.name), home)
 
 
-def _path(path: tree.PathSyntax, home: _Home) -> Iterator[Occurrence]:
+def _path(path: tree.PathSyntax, home: _Home) -> Iterator[NameUse]:
     for step in path.steps:
         if isinstance(step, tree.Index):
             yield from _expression(step, home)
@@ -245,12 +245,12 @@ def _path(path: tree.PathSyntax, home: _Home) -> Iterator[Occurrence]:
     for number, (word, span) in enumerate(words):
         name = names.get(word)
         if name is None:
-            yield Occurrence(
+            yield NameUse(
                 span, None, kind="variable" if number or home.in_law else "word", reading=_reading(path, span)
             )
             names = {}
             continue
-        yield Occurrence(span, name, reading=_reading(path, span))
+        yield NameUse(span, name, reading=_reading(path, span))
         names, file = inside(name, file)
 
 

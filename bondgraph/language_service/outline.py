@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from compiler.api import Document, Span, tree
+from compiler.api import EditedFile, Span, tree
 
 from .answers import OutlineNode, TextPlace
 from .names import DeclaredName, name_span, parts_of, table_of
@@ -86,7 +86,7 @@ def _pairs(text: str) -> Iterator[tuple[int, int, str]]:
     yield from ((start, len(text), sign) for start, sign in open_marks)
 
 
-def folds(document: Document) -> list[tuple[int, int]]:
+def folds(document: EditedFile) -> list[tuple[int, int]]:
     """Return the first and last line, from 0, of each block, list and group of comments that an editor may fold."""
     text = document.text
     folded = {(text.count("\n", 0, start), text.count("\n", 0, end)) for start, end, _ in _pairs(text)}

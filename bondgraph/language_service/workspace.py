@@ -6,14 +6,24 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from compiler.api import Compilation, Document, FileScope, Project, Span, Survey, project_folder, read_text, uncollected
+from compiler.api import (
+    Compilation,
+    EditedFile,
+    FileScope,
+    FileSurvey,
+    Project,
+    Span,
+    project_folder,
+    read_text,
+    uncollected,
+)
 
 from ..compiled_model import LIBRARY
 from ..presentation.text.causality import CausalityExplanation
 from .answers import TextPlace
 from .facts import strokes
 from .names import path_of
-from .occurrences import Occurrence, occurrences
+from .occurrences import NameUse, occurrences
 
 MOST_FILES = 2000  # files of a folder that are searched for a name
 
@@ -24,8 +34,8 @@ class Workspace:
 
     folders: list[Path] = field(default_factory=list)
     project: Project = field(default_factory=lambda: Project(LIBRARY.resolve()))
-    _surveys: dict[Path, tuple[Document, Survey]] = field(default_factory=dict)
-    _occurrences: dict[Path, tuple[FileScope, list[Occurrence]]] = field(default_factory=dict)
+    _surveys: dict[Path, tuple[EditedFile, FileSurvey]] = field(default_factory=dict)
+    _occurrences: dict[Path, tuple[FileScope, list[NameUse]]] = field(default_factory=dict)
     _strokes: dict[Path, tuple[Compilation, CausalityExplanation | None]] = field(default_factory=dict)
 
     def open(self, path: Path, text: str) -> None:
@@ -36,13 +46,13 @@ class Workspace:
         """Read a file from the disk again."""
         self.project.open_texts.pop(path.resolve(), None)
 
-    def survey(self, path: Path, complete: bool = False) -> Survey:
+    def survey(self, path: Path, complete: bool = False) -> FileSurvey:
         """Return what is known of a file now; large models may be those of an earlier text unless it shall be `complete`."""
         survey = self.project.survey(path, complete)
         self._surveys[path.resolve()] = (self.project.document(path), survey)
         return survey
 
-    def names(self, path: Path, complete: bool = False) -> tuple[Document, Survey]:
+    def names(self, path: Path, complete: bool = False) -> tuple[EditedFile, FileSurvey]:
         """Return a file with its names, from the last survey of this text if there is one (and it is `complete`, where that is asked for)."""
         document = self.project.document(path)
         before = self._surveys.get(path.resolve())
@@ -51,7 +61,7 @@ class Workspace:
         self.survey(path, complete)
         return self._surveys[path.resolve()]
 
-    def occurrences(self, path: Path) -> list[Occurrence]:
+    def occurrences(self, path: Path) -> list[NameUse]:
         """Return all names of a file and the places that refer to them, in the order of the text. Nothing is checked for that."""
         path, document = path.resolve(), self.project.document(path)
         surveyed, before = self._surveys.get(path), self._occurrences.get(path)
@@ -63,7 +73,7 @@ class Workspace:
             before = self._occurrences[path] = (file, listed)
         return before[1]
 
-    def occurrence_at(self, path: Path, at: int) -> Occurrence | None:
+    def occurrence_at(self, path: Path, at: int) -> NameUse | None:
         """Return the name at a character, or that ends there."""
         path = path.resolve()
         near = [o for o in self.occurrences(path) if o.span.offset <= at <= o.span.offset + len(o.span.text)]

@@ -27,7 +27,13 @@ def test_the_table_is_installed_once() -> None:
 
 
 def test_only_the_facade_and_the_commands_import_the_presentation() -> None:
-    above = {"bondgraph", "bondgraph.model", "bondgraph.commands", "bondgraph.reproduction"}
+    above = {
+        "bondgraph",
+        "bondgraph.model",
+        "bondgraph.commands",
+        "bondgraph.reproduction",
+        "bondgraph.language_service",
+    }
     arrows = structure.room_imports().edges
     assert {
         a for a, b in arrows if b.startswith("bondgraph.presentation") and not a.startswith("bondgraph.presentation")
