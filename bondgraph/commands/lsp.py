@@ -22,7 +22,7 @@ def command(stdio: bool) -> None:
         if (missing.name or "").partition(".")[0] not in ("pygls", "lsprotocol"):
             raise
         raise MissingPackage(
-            "BR941", "the language server needs pygls 2:", 'pip install "bondgraph-lang[lsp]"'
+            "BR690", "the language server needs pygls 2:", 'pip install "bondgraph-lang[lsp]"'
         ) from missing
     gc.enable()
     serve()
