@@ -41,4 +41,6 @@ def marked_words(workspace: Workspace, path: Path, start: int = 0, end: int | No
 
 
 def _builtin(kind: str) -> str:
+    if kind == "library":
+        return "model"
     return kind if kind in ("unit", "function", "kind", "attribute", "variable") else ""

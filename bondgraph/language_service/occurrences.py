@@ -64,6 +64,9 @@ def occurrences(file: FileScope, statements: tuple[tree.SyntaxNode, ...]) -> Ite
                 for name, span in statement.names:
                     definition = file.models.get(name)
                     yield NameUse(span, None if definition is None else model_name(definition), kind="model")
+                if not statement.is_file:
+                    end = statement.span.end
+                    yield NameUse(Span(statement.span.source, end - len(statement.place), end), None, kind="library")
             case _:
                 yield from _statement(statement, home)
 
