@@ -125,6 +125,8 @@ def _declared(statements: tuple[tree.SyntaxNode, ...], path: Path, owner: tuple[
             case tree.LoopSyntax(name=name, statements=inner):
                 yield DeclaredName(path, owner, name, "index", name_span(statement.span, name), statement)
                 yield from _declared(inner, path, owner)
+            case tree.ConditionalSyntax():
+                yield from _declared((*statement.statements, *statement.otherwise), path, owner)
             case tree.FunctionSyntax(name=name):
                 yield DeclaredName(path, owner, name, "function", name_span(statement.span, name), statement)
             case tree.Experiment(name=name):

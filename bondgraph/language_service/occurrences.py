@@ -131,6 +131,10 @@ def _statement(statement: tree.SyntaxNode, home: _Home) -> Iterator[NameUse]:
             yield from _expression(statement.range, home)
             for item in statement.statements:
                 yield from _statement(item, home)
+        case tree.ConditionalSyntax():
+            yield from _expression(statement.condition, home)
+            for item in (*statement.statements, *statement.otherwise):
+                yield from _statement(item, home)
         case tree.ParameterSet():
             yield from _defined(home, statement.name, statement.span)
             yield from _expression([i.value for i in statement.items], home)
@@ -173,9 +177,9 @@ def _declaration(declaration: tree.Declaration, home: _Home) -> Iterator[NameUse
     target = home
     for declared in declaration.names:
         name = home.names.get(declared.name)
-        if name is None or name.node is not declaration:
+        if name is None:
             continue
-        yield NameUse(name.span, name, True)
+        yield NameUse(name_span(declared.span, declared.name), name, True)
         yield from _expression(declared.index, home)
         inner, file = inside(name, home.file)
         if name.kind == "element":
