@@ -110,6 +110,8 @@ def _reached(
     mass = sum(values.of(recursion.inertias[i].mass) for i in links)
     pins = [kinematics.moving[i].origin for i in links]
     arms = [sum(values.of(a - b) ** 2 for a, b in zip(end, pin, strict=True)) for end in ends for pin in pins]
+    if joint.kind == "wheel":  # it is its radius away from its centre
+        arms.append(values.of(script.constant(joint.ratio, f"{joint.name} radius", "m")) ** 2)
     turning = mass * max(arms, default=0.0)
     return Lent(mass, turning) if 0 < mass < inf and 0 < turning < inf else None
 

@@ -160,6 +160,26 @@ def test_in_the_plane_the_way_is_that_of_the_rim() -> None:
     assert np.abs(run["x"] + 0.1 * run["phi"]).max() < 1e-13 * 20 and np.abs(run["y"] - 0.1).max() < 1e-15
 
 
+def test_a_wheel_whose_mass_is_in_its_centre() -> None:
+    """Its turn follows from its way, so it needs no inertia: it goes as if it slid. In space nothing says how a point spins about the normal."""
+    text = """model M {
+  multibody s : planar {
+    gravity = (1 [m/s^2], -9.81 [m/s^2])
+    body b { mass = 3 kg, at = (0, 0.1 m) }
+    wheel w : ground to b { at = (0, 0.1 m), radius = 0.1 m }
+  }
+  output x = s.b.x, turn = s.b.phi, F = s.w.reaction.x
+  experiment go { simulate 0 .. 1 s { points = 3 } }
+}
+"""
+    run = bondgraph.load(text).simulate()
+    assert run.final("x") == pytest.approx(0.5, rel=1e-12) and run.final("turn") == pytest.approx(-5, rel=1e-12)
+    assert np.abs(run["F"]).max() < 1e-12
+    space = text.replace("planar", "spatial").replace("], -9", "], 0, -9").replace("(0, 0.1 m)", "(0, 0, 0.1 m)")
+    with pytest.raises(CompilationFailed, match=r"BG202: Nothing with inertia moves along `b\.r[xyz]`"):
+        bondgraph.load(space.replace("b.phi", "b.ry")).simulate()
+
+
 # ---------------------------------------------------------------- wheels and spheres in space
 def test_a_ball_on_a_turntable_goes_round_in_a_circle() -> None:
     """Closed form (Routh): about a table with angular velocity W its velocity turns with J W/(J + m r^2); the table moves, so both sides do."""
