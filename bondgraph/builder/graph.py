@@ -41,6 +41,7 @@ class SimulationOptions(TypedDict, total=False):
     rtol: float | None
     solver: str | None
     bandwidth: Value | None
+    stop_when: Value | None
 
 
 class Graph(Elements):
@@ -244,7 +245,7 @@ class Graph(Elements):
     ) -> None:  # fmt: skip
         """Add a run from 0 to `to` (a number is in s) with `settings`; `report={"position": "mm"}` names outputs and their units.
 
-        `options`: `points`, `rtol`, `solver`, and `bandwidth` (a number is in Hz): faster modes need not be followed.
+        `options`: `points`, `rtol`, `solver`, `bandwidth` (a number is in Hz): faster modes need not be followed, and `stop_when`, a condition that ends it.
         """
         check_keywords(self.experiment, options, SimulationOptions.__optional_keys__)
         solver, bandwidth = options.get("solver"), options.get("bandwidth")
@@ -263,6 +264,8 @@ class Graph(Elements):
         lines.append(f"simulate 0 .. {end if is_one_number(end) else f'({end})'}{braces(inner)}")
         if bandwidth is not None:
             lines.append(f"bandwidth {value_of(bandwidth, f'the bandwidth of `{own}`', '' if self.plain else 'Hz')}")
+        if options.get("stop_when") is not None:
+            lines.append(f"stop when {value_of(options['stop_when'], f'what ends `{own}`')}")
         listed = [report] if isinstance(report, str | NamedQuantity) else report
         wanted = listed if isinstance(listed, Mapping) else dict.fromkeys(listed, "")
         for what, unit in wanted.items():

@@ -21,7 +21,8 @@ class Ensemble(Exported):
     """Runs in the order of their settings.
 
     `ensemble[3]` is the result of the fourth run (raises its error), `ensemble["x"]` the output `x` of all of them, shape (runs, points), NaN where a run
-    failed. `failures` has the failed runs with their errors. Exports are over `run` and `time`, with the settings; they raise as `time`.
+    failed, and after the end of one that a `stop when` ended (that instant itself is in its own result, and in `final`). `failures` has the failed
+    runs with their errors. Exports are over `run` and `time`, with the settings; they raise as `time`.
     """
 
     settings: tuple[Mapping[str, str | float], ...]
@@ -55,8 +56,9 @@ class Ensemble(Exported):
         """Instants of all runs, shape (points,), in s. Raises `UsageError` if they differ, `RunFailed` if no run has a result."""
         import numpy as np
 
-        time = self._first.time
-        if any(not isinstance(o, Exception) and not np.array_equal(o.time, time) for o in self.outcomes):
+        times = [_regular(o) for o in self.outcomes if not isinstance(o, Exception)]
+        time = max(times, key=len, default=self._first.time)
+        if any(not np.array_equal(other, time[: len(other)]) for other in times):
             raise UsageError(
                 "BR905", "the runs are reported at different instants: `to` and `points` make them the same"
             )
@@ -78,7 +80,8 @@ class Ensemble(Exported):
         values = np.full((len(self), len(self.time)), np.nan)
         for number, outcome in enumerate(self.outcomes):
             if not isinstance(outcome, Exception):
-                values[number] = outcome[key]
+                count = len(_regular(outcome))
+                values[number, :count] = outcome[key][:count]
         return values
 
     def final(self, name: str) -> Array:
@@ -106,3 +109,8 @@ class Ensemble(Exported):
             variables,
             {"model": first.model, "failed": len(self.failures)},
         )
+
+
+def _regular(result: Result) -> Array:
+    """Return the instants of a run without that of a `stop when`, at which no other run is reported."""
+    return result.time if result.ended is None else result.time[:-1]

@@ -105,7 +105,8 @@ class EventRecord:
     condition: str
     owner: str
     place: str
+    stops: bool = False  # True for the `stop when` at which the run ended
 
     def __str__(self) -> str:
         who = f" of `{self.owner}`" if self.owner else ""
-        return f"t = {self.time:.9g} s: when {self.condition}{who}, {self.place}"
+        return f"t = {self.time:.9g} s: {'stop ' * self.stops}when {self.condition}{who}, {self.place}"

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 
 ROUNDED = 3.0  # tolerances of rounding in a step from which a run warns
 DIVERGED = 1e6  # growth of the change from one iteration to the next after which these do not converge
+BESIDE = 1e-12  # fraction of a run: a reported instant this close to its end by a condition is that end
 MOST_SETTLING = 400  # most iterations between delayed signals and an initialization that reads them
 SETTLED = 1e-14  # relative change of delayed signals that counts as rounding
 
@@ -405,6 +406,8 @@ class Phase:
         self.choice = self._choice()
         settled, self.trajectory = self.trajectory.settled, empty(program, self.instants)
         self.trajectory.settled = settled
+        if self.begin is None and self.events is not None and self.events.stops_at_start(self.stretches[0].start):
+            self.trajectory.stopped = self.stretches[0].start
         self.leaving = self._leaving()
         try:
             integrate(self._problem(self.events, self.choice), self.state, self.stretches, self.trajectory)
@@ -418,6 +421,7 @@ class Phase:
             raise self._explained(failed) from None
         except NotLossless as failed:
             raise self._lossy(failed) from None
+        self._end_where_stopped()
         self._finish()
         self.values = self._outputs()
         self.whole = True
@@ -427,6 +431,15 @@ class Phase:
             space = self.compilation.state_space
             check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
         self.balance = self._balance() if self.energy else None
+
+    def _end_where_stopped(self) -> None:
+        """Where a condition has ended the run, report that instant in the place of all later ones."""
+        trajectory = self.trajectory
+        if trajectory.stopped is not None:
+            rounding = BESIDE * float(self.instants[-1] - self.instants[0])
+            count = int(self.instants.searchsorted(trajectory.stopped - rounding))
+            self.instants = np.append(self.instants[:count], trajectory.stopped)
+            trajectory.states = np.concatenate([trajectory.states[:count], trajectory.final[None]])
 
     def _leaving(self) -> Leaving | None:
         """Return the modal truncation of this phase; None without a bandwidth, or with events or delayed signals."""
@@ -553,7 +566,7 @@ class Phase:
             return []
         notes = self.events.hybrid.events
         acted = [(h.time, notes[i]) for h in self.events.log for i in h.events if not notes[i].sampled]
-        return [EventRecord(t, n.words, n.owner, n.span.file_and_line) for t, n in acted]
+        return [EventRecord(t, n.words, n.owner, n.span.file_and_line, n.stops) for t, n in acted]
 
     def _outputs(self) -> Any:
         """Return the outputs, shape (points, outputs)."""

@@ -65,7 +65,7 @@ def check_run(result: Result, repeat: Repeat, wanted: RunOptions) -> RunCheck:
     methods = (row.others for row in SOLVERS.values() if row.name and result.solver.startswith(row.name))
     failure = ""
     for solver in next(methods, (AUTOMATIC,)):
-        asked = replace(wanted, solver=solver, rtol=rtol, points=len(result.time), energy=False, parts=PARTS)
+        asked = replace(wanted, solver=solver, rtol=rtol, points=_points(result, wanted), energy=False, parts=PARTS)
         try:
             return compare(result, repeat(asked), rtol)
         except UsageError as refused:
@@ -87,7 +87,7 @@ def with_error(result: Result, repeat: Repeat, wanted: RunOptions) -> Result:
         try:
             # the matrix exponential has rounding errors only: other parts of time have others
             parts = PARTS if result.solver.startswith(SOLVERS["exponential"].name) or rtol == result.rtol else 1
-            closer = repeat(replace(wanted, rtol=rtol, points=len(result.time), energy=False, parts=parts))
+            closer = repeat(replace(wanted, rtol=rtol, points=_points(result, wanted), energy=False, parts=parts))
         except RunFailed as failed:
             failure = str(failed)
         if closer is not None and len(closer.events) != len(result.events):
@@ -105,6 +105,11 @@ def with_error(result: Result, repeat: Repeat, wanted: RunOptions) -> Result:
         if closer is None or parts != 1 or closer.rtol != rtol or wanted.energy:
             closer = repeat(replace(wanted, rtol=rtol))
         result = closer
+
+
+def _points(result: Result, wanted: RunOptions) -> int | None:
+    """Return the number of instants of a repetition: those of the run, or as asked where a condition has ended it."""
+    return len(result.time) if result.ended is None else wanted.points
 
 
 def _inaccurate(result: Result, estimate: ErrorEstimate, accuracy: float) -> RunFailed:
@@ -125,12 +130,16 @@ def compare(result: Result, other: Result, rtol: float) -> RunCheck:
     shift = float(np.abs(first - second).max(initial=0.0)) if len(first) == len(second) else math.nan
     allowed = FACTOR * result.rtol * whole
     margin = NEAR * whole + (0.0 if math.isnan(shift) else min(shift, allowed))
-    clear = _clear(result.time, np.concatenate([first, second]), margin)
+    ended = [result.ended is not None, other.ended is not None]
+    count = min(len(result.time), len(other.time)) - any(ended)
+    clear = _clear(result.time[:count], np.concatenate([first, second]), margin)
     rows = []
     for column in result.columns:
-        here, there = result[column.name], other[column.name]
+        here, there = result[column.name][:count], other[column.name][:count]
         magnitude = float(np.abs(there).max(initial=0.0))
         gap = float(np.abs(here - there)[clear].max(initial=0.0))
+        if all(ended):
+            gap = max(gap, abs(result.final(column.name) - other.final(column.name)))
         rows.append(OutputDifference(column.name, column.unit, gap, magnitude, FACTOR * result.rtol * magnitude))
     return RunCheck(other.solver, rtol, PARTS, tuple(rows), (len(first), len(second)), shift, allowed)
 

@@ -18,7 +18,7 @@ from ..errors import RunFailed, UsageError
 from ..numerics.threads import one_thread
 from ..prepared import chosen_target, many_runs
 from ..quantities import behind
-from ..results.records import EnergyBalance, LimitLeft
+from ..results.records import EnergyBalance, EventRecord, LimitLeft
 from ..results.result import Result
 from .integrators.methods import chosen_solver
 from .monitors.state_selection import WORST
@@ -344,7 +344,9 @@ class PhaseSequence:
         values = legs[0].values if len(legs) == 1 else np.concatenate([leg.values for leg in legs])
         with np.errstate(all="ignore"):  # a run may end where a quantity has no value
             end = legs[-1].end(self.stop)
-        time = self.instants[: len(values)]
+        time, halted = self.instants[: len(values)], legs[-1].trajectory.stopped
+        if halted is not None:
+            time = np.append(time[:-1], halted)
         if 2 * len(time) < len(self.instants):  # the run broke off: do not keep the memory of the others
             time = time.copy()
         balance = None
@@ -352,20 +354,27 @@ class PhaseSequence:
             from .monitors.energy import added
 
             balance = added([leg.balance for leg in legs if leg.balance is not None])
-        lacking = _left_out(legs, balance)
+        lacking, acted = _left_out(legs, balance), tuple(o for leg in legs for o in leg.occurrences)
         told = () if lacking is None else (lacking.sentence({column.name: column.unit for column in columns}),)
         found = Result(
             program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.options.rtol, clock.perf_counter() - self.began,
             balance, _warnings(legs), legs[0].compilation.certificate,
-            tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs)])),
-            tuple(o for leg in legs for o in leg.occurrences), stopped, end, lacking, accuracy=self.accuracy,
+            tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs), *_halts(acted)])),
+            acted, stopped, end, lacking, accuracy=self.accuracy,
         )  # fmt: skip
         if self.before is None:
             return found
         from .resume import joined
 
         return joined(self.before, found)
+
+
+def _halts(acted: Sequence[EventRecord]) -> Iterator[str]:
+    """Yield a note on each condition that ended the run."""
+    for event in acted:
+        if event.stops:
+            yield f"at t = {event.time:.9g} s `stop when {event.condition}` ({event.place}) ended the run"
 
 
 def _left_out(legs: Sequence[Phase], balance: EnergyBalance | None) -> TruncationReport | None:

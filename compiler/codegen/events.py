@@ -107,6 +107,6 @@ def event_notes(space: StateSpace, moving: Mapping[int, int]) -> tuple[tuple[Eve
             else:
                 settings.append(SettingNote("computed", len(computed), setting.words, setting.span))
                 computed.append(setting.target)
-        return EventNote(event.owner, event.words, event.span, tuple(settings), event.period is not None)
+        return EventNote(event.owner, event.words, event.span, tuple(settings), event.period is not None, event.stops)
 
     return tuple(note(event) for event in space.events), computed

@@ -123,9 +123,10 @@ class EventNote:
     span: Span
     settings: tuple[SettingNote, ...]
     sampled: bool = False
+    stops: bool = False  # the run ends there
 
     def __str__(self) -> str:
-        return f"{'every' if self.sampled else 'when'} {self.words}"
+        return f"{'every' if self.sampled else 'stop when' if self.stops else 'when'} {self.words}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ def _event(event: Event, elements: dict[str, Element], to: EquationBuilder) -> E
     to.apply(condition, event.condition, event.span, event.name or "when")
     settings = tuple(_setting(action, elements, to) for action in event.actions)
     period = None if event.period is None else to.static(to.folded(event.period), f"every {event.words}", event.span)
-    return EventRow(condition, settings, event.name, event.words, event.span, period)
+    return EventRow(condition, settings, event.name, event.words, event.span, period, event.stops)
 
 
 def _setting(action: Action, elements: dict[str, Element], to: EquationBuilder) -> EventAssignment:

@@ -231,6 +231,7 @@ class EventRow:
     words: str
     span: Span
     period: Argument | None = None  # of a sampled one
+    stops: bool = False
 
 
 @dataclass(frozen=True, slots=True)

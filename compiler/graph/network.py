@@ -205,6 +205,7 @@ class Event:
     actions: tuple[Action, ...]
     span: Span
     period: Bound | None = None  # of a sampled event, known before the run
+    stops: bool = False  # True for `stop when CONDITION` of an experiment
 
 
 @dataclass(frozen=True, slots=True)

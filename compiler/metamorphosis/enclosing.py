@@ -88,5 +88,7 @@ def _steps(
             yield replace(step, range=outer(step.range), attributes=own)
         elif isinstance(step, tree.Bandwidth):
             yield replace(step, value=outer(step.value))
+        elif isinstance(step, tree.StopSyntax):
+            yield replace(step, condition=outer(step.condition))
         elif isinstance(step, tree.Analysis) and step.role == "equilibrium":  # the run begins there
             yield replace(step, attributes=())

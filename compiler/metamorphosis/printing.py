@@ -196,6 +196,8 @@ def _step(node: object, margin: str) -> str:
             return _block(f"experiment {node.name}", node.steps, margin)
         case tree.Bandwidth():
             return f"bandwidth {expression(node.value)}"
+        case tree.StopSyntax():
+            return f"stop when {expression(node.condition)}"
         case tree.Set():
             return f"{node.role} {expression(node.target)} = {expression(node.value)}"
         case tree.Simulate():

@@ -388,6 +388,10 @@ class ReadingPlace:
                 return replace(step, target=self.path(step.target), value=self.value(step.value))
             case tree.Simulate():
                 return replace(step, range=self.value(step.range), attributes=self._settings(step.attributes))
+            case tree.Bandwidth():
+                return replace(step, value=self.value(step.value))
+            case tree.StopSyntax():
+                return replace(step, condition=self.value(step.condition))
             case tree.Report():
                 return replace(step, readings=self.value(step.readings))
             case tree.SweepSyntax():

@@ -114,9 +114,13 @@ class _Reduction:
     def _events(
         self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]
     ) -> tuple[EventRow, ...]:  # fmt: skip
-        """Events that set a variable of this run, or one that nothing can move, which is reported. The variables that they read are added to `used`."""
+        """Events that end the run, or set a variable of it, or one that nothing can move, which is reported.
+
+        The variables that they read are added to `used`.
+        """
         free = {s.variable for s in self.system.states} | {d.variable for d in self.system.discretes}
         kept: dict[tuple[int, int], None] = {}
+        used |= needed([event.condition for event in self.system.events if event.stops], reach)
         growing = True
         while growing:
             growing = False
@@ -131,7 +135,7 @@ class _Reduction:
             replace(e, settings=tuple(s for j, s in enumerate(e.settings) if (i, j) in kept))
             for i, e in enumerate(self.system.events)
         ]
-        return tuple(row for row in rows if row.settings)
+        return tuple(row for row in rows if row.settings or row.stops)
 
     def _claims(
         self, used: set[int], inputs: Sequence[Sequence[int]], reach: Sequence[Sequence[int]]

@@ -23,7 +23,7 @@ from .names.imports import Loader
 from .names.scope import Absent, Broken, FileScope, ModelDefinition, Scope
 from .names.statement_errors import MAXIMUM_MISTAKES, suggestion
 from .network.elaborate import Elaborator
-from .network.events import read_events
+from .network.events import read_events, read_stops
 from .network.nodes import Nodes
 from .network.requirements import read_requirements
 from .network.unconnected import unconnected
@@ -158,6 +158,7 @@ def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: Elabo
         return other.elaborator.diagnostics
     elaborator = opened.elaborator
     before = len(elaborator.diagnostics)
+    read_stops(elaborator, experiment)
     read_plan(elaborator, experiment, elaborator.root, scene)
     elaborator.integrals()
     return elaborator.diagnostics[before:]
@@ -234,7 +235,7 @@ class _Opened:
         nodes.build()
         starts = read_initial_values(elaborator, self.experiment, elaborator.root, nodes.nodes)
         requirements = read_requirements(elaborator)
-        events = read_events(elaborator, nodes.nodes)
+        events = (*read_events(elaborator, nodes.nodes), *read_stops(elaborator, self.experiment))
         elaborator.integrals()  # these may read delays
         delays = elaborator.delays()
         plan, outputs = read_plan(elaborator, self.experiment, elaborator.root, self.scene)

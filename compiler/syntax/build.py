@@ -251,6 +251,10 @@ class Builder:
         value = _done(parts[0])
         return tree.Bandwidth(self._span([value]), value)
 
+    def stop(self, parts: list[Any]) -> tree.StopSyntax:
+        condition = _done(parts[0])
+        return tree.StopSyntax(self._span([condition]), condition)
+
     def listed(self, parts: list[Any]) -> tuple[tree.GivenSyntax, ...]:
         return tuple(p for p in parts if not isinstance(p, Token))  # commas: lark shares the list's rule
 

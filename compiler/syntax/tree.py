@@ -388,6 +388,13 @@ class Bandwidth(SyntaxNode):
 
 
 @dataclass(frozen=True, slots=True)
+class StopSyntax(SyntaxNode):
+    """`stop when CONDITION`: the run ends there."""
+
+    condition: ExpressionSyntax
+
+
+@dataclass(frozen=True, slots=True)
 class ReadingSyntax(SyntaxNode):
     """A quantity of a report, and its unit."""
 

@@ -60,7 +60,7 @@ class _Writer:
         quantities += [f"constant {name} = {number_text(value)}" for value, name in self.words.constants.items()]
         outputs = [line for n, o in graph.outputs.items() for line in self._told(o, self._output(n, o))]
         limits = [line for r in graph.requirements for line in self._told(r, self._requirement(r))]
-        events = [line for e in graph.events for line in self._told(e, self._event(e))]
+        events = [line for e in graph.events if not e.stops for line in self._told(e, self._event(e))]
         self._check_domains()
         if self.mistakes:
             raise CompilationFailed(self.mistakes)

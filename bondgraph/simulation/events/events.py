@@ -155,6 +155,13 @@ class Events:
         """Return a mask of the events whose conditions hold."""
         return self.hybrid.triggers(at.time, at.state, self.inputs, self.constants, at.mode) == 1.0
 
+    def stops_at_start(self, time: float) -> bool:
+        """Return True if a `stop when` holds where a run begins, and see that it is recorded there: at a rest nothing becomes true."""
+        stops = tuple(i for i, e in enumerate(self.hybrid.events) if e.stops and self.on.get(self.keys[i], False))
+        if stops and not any(i in record.events for record in self.log for i in stops):
+            self.log.append(Happening(time, (), stops))
+        return bool(stops)
+
     def actives(self, at: Moment) -> tuple[str, ...]:
         """Return the switched junctions that are off."""
         active = self.hybrid.actives(at.time, at.state, self.inputs, self.constants, at.mode)

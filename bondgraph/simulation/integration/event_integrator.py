@@ -42,11 +42,13 @@ class EventIntegrator(SegmentIntegrator):
         """Integrate one segment, from event to event; return the state at its end."""
         events, result = self.events, self.result
         now = Moment(stretch.start, x, stretch.mode)
-        if not first:
+        if first:
+            self._stop_at(now.time)
+        else:
             now = self._happen(Moment(stretch.start, x, with_time_of(self.program, stretch.mode, self.mode)), None)
         while True:
             self.mode = now.mode
-            if self._switched(now) or now.time >= stretch.stop:
+            if self.result.stopped is not None or self._switched(now) or now.time >= stretch.stop:
                 return now.state
             stop = stretch.stop if self.history is None else self.history.next_cut(now.time, stretch.stop)
             self.piece = stretch.up_to(now.time, stop, now.mode)
@@ -70,6 +72,9 @@ class EventIntegrator(SegmentIntegrator):
         """Return the state and the mode after the events at the very end of a run: values hold from a jump on."""
         if self.result.handover is not None:
             return x, self.mode
+        if self.result.stopped is not None:
+            self.result.pieces.append(Segment(self.result.stopped, self.result.stopped, self.mode))
+            return x, self.mode
         events, stop = self.events, last.stop
         mode = mode_after(self.program, self.constants, stop, replace(last, mode=self.mode))
         if (mode == self.mode).all() and not events.due(stop):
@@ -90,7 +95,14 @@ class EventIntegrator(SegmentIntegrator):
         if powers is not None and events.log[-1].events:
             both = (powers(m.time, m.state, m.mode) for m in (at, now))
             self.result.jumps.append((next(both), next(both)))
+        self._stop_at(now.time)
         return now
+
+    def _stop_at(self, time: float) -> None:
+        """End the run if a `stop when` is among the events that acted last."""
+        log, events = self.events.log, self.events.hybrid.events
+        if log and any(events[i].stops for i in log[-1].events):
+            self.result.stopped = time
 
     def _switched(self, now: Moment) -> bool:
         """Return True if the junctions that are off differ from those of this program, so that another program must go on."""
@@ -259,7 +271,7 @@ def pilot(problem: PhaseProblem, state: Array, stretches: Sequence[Segment], mag
     try:
         for number, stretch in enumerate(stretches):
             x = stepper.run_to_end(stretch, x, not number)
-            if stepper.switched:
+            if stepper.switched or stepper.result.stopped is not None:
                 break
     except RunFailed:
         pass  # the run itself will raise the error

@@ -166,7 +166,8 @@ class IntegrationState:
         self.result.final = x
         self.let_go()
         if self.result.handover is None:
-            self.keep(float(self.instants[-1]), x, mode, float(self.instants[-1]))
+            end = float(self.instants[-1]) if self.result.stopped is None else self.result.stopped
+            self.keep(end, x, mode, end)
         return self.result
 
     def let_go(self) -> None:

@@ -37,7 +37,7 @@ class SegmentIntegrator(IntegrationState):
             if number:
                 self.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
             x = self.run_to_end(stretch, x, not number)
-            if self.result.handover is not None:
+            if self.result.handover is not None or self.result.stopped is not None:
                 break
         return self.done(*self.finish(stretches[-1], x))
 

@@ -73,6 +73,7 @@ class Trajectory:
     poses: list[SingularPose] = field(default_factory=list)  # singular poses passed on the way
     # transition at which the phase ends: other states are integrated from there on
     handover: PhaseTransition | None = None
+    stopped: float | None = None  # the instant at which a condition of the experiment has ended the run
     settled: int | None = None  # the method kept for all further segments, and for the next phase of this program
     solvers: dict[str, None] = field(default_factory=dict)  # used, in the order of their first use
     pieces: list[Segment] = field(default_factory=list)  # the segments, with their modes, as they were integrated

@@ -12,7 +12,7 @@ from ...graph.network import Action, Element, Event, Node, Quantity, Reading
 from ...graph.units import ONE, SECOND
 from ...syntax import tree
 from ..expressions.template import Typed
-from ..names.errors import DimensionMismatch, NotStatic, WrongEvent, WrongType
+from ..names.errors import DimensionMismatch, NotStatic, WrongEvent, WrongExperiment, WrongType
 from ..names.scope import STATIC_ROLES, Scalar, Scope
 from ..names.statement_errors import Wrong, describe, unit_hint
 from ..resolution.structure import read_condition
@@ -26,6 +26,23 @@ def read_events(elaborator: Elaborator, nodes: Sequence[Node]) -> tuple[Event, .
     elements = {n.name: n for n in nodes if isinstance(n, Element)}
     found = [elaborator.guard(_read, elaborator, scope, event, elements) for scope, event in elaborator.events]
     return tuple(item for item in found if item is not None)
+
+
+def read_stops(elaborator: Elaborator, experiment: tree.Experiment | None) -> tuple[Event, ...]:
+    """Read the conditions that end the run of an experiment. Errors are collected."""
+    steps = experiment.steps if experiment is not None else ()
+    stops = [step for step in steps if isinstance(step, tree.StopSyntax)]
+    if stops and not any(isinstance(step, tree.Simulate) for step in steps):
+        hint = "Write `simulate 0 .. 10 s` beside it: the run then ends at the condition, or there."
+        elaborator.tell(WrongExperiment(stops[0].span, "`stop when` ends a run, but this experiment has none", hint))
+    found = [elaborator.guard(_stop, elaborator, step) for step in stops]
+    return tuple(item for item in found if item is not None)
+
+
+def _stop(elaborator: Elaborator, step: tree.StopSyntax) -> Event:
+    hint = "Compare it with something: `stop when x < 0 m`."
+    _, condition = read_condition(elaborator, step.condition, elaborator.root, hint)
+    return Event("", condition, step.condition.span.words, (), step.condition.span, None, True)
 
 
 def _read(elaborator: Elaborator, scope: Scope, event: tree.EventSyntax, elements: dict[str, Element]) -> Event:
