@@ -113,4 +113,4 @@ class Ensemble(Exported):
 
 def _regular(result: Result) -> Array:
     """Return the instants of a run without that of a `stop when`, at which no other run is reported."""
-    return result.time if result.ended is None else result.time[:-1]
+    return result.time if result.stopped_by is None else result.time[:-1]

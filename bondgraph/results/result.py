@@ -38,7 +38,7 @@ class Result(Exported):
     `time` (n,) in s; `values` (n, m) in SI, one column for each of `columns`; `report`: outputs shown by the experiment, with units; `steps` and
     `evaluations` count the solver's work, `rtol` is its relative tolerance, `wall_time` in s. `energy`: balance, if requested. `warnings`: violated limits
     of the model (`require`), where the run went on although the model is not valid, and tolerances that may not be meaningful (`ToleranceDoubt`).
-    `certificate`: kind of the solved equations; `notes`: remarks on the run; `events`: the `when`s that acted, in order; `ended`: the
+    `certificate`: kind of the solved equations; `notes`: remarks on the run; `events`: the `when`s that acted, in order; `stopped_by`: the
     `stop when` at which the run ended, whose instant is then the last one. `stopped`: reason of an early
     end ("" if there is none); `checkpoint`: its end, from which `simulate(start=result)` goes on. `truncation`: truncated modes, if a bandwidth was
     requested; `check`: comparison with a repetition; `accuracy`: wanted largest error of an output relative to its magnitude; `error`: its estimate.
@@ -74,7 +74,7 @@ class Result(Exported):
             raise ValueError(f"values have the shape {self.values.shape}, time and columns want {wanted}")
 
     @property
-    def ended(self) -> EventRecord | None:
+    def stopped_by(self) -> EventRecord | None:
         """The `stop when` of the experiment that ended the run; None if the run went to its end."""
         last = self.events[-1] if self.events and len(self.time) else None
         return last if last is not None and last.stops and last.time == self.time[-1] else None

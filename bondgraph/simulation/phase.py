@@ -433,7 +433,7 @@ class Phase:
         self.balance = self._balance() if self.energy else None
 
     def _end_where_stopped(self) -> None:
-        """Where a condition has ended the run, report that instant in the place of all later ones."""
+        """Report the instant at which a condition has ended the run, in the place of all later ones."""
         trajectory = self.trajectory
         if trajectory.stopped is not None:
             rounding = BESIDE * float(self.instants[-1] - self.instants[0])

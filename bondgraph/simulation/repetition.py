@@ -109,7 +109,7 @@ def with_error(result: Result, repeat: Repeat, wanted: RunOptions) -> Result:
 
 def _points(result: Result, wanted: RunOptions) -> int | None:
     """Return the number of instants of a repetition: those of the run, or as asked where a condition has ended it."""
-    return len(result.time) if result.ended is None else wanted.points
+    return len(result.time) if result.stopped_by is None else wanted.points
 
 
 def _inaccurate(result: Result, estimate: ErrorEstimate, accuracy: float) -> RunFailed:
@@ -130,7 +130,7 @@ def compare(result: Result, other: Result, rtol: float) -> RunCheck:
     shift = float(np.abs(first - second).max(initial=0.0)) if len(first) == len(second) else math.nan
     allowed = FACTOR * result.rtol * whole
     margin = NEAR * whole + (0.0 if math.isnan(shift) else min(shift, allowed))
-    ended = [result.ended is not None, other.ended is not None]
+    ended = [result.stopped_by is not None, other.stopped_by is not None]
     count = min(len(result.time), len(other.time)) - any(ended)
     clear = _clear(result.time[:count], np.concatenate([first, second]), margin)
     rows = []

@@ -29,7 +29,7 @@ def model(steps: str, more: str = "", rate: str = "1 [1/s]") -> bondgraph.Model:
 
 def ends(result: Result, time: float, value: float) -> None:
     """The last instant is that of the condition, those before it are the regular ones."""
-    assert result.ended is not None and result.ended.stops and result.ended.time == result.time[-1]
+    assert result.stopped_by is not None and result.stopped_by.stops and result.stopped_by.time == result.time[-1]
     assert result.time[-1] == pytest.approx(time, abs=1e-9) and result.final("y") == pytest.approx(value, abs=1e-9)
     regular = np.linspace(0, 2, 11)
     np.testing.assert_array_equal(result.time[:-1], regular[regular < time - 1e-9])
@@ -69,7 +69,7 @@ def test_conditions(case: str) -> None:
 
 def test_a_condition_that_stays_false_ends_nothing() -> None:
     result = model("stop when x > 5").simulate()
-    assert result.ended is None and len(result.time) == 11 and result.events == ()
+    assert result.stopped_by is None and len(result.time) == 11 and result.events == ()
 
 
 def test_a_run_from_rest_and_one_without_states() -> None:
@@ -93,7 +93,7 @@ def test_with_junctions_that_switch_and_an_energy_balance() -> None:
 def test_a_run_goes_on_beyond_its_end() -> None:
     short = model("stop when x > 0.8").simulate()
     whole = model("stop when x > 0.8").simulate(start=short)
-    assert whole.ended is None and whole.final("y") == pytest.approx(2.0, abs=1e-12)
+    assert whole.stopped_by is None and whole.final("y") == pytest.approx(2.0, abs=1e-12)
     np.testing.assert_allclose(whole.time, [*short.time, *np.linspace(0, 2, 11)[5:]], atol=1e-9)
 
 
