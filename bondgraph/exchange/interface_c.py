@@ -5,6 +5,7 @@ from __future__ import annotations
 from compiler.api import C_ARGUMENTS as ARGUMENTS
 from compiler.api import C_BEGINNING, c_source, record_of
 
+from .. import cache
 from .functions import FMI_2, TYPES, FmiFunction, sources
 from .image import ModelImage
 from .interface import BEFORE
@@ -18,8 +19,18 @@ def c_unit(image: ModelImage, token: str, prefix: str) -> str:
     """Return the file of a unit beside that of its program, whose names begin with a prefix."""
     names = dict.fromkeys(name for _, name in image.functions)
     declared = "".join(f"void {prefix}_{name}({ARGUMENTS});\n" for name in names)
-    parts = (_HEAD, declared, C_BEGINNING, c_source(sources()), _data(image, token, prefix), _interface())
+    parts = (_HEAD, declared, C_BEGINNING, _runtime(), _data(image, token, prefix), _interface())
     return "\n".join(parts)
+
+
+def _runtime() -> str:
+    """Return the runtime as C, the same for all models, from the cache if it is there."""
+    key = cache.key_of("runtime of exported units in C")
+    text = cache.fetch(key)
+    if not isinstance(text, str):
+        text = c_source(sources())
+        cache.keep(key, text)
+    return text
 
 
 def _interface() -> str:
