@@ -39,5 +39,5 @@ def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
     if space.claims:
         text = "Give the start of the storage itself."
         yield graph.span, "starts of quantities that are computed from states", text
-    if lowered.crossings:
+    if lowered.crossings or lowered.recurring:
         yield graph.span, "instants that only a search over time finds", _RUN
