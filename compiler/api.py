@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     )  # fmt: skip
     from .algebra.formula import Bound
     from .algebra.intervals import interval_of
+    from .algebra.interpolate import random_number
     from .algebra.operators import value_of
     from .algebra.sympy_form import to_sympy
     from .arrays import Array, BoolArray, ComplexArray, IntArray
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from .chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
     from .codegen.c.write import ARGUMENTS as C_ARGUMENTS
     from .codegen.c.write import write_library_c
+    from .codegen.c.single_precision import in_single_precision
     from .codegen.cost import Cost, cost
     from .codegen.limits import Leaf
     from .codegen.llvm.bind import bind

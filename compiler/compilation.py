@@ -27,6 +27,7 @@ from .graph.prune import derivative_wishes, known_zeros, preferring, prune
 from .graph.run_time_parameters import over_arguments
 from .graph.switch import decided, off_at_the_start, switch_off
 from .graph.valves import Valve, switched_gaps, with_gaps
+from .part import part_alone
 from .pipeline import Request, derive
 from .reduction import (
     Certificate,
@@ -398,6 +399,16 @@ class Compilation:
         descriptions = {name: quantity.description for name, quantity in self.whole_graph.quantities.items()}
         with self._instances(), self._bounded():
             return text_targets()[target].write(self.state_space, descriptions)
+
+    def part_text(self, name: str, target: str) -> str:
+        """One instance of the model alone, a controller, as a text for others."""
+        from .codegen.text.targets import text_targets
+
+        graph = part_alone(self.whole_graph, name)
+        zeros = known_zeros(graph, self.scene.free)
+        space = derive(prune(graph, zeros), Request(zeros, self.scene.free)).reduced
+        descriptions = {n: quantity.description for n, quantity in graph.quantities.items()}
+        return text_targets()[target].write(space, descriptions)
 
     @cached_property
     def state_equations(self) -> str:

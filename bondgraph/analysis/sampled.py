@@ -74,6 +74,7 @@ def is_sampled(point: OperatingPoint) -> bool:
 def sampled_loop(point: OperatingPoint) -> SampledLoop:
     """Return the loop of a point at equilibrium; inputs are the point's `by`. Raises `UsageError` for several periods."""
     from ..simulation.events.equilibrium import sampled_settings
+    from ..simulation.segments.sampling import sampling_of
 
     program, space = point.program, point.compilation.state_space
     settings = sampled_settings(program, point.constraints)
@@ -82,6 +83,13 @@ def sampled_loop(point: OperatingPoint) -> SampledLoop:
         raise UsageError(
             "BR246", f"the model is sampled every {', '.join(f'{p:g} s' for p in periods)}: its discrete loop is that of one period;",
             "give all `every` the same, or simulate",
+        )  # fmt: skip
+    assert program.hybrid is not None
+    rows = sampling_of(program.hybrid.sampling(point.constraints.constants))
+    if rows[:, 2:4].any() or np.ptp(rows[:, 1]):
+        raise UsageError(
+            "BR267", "the samples of the model are late by a delay, a jitter or different offsets: its discrete loop is that of one instant in a period;",
+            "leave these out, or simulate",
         )  # fmt: skip
     reduced = reduction(point)
     values = point.lowered.values

@@ -131,13 +131,22 @@ class Graph(Elements):
         """Add an event at the instant a condition becomes true: `when("height < 0 m", {"mass.v": "-0.8*mass.v"})`."""
         self._event(f"when {value_of(condition, 'a condition')}", sets)
 
-    def every(self, period: Value, sets: Mapping[Any, Value]) -> None:
-        """Add an event at each multiple of a time (a number is in s): `every("1 ms", {"command": "2*(1 - angle)"})`."""
-        self._event(f"every {value_of(period, 'a period', '' if self.plain else 's')}", sets)
+    def every(
+        self, period: Value, sets: Mapping[Any, Value] | Sequence[tuple[Any, Value]], *,
+        offset: Value | None = None, delay: Value | None = None, jitter: Value | None = None, seed: int | None = None,
+    ) -> None:  # fmt: skip
+        """Add an event at each multiple of a time, so much later by an offset: `every("1 ms", {"command": "2*(1 - angle)"}, offset="0.2 ms")`.
 
-    def _event(self, told: str, sets: Mapping[Any, Value]) -> None:
-        given = mapping_of(sets, "what is set").items()
-        inner = "; ".join(f"{path_of(n)} = {value_of(v, f'what `{told}` sets')}" for n, v in given)
+        `sets` are its lines, in order; pairs may set one thing twice. A number is in s. `delay`: what it sets takes effect so much later.
+        """
+        unit = "" if self.plain else "s"
+        timing = {"offset": (offset, unit), "delay": (delay, unit), "jitter": (jitter, unit), "seed": (seed, "")}
+        words = [f"{w} {value_of(x, f'the {w} of a sample', u)}" for w, (x, u) in timing.items() if x is not None]
+        self._event(" ".join([f"every {value_of(period, 'a period', unit)}", *words]), sets)
+
+    def _event(self, told: str, sets: Mapping[Any, Value] | Sequence[tuple[Any, Value]]) -> None:
+        pairs = sets if isinstance(sets, list | tuple) else mapping_of(sets, "what is set").items()
+        inner = "; ".join(f"{path_of(n)} = {value_of(v, f'what `{told}` sets')}" for n, v in pairs)
         self._events.append(f"{told} {{ {inner} }}")
 
     # ------------------------------------------------------------ models within models

@@ -109,10 +109,12 @@ def explain(
     "--platforms", metavar="NAMES", help="Of an FMU, separated by commas: linux64 (by default), linux-aarch64."
 )
 @click.option("--experiment", metavar="NAME", help="Of an FMU: with the settings of this experiment; by default none.")
+@click.option("--part", metavar="INSTANCE", help="One instance alone, such as a controller.")
+@click.option("--float", "single", is_flag=True, help="C in float instead of double.")
 @model_option
 def compile(
-    file: str, out: str, target: str | None, platforms: str | None, experiment: str | None, model: str | None
-) -> None:
+    file: str, out: str, target: str | None, platforms: str | None, experiment: str | None, part: str | None, single: bool, model: str | None
+) -> None:  # fmt: skip
     """Write a Python module that needs numpy alone, C that needs nothing, functions of CasADi, or a functional mock-up unit."""
     from compiler.api import target_of, text_targets
 
@@ -122,10 +124,12 @@ def compile(
     chosen = [t for t in targets if t.name == target] or targets
     endings = tuple(dict.fromkeys(t.ending for t in chosen))
     check_target(out, endings if target else (*endings, FMU), "--out")
+    if out.endswith(FMU) and (part is not None or single):
+        raise click.UsageError("--part and --float belong to a program as a text")
     if out.endswith(FMU):
         words = {} if platforms is None else {"platforms": tuple(p.strip() for p in platforms.split(","))}
         load(file, model).to_fmu(out, experiment, **words)
         return
     if platforms is not None or experiment is not None:
         raise click.UsageError(f"--platforms and --experiment belong to an FMU, a file that ends in {FMU}")
-    write_text(out, load(file, model).compile(target or target_of(PurePath(out).suffix)))
+    write_text(out, load(file, model).compile(target or target_of(PurePath(out).suffix), part=part, single=single))

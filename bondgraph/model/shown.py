@@ -107,11 +107,18 @@ class Shown(AnalysedModel):
         """
         return api.write_text(self.compilation(api.Scene(self.model, experiment)).whole_graph)
 
-    def compile(self, target: str = "numpy") -> str:
-        """Return the source of a separate program, with every parameter and input as an argument. Raises `CompilationFailed`, `UsageError`."""
+    def compile(self, target: str = "numpy", *, part: str | None = None, single: bool = False) -> str:
+        """Return the source of a separate program, with every parameter and input as an argument. Raises `CompilationFailed`, `UsageError`.
+
+        `part`: an instance alone, such as a controller. `single`: C in `float` instead of `double`.
+        """
         if target not in (targets := api.text_targets()):
             raise UsageError("BR602", f"there is no target `{target}`; targets are {', '.join(targets)}")
-        return self.compilation(api.Scene(self.model, None, free=frozenset({"*"}))).text(target)
+        if single and target != "c":
+            raise UsageError("BR617", f"the target {target} has no `float`;", "that of C has")
+        compilation = self.compilation(api.Scene(self.model, None, free=frozenset({"*"})))
+        text = compilation.text(target) if part is None else compilation.part_text(part, target)
+        return api.in_single_precision(text) if single else text
 
     def to_fmu(self, path: str | Path, experiment: str | None = None, platforms: Sequence[str] = ("linux64",)) -> None:
         """Write the model as a functional mock-up unit of FMI 2.0 for other tools: model exchange and co-simulation, without a C compiler.

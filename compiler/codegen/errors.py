@@ -37,6 +37,48 @@ class EvenPower(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class NoSteps(Diagnostic):
+    """BG620."""
+
+    code = "BG620"
+    title = "A model with events is written in C with a loop over fixed steps, which has no method for {what}"
+    advice = "Compile for numpy, which has functions for all of them; or compile a controller alone, with `--part`."
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class NoPart(Diagnostic):
+    """BG621."""
+
+    code = "BG621"
+    title = "The model has no instance `{name}`"
+    advice = "{hint}"
+    name: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class PartWithElements(Diagnostic):
+    """BG622."""
+
+    code = "BG622"
+    title = "`{name}` is no controller: it holds `{element}`, which bonds join to the rest"
+    advice = "A part that is compiled alone consists of signals, modes and events; compile the whole model instead."
+    name: str
+    element: str
+
+
+@dataclass(frozen=True, slots=True)
+class PartWithoutOutputs(Diagnostic):
+    """BG623."""
+
+    code = "BG623"
+    title = "`{name}` has no outputs, so that nothing of it would be computed"
+    advice = "Give its model an `output`: the command of a controller."
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class NumpyAlone(Diagnostic):
     """BG605."""
 

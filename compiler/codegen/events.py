@@ -49,7 +49,7 @@ class LoweredEvents:
     values: tuple[Expression, ...] = ()  # new values of all settings, in a row
     targets: tuple[Expression, ...] = ()  # targets that are computed from states
     actives: tuple[Expression, ...] = ()
-    periods: tuple[Expression, ...] = ()  # of sampled events, of parameters
+    sampling: tuple[Expression, ...] = ()  # of each sampled event, of parameters: period, offset, delay, jitter, seed
     # efforts and flows of states, then of dependent storages, where junctions switch
     conjugates: tuple[Expression, ...] = ()
     events: tuple[EventNote, ...] = ()
@@ -107,6 +107,8 @@ def event_notes(space: StateSpace, moving: Mapping[int, int]) -> tuple[tuple[Eve
             else:
                 settings.append(SettingNote("computed", len(computed), setting.words, setting.span))
                 computed.append(setting.target)
-        return EventNote(event.owner, event.words, event.span, tuple(settings), event.period is not None, event.stops)
+        return EventNote(
+            event.owner, event.words, event.span, tuple(settings), bool(event.sampling), event.stops, event.late
+        )
 
     return tuple(note(event) for event in space.events), computed

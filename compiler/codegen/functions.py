@@ -111,7 +111,7 @@ _ROWS = (
     ProgramFunction("triggers", "The truth of the conditions of events.", _of_events(lambda events: events.triggers)),
     ProgramFunction("values", "What events set.", _of_events(lambda events: events.values)),
     ProgramFunction("targets", "What is computed from states and set by events, as it is.", _of_events(lambda events: events.targets)),
-    ProgramFunction("sampling", "The periods of sampled events.", _of_events(lambda events: events.periods), FIXED),
+    ProgramFunction("sampling", "Of each sampled event its period, offset, delay, jitter and seed.", _of_events(lambda events: events.sampling), FIXED),
     ProgramFunction("actives", "Whether switched junctions are on.", _of_events(lambda events: events.actives)),
     ProgramFunction("conjugates", "Efforts for displacements and flows for momenta, where junctions switch.", _of_events(lambda events: events.conjugates)),
 )  # fmt: skip

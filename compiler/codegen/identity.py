@@ -21,7 +21,7 @@ def identity(lowered: Lowered) -> str:
     rows = list(zip(names, lowered.rates, strict=True))
     rows += [(f"when {i}", x) for i, x in enumerate((*events.triggers, *events.values, *events.targets))]
     rows += [(f"active {name}", x) for (name, _), x in zip(events.junctions, events.actives, strict=True)]
-    rows += [(f"every {i}", x) for i, x in enumerate(events.periods)]
+    rows += [(f"every {i}", x) for i, x in enumerate(events.sampling)]
     rows += [(f"delay {i}", x) for i, x in enumerate((*lowered.delayed, *lowered.lags))]
     leaves = {
         "parameter": [space.variables[v].name for v in lowered.parameters],

@@ -151,7 +151,7 @@ def _lower_events(result: Lowered) -> None:
     space, events, values = result.space, result.events, result.values
     events.events, computed = event_notes(space, {v: i for i, v in enumerate(moving(space))})
     events.starts = tuple(_entry(result, d.start) for d in space.discretes)
-    events.periods = tuple(_entry(result, e.period) for e in space.events if e.period is not None)
+    events.sampling = tuple(_entry(result, x) for e in space.events for x in e.sampling)
     events.triggers = tuple(values[e.condition] for e in space.events)
     events.values = tuple(values[s.value] for e in space.events for s in e.settings)
     events.targets = tuple(values[v] for v in computed)
@@ -211,7 +211,7 @@ def _used(space: StateSpace) -> set[int]:
         conjugates = [s.conjugate for s in space.states] + [d.conjugate for d in (*space.dependents, *space.momenta)]
         used.update(v for v in (*conjugates, *(m.variable for m in space.momenta)) if v is not None)
     used.update(d.start for d in space.discretes if isinstance(d.start, int))
-    used.update(e.period for e in space.events if isinstance(e.period, int))
+    used.update(x for e in space.events for x in e.sampling if isinstance(x, int))
     used.update(v for port in space.ports for v in (port.effort, port.flow))
     used.update(space.stored.values())
     used.update(v for i in space.invariants for v in (i.position, i.velocity) if v is not None)

@@ -124,6 +124,7 @@ class EventNote:
     settings: tuple[SettingNote, ...]
     sampled: bool = False
     stops: bool = False  # the run ends there
+    late: bool = False  # sets what the event before it has computed, when the delay of `Hybrid.sampling` is over
 
     def __str__(self) -> str:
         return f"{'every' if self.sampled else 'stop when' if self.stops else 'when'} {self.words}"
@@ -170,7 +171,7 @@ class Hybrid(HybridNote):
     triggers: StateFunction  # the same -> 1 or 0 for each event
     values: StateFunction  # the same -> what the settings of all events set
     targets: StateFunction  # the same -> what is computed and set, as it is
-    sampling: Callable[[Array], Array]  # constants -> periods of the sampled events, in their order
+    sampling: Callable[[Array], Array]  # constants -> (5 n,): of each sampled event period, offset, delay, jitter, seed
     actives: StateFunction  # the same -> 1 or 0 for each switched junction
     # the same, where junctions switch -> of states and dependents, efforts for displacements and flows for momenta; 0 for what stores nothing
     conjugates: StateFunction

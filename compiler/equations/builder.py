@@ -115,8 +115,8 @@ class EquationBuilder:
     def _event(self, event: EventRow) -> EventRow:
         root = self.root
         settings = tuple(replace(s, target=root(s.target), value=root(s.value)) for s in event.settings)
-        period = None if event.period is None else self._through(event.period)
-        return replace(event, condition=root(event.condition), settings=settings, period=period)
+        sampling = tuple(map(self._through, event.sampling))
+        return replace(event, condition=root(event.condition), settings=settings, sampling=sampling)
 
     # ------------------------------------------------------------ what rooms write with
     def variable(self, name: str, role: str, unit: str = "", value: float | None = None) -> int:

@@ -30,8 +30,9 @@ def _event(event: Event, elements: dict[str, Element], to: EquationBuilder) -> E
     condition = to.variable(f"when {event.words}", "computed", "1")
     to.apply(condition, event.condition, event.span, event.name or "when")
     settings = tuple(_setting(action, elements, to) for action in event.actions)
-    period = None if event.period is None else to.static(to.folded(event.period), f"every {event.words}", event.span)
-    return EventRow(condition, settings, event.name, event.words, event.span, period, event.stops)
+    values = () if event.sampling is None else event.sampling.values()
+    sampling = [0.0 if x is None else to.static(to.folded(x), f"every {event.words}", event.span) for x in values]
+    return EventRow(condition, settings, event.name, event.words, event.span, tuple(sampling), event.stops, event.late)
 
 
 def _setting(action: Action, elements: dict[str, Element], to: EquationBuilder) -> EventAssignment:

@@ -230,8 +230,9 @@ class EventRow:
     owner: str  # the instance, "" for the model itself
     words: str
     span: Span
-    period: Argument | None = None  # of a sampled one
+    sampling: tuple[Argument, ...] = ()  # period, offset, delay (0 but for what sets late), jitter, seed
     stops: bool = False
+    late: bool = False  # sets what the event before it has computed
 
 
 @dataclass(frozen=True, slots=True)

@@ -193,6 +193,24 @@ class Action:
 
 
 @dataclass(frozen=True, slots=True)
+class Sampling:
+    """Instants of an `every`: tick k at k*period + offset + jitter*u, u of the numbers of a seed in [0, 1); all known before the run.
+
+    With a `delay` what is set takes effect so much later.
+    """
+
+    period: Bound
+    offset: Bound | None = None
+    delay: Bound | None = None
+    jitter: Bound | None = None
+    seed: Bound | None = None
+
+    def values(self) -> tuple[Bound | None, ...]:
+        """All five, in the order of `Sampling`."""
+        return self.period, self.offset, self.delay, self.jitter, self.seed
+
+
+@dataclass(frozen=True, slots=True)
 class Event:
     """`when CONDITION { … }` or `every PERIOD { … }`. The condition is 1 if it holds.
 
@@ -204,8 +222,9 @@ class Event:
     words: str
     actions: tuple[Action, ...]
     span: Span
-    period: Bound | None = None  # of a sampled event, known before the run
+    sampling: Sampling | None = None
     stops: bool = False  # True for `stop when CONDITION` of an experiment
+    late: bool = False  # sets what the event before it, of the same block, has computed
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,8 +288,8 @@ class BondGraph:
             yield requirement.condition
         for event in self.events:
             yield event.condition
-            if event.period is not None:
-                yield event.period
+            if event.sampling is not None:
+                yield from (value for value in event.sampling.values() if value is not None)
             yield from (action.value for action in event.actions)
         for switch in self.switches:
             yield switch.active

@@ -19,11 +19,11 @@ ITSELF = Formula(1, Symbol(0))
 
 def in_order(graph: BondGraph) -> BondGraph:
     """The same model with blocks whose right sides read values from before the instant alone. New values are signals `new TARGET`."""
-    if not any(event.period is not None for event in graph.events):
+    if not any(event.sampling is not None for event in graph.events):
         return graph
     order = _Order(graph)
-    events = tuple(e if e.period is None else order.sampled(e) for e in graph.events)
-    return replace(graph, events=events, quantities=order.quantities)
+    events = [e for event in graph.events for e in ((event,) if event.sampling is None else order.sampled(event))]
+    return replace(graph, events=tuple(events), quantities=order.quantities)
 
 
 class _Order:
@@ -32,23 +32,37 @@ class _Order:
     def __init__(self, graph: BondGraph) -> None:
         self.quantities = dict(graph.quantities)
 
-    def sampled(self, event: Event) -> Event:
-        """One block: of a target that several lines set the last one counts, and lines between see each."""
-        known: dict[Quantity | Reading, Quantity] = {}
+    def sampled(self, event: Event) -> tuple[Event, ...]:
+        """One block: of a target that several lines set the last one counts, and lines between see each. With a delay it is two."""
+        new_values: dict[Quantity | Reading, Quantity] = {}
         last: dict[Quantity | Reading, Action] = {}
         for action in event.actions:
-            value = self._after(action.value, known)
+            value = self._after(action.value, new_values)
             if action is not event.actions[-1]:
                 unit = self.quantities[action.target.name].unit if isinstance(action.target, Quantity) else ""
                 new = self._added(Named(f"new {action.words}", "signal", unit, value, None, action.span))
-                known[action.target], value = new, Bound(ITSELF, (new,))
+                new_values[action.target], value = new, Bound(ITSELF, (new,))
             last.pop(action.target, None)
             last[action.target] = replace(action, value=value)
-        return replace(event, actions=tuple(last.values()))
+        block = replace(event, actions=tuple(last.values()))
+        return self._delayed(block) if event.sampling is not None and event.sampling.delay is not None else (block,)
 
-    def _after(self, bound: Bound, known: dict[Quantity | Reading, Quantity]) -> Bound:
+    def _delayed(self, event: Event) -> tuple[Event, Event]:
+        """A block that sets copies of its modes, `late TARGET`, and one that sets the modes to those when the delay is over."""
+        assert event.sampling is not None
+        first, then = [], []
+        for action in event.actions:
+            assert isinstance(action.target, Quantity)
+            mode = self.quantities[action.target.name]
+            copy = self._added(replace(mode, name=f"late {mode.name}"))
+            first.append(replace(action, target=copy))
+            then.append(replace(action, value=Bound(ITSELF, (copy,))))
+        block = replace(event, actions=tuple(first), sampling=replace(event.sampling, delay=None))
+        return block, replace(event, actions=tuple(then), late=True)
+
+    def _after(self, bound: Bound, new_values: dict[Quantity | Reading, Quantity]) -> Bound:
         """Return a right side as it is after these lines. Signals that read what they have set become signals of their own."""
-        fresh: dict[Quantity | Reading, Quantity | Reading] = dict(known)
+        fresh: dict[Quantity | Reading, Quantity | Reading] = dict(new_values)
         rows: list[tuple[Quantity | None, Bound]] = [(None, bound)]
         while True:  # not by recursion: a row of signals may be longer than Python nests calls
             name, definition = rows[-1]

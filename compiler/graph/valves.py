@@ -225,7 +225,7 @@ def _rests(node: object, kind: Kind) -> bool:
 
 def _sets(event: Event, value: float) -> bool:
     """Return True if the only action of an event is to set one mode to a value."""
-    if event.period is not None or len(event.actions) != 1:
+    if event.sampling is not None or len(event.actions) != 1:
         return False
     return _value(event.actions[0].value, lambda _: float("nan")) == value
 

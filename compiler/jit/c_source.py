@@ -233,8 +233,9 @@ class _CFunction:
         a, b = self._value(node.left), self._value(node.right)
         if self._kind(node) == INT and isinstance(node.op, _UNSIGNED):  # no overflow, `>>` brings zeros
             return f"((int64_t)((uint64_t){a} {_SIGNS[type(node.op)]} (uint64_t){b}))"
-        if isinstance(node.op, ast.Div) and FLOAT not in (self._kind(node.left), self._kind(node.right)):
-            a = f"(double){a}"
+        kinds = self._kind(node.left), self._kind(node.right)
+        if isinstance(node.op, ast.Div) or FLOAT in kinds:  # no conversion that is not written
+            a, b = (f"(double){x}" if kind == INT else x for x, kind in zip((a, b), kinds, strict=True))
         return f"({a} {_SIGNS[type(node.op)]} {b})"
 
     def _call(self, node: ast.Call) -> str:

@@ -185,7 +185,8 @@ def _statement(node: object, margin: str) -> str:
             )
         case tree.EventSyntax():
             resets = "; ".join(f"{expression(r.target)} = {expression(r.value)}" for r in node.resets)
-            return f"{'every' if node.sampled else 'when'} {expression(node.condition)} {{ {resets} }}"
+            timing = "".join(f" {t.word} {expression(t.value)}" for t in node.timing)
+            return f"{'every' if node.sampled else 'when'} {expression(node.condition)}{timing} {{ {resets} }}"
     return _step(node, margin)
 
 

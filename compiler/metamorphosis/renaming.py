@@ -311,7 +311,8 @@ class ReadingPlace:
                 return replace(node, name=word, steps=tuple(map(self._step, node.steps)))
             case tree.EventSyntax():
                 resets = tuple(replace(r, target=self.path(r.target), value=self.value(r.value)) for r in node.resets)
-                return replace(node, condition=self.value(node.condition), resets=resets)
+                timing = tuple(replace(t, value=self.value(t.value)) for t in node.timing)
+                return replace(node, condition=self.value(node.condition), resets=resets, timing=timing)
         return node
 
     def _item(self, item: tree.Item) -> tree.Item:

@@ -41,7 +41,7 @@ def certify(
         dependence.linear, dependence.varying, dependence.driven,
         left_out[0],
         tuple(n for s in system.states if s.variable not in needed and (n := _name(space, s.variable)) not in left_out[1]),
-        max(0, _degrees_of_freedom(space, system) - bound + len(redundant)), notes, bound, redundant, tuple(_events(space)),
+        max(0, _degrees_of_freedom(space, system) - bound + len(redundant)), notes, bound, redundant, tuple(dict.fromkeys(_events(space))),
         tuple(f"{_name(space, f.variable)} follows {_name(space, f.state)}" for f in space.following),
         left_out[1],
     )  # fmt: skip
@@ -56,7 +56,7 @@ def _events(space: StateSpace) -> Iterator[str]:
 
     for event in space.events:
         owner = f" of `{event.owner}`" if event.owner else ""
-        yield f"{'when' if event.period is None else 'every'} {event.words}{owner} ({event.span.file_and_line})"
+        yield f"{'every' if event.sampling else 'when'} {event.words}{owner} ({event.span.file_and_line})"
     for switch in space.switches:
         yield f"`{switch.junction}` goes on and off ({switch.span.file_and_line})"
     for delay in space.delays:

@@ -11,7 +11,7 @@ from .state_space import StateSpace
 
 def measurement_notes(space: StateSpace) -> Iterator[str]:
     """A note for each line whose right side depends, through the bond graph, on what an earlier line of its block sets."""
-    rows = [event for event in space.events if event.period is not None and len(event.settings) > 1]
+    rows = [event for event in space.events if event.sampling and len(event.settings) > 1]
     if not rows:
         return
     inputs = [*space.inputs]
@@ -25,10 +25,10 @@ def measurement_notes(space: StateSpace) -> Iterator[str]:
 def _notes(event: EventRow, inputs: Sequence[tuple[int, ...]]) -> Iterator[str]:
     for place, setting in enumerate(event.settings):
         earlier = event.settings[:place]
-        seen = {s.value for s in earlier}  # new values that a line sees need no measurement
-        if setting.value in seen:
+        visible = {s.value for s in earlier}  # new values that a line sees need no measurement
+        if setting.value in visible:
             continue
-        read = needed([setting.value], inputs, {*seen}) - seen
+        read = needed([setting.value], inputs, {*visible}) - visible
         late = [s for s in earlier if s.target in read]
         if late:
             names = ", ".join(f"`{s.words}` of line {s.span.line}" for s in late)

@@ -79,7 +79,7 @@ class _Reduction:
         used |= needed([d.start for d in discretes if isinstance(d.start, int)], inputs)
         delays = tuple(d for d in system.delays if d.variable in used)
         used |= needed([d.lag for d in delays if isinstance(d.lag, int)], inputs)
-        used |= needed([e.period for e in events if isinstance(e.period, int)], inputs)
+        used |= needed([x for e in events for x in e.sampling if isinstance(x, int)], inputs)
         claims = self._claims(used, inputs, reach)
         dependents = tuple(
             Dependent(d.of, d.owner, d.quantity, d.conjugate) for d in system.derivatives if d.target in used

@@ -217,7 +217,11 @@ class Builder:
 
     def sampling(self, parts: list[Any]) -> tree.EventSyntax:
         period = _done(parts[0])
-        return tree.EventSyntax(period.span, period, parts[1], True)
+        return tree.EventSyntax(period.span, period, parts[-1], True, tuple(parts[1:-1]))
+
+    def timing(self, parts: list[Any]) -> tree.TimingSyntax:
+        value = _done(parts[1])
+        return tree.TimingSyntax(self._span([parts[0], value]), str(parts[0]), value)
 
     def requirement(self, parts: list[Any]) -> tree.RequirementSyntax:
         condition = _done(parts[0])

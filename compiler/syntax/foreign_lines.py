@@ -19,6 +19,8 @@ _ROWS = (
     (r"^\s*simulate\b.*", "It belongs into an experiment: `experiment run {{ simulate 0 .. 1 s }}`."),
     (r"\bplot\s+(?P<a>[^;{}]+)", "Results are chosen by `report {a}`."),
     (r"\breport\s+(?P<a>\S+)\s+(?:as|unit)\s+(?P<b>\S+)", "A unit follows the word `in`: `report {a} in {b}`."),
+    (r"^\s*when\b.*\b(?P<a>offset|delay|jitter|seed)\b.*", "A `when` acts at the instant at which its condition becomes true; `{a}` is a word of `every`."),
+    (r"^\s*every\s+[^{]*\{?.*", "The words of an `every` are `offset`, `delay`, `jitter` and `seed`: `every 1 ms offset 0.2 ms {{ … }}`."),
     (r"^\s*when\b.*\bthen\b.*", "An event is `when condition {{ name = value }}`; it sets what elements store, modes and integrals."),
     (r"(?:=\s*if\b|\bif\b.*\bthen\b|\?).*", "A choice is `a if condition else b`."),
     (r"\breinit\s*\(\s*(?P<a>[\w.]+)\s*,\s*(?P<b>[^)]*)\)", "An event sets by an equation: `{a} = {b}`."),

@@ -337,12 +337,21 @@ class Reset(SyntaxNode):
 
 
 @dataclass(frozen=True, slots=True)
+class TimingSyntax(SyntaxNode):
+    """`offset 0.2 ms` of an `every`, or its `delay`, `jitter` or `seed`."""
+
+    word: str
+    value: ExpressionSyntax
+
+
+@dataclass(frozen=True, slots=True)
 class EventSyntax(SyntaxNode):
-    """`when condition { … }`; or `every period { … }`, which is `sampled`."""
+    """`when condition { … }`; or `every period timing { … }`, which is `sampled`."""
 
     condition: ExpressionSyntax
     resets: tuple[Reset, ...]
     sampled: bool
+    timing: tuple[TimingSyntax, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

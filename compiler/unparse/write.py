@@ -73,8 +73,11 @@ class _Writer:
         yield f"require {self.words.condition(required.condition)}{description_text(required.text)}"
 
     def _event(self, event: Event) -> Iterator[str]:
-        if event.period is not None:
-            yield f"every {self.words.bound(event.period, ONE if self.plain else SECOND)} {{"
+        if event.sampling is not None:
+            unit = ONE if self.plain else SECOND
+            pairs = zip(("every", "offset", "delay", "jitter", "seed"), event.sampling.values(), strict=True)
+            words = [f"{w} {self.words.bound(x, ONE if w == 'seed' else unit)}" for w, x in pairs if x is not None]
+            yield f"{' '.join(words)} {{"
         else:
             yield f"when {self.words.condition(event.condition)} {{"
         for action in event.actions:

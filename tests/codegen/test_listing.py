@@ -43,9 +43,9 @@ def placed(equation: str, rest: str) -> str:
 
 def test_each_kind_of_row_has_its_form() -> None:
     event = EventEquations(
-        "hit", sympy.StrictLessThan(x, 0), (ResetEquation(x, -x, "x"), ResetEquation(y, a, "y")), None, ONE
+        "hit", sympy.StrictLessThan(x, 0), (ResetEquation(x, -x, "x"), ResetEquation(y, a, "y")), (), ONE
     )
-    sampled = replace(event, period=a + b, resets=())
+    sampled = replace(event, sampling=(a + b, sympy.S.Zero, c, sympy.S.Zero, sympy.S.Zero), resets=())
     rows = text(
         rates=(Entry("x", 2 * y, "", ONE),),
         residuals=(Entry("z", z - a, "", TWO),),
@@ -65,7 +65,7 @@ def test_each_kind_of_row_has_its_form() -> None:
         placed("along a run joint is 0 = c", "text.bg:3"),
         placed("valve is on: y > 0", "text.bg:1"),
         placed("when x < 0: x := -x; y := a", "text.bg:1"),
-        placed("every a + b:", "text.bg:1"),
+        placed("every a + b delay c:", "text.bg:1"),
     ]
 
 
@@ -92,7 +92,7 @@ def test_small_lines_are_closed_in_one_another_and_in_systems_and_events() -> No
         SolvedEquation(q, p * c, ONE, "two"),
         LinearSystem((y, z), ((p, x), (sympy.Integer(1), q)), (c * p, sympy.Integer(0)), TWO, "loop"),
     )
-    event = EventEquations("hit", sympy.StrictLessThan(p, y), (ResetEquation(x, q, "x"),), p, THREE)
+    event = EventEquations("hit", sympy.StrictLessThan(p, y), (ResetEquation(x, q, "x"),), (p,), THREE)
     assert text(lines=lines, events=(event,), starts=(Entry("x", p),)) == [
         placed("solve [a + b x; 1 c*(a + b)] [y, z] = [c*(a + b), 0]", "text.bg:2 loop"),
         "  start of x = a + b",

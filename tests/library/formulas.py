@@ -564,7 +564,38 @@ def second_order(t: Any, w: float, zeta: float) -> Any:
     return 1 - np.exp(-zeta * w * t) * (np.cos(damped * t) + zeta * w / damped * np.sin(damped * t))
 
 
+def ticks(t: Any, period: float) -> Any:
+    """Number of the last sample."""
+    return np.floor(t / period + 1e-9)
+
+
+def converted(t: Any, late: float = 0.0) -> Any:
+    """Codes of a sine of amplitude 1, 10 rad/s, in 8 bits from -1 to 1, every 10 ms; 0 before the first."""
+    k = ticks(t - late, 0.01)
+    return np.where(k < 0, 0, np.minimum(np.floor((np.sin(0.1 * k) + 1) * 128 + 0.5), 255))
+
+
+def discrete_pid(t: Any) -> Mapping[str, Any]:
+    """2 + I, I growing by 0.5 a sample; above 4 it follows the limit by a fifth of the excess."""
+    found, integral = [], 0.0
+    for _ in range(10):
+        found.append(min(2 + integral, 4.0))
+        integral += 0.5 + 0.2 * (found[-1] - 2 - integral)
+    return {"command": np.array(found)[ticks(t, 0.1).astype(int)]}
+
+
+def encoder(t: Any) -> Mapping[str, Any]:
+    k, step = ticks(t, 0.01), 2 * np.pi / 400
+    count, before = (np.floor(3 * (0.01 * np.maximum(n, -0.1) + 0.001) / step) for n in (k, k - 1))
+    return {"angle": step * count, "speed": step * (count - np.where(k > 0, before, 0)) / 0.01}
+
+
 CONTROL: dict[str, Formula] = {
+    "Adc": lambda t: {"value": converted(t) / 128 - 1, "code": converted(t)},
+    "Dac": lambda t: {"value": converted(t, 0.004) / 128 - 1},
+    "DiscretePid": discrete_pid,
+    "DiscreteRateLimit": lambda t: {"y": np.minimum(0.2 * (ticks(t, 0.1) + 1), 1)},
+    "Encoder": encoder,
     "Pid": lambda t: {"command": 2 + 5 * t},
     "FirstOrder": lambda t: {"y": 2 * rise(t, 0.5)},
     "SecondOrder": lambda t: {"y": second_order(t, 5, 0.4)},

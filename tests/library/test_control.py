@@ -203,3 +203,58 @@ def test_blocks_take_bare_numbers_only() -> None:
         "import FirstOrder from control\nmodel A {\n  FirstOrder lag { u = 2 V }\n  output y = lag.y\n}\n", "BG103"
     )
     assert "`u`" in found.sentence
+
+
+def test_discrete_pid_against_its_program() -> None:
+    """A lag under a controller that computes for 30 ms: between instants exact, at its limits without windup."""
+    body = """
+        import FirstOrder from control
+        input reference = 1
+        DiscretePid pid {
+          T = 0.1 s, late = 30 ms, k_p = 4, k_i = 6 [1/s], k_d = 0.05 s, T_f = 0.02 s, T_t = 0.2 s, low = -1.2, high = 1.2, w_d = 0,
+          setpoint = reference, measured = plant.y
+        }
+        FirstOrder plant { K = 1, T = 0.5 s, u = pid.command }
+        output u = pid.command, y = plant.y
+        """
+    found = run("control", "DiscretePid", body, 1.99, points=200)
+    x = u = computed = slope = seen = total = 0.0
+    expected = []
+    for n in range(200):
+        if n % 10 == 0:
+            slope = (0.02 * slope + 0.05 * (-x - seen)) / 0.12
+            seen, wanted = -x, 4 * (1 - x) + total + slope
+            computed = min(max(wanted, -1.2), 1.2)
+            total += 0.6 * (1 - x) + 0.5 * (computed - wanted)
+        if n % 10 == 3:
+            u = computed
+        expected.append((u, x))
+        x = u + (x - u) * math.exp(-0.02)
+    near(found["y"], [y for _, y in expected])
+    settled = np.arange(200) % 10 != 3  # a reported instant may lie an ulp before the command changes
+    near(found["u"][settled], np.array([u for u, _ in expected])[settled])
+    assert found["u"].max() == 1.2 and found["y"].max() < 1.15, "it was at its limit and did not wind up"
+
+
+def test_encoder_speed_is_right_on_average() -> None:
+    """Counts differ by one at most; summed up, speed is the way."""
+    body = "Encoder part { T = 1 ms, lines = 500, angle = sin(3 [rad/s]*time) }\noutput speed = part.speed, position = part.position, angle = part.angle"
+    found = run("control", "Encoder", body, 1, points=1001)
+    step = 2 * math.pi / 2000
+    assert ((found["angle"] - found["position"] >= -1e-12) & (found["angle"] - found["position"] < step)).all()
+    near(np.cumsum(found["speed"]) * 1e-3, found["position"], rtol=1e-12)
+    assert np.abs(found["speed"] - 3 * np.cos(3 * found.time)).max() <= step / 1e-3 * 1.01
+
+
+def test_converters_saturate() -> None:
+    body = "Adc part { T = 0.1 s, bits = 4, low = -2, high = 2, u = 8*time/1 s - 4 }\noutput code = part.code, value = part.value"
+    found = run("control", "Adc", body, 1, points=11)
+    codes = np.clip(np.floor((8 * found.time - 2) / 0.25 + 0.5 + 1e-9), 0, 15)
+    exact(found["code"], codes)
+    exact(found["value"], -2 + 0.25 * codes)
+
+
+def test_discrete_rate_limit_falls() -> None:
+    body = "DiscreteRateLimit part { T = 0.1 s, rise = 5 [1/s], fall = 1 [1/s], y_0 = 0.3, u = 1 if time < 0.35 s else 0 }\noutput y = part.y"
+    found = run("control", "DiscreteRateLimit", body, 1, points=11)
+    exact(found["y"], [0.8, 1, 1, 1, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3])

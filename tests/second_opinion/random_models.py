@@ -227,10 +227,11 @@ class Writer:
     def sampled(self, at: str) -> None:
         state, name, k = self.rng.choice(self.states), self.name("M"), self.number(0.3, 1.5)
         period = self.rng.choice([0.13, 0.25, 0.31])
+        timing = {0.13: "", 0.25: " offset 0.05", 0.31: " offset 0.02 delay 0.11"}[period]
         self.add(
             f"mode {name}_u = 0, {name}_s = 0, {name}_e = 0",
             f"signal {name}_w = {name}_s + {k}*{name}_e",
-            f"every {period} {{ {name}_e = 0.2 - {state}; {name}_s = {name}_s + 0.1*{name}_e; {name}_u = {name}_w }}",
+            f"every {period}{timing} {{ {name}_e = 0.2 - {state}; {name}_s = {name}_s + 0.1*{name}_e; {name}_u = {name}_w }}",
             f"MSe {name} : e = {name}_u",
             f"{name} -> {at}",
             traits="sampled events",

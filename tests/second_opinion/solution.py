@@ -276,11 +276,11 @@ class Run:
         if (np.abs(x - self.x) > 1e-4 * size + 1e-12 * size.max() + 1e-300).any():
             raise Undecided("an event sets what follows from other states")
 
-    def act(self, acting: Sequence[int]) -> bool:
-        """Do the assignments of events. Return True if a storage is among the targets."""
-        values: list[tuple[Any, float]] = []
+    def act(self, acting: Sequence[int], late: Sequence[tuple[Any, float]] = ()) -> bool:
+        """Do the assignments of events, and those that samples have computed before. Return True if a storage is among the targets."""
+        values: list[tuple[Any, float]] = [*late]
         for i in acting:
-            values += self._lines(i) if self.system.assembly.graph.events[i].period is not None else self._at_once(i)
+            values += self._at_once(i) if self.system.assembly.graph.events[i].sampling is None else self.lines(i)
             self.events.append((self.t, i))
             apart = np.diff([t for t, j in self.events if j == i])[-PILED:]
             if len(apart) == PILED and (np.diff(apart) < 0).all() and apart[-1] < 1e-4 * self.span:
@@ -303,7 +303,7 @@ class Run:
         numbers = self.system.action_values[event](self.t, self.x.tolist(), self.w.tolist(), self.m)
         return list(zip(self.system.actions[event], numbers, strict=True))
 
-    def _lines(self, event: int) -> list[tuple[Any, float]]:
+    def lines(self, event: int) -> list[tuple[Any, float]]:
         """The assignments of an `every`, one after the other: a line reads the modes that the lines before it have set."""
         modes, actions = [*self.m], self.system.actions[event]
         if len(actions) > 1 and any(action.kind == "x" for action in actions):
@@ -576,7 +576,23 @@ class Course:
 
     state: Run
     stops: list[tuple[float, bool]]
-    every: list[tuple[int, float]]
+    timers: list[Timer]
+
+
+@dataclass
+class Timer:
+    """Instants of a sampled event, the number of the next, and what was computed but not yet set, with its instants."""
+
+    event: int
+    period: float
+    offset: float
+    delay: float
+    number: int = 0
+    waiting: list[tuple[float, list[tuple[Any, float]]]] = field(default_factory=list)
+
+    @property
+    def next(self) -> float:
+        return min([self.number * self.period + self.offset, *(at for at, _ in self.waiting)])
 
 
 def course(system: System, begin: float, times: Sequence[float], budget: int, blur: float = 1.0) -> Course:
@@ -594,9 +610,18 @@ def course(system: System, begin: float, times: Sequence[float], budget: int, bl
         blur=blur,
     )
     state.true, state.budget, state.end = [False] * len(a.graph.events), budget, times[-1]
-    every = [(i, _number(a, a.opened(e.period), begin)) for i, e in enumerate(a.graph.events) if e.period is not None]
-    _begin(state, [i for i, _ in every])
-    return Course(state, _stops(system, begin, times, span), every)
+    timers = []
+    for i, event in enumerate(a.graph.events):
+        if (sampling := event.sampling) is not None:
+            if sampling.jitter is not None:
+                raise Undecided("samples with jitter")
+            bounds = sampling.period, sampling.offset, sampling.delay
+            timers.append(Timer(i, *(0.0 if b is None else _number(a, a.opened(b), begin) for b in bounds)))
+    first = [timer for timer in timers if not timer.offset and not timer.delay]
+    _begin(state, [timer.event for timer in first])
+    for timer in first:  # the first tick is a part of the start
+        timer.number = 1
+    return Course(state, _stops(system, begin, times, span), timers)
 
 
 def run(it: Course, steps: int) -> tuple[Array, Run]:
@@ -610,16 +635,17 @@ def run(it: Course, steps: int) -> tuple[Array, Run]:
         factors={},
         jacobian=None,
     )
-    span, due, found = state.span, {i: 1 for i, _ in it.every}, []  # the first tick is a part of the start
+    span, found = state.span, []
+    timers = [replace(timer, waiting=[*timer.waiting]) for timer in it.timers]
+    _sample(state, timers)
     for stop, report in it.stops:
         while state.t < stop - 3 * state.instant:
-            samples = [due[i] * p for i, p in it.every]
-            goal = min([stop, *(s for s in samples if s > state.t + 3 * state.instant)])
+            goal = min([stop, *(t.next for t in timers if t.next > state.t + 3 * state.instant)])
             parts = max(1, math.ceil((goal - state.t) / span * steps - 1e-9))
             h = (goal - state.t) / parts
             for i in range(parts):
                 state.advance(goal - (parts - 1 - i) * h - state.t)
-            _sample(state, it.every, due)
+            _sample(state, timers)
         if report:
             found.append(state.system.look(state.t, state.x.tolist(), state.w.tolist(), state.m))
         else:
@@ -628,13 +654,22 @@ def run(it: Course, steps: int) -> tuple[Array, Run]:
     return np.array(found).T, state
 
 
-def _sample(state: Run, every: Sequence[tuple[int, float]], due: dict[int, int]) -> None:
-    """Sampled events whose instant has come."""
-    acting = [i for i, p in every if due[i] * p <= state.t + 3 * state.instant]
-    if acting:
-        for i in acting:
-            due[i] += 1
-        state.act(acting)
+def _sample(state: Run, timers: Sequence[Timer]) -> None:
+    """Sampled events whose instant has come, and what such with a delay have computed before."""
+    now = state.t + 3 * state.instant
+    late = [pair for timer in timers for at, values in timer.waiting if at <= now for pair in values]
+    acting = []
+    for timer in timers:
+        timer.waiting = [item for item in timer.waiting if item[0] > now]
+        at = timer.number * timer.period + timer.offset
+        if at <= now:
+            timer.number += 1
+            if timer.delay:
+                timer.waiting.append((at + timer.delay, state.lines(timer.event)))
+            else:
+                acting.append(timer.event)
+    if acting or late:
+        state.act(acting, late)
         state.b = state.looked(state.t, state.x, state.w)[0]
         state.settle()
 

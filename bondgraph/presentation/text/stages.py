@@ -71,7 +71,7 @@ def _graph(compilation: Compilation) -> Iterator[str]:
         owner = f" of {required.name}" if required.name else ""
         yield f"  required{owner}: {required.words}  # {required.span.file_and_line} {required.text}".rstrip()
     for event in graph.events:
-        word, owner = "when" if event.period is None else "every", f" of {event.name}" if event.name else ""
+        word, owner = "when" if event.sampling is None else "every", f" of {event.name}" if event.name else ""
         sets = "ends the run" if event.stops else "sets " + ", ".join(action.words for action in event.actions)
         yield f"  {word} {event.words}{owner}: {sets}  # {event.span.file_and_line}"
     for switch in graph.switches:

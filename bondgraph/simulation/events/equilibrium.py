@@ -20,6 +20,7 @@ from ...numerics.scales import group_numbers, nonzero
 from ..constraints.constraints import Constraints
 from ..equilibrium.dense import EquilibriumSearch
 from ..equilibrium.search import equilibrium, found_by
+from ..segments.sampling import sampling_of
 from ..segments.timeline import Segment
 from .events import Events, Moment
 
@@ -72,7 +73,7 @@ def sampled_settings(program: Program, constraints: Constraints) -> tuple[tuple[
     hybrid = program.hybrid
     if hybrid is None:
         return ()
-    periods = iter(np.asarray(hybrid.sampling(constraints.constants), dtype=float).tolist())
+    periods = iter(sampling_of(hybrid.sampling(constraints.constants))[:, 0].tolist())
     result, place = [], 0
     for event in hybrid.events:
         period = next(periods) if event.sampled else 0.0

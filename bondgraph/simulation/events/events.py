@@ -22,6 +22,7 @@ from ...errors import RunFailed
 from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
 from ..initialization.initial_equations import fulfil
+from ..segments.sampling import due_at, sampling_of
 from ..segments.timeline import discrete_variables
 from .bounds import bounds_of
 from .complementarity import Companion, Instant
@@ -88,7 +89,9 @@ class Events:
         self.left: dict[tuple[str, int], int] = {}  # times in a row that an event made its condition false
         self.owners = np.repeat(np.arange(len(hybrid.events)), [len(e.settings) for e in hybrid.events])
         self.sampled = np.array([i for i, e in enumerate(hybrid.events) if e.sampled], dtype=int)
-        self.periods = np.asarray(hybrid.sampling(self.constants), dtype=float)
+        self.sampling = sampling_of(hybrid.sampling(self.constants))
+        delays = zip(self.sampled.tolist(), self.sampling[:, 2].tolist(), strict=True)
+        self.at_once = frozenset(i for i, delay in delays if hybrid.events[i].late and not delay)
         self.settings = [s for e in hybrid.events for s in e.settings]
         self.bounds = bounds_of(self.program, self.inputs, self.constants, len(self.places))
         self.reach = np.zeros(len(self.places))  # largest range of each narrow condition that a part of a step has had
@@ -170,10 +173,7 @@ class Events:
     # ------------------------------------------------------------ an instant
     def due(self, time: float) -> list[int]:
         """Return the sampled events that act at an instant."""
-        if not len(self.sampled):
-            return []
-        missed = np.abs(time - np.round(time / self.periods) * self.periods)
-        return [int(i) for i in self.sampled[missed <= 16 * np.spacing(np.maximum(abs(time), self.periods))]]
+        return [int(i) for i in self.sampled[due_at(self.sampling, time)]] if len(self.sampled) else []
 
     def happen(self, at: Moment, flipped: BoolArray | None = None, due: Sequence[int] = ()) -> Moment:
         """Return the hybrid state after all events at an instant.
@@ -200,7 +200,9 @@ class Events:
                 acted += switching
                 break
             acted += rising
-            now = self.settled(self._read_anew(self.set(now, rising)))
+            now = self.set(now, [i for i in rising if i not in self.at_once])
+            now = self.set(now, [i for i in rising if i in self.at_once])
+            now = self.settled(self._read_anew(now))
         else:
             names = self._listed([self.hybrid.events[i] for i in acted[-4:]])
             raise RunFailed(
@@ -504,6 +506,8 @@ class Events:
     # ------------------------------------------------------------ what events set
     def set(self, at: Moment, acting: Sequence[int]) -> Moment:
         """Return the hybrid state after these events have acted, each with the values before them. Raises `RunFailed`."""
+        if not acting:
+            return at
         values = self.hybrid.values(at.time, at.state, self.inputs, self.constants, at.mode)
         chosen = [i for i, owner in enumerate(self.owners) if owner in acting]
         self._check(at.time, chosen, values)

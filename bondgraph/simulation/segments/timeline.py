@@ -14,6 +14,7 @@ from compiler.api import Array, Hybrid, Program, Ranges, TimeFunction, TimeFunct
 
 from ...errors import RunFailed
 from ...numerics.roots import crossing
+from .sampling import MOST_SAMPLES, sampling_of, ticks_between, too_often
 
 if TYPE_CHECKING:
     from .crossings import Zeros
@@ -27,7 +28,6 @@ MAXIMUM_GRID = 2_000_000
 SPARSE = 16  # least number of places for each change of sign; with fewer, more are added
 GOLDEN = 0.6180339887498949
 BESIDE = (GOLDEN * np.arange(NODES) + 0.5) % 1.0  # offset of each place from the regular grid, in grid widths
-MOST_SAMPLES = 1_000_000  # samples of one sampled event
 SHARE = 1e-4  # fraction of a signal's range that a step may overlook; about twelve steps per period of a sine
 OFFSET = 0.1180339887498949  # fraction of a part by which parts begin before round instants
 ROUNDING = 16  # units in the last place of a time
@@ -106,7 +106,7 @@ def _edges(program: Program, constants: Array, start: float, stop: float) -> tup
     base = _distinct(np.concatenate([[start], np.sort(cuts[(start < cuts) & (cuts < stop)]), [stop]]))
     edges = base
     if program.hybrid is not None:
-        sampled = [_multiples(float(p), start, stop) for p in program.hybrid.sampling(constants)]
+        sampled = [ticks_between(row, start, stop) for row in sampling_of(program.hybrid.sampling(constants))]
         edges = _distinct(np.sort(np.concatenate([edges, *sampled])))
     functions = program.time_functions
     if functions is None or not functions.crossings:
@@ -236,27 +236,13 @@ def aligned(stretches: list[Segment], instants: Array) -> list[Segment]:
     return parts
 
 
-def _multiples(period: float, start: float, stop: float) -> Any:
-    """Return the sample instants of an event."""
-    if not period > 0 or (stop - start) / period > MOST_SAMPLES:
-        raise _too_often(period, stop - start)
-    times = period * np.arange(np.floor(start / period), np.ceil(stop / period) + 1)
-    return times[(times > start) & (times < stop)]
-
-
-def _too_often(period: float, length: float) -> RunFailed:
-    return RunFailed(
-        "BR761", f"an event every {period:g} s for {length:g} s acts more than {MOST_SAMPLES} times, or never"
-    )
-
-
 def _recurring(program: Program, constants: Array, start: float, stop: float) -> Iterator[Any]:
     """Yield the instants at which each function linear in time is an integer."""
     if program.recurring is None:
         return
     for at_zero, slope in np.reshape(program.recurring(constants), (-1, 2)).tolist():
         if not abs(slope) * (stop - start) <= MOST_SAMPLES:
-            raise _too_often(abs(1 / slope), stop - start)
+            raise too_often(abs(1 / slope), stop - start)
         if slope != 0:
             first, last = sorted((at_zero + slope * start, at_zero + slope * stop))
             yield (np.arange(np.floor(first), np.ceil(last) + 1) - at_zero) / slope

@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 
 from ...algebra.expression import Apply, Expression, Number, Symbol
-from ...algebra.interpolate import SMOOTH_STEP
+from ...algebra.interpolate import SMOOTH_STEP, random_number
 from ...algebra.operators import CONDITIONS, OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of
 from ...algebra.table import lists, order_of
@@ -24,6 +24,7 @@ from ..lowered import Lowered
 from ..numpy.write import Writer
 from ..order import operations_in_order
 from ..structure import slopes_of
+from .stepping import obstacle, stepping
 
 ARGUMENTS = (
     "double time, const double *state, const double *inputs, const double *constants, const double *mode, double *out"
@@ -36,7 +37,7 @@ static inline double sign(double x) { return x > 0 ? 1.0 : x < 0 ? -1.0 : x == 0
 
 
 def write_c(lowered: Lowered) -> str:
-    """Return the text of a file."""
+    """Return the text of a file, with a loop over fixed steps unless the model has something for which that has no method."""
     return _File(lowered, ()).text()
 
 
@@ -54,6 +55,7 @@ class _File:
         self.prefix = re.sub(r"\W", "_", lowered.space.name, flags=re.ASCII)
         self.called: set[str] = set()
         self.arrays: dict[tuple[float, ...], str] = {}
+        self.steps = not more and obstacle(lowered) is None
 
     def text(self) -> str:
         """The whole text."""
@@ -72,9 +74,11 @@ class _File:
         for row, roots in self.writer.functions:
             functions.append(self._function(row.name, row.description(self.lowered), roots, known))
             counts.append((row.name, len(roots)))
-        support_text = c_source(list(dict.fromkeys(runtime.BY_OPERATOR[o] for o in sorted(self.called))))
+        support = [runtime.BY_OPERATOR[o] for o in sorted(self.called)]
+        support_text = c_source(list(dict.fromkeys([*support, *([random_number] if self.steps else [])])))
         points = [f"static const double {n}[] = {{{', '.join(map(c_number, v))}}};" for v, n in self.arrays.items()]
-        return "\n".join([self._head(counts), BEGINNING, _OWN, support_text, *points, "", *functions])
+        parts = [self._head(counts), BEGINNING, _OWN, support_text, *points, "", *functions]
+        return "\n".join([*parts, *([stepping(self.lowered, self.prefix)] if self.steps else [])])
 
     def _head(self, counts: Sequence[tuple[str, int]]) -> str:
         name = self.prefix

@@ -169,8 +169,8 @@ class _Formulation:
     def _events(self) -> Iterator[EventEquations]:
         for event in self.space.events:
             resets = tuple(ResetEquation(self.symbol(s.target), self.symbol(s.value), s.words) for s in event.settings)
-            period = None if event.period is None else self.symbol(event.period)
-            yield EventEquations(event.words, self.symbol(event.condition), resets, period, event.span)
+            sampling = tuple(map(self.symbol, event.sampling))
+            yield EventEquations(event.words, self.symbol(event.condition), resets, sampling, event.span)
 
     def _indicators(self) -> Iterator[Indicator]:
         """Conditions behind rates, residuals and events; those on parameters alone change nothing during a run."""
@@ -197,7 +197,7 @@ def _roots(space: StateSpace) -> list[int]:
     entries = [*(s.start for s in space.states), *(v for c in space.claims for v in (c.variable, c.start))]
     entries += [v for d in space.delays for v in (d.value, d.lag)]
     entries += [d.start for d in space.discretes]
-    entries += [e.period for e in space.events if e.period is not None]
+    entries += [x for e in space.events for x in e.sampling]
     found += [v for i in space.invariants for v in (i.position, i.velocity) if v is not None]
     found += [*event_variables(space), *(v.condition for v in space.limits)]
     return [*found, *(e for e in entries if isinstance(e, int))]

@@ -48,7 +48,9 @@ def listing(equations: StateEquations) -> Iterator[str]:
     yield from rows("{} is on: {}", e.switches)
     for event in e.events:
         condition = printer.text(event.condition.xreplace(known))
-        when = f"when {condition}" if event.period is None else f"every {printer.text(event.period.xreplace(known))}"
+        words = zip(("every", "offset", "delay", "jitter", "seed"), event.sampling, strict=False)
+        timing = [f"{word} {printer.text(x.xreplace(known))}" for word, x in words if word == "every" or x != 0]
+        when = " ".join(timing) or f"when {condition}"
         sets = "; ".join(f"{r.words} := {printer.text(r.value.xreplace(known))}" for r in event.resets)
         yield _row(f"{when}: {sets}", event.span)
 

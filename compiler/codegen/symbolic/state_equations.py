@@ -58,12 +58,12 @@ class ResetEquation:
 
 @dataclass(frozen=True, slots=True)
 class EventEquations:
-    """`when condition` or `every period`, with its resets."""
+    """`when condition`, or `every` with its period, offset, delay, jitter and seed; with its resets."""
 
     words: str
     condition: Basic
     resets: tuple[ResetEquation, ...]
-    period: Basic | None
+    sampling: tuple[Basic, ...]
     span: Span
 
 

@@ -6,24 +6,38 @@ from collections.abc import Mapping
 
 from ...errors import CompilationFailed
 from ...reduction import StateSpace
+from ...source import Span
+from ..c.stepping import obstacle
 from ..c.write import write_c
 from ..common_factors import with_shared_products
-from ..errors import NumpyAlone
+from ..errors import NoSteps, NumpyAlone
 from ..lower import lower
 from .target import TextTarget
 
 
 def write(space: StateSpace, descriptions: Mapping[str, str]) -> str:
-    """Text of the file. Raises `CompilationFailed` for events, switched junctions and delays."""
-    refuse_hybrid(space, "C")
-    return write_c(with_shared_products(lower(space, located=False)))
+    """Text of the file. Raises `CompilationFailed` for a model with events for which a loop over fixed steps has no method."""
+    lowered = lower(space, located=is_hybrid(space))
+    if is_hybrid(space) and (what := obstacle(lowered)) is not None:
+        raise CompilationFailed([NoSteps(_place(space), what)])
+    return write_c(with_shared_products(lowered))
 
 
 def refuse_hybrid(space: StateSpace, target: str) -> None:
     """Raise `CompilationFailed` for a model with events, switched junctions or delays."""
-    places = [x.span for group in (space.events, space.switches, space.delays) for x in group]
-    if places or space.discretes:
-        raise CompilationFailed([NumpyAlone([*places, *(step.span for step in space.steps)][0], target)])
+    if is_hybrid(space):
+        raise CompilationFailed([NumpyAlone(_place(space), target)])
+
+
+def is_hybrid(space: StateSpace) -> bool:
+    """Return True for a model with events, switched junctions or delays."""
+    return bool(space.events or space.switches or space.delays or space.discretes)
+
+
+def _place(space: StateSpace) -> Span:
+    """Place of the first event, switch or delay."""
+    places = [x.span for group in (space.switches, space.delays, space.events) for x in group]
+    return [*places, *(step.span for step in space.steps)][0]
 
 
 TARGET = TextTarget("c", ".c", write)

@@ -182,11 +182,7 @@ class _NumpyModule:
                 "events", arguments, "Truth of each event's condition: the event is where it becomes true.", entries
             )
             yield self._reset()
-            sampled = [
-                Entry(event.words, event.period, "s", event.span) for event in e.events if event.period is not None
-            ]
-            if sampled:
-                yield self._vector("periods", "p", "Periods of the sampled events, in their order.", sampled)
+            yield from self._sampling()
         if e.switches:
             yield self._vector(
                 "on",
@@ -273,6 +269,19 @@ class _NumpyModule:
                 body += assigned(f"J[{i}, {j}]", x)
             body.append("return J")
         return _function(name, arguments, words, body)
+
+    def _sampling(self) -> Iterator[str]:
+        """Functions for the instants of sampled events: what is zero for all of them is left out."""
+        sampled = [event for event in self.equations.events if event.sampling]
+        for column, name, words in (
+            (0, "periods", "Periods of the sampled events, in their order."),
+            (1, "offsets", "Each sampled event acts so much after the multiples of its period."),
+            (2, "delays", "And so much later, because it sets what the event before it has computed."),
+            (3, "jitters", "And later by a random part of this, equal for an event and the one that is late."),
+        ):
+            entries = [Entry(e.words, e.sampling[column], "s", e.span) for e in sampled]
+            if any(entry.value != 0 for entry in entries):
+                yield self._vector(name, "p", words, entries)
 
     def _reset(self) -> str:
         """State and discrete variables after an event."""

@@ -23,7 +23,8 @@ from ..names.errors import WrongExperiment, WrongType
 from ..names.scope import Items, Scalar, Scope
 from ..names.statement_errors import Wrong
 from ..network.elaborate import Elaborator
-from ..network.events import STORED_BY, read_value
+from ..network.events import STORED_BY
+from ..network.values import read_value
 
 Given = tuple[str, Bound]
 Part = TypeVar("Part", Body, Frame, Joint)

@@ -363,6 +363,32 @@ class WrongSet(WordedDiagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class WrongSampling(WordedDiagnostic):
+    """BG175."""
+
+    code = "BG175"
+
+
+@dataclass(frozen=True, slots=True)
+class SamplingOutOfRange(WordedDiagnostic):
+    """BG176."""
+
+    code = "BG176"
+
+
+@dataclass(frozen=True, slots=True)
+class LateStorage(Diagnostic):
+    """BG177."""
+
+    code = "BG177"
+    title = "`{words}` is set by an `every` with a delay, which sets `mode`s alone"
+    advice = (
+        "A delay is the time that a controller computes. Set a `mode` there, and `{words}` by an `every` without delay."
+    )
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
 class TooMany(Diagnostic):
     """BG160."""
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...algebra.expression import ONE as TRUE
-from ...algebra.expression import ZERO, select
+from ...algebra.expression import ZERO
 from ...algebra.formula import Bound, Formula
 from ...graph.domains import DOMAINS
-from ...graph.network import Action, Element, Event, Node, Quantity, Reading
-from ...graph.units import ONE, SECOND
+from ...graph.network import Action, Element, Event, Node, Quantity, Reading, Sampling
 from ...syntax import tree
-from ..expressions.template import Typed
-from ..names.errors import DimensionMismatch, NotStatic, WrongEvent, WrongExperiment, WrongType
-from ..names.scope import STATIC_ROLES, Scalar, Scope
-from ..names.statement_errors import Wrong, describe, unit_hint
+from ..names.errors import LateStorage, WrongEvent, WrongExperiment, WrongType
+from ..names.scope import Scalar, Scope
+from ..names.statement_errors import Wrong
 from ..resolution.structure import read_condition
 from .elaborate import Elaborator
+from .samples import read_sampling
+from .values import read_value
 
 STORED_BY = {"q": "qe", "p": "pf"}  # stored quantity -> variables that determine it
 
@@ -46,10 +45,10 @@ def _stop(elaborator: Elaborator, step: tree.StopSyntax) -> Event:
 
 
 def _read(elaborator: Elaborator, scope: Scope, event: tree.EventSyntax, elements: dict[str, Element]) -> Event:
-    period: Bound | None = None
+    sampling: Sampling | None = None
     condition = Bound(Formula(0, ZERO), ())
     if event.sampled:
-        period = _period(elaborator, event.condition, scope)
+        sampling = read_sampling(elaborator, event, scope)
     else:
         hint = "Compare it with something: `when x < 0 m { … }`."
         _, condition = read_condition(elaborator, event.condition, scope, hint)
@@ -61,21 +60,16 @@ def _read(elaborator: Elaborator, scope: Scope, event: tree.EventSyntax, element
         if not event.sampled and any(action.target == a.target for a in actions):
             what = f"`{action.words}` is set twice at one instant"
             elaborator.tell(WrongEvent(reset.span, what, "Leave one of the two out, or choose with `a if c else b`."))
+        if sampling is not None and sampling.delay is not None and not _is_mode(elaborator, action.target):
+            elaborator.tell(LateStorage(reset.target.span, action.words))
         actions.append(action)
     span = event.condition.span
     words = " ".join(span.source.text[span.start :].partition("{")[0].split())
-    return Event(scope.path.removesuffix("."), condition, words, tuple(actions), span, period)
+    return Event(scope.path.removesuffix("."), condition, words, tuple(actions), span, sampling)
 
 
-def _period(elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope) -> Bound:
-    """Sampling period of an event: a time that is known before the run. Raises `Wrong`."""
-    target = Scalar(0.0, ONE if scope.plain else SECOND, "number", "period")
-    bound = read_value(elaborator, value, scope, target, "What stands after `every`", static=True)
-    number = elaborator.value_of(bound, value.span)
-    if number is not None and not number > 0:
-        hint = "A period is longer than nothing: `every 1 ms { … }`."
-        raise Wrong(WrongType(value.span, "A time", f"{number:g} s", hint))
-    return bound
+def _is_mode(elaborator: Elaborator, target: Quantity | Reading) -> bool:
+    return isinstance(target, Quantity) and elaborator.quantities[target.name].role == "mode"
 
 
 def _action(elaborator: Elaborator, scope: Scope, reset: tree.Reset, elements: dict[str, Element]) -> Action:
@@ -115,27 +109,3 @@ def _check_storage(reset: tree.Reset, element: Element | None, port: str, variab
         prefix = f"{element.name}.{port}" if port else element.name
         names = " or ".join(f"`{prefix}.{domain.letter(v)}`" for v in allowed)
         raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", f"Set {names}."))
-
-
-def read_value(
-    elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, target: Scalar, what: str, static: bool = False
-) -> Bound:
-    """New value of a target: for a mode that is a truth a condition (1 or 0), else a number of its unit. Raises `Wrong`."""
-    template = elaborator.template(value, scope)
-    typed = template.value
-    if not isinstance(typed, Typed):
-        raise Wrong(WrongType(value.span, "A single number", "a list"))
-    if target.truth != typed.truth:
-        kinds = ("A condition", "a number") if target.truth else ("A number", "a condition")
-        example = "true" if target.truth else "1 if c else 0"
-        raise Wrong(WrongType(value.span, kinds[0], kinds[1], f"{what} is {kinds[0].lower()}: `… = {example}`."))
-    wanted = target.dimension or ONE
-    if not scope.plain and typed.dimension not in (None, wanted):
-        text = f"{what} is {describe(wanted)}, but `{value.span.text}` is {describe(typed.dimension)}"
-        raise Wrong(DimensionMismatch(value.span, text, unit_hint(typed.dimension, wanted, value)))
-    for slot in template.slots if static else ():
-        if elaborator.scalar_at(slot, scope).role not in STATIC_ROLES:
-            raise Wrong(NotStatic(slot.path.span, what, slot.words))
-    if not typed.truth:
-        return elaborator.bind(template, template.formulas[0], scope)
-    return elaborator.bind(template, Formula(len(template.slots), select(typed.expression, TRUE, ZERO)), scope)

@@ -1,0 +1,38 @@
+"""Value that an event, a start or a sampling sets: of the unit and kind of its target."""
+
+from __future__ import annotations
+
+from ...algebra.expression import ONE as TRUE
+from ...algebra.expression import ZERO, select
+from ...algebra.formula import Bound, Formula
+from ...graph.units import ONE
+from ...syntax import tree
+from ..expressions.template import Typed
+from ..names.errors import DimensionMismatch, NotStatic, WrongType
+from ..names.scope import STATIC_ROLES, Scalar, Scope
+from ..names.statement_errors import Wrong, describe, unit_hint
+from .elaborate import Elaborator
+
+
+def read_value(
+    elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, target: Scalar, what: str, static: bool = False
+) -> Bound:
+    """New value of a target: for a mode that is a truth a condition (1 or 0), else a number of its unit. Raises `Wrong`."""
+    template = elaborator.template(value, scope)
+    typed = template.value
+    if not isinstance(typed, Typed):
+        raise Wrong(WrongType(value.span, "A single number", "a list"))
+    if target.truth != typed.truth:
+        kinds = ("A condition", "a number") if target.truth else ("A number", "a condition")
+        example = "true" if target.truth else "1 if c else 0"
+        raise Wrong(WrongType(value.span, kinds[0], kinds[1], f"{what} is {kinds[0].lower()}: `… = {example}`."))
+    wanted = target.dimension or ONE
+    if not scope.plain and typed.dimension not in (None, wanted):
+        text = f"{what} is {describe(wanted)}, but `{value.span.text}` is {describe(typed.dimension)}"
+        raise Wrong(DimensionMismatch(value.span, text, unit_hint(typed.dimension, wanted, value)))
+    for slot in template.slots if static else ():
+        if elaborator.scalar_at(slot, scope).role not in STATIC_ROLES:
+            raise Wrong(NotStatic(slot.path.span, what, slot.words))
+    if not typed.truth:
+        return elaborator.bind(template, template.formulas[0], scope)
+    return elaborator.bind(template, Formula(len(template.slots), select(typed.expression, TRUE, ZERO)), scope)
