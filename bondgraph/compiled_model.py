@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from compiler.api import Certificate, Compilation, Diagnostic, Override, Scene, Source
 
-    from .prepared import Prepared
+    from .compiled_scene import CompiledScene
 
 LIBRARY = Path(__file__).with_name("library")
 MOST_KEPT = 64  # most scenes whose stages and programs are kept
@@ -47,7 +47,7 @@ class CompiledModel:
         self.model = model
         self.extra_outputs = tuple((extra_outputs or {}).items())
         self._compilations: dict[tuple[Scene, bool], Compilation] = {}
-        self._prepared: dict[tuple[Scene, bool, str], Prepared] = {}
+        self._prepared: dict[tuple[Scene, bool, str], CompiledScene] = {}
 
     def __repr__(self) -> str:
         return f"<bondgraph model {self.model or ''} of {self.source.name}>"
@@ -77,16 +77,16 @@ class CompiledModel:
         self._compilations.clear()
         self._prepared.clear()
 
-    def prepared(self, scene: Scene, everything: bool, target: str) -> Prepared:
+    def compiled_scene(self, scene: Scene, everything: bool, target: str) -> CompiledScene:
         """Return the compiled scene: its program and the data for a run; from the cache if it exists there."""
-        from .prepared import Prepared
+        from .compiled_scene import CompiledScene
 
         key = (scene, everything, target)
         made = self._prepared.get(key)
         if made is None:
-            made = Prepared(
+            made = CompiledScene(
                 self.source, scene, everything, target, lambda: self.compilation(scene, everything),
-                lambda: self.prepared(replace(scene, opened=True), everything, target),
+                lambda: self.compiled_scene(replace(scene, opened=True), everything, target),
             )  # fmt: skip
             keep(self._prepared, key, made, MOST_KEPT)
         return made

@@ -13,7 +13,7 @@ from .persistent_cache import keep_on
 
 if TYPE_CHECKING:
     from .algebra.affine import affine_parts
-    from .algebra.derivative import NoSlope, derivative
+    from .algebra.derivative import NotDifferentiable, derivative
     from .algebra.expression import (
         Apply, Expression, Number, Symbol, call, depends_on, evaluate, select, substitute, symbols,
     )  # fmt: skip
@@ -70,7 +70,7 @@ if TYPE_CHECKING:
     from .jit.translate import translate
     from .jit.vectorise import Vectorised
     from .reduction.order import blocks
-    from .reduction.state_space import LinearLoop, StateSpace, Unknown
+    from .reduction.state_space import LinearLoop, StateSpace, TearingVariable
     from .scene import (
         Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, Reported,
         RunMetadata, Scene, Study,

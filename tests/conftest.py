@@ -15,7 +15,7 @@ from hypothesis import settings
 # random graph from 5 s of processor time to 120.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from bondgraph.prepared import chosen_target
+from bondgraph.compiled_scene import chosen_target
 
 # The same examples in every run: what fails here fails everywhere.
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=60)

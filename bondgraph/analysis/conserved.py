@@ -18,12 +18,12 @@ from ..numerics.scales import nonzero
 if TYPE_CHECKING:
     from compiler.api import EquationSystem, Expression
 
-    from ..prepared import Prepared
+    from ..compiled_scene import CompiledScene
 
 ROUNDING = 1e-11  # relative to the largest factor: remainder of cancelling factors
 
 
-def conserved_sums(scene: Prepared, parameters: Array) -> Array:
+def conserved_sums(scene: CompiledScene, parameters: Array) -> Array:
     """Return the factors of the states, (k, n), each row of length 1; k = 0 for most models."""
     rows = scene.kept.get("dependent rates")
     system, n = scene.compilation.equations, len(scene.program.states.names)

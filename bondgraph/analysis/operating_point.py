@@ -17,9 +17,9 @@ import numpy as np
 
 from compiler.api import Array, IntArray, Leaf, Tape
 
+from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
 from ..numerics.scales import nonzero
-from ..prepared import Prepared
 from .json_values import named
 from .reduced import Reduced, tied_coordinates
 from .singular_slopes import (
@@ -70,7 +70,7 @@ class OperatingPoint:
     """States (n,) and unknowns (m,) of a model at an instant. Derivatives have a column for each of them and for each of `by`."""
 
     def __init__(
-        self, made: Prepared, constraints: Constraints, state: Array, mode: Array, time: float, by: tuple[str, ...],
+        self, made: CompiledScene, constraints: Constraints, state: Array, mode: Array, time: float, by: tuple[str, ...],
         values: Mapping[str, float] | None = None,
     ) -> None:  # fmt: skip
         self.made, self.constraints, self.mode, self.time = made, constraints, mode, time
@@ -285,9 +285,9 @@ class OperatingPoint:
         state = self.state + side * departure(size, distance, way)
         if self.program.hybrid is None or not self.program.hybrid.conditions:
             return state, self.mode
-        from ..simulation.events.events import Moment
+        from ..simulation.events.events import HybridState
 
-        return state, self.conditions(size).guess(Moment(self.time, state, self.mode))
+        return state, self.conditions(size).guess(HybridState(self.time, state, self.mode))
 
     def conditions(self, size: Array) -> Events:
         """Conditions of the model at the values of this point, made once for all points of the program."""
@@ -398,10 +398,10 @@ class OperatingPoint:
         """Events that are exactly at their thresholds here."""
         if self.program.hybrid is None:
             return Thresholds()
-        from ..simulation.events.events import Moment
+        from ..simulation.events.events import HybridState
 
         size = np.minimum(magnitudes(self.constraints, self.state), known_magnitudes(self.program, self.state))
-        return thresholds(self.conditions(size), Moment(self.time, self.state, self.mode), size)
+        return thresholds(self.conditions(size), HybridState(self.time, self.state, self.mode), size)
 
     def refuse_thresholds(self) -> None:
         """Raise `RunFailed` if an event is exactly at its threshold, or keep it at a one-sided point."""

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compiler.api import Array, NoSlope
+from compiler.api import Array, NotDifferentiable
 
+from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
 from ..numerics.scales import nonzero
-from ..prepared import Prepared
 from .operating_point import AnalysisRequest, OperatingPoint
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..simulation.events.complementarity import Companion
     from ..simulation.phase import Phase, PhaseOptions
 
-    Prepare = Callable[[Scene, bool], Prepared]
+    Prepare = Callable[[Scene, bool], CompiledScene]
 
 SAME_REST = 1e-6  # relative to the largest state of its unit: difference of one rest found twice
 AHEAD = 1.0  # s: length of the timeline that is searched for a single instant
@@ -69,8 +69,8 @@ def _point(model: CompiledModel, asked: AnalysisRequest, target: str, moved: Map
     """Return the same, for a part at the rest that a search in the part finds."""
     from ..simulation.settings import settle
 
-    def prepare(scene: Scene, everything: bool = True) -> Prepared:
-        return model.prepared(scene, everything, target)
+    def prepare(scene: Scene, everything: bool = True) -> CompiledScene:
+        return model.compiled_scene(scene, everything, target)
 
     settings = asked.settings or {}
     settled = settle(model, asked.experiment, settings, asked.outputs, True, target)
@@ -86,7 +86,7 @@ def _point(model: CompiledModel, asked: AnalysisRequest, target: str, moved: Map
     return placed(prepare, scene, asked)
 
 
-def _delayed(made: Prepared) -> UsageError:
+def _delayed(made: CompiledScene) -> UsageError:
     """Return the refusal of a model with delays: the first of them, its line, and a law of states instead."""
     space = made.compilation.state_space
     first = space.delays[0]
@@ -106,7 +106,7 @@ def placed(prepare: Prepare, scene: Scene, asked: AnalysisRequest, values: Mappi
     compiled = prepare(scene, True)
     try:
         program, plan = compiled.program, compiled.plan
-    except NoSlope as problem:
+    except NotDifferentiable as problem:
         raise UsageError(
             "BR218", "one of the quantities is a point of a table or a seed of noise: nothing is differentiated by these",
         ) from problem  # fmt: skip
@@ -164,7 +164,7 @@ class _Start:
             self._check_kept(first, leg, modes)
         return leg
 
-    def _companion(self, compiled: Prepared) -> Companion | None:
+    def _companion(self, compiled: CompiledScene) -> Companion | None:
         if not compiled.facts.valves:
             return None
         from ..simulation.events.begin import companion_of
@@ -225,10 +225,10 @@ def _given(leg: Phase, given: Mapping[str, float], time: float, mode: Array) -> 
     state = loops.solve(time, leg.constraints.project(time, state, mode), mode)
     if leg.events is None:
         return state, mode
-    from ..simulation.events.events import Moment
+    from ..simulation.events.events import HybridState
 
     leg.events.measure(nonzero(np.abs(state)))
-    after = leg.events.happen(Moment(time, state, leg.events.guess(Moment(time, state, mode))))
+    after = leg.events.happen(HybridState(time, state, leg.events.guess(HybridState(time, state, mode))))
     if leg.events.actives(after) != leg.off or not np.allclose(after.state, state, rtol=KEPT, atol=0.0):
         raise _switching()
     return np.asarray(after.state), np.asarray(after.mode)

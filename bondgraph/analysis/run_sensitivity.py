@@ -84,7 +84,7 @@ def run_sensitivity(
 
     by, fixed = independent(model, parameters, asked.experiment, asked.settings or {})
     settled = settle(model, asked.experiment, fixed, asked.outputs, True, "numpy")
-    made = model.prepared(replace(settled.scene, free=frozenset(by), by=by), True, "numpy")
+    made = model.compiled_scene(replace(settled.scene, free=frozenset(by), by=by), True, "numpy")
     plan = made.plan
     if isinstance(instants, tuple):
         to, points = instants
@@ -92,7 +92,7 @@ def run_sensitivity(
     if instants[0] < plan.start:
         raise UsageError("BR238", f"a run begins at {plan.start:g} s: nothing is known of t = {instants[0]:g} s")
     asked = replace(asked, settings=fixed, by=by)
-    flow = Flow(made, asked, instants, {**settled.values, **(moved or {})}, rtol)
+    flow = LinearizedDynamics(made, asked, instants, {**settled.values, **(moved or {})}, rtol)
     with np.errstate(all="ignore"):
         values, slopes = flow.go()
     program = made.program
@@ -111,7 +111,7 @@ class PointInside(OperatingPoint):
         return found
 
 
-class Flow:
+class LinearizedDynamics:
     """States and their derivatives along the segments of a run."""
 
     def __init__(self, made: Any, asked: AnalysisRequest, instants: Array, values: Mapping[str, float], rtol: float) -> None:  # fmt: skip

@@ -17,7 +17,7 @@ from compiler.api import Array, IntArray
 from .singular_slopes import FAR, SIGNS, departure
 
 if TYPE_CHECKING:
-    from ..simulation.events.events import Events, Moment
+    from ..simulation.events.events import Events, HybridState
 
 StateFunction = Callable[[float, Array, Array, Array, Array], Array]
 SHARE = 1e-7  # relative step of inputs and parameters, for the rounding of a condition
@@ -34,7 +34,7 @@ class Thresholds:
     outputs: tuple[str, ...] = ()
 
 
-def thresholds(events: Events, at: Moment, size: Array) -> Thresholds:
+def thresholds(events: Events, at: HybridState, size: Array) -> Thresholds:
     """Return the events that are exactly at their thresholds at a hybrid state, and change something there. `size`: magnitudes of states and unknowns."""
     hybrid = events.hybrid
     if not any(not e.sampled for e in hybrid.events) and not hybrid.junctions:
@@ -45,7 +45,7 @@ def thresholds(events: Events, at: Moment, size: Array) -> Thresholds:
 @dataclass(frozen=True, slots=True)
 class _Neighbourhood:
     events: Events
-    at: Moment
+    at: HybridState
     size: Array
 
     def thresholds(self) -> Thresholds:

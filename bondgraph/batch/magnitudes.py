@@ -15,7 +15,7 @@ from .scope import BatchScene
 
 def batch_magnitudes(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[Any, Any]:
     """Return the magnitudes of the states, shape (runs, n), and a mask of the runs for which they are certain."""
-    program, mechanisms = scene.program, scene.prepared.facts.mechanisms
+    program, mechanisms = scene.program, scene.compiled_scene.facts.mechanisms
     largest, sound = largest_values(scene, runs, course)
     nominal, peak = program.nominal(runs.constants), np.maximum(np.abs(runs.state), largest)
     result = raised(program, mechanisms, np.where(nominal > 0, nominal, peak), smallest_angles(program, mechanisms))

@@ -12,7 +12,7 @@ from ..simulation.integrators.compiled.record_layout import RecordBatch
 from ..simulation.integrators.compiled.run import Ordered
 from ..simulation.integrators.linear_algebra.sparse import FINE
 from ..simulation.integrators.pilot.schedule import CAREFUL, MOST_STEPS, NOTES
-from ..simulation.magnitudes.free_response import FreeMotion, free_motions, is_bounded
+from ..simulation.magnitudes.free_response import FreeResponse, free_responses, is_bounded
 from ..simulation.magnitudes.pilot_horizon import goes_astray
 from ..simulation.magnitudes.pilot_run import COARSE, SMALLEST_STEP, STEPS, STIFFER, smallest_angles
 from ..simulation.segments.timeline import Segment, always, follower, signals_on
@@ -41,7 +41,7 @@ def free_reach(scene: BatchScene, runs: Runs, first: Segment) -> FreeReach:
     reach = FreeReach(
         np.zeros(count, dtype=bool), np.zeros((count, n * n)), np.zeros((count, n * n), dtype=complex), np.ones((count, n)), size.copy()
     )  # fmt: skip
-    for rows, motion in free_motions(jacobians, True):
+    for rows, motion in free_responses(jacobians, True):
         state = runs.state[rows]
         away = motion.rest(rates[rows])
         whole = np.abs(state + away) + motion(away)
@@ -55,7 +55,7 @@ def free_reach(scene: BatchScene, runs: Runs, first: Segment) -> FreeReach:
     return reach
 
 
-def _stiffens(scene: BatchScene, runs: Runs, motion: FreeMotion, first: Segment) -> Any:
+def _stiffens(scene: BatchScene, runs: Runs, motion: FreeResponse, first: Segment) -> Any:
     """Return a mask of the runs whose rates grow so much along their free motion that they never get there."""
     far = motion(runs.state)
     there = np.stack([runs.state + far, runs.state - far], axis=1)
@@ -128,7 +128,7 @@ def _records(scene: BatchScene, runs: Runs, reach: FreeReach, first: Segment) ->
     of_step, of_loop = pilot_forms(program, runs.constants[0])
     steps = RecordBatch(of_step, count, {
         "inputs": scene.inputs, "constants": runs.constants, "rows": rows, "columns": columns,
-        "pattern": Ordered(program, SMALL).values, "smallest": smallest_angles(program, scene.prepared.facts.mechanisms),
+        "pattern": Ordered(program, SMALL).values, "smallest": smallest_angles(program, scene.compiled_scene.facts.mechanisms),
     })  # fmt: skip
     steps["largest"][:] = np.abs(runs.state)
     loop = RecordBatch(of_loop, count, {

@@ -9,7 +9,7 @@ import numpy as np
 
 from compiler.api import AUTOMATIC
 
-from ..prepared import chosen_target, many_runs
+from ..compiled_scene import chosen_target, many_runs
 from ..simulation.integration.method import LARGEST
 from ..simulation.integrators.compiled.fields import is_sparse
 from ..simulation.integrators.compiled.run import obstacle
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from compiler.api import Program, Scene
 
     from ..compiled_model import CompiledModel
-    from ..prepared import Prepared
+    from ..compiled_scene import CompiledScene
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BatchScene:
     """A compiled scene with the options of its runs; `instants` (points,) that they report, and `inputs` (U,), common to all."""
 
-    prepared: Prepared
+    compiled_scene: CompiledScene
     options: PhaseOptions
     instants: Any
     inputs: Any
@@ -35,7 +35,7 @@ class BatchScene:
     @property
     def program(self) -> Program:
         """Program of all runs."""
-        return self.prepared.program
+        return self.compiled_scene.program
 
     @property
     def whole(self) -> float:
@@ -48,21 +48,21 @@ def batch_scene(model: CompiledModel, scene: Scene, wanted: RunOptions) -> Batch
     target = chosen_target(wanted.target)
     if target != "native" or scene.fixed or wanted.energy or wanted.error or wanted.check or wanted.parts != 1:
         return None
-    prepared = model.prepared(replace(scene, conserving=False), False, target)
-    plan = prepared.plan
+    compiled_scene = model.compiled_scene(replace(scene, conserving=False), False, target)
+    plan = compiled_scene.plan
     if many_runs(plan, scene) is not None:
         return None
     instants, options, accuracy = planned(plan, wanted, {})
     plain = options.solver == AUTOMATIC and options.bandwidth is None and accuracy is None
-    if not plain or plan.equilibrium or plan.tolerances or not _has_only_steps(prepared):
+    if not plain or plan.equilibrium or plan.tolerances or not _has_only_steps(compiled_scene):
         return None
-    return BatchScene(prepared, options, instants, np.array(prepared.program.input_defaults, dtype=float))
+    return BatchScene(compiled_scene, options, instants, np.array(compiled_scene.program.input_defaults, dtype=float))
 
 
-def _has_only_steps(prepared: Prepared) -> bool:
+def _has_only_steps(compiled_scene: CompiledScene) -> bool:
     """Return True if a run of a program is one phase, whose steps end where time says so, and nothing but their errors is checked."""
-    program, facts = prepared.program, prepared.facts
-    if program.native is None or obstacle(program) or prepared.certificate.linear:
+    program, facts = compiled_scene.program, compiled_scene.facts
+    if program.native is None or obstacle(program) or compiled_scene.certificate.linear:
         return False
     with_events = program.hybrid is not None or program.delays is not None or facts.valves or facts.integrals
     with_loops = program.unknowns.names or program.invariants.names or facts.claims

@@ -165,7 +165,7 @@ class BatchIntegrator:
         return solver
 
     def _go_on(self, stretch: Segment, x: Array, signals: Signals, methods: IntArray) -> None:
-        """Let all solvers go on with another segment, as `CompiledRadau.begin_at` does."""
+        """Let all solvers go on with another segment, as `CompiledMethod.begin_at` does."""
         for rows, solver in self.solvers:
             scaled = x[rows] / solver["magnitude"]
             solver["state"][:], solver["absolute"][:], solver["greatest"][:] = scaled, solver["resting"], 0.0

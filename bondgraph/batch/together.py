@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..compiled_scene import chosen_target
 from ..numerics.threads import one_thread
-from ..prepared import chosen_target
 from ..results.checkpoint import Checkpoint
 from ..results.result import Result
 from ..simulation.run import RunOptions
@@ -118,19 +118,19 @@ def _checkpoint(scene: BatchScene, parameters: Array, stored: Array, magnitude: 
     program, end = scene.program, float(scene.instants[-1])
     names = (*program.states.names, *program.dependents.names)
     return Checkpoint(
-        scene.prepared.facts.identity, dict(zip(program.parameters.names, parameters.tolist(), strict=True)), end, end,
+        scene.compiled_scene.facts.identity, dict(zip(program.parameters.names, parameters.tolist(), strict=True)), end, end,
         dict(zip(names, stored.tolist(), strict=True)), dict(zip(names, np.abs(stored).tolist(), strict=True)), {},
-        dict(zip(program.variables.names, magnitude.tolist(), strict=True)), {}, (), (), scene.prepared.scene.preferences, None,
+        dict(zip(program.variables.names, magnitude.tolist(), strict=True)), {}, (), (), scene.compiled_scene.scene.preferences, None,
     )  # fmt: skip
 
 
 def _result(
     scene: BatchScene, course: BatchCourse, trajectories: BatchTrajectories, row: int, values: Array, checkpoint: Checkpoint, time: float
 ) -> Result:  # fmt: skip
-    prepared, plan = scene.prepared, scene.options.plan
+    compiled_scene, plan = scene.compiled_scene, scene.options.plan
     counts = zip(EVALUATIONS, trajectories.evaluations[row].tolist(), strict=True)
     return Result(
-        scene.program.name, plan.experiment, scene.instants.copy(), prepared.columns, values, plan.report, names_of(trajectories.methods[row]),
-        int(trajectories.steps[row]), {kind: count for kind, count in counts if count}, scene.options.rtol, time, None, (), prepared.certificate,
+        scene.program.name, plan.experiment, scene.instants.copy(), compiled_scene.columns, values, plan.report, names_of(trajectories.methods[row]),
+        int(trajectories.steps[row]), {kind: count for kind, count in counts if count}, scene.options.rtol, time, None, (), compiled_scene.certificate,
         course.notes, (), "", checkpoint,
     )  # fmt: skip

@@ -117,12 +117,12 @@ def _make_ready(
     model: Model, experiment: str | None, settings: dict[str, str], journal: str | None, options: dict[str, Any]
 ) -> bool:
     """Compile before the run, and turn on garbage collection for later objects; return True if the experiment also has analyses."""
-    from ..prepared import chosen_target, many_runs
+    from ..compiled_scene import chosen_target, many_runs
     from ..simulation.settings import settle
 
     chosen, energy = chosen_target(options["target"]), options["energy"]
     scene = settle(model, experiment, settings, options["outputs"], energy, chosen).scene
-    plan = model.prepared(scene, energy, chosen).plan
+    plan = model.compiled_scene(scene, energy, chosen).plan
     if journal is not None and not plan.studies and many_runs(plan, scene) is None:
         raise click.UsageError(
             "--journal keeps the points of experiments with many runs; this is one run, which --out keeps"

@@ -11,7 +11,7 @@ import numpy as np
 from compiler.api import FLOATS, INTS, Fields, Record, record_of
 
 from ..simulation.integrators.compiled.fields import given_at, room_of
-from ..simulation.integrators.compiled.record_layout import Form
+from ..simulation.integrators.compiled.record_layout import RecordLayout
 from ..simulation.integrators.methods import EXPLICIT, RADAU
 from ..simulation.segments.context import SegmentContext
 from ..simulation.segments.timeline import Segment, Signals
@@ -46,7 +46,7 @@ class ModelImage:
 
 def image_of(program: Program, module: LibraryModule, values: StartValues) -> ModelImage:
     """Return the image of the instances of a program."""
-    form = Form(FmuInstance, _complete(record_of(FmuInstance), _fields(program, module, values)), {})
+    form = RecordLayout(FmuInstance, _complete(record_of(FmuInstance), _fields(program, module, values)), {})
     functions = tuple((at, NAMES.get(field, field)) for at, field in form.functions)
     connected = tuple((at, name) for at, name in functions if name in module.counts)
     inside = [*form.inside.tolist(), *(at for at, _ in functions)]

@@ -16,7 +16,7 @@ from ..simulation.run import DEFAULT_RTOL
 if TYPE_CHECKING:
     from compiler.api import Compilation, Plan
 
-    from ..prepared import Prepared
+    from ..compiled_scene import CompiledScene
     from ..simulation.segments.trajectory import Tolerances
 
 
@@ -30,9 +30,11 @@ class StartValues:
     tolerances: Tolerances
 
 
-def start_values(prepared: Prepared, compilation: Compilation, plan: Plan, experiment: str | None) -> StartValues:
+def start_values(
+    compiled_scene: CompiledScene, compilation: Compilation, plan: Plan, experiment: str | None
+) -> StartValues:
     """Return the start of a run. Raises `CompilationFailed` where a unit would begin with other states, `RunFailed`."""
-    program = prepared.program
+    program = compiled_scene.program
     if is_sparse(program):
         _refuse(
             compilation, f"{len(program.states.names)} states whose equations are sparse", "Export a smaller model."
@@ -41,7 +43,7 @@ def start_values(prepared: Prepared, compilation: Compilation, plan: Plan, exper
     alone = plan if experiment is not None else replace(plan, equilibrium=False)
     options = PhaseOptions(alone, plan.settings.get("rtol", DEFAULT_RTOL), plan.settings.get("atol"), False)
     with np.errstate(all="ignore"):
-        phase = Phase(prepared, np.array([plan.start, stop]), options)
+        phase = Phase(compiled_scene, np.array([plan.start, stop]), options)
         tolerances = phase.tolerances()
         written = np.asarray(program.start(phase.constants))
     if not np.array_equal(written, phase.state):

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 from compiler import api
 
 from .. import cache
+from ..compiled_scene import chosen_target
 from ..errors import UsageError
 from ..native import compiled_for, kernel
-from ..prepared import chosen_target
 from ..simulation.run import DEFAULT_POINTS
 from .functions import exported, sources
 from .image import FUNCTIONS, ModelImage, image_of, llvm_data
@@ -63,12 +63,12 @@ def fmu(model: CompiledModel, experiment: str | None = None, platforms: Sequence
     compilation = _compilation(model, experiment)
     refuse(compilation)
     plan = model.compilation(api.Scene(model.model, experiment or "")).plan
-    prepared = model.prepared(compilation.scene, True, "native")
-    values = start_values(prepared, compilation, plan, experiment)
+    compiled_scene = model.compiled_scene(compilation.scene, True, "native")
+    values = start_values(compiled_scene, compilation, plan, experiment)
     module, structure = api.library_module(compilation.lowered, FUNCTIONS), api.structure_of(compilation.lowered)
     descriptions = {name: q.description for name, q in compilation.whole_graph.quantities.items()}
     variables = variables_of(compilation.lowered, structure, values, descriptions)
-    image = image_of(prepared.program, module, values)
+    image = image_of(compiled_scene.program, module, values)
     token = hashlib.sha256(repr((module.text, image, variables, cache.code_version())).encode()).hexdigest()[:32]
     parts = _UnitParts(module, image, _head(compilation, plan, values, f"{{{token}}}"))
     files = {"modelDescription.xml": model_description(parts.head, variables, plan.report).encode("utf-8")}

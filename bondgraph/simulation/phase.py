@@ -36,7 +36,7 @@ from .segments.transition import PhaseTransition
 if TYPE_CHECKING:
     from compiler.api import Plan, Program, Scene, StateSpace
 
-    from ..prepared import Prepared
+    from ..compiled_scene import CompiledScene
     from ..results.truncation import TruncationReport
     from .events.complementarity import Companion
     from .events.events import Events
@@ -82,7 +82,7 @@ class Phase:
     """State of one phase of a run: one program with one choice of states."""
 
     def __init__(
-        self, compilation: Prepared, instants: Array, options: PhaseOptions, begin: PhaseTransition | None = None, companion: Companion | None = None,
+        self, compilation: CompiledScene, instants: Array, options: PhaseOptions, begin: PhaseTransition | None = None, companion: Companion | None = None,
         modes: Mapping[str, float] | None = None, smooth: dict[Program, Timeline] | None = None,
     ) -> None:  # fmt: skip
         """`companion`, `modes`: of the ideal valves; `smooth`: segments of the programs of the run so far."""
@@ -152,7 +152,7 @@ class Phase:
         return replace(known[program], segments=aligned(rest_of(known[program].segments, ends[0]), self.instants))
 
     def _start(
-        self, program: Program, compilation: Prepared, constraints: Constraints, stretches: list[Segment]
+        self, program: Program, compilation: CompiledScene, constraints: Constraints, stretches: list[Segment]
     ) -> tuple[Any, tuple[str, ...]]:
         """Return the state at the start, with the unknowns of loops, and notes about it.
 
@@ -196,7 +196,7 @@ class Phase:
         return full, notes
 
     def _consistent(
-        self, compilation: Prepared, constraints: Constraints, state: Array, first: Segment, horizon: float
+        self, compilation: CompiledScene, constraints: Constraints, state: Array, first: Segment, horizon: float
     ) -> tuple[Any, Segment, tuple[str, ...]]:
         """Return the consistent state before any event acts, the first segment with the mode that fits it, and notes. Raises `RunFailed`."""
         program = constraints.program
@@ -223,7 +223,7 @@ class Phase:
         return full.copy(), segment, notes
 
     def _at_rest(
-        self, compilation: Prepared, constraints: Constraints, full: Array, first: Segment, horizon: float
+        self, compilation: CompiledScene, constraints: Constraints, full: Array, first: Segment, horizon: float
     ) -> tuple[Any, Segment]:  # fmt: skip
         """Return the equilibrium reached from a consistent state, and the first segment with the mode that holds there. Raises `RunFailed`."""
         from .equilibrium.search import equilibrium

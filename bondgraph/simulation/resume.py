@@ -15,7 +15,7 @@ from .segments.transition import PhaseTransition
 if TYPE_CHECKING:
     from compiler.api import Array, Scene
 
-    from ..prepared import Prepared
+    from ..compiled_scene import CompiledScene
     from ..results.checkpoint import Checkpoint
     from ..results.result import Result
 
@@ -24,22 +24,22 @@ SHOWN = 4  # most names in a message
 
 
 def resumed(
-    before: Result, made: Callable[[Scene, bool], Prepared], scene: Scene, values: Mapping[str, float], prepared: Prepared, energy: bool,
+    before: Result, made: Callable[[Scene, bool], CompiledScene], scene: Scene, values: Mapping[str, float], compiled_scene: CompiledScene, energy: bool,
     instants: Array,
 ) -> tuple[Scene, PhaseTransition, Any]:  # fmt: skip
     """Return the scene and the handover from which the run goes on, and its remaining output instants. Raises `UsageError`."""
     end = before.checkpoint
     if end is None:
         raise UsageError("BR721", "the result says nothing of where its run ended, so nothing goes on from it")
-    _check_model(before, end, prepared, values, energy)
+    _check_model(before, end, compiled_scene, values, energy)
     scene = replace(scene, preferences=end.preferences)
-    hybrid = prepared.program.hybrid
+    hybrid = compiled_scene.program.hybrid
     if hybrid is not None and hybrid.junctions:
         scene = replace(scene, off=end.off)
     if made(scene, energy).facts.identity != end.identity:
         raise UsageError(
-            "BR722", f"the result is of other equations than `{prepared.program.name}` has now: its text, the settings of its inputs, the experiment or the "
-            "outputs that are asked for are not the same",
+            "BR722", f"the result is of other equations than `{compiled_scene.program.name}` has now: its text, the settings of its inputs, "
+            "the experiment or the outputs that are asked for are not the same",
         )  # fmt: skip
     left = instants[instants > end.time + 1e-12 * (instants[-1] - instants[0])]
     if not len(left):
@@ -59,9 +59,9 @@ def resumed(
     return scene, begin, left
 
 
-def _check_model(before: Result, end: Checkpoint, prepared: Prepared, values: Mapping[str, float], energy: bool) -> None:  # fmt: skip
+def _check_model(before: Result, end: Checkpoint, compiled_scene: CompiledScene, values: Mapping[str, float], energy: bool) -> None:  # fmt: skip
     """Raise `UsageError` if the result belongs to another model, or has other outputs or other parameters."""
-    program, plan = prepared.program, prepared.plan
+    program, plan = compiled_scene.program, compiled_scene.plan
     if before.model != program.name:
         raise UsageError("BR724", f"the result is of the model `{before.model}`, not of `{program.name}`")
     if before.experiment != plan.experiment:

@@ -14,9 +14,9 @@ import numpy as np
 
 from compiler.api import SOLVERS, CompilationFailed
 
+from ..compiled_scene import chosen_target, many_runs
 from ..errors import RunFailed, UsageError
 from ..numerics.threads import one_thread
-from ..prepared import chosen_target, many_runs
 from ..quantities import behind
 from ..results.records import EnergyBalance, EventRecord, LimitLeft
 from ..results.result import Result
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from compiler.api import Array, Plan, Program, Scene
 
     from ..compiled_model import CompiledModel
-    from ..prepared import Prepared
+    from ..compiled_scene import CompiledScene
     from ..results.truncation import TruncationReport
     from .events.complementarity import Companion
     from .events.impulse import StorageJump
@@ -127,8 +127,8 @@ def run(
     began = clock.perf_counter()
     energy, target = wanted.energy, chosen_target(wanted.target)
 
-    def made(scene: Scene, everything: bool) -> Prepared:
-        return model.prepared(scene, everything or scene.conserving, target)
+    def made(scene: Scene, everything: bool) -> CompiledScene:
+        return model.compiled_scene(scene, everything or scene.conserving, target)
 
     scene = _conserving(scene, wanted.solver)
     plan = made(scene, energy).plan
@@ -137,20 +137,20 @@ def run(
         raise many
     instants, options, accuracy = planned(plan, wanted, values)
     scene = _conserving(scene, options.solver)
-    prepared = made(scene, energy)
+    compiled_scene = made(scene, energy)
     before = None if start is None else start.checkpoint
-    if before is not None and scene.from_start and before.identity != prepared.facts.identity:
+    if before is not None and scene.from_start and before.identity != compiled_scene.facts.identity:
         scene = replace(scene, from_start=False)  # what nothing excites here may have moved in a run of other starts
-        prepared = made(scene, energy)
+        compiled_scene = made(scene, energy)
     run = PhaseSequence(made, scene, options, instants, began)
     run.accuracy = accuracy
     if start is not None:
         from .resume import resumed
 
-        run.scene, run.begin, run.instants = resumed(start, made, scene, values, prepared, energy, run.instants)
+        run.scene, run.begin, run.instants = resumed(start, made, scene, values, compiled_scene, energy, run.instants)
         run.before = start
     try:
-        program = prepared.program
+        program = compiled_scene.program
         # values that are not finite are searched and reported by name
         with np.errstate(all="ignore"), one_thread(len(program.states.names) + len(program.unknowns.names)):
             run.go()
@@ -233,7 +233,7 @@ class PhaseSequence:
     """One run: its phases so far, and the beginning of the next one."""
 
     def __init__(
-        self, made: Callable[[Scene, bool], Prepared], scene: Scene, options: PhaseOptions, instants: Array, began: float
+        self, made: Callable[[Scene, bool], CompiledScene], scene: Scene, options: PhaseOptions, instants: Array, began: float
     ) -> None:  # fmt: skip
         self.made, self.scene, self.options, self.began = made, scene, options, began
         self.plan, self.values, self.energy = options.plan, options.values, options.energy
@@ -417,7 +417,11 @@ def _impulses(legs: Sequence[Phase]) -> Iterator[str]:
 
 
 def _check_choice(
-    made: Callable[[Scene, bool], Prepared], scene: Scene, wishes: Mapping[str, str], begin: PhaseTransition, times: int
+    made: Callable[[Scene, bool], CompiledScene],
+    scene: Scene,
+    wishes: Mapping[str, str],
+    begin: PhaseTransition,
+    times: int,
 ) -> None:
     """Raise `RunFailed` if the other state selection is not possible."""
     try:

@@ -50,15 +50,15 @@ def settle(
         overrides = [*scene.overrides, *(_argument(name) for name in sorted(later))]
         scene = replace(scene, overrides=tuple(overrides))
         try:
-            prepared = model.prepared(scene, everything, target)
-            facts = prepared.facts
+            compiled_scene = model.compiled_scene(scene, everything, target)
+            facts = compiled_scene.facts
             values = {n: numbers[n].value for n in sorted(later)}
             zeros = frozenset(name for name, number in numbers.items() if number.value == 0)
             if any(names <= zeros for names in facts.zero_divisors):
                 return Settled(scene_with(settings, fixed=zeros), {})
             if _fits(facts, {n: numbers[n] for n in later}, values):
                 if any(n in facts.looped for n in later):
-                    prepared.compilation.refuse_values(values)
+                    compiled_scene.compilation.refuse_values(values)
                 return Settled(scene, values)
         except ValuesNeeded as needed:
             if later & needed.names:
@@ -94,7 +94,7 @@ def settle_all(
     names = [name.replace(" ", "") for name in points[0]]
     if settled.scene.fixed or {*settled.values} != {*names}:
         return None
-    facts = model.prepared(settled.scene, False, target).facts
+    facts = model.compiled_scene(settled.scene, False, target).facts
     if any(name in facts.looped for name in names):
         return None
     rows, numbers = [], []

@@ -12,8 +12,8 @@ import numpy as np
 from compiler.api import Array, CompilationFailed, Inapplicable, Source, TextChange, TextScene, scene_of
 
 from ..compiled_model import LIBRARY, CompiledModel
+from ..compiled_scene import CompiledScene, chosen_target
 from ..errors import RunFailed, UsageError
-from ..prepared import Prepared, chosen_target
 from ..quantities import behind
 from ..results.result import Result
 from ..results.run_check import FACTOR, ErrorEstimate
@@ -80,29 +80,29 @@ class StressBench:
         return chosen_target(self.options.target)
 
     @cached_property
-    def prepared(self) -> Prepared:
+    def compiled_scene(self) -> CompiledScene:
         """The program of the unchanged run."""
         settled = settle(self.model, self.experiment, self.settings, self.outputs, False, self._target)
-        return self.model.prepared(settled.scene, False, self._target)
+        return self.model.compiled_scene(settled.scene, False, self._target)
 
     @cached_property
     def constants(self) -> Array:
         """Constants of that program, shape (K,)."""
-        end, program = self.base().checkpoint, self.prepared.program
+        end, program = self.base().checkpoint, self.compiled_scene.program
         assert end is not None
         return program.constants(np.array([end.parameters[name] for name in program.parameters.names]))
 
     @property
     def start(self) -> Mapping[str, float]:
         """States where the unchanged run begins."""
-        program = self.prepared.program
+        program = self.compiled_scene.program
         return dict(zip(program.states.names, np.asarray(program.start(self.constants)).tolist(), strict=True))
 
     @cached_property
     def energy_at_start(self) -> float:
         """Magnitude in J of what the storages hold where the run begins; zero where it is no function of the states."""
         scene = replace(self.model.scene(self.experiment, self.settings, (), self.outputs), conserving=True)
-        program = self.model.prepared(scene, True, self._target).program
+        program = self.model.compiled_scene(scene, True, self._target).program
         if program.stored_energy is None:
             return 0.0
         constants = program.constants(np.array(program.defaults, dtype=float))

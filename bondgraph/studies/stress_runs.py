@@ -11,8 +11,8 @@ import numpy as np
 
 from compiler.api import AUTOMATIC, SOLVERS, CompilationFailed, Inapplicable, Kind
 
+from ..compiled_scene import chosen_target
 from ..errors import RunFailed, UsageError
-from ..prepared import chosen_target
 from ..results.records import EnergyBalance
 from ..results.result import Result
 from ..results.run_check import FACTOR
@@ -139,9 +139,9 @@ def reversed_time() -> Attempts:
 
 def _reversal(bench: StressBench) -> dict[str, float]:
     """Return the sign of each stored quantity in reversed time, R. Raises `Inapplicable` unless f(R x) = -R f(x) for the rates f, at random states x."""
-    prepared, end = bench.prepared, bench.base().checkpoint
-    program, names = prepared.program, prepared.program.states.names
-    facts, starts_at_rest = prepared.facts, prepared.plan.equilibrium
+    compiled_scene, end = bench.compiled_scene, bench.base().checkpoint
+    program, names = compiled_scene.program, compiled_scene.program.states.names
+    facts, starts_at_rest = compiled_scene.facts, compiled_scene.plan.equilibrium
     others = (
         program.hybrid,
         program.delays,
@@ -150,9 +150,11 @@ def _reversal(bench: StressBench) -> dict[str, float]:
         facts.claims,
         starts_at_rest,
     )
-    if end is None or prepared.certificate.driven or any(others):
+    if end is None or compiled_scene.certificate.driven or any(others):
         raise Inapplicable("its rates are no functions of its states alone, or it starts at rest")
-    inertias = {node.name for node in prepared.compilation.graph.nodes if getattr(node, "kind", None) is Kind.INERTIA}
+    inertias = {
+        node.name for node in compiled_scene.compilation.graph.nodes if getattr(node, "kind", None) is Kind.INERTIA
+    }
     odd = inertias | set(names)  # what is named behind an inertia, or behind a coordinate, is a momentum or a speed
     signs = {name: -1.0 if name.rpartition(".")[0] in odd else 1.0 for name in end.stored}
     reverse = np.array([signs[name] for name in names])
@@ -177,7 +179,7 @@ def _way_back(bench: StressBench, rtol: float, signs: Mapping[str, float]) -> fl
     turned = {name: signs[name] * value for name, value in there.checkpoint.stored.items()}
     back = bench.run_on(replace(there, checkpoint=replace(there.checkpoint, stored=turned)), rtol).checkpoint
     assert back is not None
-    states, largest = bench.prepared.program.states, dict[str, float]()
+    states, largest = bench.compiled_scene.program.states, dict[str, float]()
     sizes = {name: max(back.peaks.get(name, 0.0), abs(value)) for name, value in bench.start.items()}
     for name, unit in zip(states.names, states.units, strict=True):
         largest[unit] = max(largest.get(unit, 0.0), CANCELS * sizes[name])

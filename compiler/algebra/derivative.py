@@ -28,7 +28,7 @@ from .systems import entries_of, with_rights
 from .table import curve_slope
 
 
-class NoSlope(Exception):
+class NotDifferentiable(Exception):
     """A derivative by the points of a table or a random number's seed, which are constant in a run."""
 
 
@@ -99,7 +99,7 @@ def partial(node: Apply, i: int) -> Expression:
         return curve_slope(node)
     row = OPERATORS[node.operator]
     if row.kind in ("curve", "slope"):
-        raise NoSlope(node.operator)
+        raise NotDifferentiable(node.operator)
     return lift(row.partials[i](apply, node, *node.operands))
 
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from ..algebra.affine import affine_parts
 from ..algebra.expression import ZERO, Expression, Symbol, depends_on, evaluate
-from ..graph.network import BondGraph, Element, Law, Own, Quantity
+from ..graph.network import BondGraph, Element, Law, PortVariable, Quantity
 
 
 def is_linear(node: Element) -> bool:
@@ -22,7 +22,7 @@ def _is_linear(law: Law) -> bool:
     ((left, right),) = law.equations
     rest, involved = left - right, 0
     for variable in "efqp":
-        symbol = Symbol(Own(0, variable))
+        symbol = Symbol(PortVariable(0, variable))
         if depends_on(rest, symbol):
             parts = affine_parts(rest, symbol)
             if parts is None or parts[0] == ZERO:
@@ -32,7 +32,7 @@ def _is_linear(law: Law) -> bool:
 
 
 @lru_cache(maxsize=4096)
-def slopes(law: Law, first: Own, second: Own) -> tuple[Expression, Expression] | None:
+def slopes(law: Law, first: PortVariable, second: PortVariable) -> tuple[Expression, Expression] | None:
     """Factors of two variables in the one equation of a law, left minus right; None if it is not linear in them."""
     if len(law.equations) != 1:
         return None
@@ -47,7 +47,7 @@ def written_effort(node: Element, port: int) -> bool:
         for side, other in ((left, right), (right, left)):
             if (
                 isinstance(side, Symbol)
-                and isinstance(side.key, Own)
+                and isinstance(side.key, PortVariable)
                 and side.key.port == port
                 and not depends_on(other, side)
             ):
@@ -59,12 +59,12 @@ def written_stored(node: Element) -> bool:
     """Return True if a storage's law is written for its stored quantity at every port, as in q = C*u."""
     sides = [pair for left, right in node.law.equations for pair in ((left, right), (right, left))]
 
-    def alone(own: Own) -> bool:
+    def alone(own: PortVariable) -> bool:
         return any(
             isinstance(side, Symbol) and side.key == own and not depends_on(other, Symbol(own)) for side, other in sides
         )
 
-    return all(alone(Own(port, stored)) for port, stored in enumerate(node.stored))
+    return all(alone(PortVariable(port, stored)) for port, stored in enumerate(node.stored))
 
 
 def wants_effort(node: Element, port: int, word: str) -> bool:

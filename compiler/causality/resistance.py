@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from ..graph.elements import Kind
-from ..graph.network import BondEnd, BondGraph, Element, Junction, Own
+from ..graph.network import BondEnd, BondGraph, Element, Junction, PortVariable
 from .laws import slopes, value_before
 
 SAME = 1e-9  # logarithms that differ by less are equal
@@ -62,14 +62,14 @@ def resistor_wishes(graph: BondGraph) -> list[CausalityPreference]:
 
 def resistance_of(graph: BondGraph, node: Element) -> float | None:
     """Slope of e over f of a linear law, if it is known before the run; else None."""
-    found = _slopes(graph, node, Own(0, "e"), Own(0, "f"))
+    found = _slopes(graph, node, PortVariable(0, "e"), PortVariable(0, "f"))
     if found is None or not found[0]:
         return None
     resistance = -found[1] / found[0]
     return resistance if math.isfinite(resistance) else None
 
 
-def _slopes(graph: BondGraph, node: Element, first: Own, second: Own) -> tuple[float, float] | None:
+def _slopes(graph: BondGraph, node: Element, first: PortVariable, second: PortVariable) -> tuple[float, float] | None:
     """Values of the factors of two variables in an element's law; None if they are not known before the run."""
     found = slopes(node.law, first, second)
     if found is None:
@@ -81,11 +81,11 @@ def _slopes(graph: BondGraph, node: Element, first: Own, second: Own) -> tuple[f
 def _ratio(graph: BondGraph, node: Element) -> float | None:
     """Ratio n of e1 = n e2, f2 = n f1, or k of e1 = k f2, e2 = k f1; None if it is not known before the run."""
     first, second = ("e", "e") if node.kind is Kind.TRANSFORMER else ("e", "f")
-    found = _slopes(graph, node, Own(0, first), Own(1, second))
+    found = _slopes(graph, node, PortVariable(0, first), PortVariable(1, second))
     if found is not None and all(found):
         return -found[1] / found[0]
     first, second = ("f", "f") if node.kind is Kind.TRANSFORMER else ("f", "e")
-    found = _slopes(graph, node, Own(0, first), Own(1, second))
+    found = _slopes(graph, node, PortVariable(0, first), PortVariable(1, second))
     return None if found is None or not all(found) else -found[0] / found[1]
 
 

@@ -23,13 +23,13 @@ def stored_energy(lowered: Lowered, slopes: Mapping[int, Mapping[int, Expression
     energies: list[Expression] = [values[v] for v in space.stored.values()]
     terms: list[list[Expression]] = [[] for _ in space.states]
 
-    def along(variable: int, effort: Expression | None) -> None:
+    def add_slopes(variable: int, effort: Expression | None) -> None:
         for column, slope in slopes.get(variable, {}).items():
             if column < len(terms):
                 terms[column].append(slope if effort is None else multiply(effort, slope))
 
     for variable in space.stored.values():
-        along(variable, None)
+        add_slopes(variable, None)
     starts = {state.variable: start for state, start in zip(space.states, lowered.starts, strict=False)}
     for follower in space.following:
         first = follower.start
@@ -38,7 +38,7 @@ def stored_energy(lowered: Lowered, slopes: Mapping[int, Mapping[int, Expression
         energy, efforts = _of_storage(lowered, storage, starts)
         energies.append(energy)
         for variable, effort in zip(storage.stored, efforts, strict=True):
-            along(variable, effort)
+            add_slopes(variable, effort)
     return (add(*energies), *(add(*t) if t else ZERO for t in terms))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from ..algebra.derivative import NoSlope, derivative
+from ..algebra.derivative import NotDifferentiable, derivative
 from ..algebra.expression import Apply, Expression, Number, Symbol, operations, symbols
 from ..algebra.operators import OPERATORS
 from ..algebra.systems import SYSTEMS
@@ -32,7 +32,7 @@ def time_roots(crossings: Sequence[Expression]) -> tuple[Expression, ...]:
     for root in crossings:
         try:
             slope = derivative(root, time)
-        except NoSlope:
+        except NotDifferentiable:
             slope = root
         roots += root, slope
     return tuple(roots)

@@ -18,7 +18,20 @@ from ..algebra.derivative import derivative
 from ..algebra.expression import Expression, Number, Symbol, add, depends_on, multiply, substitute
 from ..algebra.formula import Bound, Formula
 from ..graph.elements import Kind
-from ..graph.network import Bond, BondEnd, BondGraph, Element, Junction, Law, Named, Node, Own, Port, Quantity, Reading
+from ..graph.network import (
+    Bond,
+    BondEnd,
+    BondGraph,
+    Element,
+    Junction,
+    Law,
+    Named,
+    Node,
+    Port,
+    PortVariable,
+    Quantity,
+    Reading,
+)
 from .laws import GIVEN, solved
 from .naming import port_name
 from .products import integrands
@@ -95,7 +108,7 @@ def _reading(node: str, variable: str, graph: BondGraph, name: str = "", port: s
 
 def _port(node: Junction) -> Element:
     """A matched source in place of a two-terminal switch."""
-    law = Law(((Symbol(Own(0, "e")), Symbol(0) + Symbol(1) * Symbol(Own(0, "f"))),), None, 2)
+    law = Law(((Symbol(PortVariable(0, "e")), Symbol(0) + Symbol(1) * Symbol(PortVariable(0, "f"))),), None, 2)
     arguments = (Quantity(wave(node.name)), Quantity(IMPEDANCE))
     ports = (Port("", node.domain),)
     return Element(
@@ -108,24 +121,24 @@ def _resistor(node: Element) -> Element | None:
     if not node.stored:
         return None
     given = tuple(GIVEN[s] for s in node.stored)
-    laws = solved(node.law, tuple(Own(k, v) for k, v in enumerate(given)))
+    laws = solved(node.law, tuple(PortVariable(k, v) for k, v in enumerate(given)))
     if laws is None:
         return None
     ports, first = range(len(given)), node.law.arity
-    held = {Own(k, s): Symbol(first + len(ports) + k) for k, s in enumerate(node.stored)}
+    held = {PortVariable(k, s): Symbol(first + len(ports) + k) for k, s in enumerate(node.stored)}
     step, jumps = Symbol(first + 2 * len(ports)), [Symbol(first + 2 * len(ports) + 1 + k) for k in ports]
     curved = is_curved(node)
 
     def row(k: int) -> Expression:
         terms: list[Expression] = [Symbol(first + k)]
         for j, stored in enumerate(node.stored):
-            slope = substitute(derivative(laws[k], Symbol(Own(j, stored))), lambda s: held.get(s.key, s))
-            moved = multiply(step, Symbol(Own(j, _other(given[j]))))
+            slope = substitute(derivative(laws[k], Symbol(PortVariable(j, stored))), lambda s: held.get(s.key, s))
+            moved = multiply(step, Symbol(PortVariable(j, _other(given[j]))))
             terms.append(multiply(slope, moved - jumps[j] if curved else moved))
         return add(*terms)
 
     law = Law(
-        tuple((Symbol(Own(k, v)), row(k)) for k, v in enumerate(given)),
+        tuple((Symbol(PortVariable(k, v)), row(k)) for k, v in enumerate(given)),
         None,
         first + (3 if curved else 2) * len(ports) + 1,
     )
@@ -143,8 +156,8 @@ def _resistor(node: Element) -> Element | None:
 
 def is_curved(node: Element) -> bool:
     """Return True for a storage with a nonlinear law."""
-    laws = solved(node.law, tuple(Own(k, GIVEN[s]) for k, s in enumerate(node.stored))) or ()
-    stored = [Symbol(Own(k, s)) for k, s in enumerate(node.stored)]
+    laws = solved(node.law, tuple(PortVariable(k, GIVEN[s]) for k, s in enumerate(node.stored))) or ()
+    stored = [Symbol(PortVariable(k, s)) for k, s in enumerate(node.stored)]
     return any(depends_on(derivative(law, s), t) for law in laws for s in stored for t in stored)
 
 
@@ -164,7 +177,7 @@ def _keep(node: Element, nodes: list[Node], bonds: list[Bond]) -> None:
     for k, stored in enumerate(node.stored):
         given = GIVEN[stored]
         kind = Kind.FLOW_SOURCE if given == "e" else Kind.EFFORT_SOURCE
-        law = Law(((Symbol(Own(0, _other(given))), Number(0.0)),), None, 0)
+        law = Law(((Symbol(PortVariable(0, _other(given))), Number(0.0)),), None, 0)
         rest = replace(
             node, name=f"{node.name} at rest" + (f" {k + 1}" if k else ""), kind=kind, modulated=False, ports=(Port("", node.ports[k].domain),),
             law=law, arguments=(), stored=(), starts={}, nominals={}, prefer=None, require=None,

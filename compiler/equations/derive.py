@@ -23,7 +23,7 @@ from ..causality import CausalGraph
 from ..errors import CompilationFailed
 from ..graph.elements import STORAGES, TRANSDUCERS, Kind
 from ..graph.mechanism import domain_of
-from ..graph.network import BondEnd, Element, Junction, Law, MechanismNode, Own, Reading
+from ..graph.network import BondEnd, Element, Junction, Law, MechanismNode, PortVariable, Reading
 from ..graph.samples import in_order
 from ..multibody import PortMotion, mechanism_equations
 from .builder import EquationBuilder
@@ -56,7 +56,7 @@ def _balance(signs: tuple[int, ...]) -> Formula:
 
 def _energy(law: Law, stored: tuple[str, ...]) -> tuple[Expression | None, tuple[Expression, ...]] | None:
     """An energy, or a law in integral form, over the stored quantities and then the arguments; None if a law has no such form."""
-    slots: dict[object, Symbol] = {Own(p, s): Symbol(p) for p, s in enumerate(stored)}
+    slots: dict[object, Symbol] = {PortVariable(p, s): Symbol(p) for p, s in enumerate(stored)}
     slots |= {i: Symbol(len(stored) + i) for i in range(law.arity)}
 
     def put(symbol: Symbol) -> Expression:
@@ -64,7 +64,7 @@ def _energy(law: Law, stored: tuple[str, ...]) -> tuple[Expression | None, tuple
 
     if law.energy is not None:
         return substitute(law.energy, put), ()
-    found = solved(law, tuple(Own(p, GIVEN[s]) for p, s in enumerate(stored)))
+    found = solved(law, tuple(PortVariable(p, GIVEN[s]) for p, s in enumerate(stored)))
     return None if found is None else (None, tuple(substitute(x, put) for x in found))
 
 
@@ -75,9 +75,9 @@ class _Nodes:
         self.causal, self.graph, self.to = causal, causal.graph, to
         self.efforts, self.flows, self.bond_of = to.efforts, to.flows, to.bond_of
         # For each law once, for any number of elements: its solution in a direction, and its energy.
-        self.formulas: dict[tuple[Law, tuple[Own, ...]], tuple[tuple[Bound, ...], bool, Bound | None]] = {}
+        self.formulas: dict[tuple[Law, tuple[PortVariable, ...]], tuple[tuple[Bound, ...], bool, Bound | None]] = {}
         self.energies: dict[tuple[Law, tuple[str, ...]], tuple[Expression | None, tuple[Expression, ...]] | None] = {}
-        self.starting: dict[tuple[Law, Own], Bound | None] = {}
+        self.starting: dict[tuple[Law, PortVariable], Bound | None] = {}
 
     def equations(self, apart: frozenset[str]) -> EquationSystem:
         for number, node in enumerate(self.graph.nodes):
@@ -138,11 +138,11 @@ class _Nodes:
                 value = multiply(n, Symbol(source)) if forward else divide(Symbol(source), n)
                 self.to.assign(self.flows[here], value, node.span, node.name)
 
-    def _instance(self, bound: Bound, node: Element, own: Mapping[Own, Expression]) -> Expression:
+    def _instance(self, bound: Bound, node: Element, own: Mapping[PortVariable, Expression]) -> Expression:
         """A law's expression with the variables and arguments of this element."""
 
-        def read(key: Own | int) -> Expression:
-            return own[key] if isinstance(key, Own) else leaf(self.to.reference(node.arguments[key]))
+        def read(key: PortVariable | int) -> Expression:
+            return own[key] if isinstance(key, PortVariable) else leaf(self.to.reference(node.arguments[key]))
 
         return over(bound.formula.expression, bound.arguments, read)
 
@@ -155,13 +155,17 @@ class _Nodes:
             self._storage(number, node, bonds)
             return
         decides = [self.causal.decides_effort(b, number) for b in bonds]
-        wanted = tuple(Own(p, "e" if d else "f") for p, d in enumerate(decides))
-        own = {Own(p, v): (self.efforts if v == "e" else self.flows)[b] for p, b in enumerate(bonds) for v in "ef"}
+        wanted = tuple(PortVariable(p, "e" if d else "f") for p, d in enumerate(decides))
+        own = {
+            PortVariable(p, v): (self.efforts if v == "e" else self.flows)[b] for p, b in enumerate(bonds) for v in "ef"
+        }
         self._apply_law(
             node, wanted, own, [self.efforts[b] if d else self.flows[b] for b, d in zip(bonds, decides, strict=True)]
         )
 
-    def _apply_law(self, node: Element, wanted: tuple[Own, ...], own: Mapping[Own, int], targets: list[int]) -> bool:
+    def _apply_law(
+        self, node: Element, wanted: tuple[PortVariable, ...], own: Mapping[PortVariable, int], targets: list[int]
+    ) -> bool:
         """Assign the wanted variables by the element's law, solved once for all elements that share it.
 
         A law that cannot be solved for them gives an implicit assignment for each. If the solution is not defined everywhere, the form
@@ -183,7 +187,7 @@ class _Nodes:
             return False
 
         def put(keys: tuple[Any, ...]) -> tuple[Argument, ...]:
-            return tuple(own[k] if isinstance(k, Own) else self.to.reference(node.arguments[k]) for k in keys)
+            return tuple(own[k] if isinstance(k, PortVariable) else self.to.reference(node.arguments[k]) for k in keys)
 
         residual = None if total_form is None else Bound(total_form.formula, put(total_form.arguments))
         for bound, target in zip(bounds, targets, strict=True):
@@ -196,7 +200,7 @@ class _Nodes:
                 self.to.add(Assignment(target, bound.formula, arguments, node.span, node.name, implicit, residual))
         return True
 
-    def _not_decided(self, node: Element, wanted: tuple[Own, ...]) -> None:
+    def _not_decided(self, node: Element, wanted: tuple[PortVariable, ...]) -> None:
         words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}
         asked = " and ".join(dict.fromkeys(words[w.variable] for w in wanted))
         effort = wanted[0].variable in "ep"
@@ -222,20 +226,21 @@ class _Nodes:
         ports = range(len(node.ports))
         quantities = [self._stored_variable(node, p) for p in ports]
         variables = {"e": self.efforts, "f": self.flows}
-        own = {Own(p, node.stored[p]): quantities[p] for p in ports}
+        own = {PortVariable(p, node.stored[p]): quantities[p] for p in ports}
         own |= {
-            Own(p, GIVEN[s]): variables[GIVEN[s]][b] for p, (s, b) in enumerate(zip(node.stored, bonds, strict=True))
+            PortVariable(p, GIVEN[s]): variables[GIVEN[s]][b]
+            for p, (s, b) in enumerate(zip(node.stored, bonds, strict=True))
         }
         rates = [variables[INTEGRATED[s]][b] for s, b in zip(node.stored, bonds, strict=True)]
         integral = [BondEnd(number, p) not in self.causal.derivative for p in ports]
-        wanted = tuple(Own(p, GIVEN[s] if integral[p] else s) for p, s in enumerate(node.stored))
+        wanted = tuple(PortVariable(p, GIVEN[s] if integral[p] else s) for p, s in enumerate(node.stored))
         if not self._apply_law(node, wanted, own, [own[w] for w in wanted]):
             return
         for port in ports:
             if integral[port]:
                 self._state(node, port, quantities[port], rates[port], own)
             else:
-                conjugate = own[Own(port, GIVEN[node.stored[port]])]
+                conjugate = own[PortVariable(port, GIVEN[node.stored[port]])]
                 self.to.derivatives.append(
                     Derivative(rates[port], quantities[port], node.span, node.name, quantities[port], conjugate)
                 )
@@ -256,7 +261,7 @@ class _Nodes:
     def _stored_variable(self, node: Element, port: int) -> int:
         return self.to.reading(Reading(node.name, node.ports[port].name, node.stored[port]))
 
-    def _state(self, node: Element, port: int, quantity: int, rate: int, own: Mapping[Own, int]) -> None:
+    def _state(self, node: Element, port: int, quantity: int, rate: int, own: Mapping[PortVariable, int]) -> None:
         """Add a state; if the geometry determines the displacement already, a sum of coordinates instead."""
         start, given = self._start(node, port, own)
         if node.stored[port] == "q" and not self.graph.switches:  # tied now, perhaps free before
@@ -270,10 +275,10 @@ class _Nodes:
             nominal = self.to.static(self.to.folded(node.nominals[port][1]), f"nominal of {node.name}", node.span)
         variable = self.to.variables[quantity]
         self.to.variables[quantity] = Variable(variable.name, "state", variable.unit)
-        conjugate = own[Own(port, GIVEN[node.stored[port]])]
+        conjugate = own[PortVariable(port, GIVEN[node.stored[port]])]
         self.to.states.append(State(quantity, rate, start, nominal, node.span, given, conjugate))
 
-    def _start(self, node: Element, port: int, own: Mapping[Own, int]) -> tuple[Argument, bool]:
+    def _start(self, node: Element, port: int, own: Mapping[PortVariable, int]) -> tuple[Argument, bool]:
         """Start of a port's stored quantity, and True if the author gave it. A zero does not count: it is the default of parts.
 
         A start of another variable is converted by the law if that can be solved, else it is a claim.
@@ -284,15 +289,15 @@ class _Nodes:
         stored = node.stored[port]
         value = self.to.folded(bound)
         if variable != stored:
-            law = self._stored_by(node, Own(port, stored))
+            law = self._stored_by(node, PortVariable(port, stored))
             if law is None:
                 self._claim(node, port, own)
                 return 0.0, False
-            value = self._instance(law, node, {Own(port, GIVEN[stored]): value})
+            value = self._instance(law, node, {PortVariable(port, GIVEN[stored]): value})
         start = self.to.static(value, f"{port_name(node, port, stored)} at the start", node.span)
         return start, not self._is_zero(bound)
 
-    def _stored_by(self, node: Element, wanted: Own) -> Bound | None:
+    def _stored_by(self, node: Element, wanted: PortVariable) -> Bound | None:
         """Stored quantity of a one-port storage from its law; None if the law cannot be solved for it."""
         key = node.law, wanted
         if key not in self.starting:
@@ -300,12 +305,12 @@ class _Nodes:
             self.starting[key] = None if found is None else bind(found[0])
         return self.starting[key]
 
-    def _claim(self, node: Element, port: int, own: Mapping[Own, int]) -> None:
+    def _claim(self, node: Element, port: int, own: Mapping[PortVariable, int]) -> None:
         """Add a claim for the start of a computed variable: the states then start such that it holds."""
         variable, bound = node.starts[port]
         name = f"{port_name(node, port, variable)} at the start"
         start = self.to.static(self.to.folded(bound), name, node.span)
-        self.to.claims.append(Claim(own[Own(port, variable)], start, node.name, node.span))
+        self.to.claims.append(Claim(own[PortVariable(port, variable)], start, node.name, node.span))
 
     def _energy_of(self, node: Element, quantities: list[int]) -> None:
         """Energy of the element, or its law in integral form, over its stored quantities; empty if the law has no such form."""

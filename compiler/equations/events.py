@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from ..algebra.expression import Expression, Symbol, substitute
 from ..algebra.formula import leaf
-from ..graph.network import Action, Element, Event, Own, Quantity
+from ..graph.network import Action, Element, Event, PortVariable, Quantity
 from .builder import EquationBuilder
 from .laws import solved
 from .system import EventAssignment, EventRow, JunctionSwitch
@@ -54,11 +54,13 @@ def _setting(action: Action, elements: dict[str, Element], to: EquationBuilder) 
 
 def _through_law(element: Element, value: int, to: EquationBuilder) -> Expression | None:
     """Stored quantity of a one-port storage from the value of its other variable; None if its law cannot be solved for it."""
-    found = solved(element.law, (Own(0, element.stored[0]),))
+    found = solved(element.law, (PortVariable(0, element.stored[0]),))
     if found is None:
         return None
 
     def put(symbol: Symbol) -> Expression:
-        return Symbol(value) if isinstance(symbol.key, Own) else leaf(to.reference(element.arguments[symbol.key]))
+        return (
+            Symbol(value) if isinstance(symbol.key, PortVariable) else leaf(to.reference(element.arguments[symbol.key]))
+        )
 
     return substitute(found[0], put)

@@ -17,7 +17,7 @@ from ..algebra.formula import Bound
 from ..errors import Diagnostic
 from ..graph.elements import STORAGES, Kind
 from ..graph.inertia import inertia_notes
-from ..graph.network import BondGraph, Element, Law, Own
+from ..graph.network import BondGraph, Element, Law, PortVariable
 from .errors import NotConservative
 from .laws import GIVEN
 from .naming import port_name
@@ -53,14 +53,16 @@ def _by_equations(element: Element) -> bool:
     return element.law.energy is None and len(element.ports) > 1
 
 
-def _sides(stored: tuple[str, ...]) -> tuple[tuple[Own, ...], tuple[Own, ...]]:
+def _sides(stored: tuple[str, ...]) -> tuple[tuple[PortVariable, ...], tuple[PortVariable, ...]]:
     """Stored variables, and the variables that the law gives for them."""
-    return tuple(Own(p, s) for p, s in enumerate(stored)), tuple(Own(p, GIVEN[s]) for p, s in enumerate(stored))
+    return tuple(PortVariable(p, s) for p, s in enumerate(stored)), tuple(
+        PortVariable(p, GIVEN[s]) for p, s in enumerate(stored)
+    )
 
 
 @lru_cache(maxsize=1024)
 def _asymmetry(
-    law: Law, values: tuple[float, ...], stored: tuple[str, ...], base: tuple[tuple[Own, float], ...]
+    law: Law, values: tuple[float, ...], stored: tuple[str, ...], base: tuple[tuple[PortVariable, float], ...]
 ) -> tuple[Relation, Point, TangentVector, TangentVector] | None:
     """A point at which two directions of a law are not reciprocal, computed once for all elements with this law and values."""
     known = relation(law, values, *_sides(stored))
@@ -108,14 +110,14 @@ def _told(element: Element, law: Relation, point: Point, a: TangentVector, b: Ta
     )  # fmt: skip
 
 
-def _magnitudes(element: Element, graph: BondGraph) -> tuple[tuple[Own, float], ...]:
+def _magnitudes(element: Element, graph: BondGraph) -> tuple[tuple[PortVariable, float], ...]:
     """Magnitudes that the author gave as nominal or start, if they are known."""
-    found: dict[Own, float] = {}
+    found: dict[PortVariable, float] = {}
     for given in (element.starts, element.nominals):
         for port, (variable, bound) in given.items():
             size = _size(bound, graph)
             if size:
-                found[Own(port, variable)] = size
+                found[PortVariable(port, variable)] = size
     return tuple(found.items())
 
 
@@ -166,9 +168,11 @@ def _notes(element: Element, graph: BondGraph) -> Iterator[str]:
 
 
 @lru_cache(maxsize=1024)
-def _findings(law: Law, values: tuple[float, ...], count: int) -> tuple[tuple[str, tuple[tuple[Own, float], ...]], ...]:
+def _findings(
+    law: Law, values: tuple[float, ...], count: int
+) -> tuple[tuple[str, tuple[tuple[PortVariable, float], ...]], ...]:
     """Unexpected properties of a resistor's law, with a point if needed, computed once for all elements with it."""
-    flows, efforts = (tuple(Own(p, v) for p in range(count)) for v in "fe")
+    flows, efforts = (tuple(PortVariable(p, v) for p in range(count)) for v in "fe")
     known = relation(law, values, flows, efforts)
     if known is None:
         return ()
@@ -180,7 +184,9 @@ def _findings(law: Law, values: tuple[float, ...], count: int) -> tuple[tuple[st
         gyrates = ("gyrates: a part of its law passes power between its ports", ())
         return (creates,) * (not positive) + (gyrates,) * (not reciprocal)
     found = [
-        p for p in points(law, known, values, {}) if sum(p[Own(i, "e")] * p[Own(i, "f")] for i in range(count)) < 0
+        p
+        for p in points(law, known, values, {})
+        if sum(p[PortVariable(i, "e")] * p[PortVariable(i, "f")] for i in range(count)) < 0
     ]
     if len(found) < WITNESSES:
         return ()
@@ -192,8 +198,11 @@ def _heats(element: Element) -> bool:
     last = len(element.ports) - 1
     if not last:
         return False
-    power = add(*(multiply(Symbol(Own(p, "e")), Symbol(Own(p, "f"))) for p in range(last)))
-    return element.law.equations[-1] == (Symbol(Own(last, "f")), divide(power, Symbol(Own(last, "e"))))
+    power = add(*(multiply(Symbol(PortVariable(p, "e")), Symbol(PortVariable(p, "f"))) for p in range(last)))
+    return element.law.equations[-1] == (
+        Symbol(PortVariable(last, "f")),
+        divide(power, Symbol(PortVariable(last, "e"))),
+    )
 
 
 def _at_rest(law: Relation) -> Iterator[bool]:

@@ -11,7 +11,7 @@ from ..algebra.domain import is_total
 from ..algebra.expression import ONE, ZERO, Expression, Symbol, depends_on, divide, negate, substitute, symbols
 from ..algebra.invert import solve_nonlinear
 from ..graph.elements import Kind
-from ..graph.network import Law, Own
+from ..graph.network import Law, PortVariable
 
 Equations = tuple[tuple[Expression, Expression], ...]
 STORED = {"e": "q", "f": "p"}  # variable that a storage gives -> its stored quantity
@@ -19,7 +19,7 @@ GIVEN = {"q": "e", "p": "f"}  # stored quantity -> variable that its law gives i
 
 
 @lru_cache(maxsize=4096)
-def solved(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
+def solved(law: Law, wanted: tuple[PortVariable, ...]) -> tuple[Expression, ...] | None:
     """Solve a law: each wanted variable as an expression of the others, or None if it cannot be solved for them.
 
     Explicit equations are taken as they are, affine ones are solved, others are inverted if the inverse is unique. Solving a
@@ -31,7 +31,7 @@ def solved(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
 
 
 @lru_cache(maxsize=4096)
-def paired(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
+def paired(law: Law, wanted: tuple[PortVariable, ...]) -> tuple[Expression, ...] | None:
     """For each wanted variable an expression that is zero and contains it; None if there are not enough of them.
 
     For laws that `solved` cannot solve: the run solves them by Newton's method. The pairing of equations and variables is a
@@ -56,7 +56,7 @@ def paired(law: Law, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
 
 
 @lru_cache(maxsize=4096)
-def total_residual(law: Law, wanted: Own) -> Expression | None:
+def total_residual(law: Law, wanted: PortVariable) -> Expression | None:
     """Residual of a law that is defined everywhere, for a law whose solution for the wanted variable is not.
 
     None if the solution itself is defined everywhere, or no form of the law is. A diode's voltage is a logarithm that ends at its
@@ -74,18 +74,18 @@ def total_residual(law: Law, wanted: Own) -> Expression | None:
 
 
 def _is_own(symbol: Symbol) -> bool:
-    return isinstance(symbol.key, Own)
+    return isinstance(symbol.key, PortVariable)
 
 
-def _equations(law: Law, wanted: tuple[Own, ...]) -> Equations:
+def _equations(law: Law, wanted: tuple[PortVariable, ...]) -> Equations:
     """The law as equations. The partial derivatives of an energy are efforts of displacements and flows of momenta."""
     if law.energy is None:
         return law.equations
-    stored = [Own(w.port, STORED.get(w.variable, w.variable)) for w in wanted]
-    return tuple((Symbol(Own(s.port, GIVEN[s.variable])), derivative(law.energy, Symbol(s))) for s in stored)
+    stored = [PortVariable(w.port, STORED.get(w.variable, w.variable)) for w in wanted]
+    return tuple((Symbol(PortVariable(s.port, GIVEN[s.variable])), derivative(law.energy, Symbol(s))) for s in stored)
 
 
-def _one(equations: Equations, wanted: Own) -> tuple[Expression, ...] | None:
+def _one(equations: Equations, wanted: PortVariable) -> tuple[Expression, ...] | None:
     ((left, right),) = equations
     found = solve_affine(left, right, Symbol(wanted))
     if found is None:
@@ -93,7 +93,7 @@ def _one(equations: Equations, wanted: Own) -> tuple[Expression, ...] | None:
     return None if found is None else (found,)
 
 
-def _several(given: Equations, wanted: tuple[Own, ...]) -> tuple[Expression, ...] | None:
+def _several(given: Equations, wanted: tuple[PortVariable, ...]) -> tuple[Expression, ...] | None:
     """Elimination: each equation gives one wanted variable, which is substituted into the others."""
     unknown = [Symbol(w) for w in wanted]
     equations = list(given)
@@ -147,17 +147,17 @@ def ratio(law: Law, kind: Kind) -> Expression:
     ((left, right),) = law.equations
     rest = left - right
 
-    def slope(own: Own) -> Expression:
+    def slope(own: PortVariable) -> Expression:
         parts = affine_parts(rest, Symbol(own))
         assert parts is not None
         return parts[0]
 
-    a, b = (slope(Own(0, "e")), slope(Own(1, "e" if kind is Kind.TRANSFORMER else "f")))
+    a, b = (slope(PortVariable(0, "e")), slope(PortVariable(1, "e" if kind is Kind.TRANSFORMER else "f")))
     if a != ZERO:
         return _quotient(b, a)
     if kind is Kind.TRANSFORMER:  # a f1 + b f2 = 0: f2 = -(a/b) f1 = n f1
-        return _quotient(slope(Own(0, "f")), slope(Own(1, "f")))
-    return _quotient(slope(Own(0, "f")), slope(Own(1, "e")))
+        return _quotient(slope(PortVariable(0, "f")), slope(PortVariable(1, "f")))
+    return _quotient(slope(PortVariable(0, "f")), slope(PortVariable(1, "e")))
 
 
 def _quotient(top: Expression, bottom: Expression) -> Expression:

@@ -13,7 +13,7 @@ from ..algebra.expression import Expression, symbols
 from ..algebra.formula import Bound, leaf, over
 from ..fast_dataclass import dataclass
 from ..graph.elements import OF_NODE, SOURCES
-from ..graph.network import BondGraph, Element, Own, Quantity, Reading
+from ..graph.network import BondGraph, Element, PortVariable, Quantity, Reading
 from .naming import port_name
 
 GIVEN = {kind: OF_NODE[kind].given for kind in SOURCES}
@@ -60,7 +60,7 @@ def _integrand(graph: BondGraph, name: str) -> Integrand:
                 return opened(named.definition)
         if isinstance(argument, Reading) and (node := nodes.get(argument.node)) is not None:
             right = node.law.equations[0][1] if GIVEN.get(node.kind) == argument.variable else None
-            if right is not None and not any(isinstance(s.key, Own) for s in symbols(right)):
+            if right is not None and not any(isinstance(s.key, PortVariable) for s in symbols(right)):
                 return over(right, node.arguments, read)
         return leaf(argument)
 

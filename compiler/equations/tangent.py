@@ -15,14 +15,14 @@ from ..algebra.derivative import derivative
 from ..algebra.expression import Expression, Number, Symbol, evaluate, substitute, symbols
 from ..errors import ValuesNeeded
 from ..fast_dataclass import dataclass
-from ..graph.network import BondGraph, Element, Law, Named, Own, Quantity, Reference
+from ..graph.network import BondGraph, Element, Law, Named, PortVariable, Quantity, Reference
 from ..graph.run_time_parameters import behind
 from .laws import solved
 
 DECADES = (1.0, 0.1, 1e-2, 1e-3, 1e-6, 1e-9, 10.0, 1e3)
 POINTS = 3  # of each decade
 SINGULAR = 1e-12
-Point = Mapping[Own, float]
+Point = Mapping[PortVariable, float]
 
 
 class TangentVector(NamedTuple):
@@ -38,8 +38,8 @@ class Relation:
     """A law with its parameters put in: residuals over x and y of each port, and their partial derivatives."""
 
     rests: tuple[Expression, ...]
-    x: tuple[Own, ...]
-    y: tuple[Own, ...]
+    x: tuple[PortVariable, ...]
+    y: tuple[PortVariable, ...]
     slopes: tuple[tuple[tuple[Expression, ...], ...], ...]  # over y, over x
 
     @property
@@ -49,7 +49,9 @@ class Relation:
 
 
 @lru_cache(maxsize=1024)
-def relation(law: Law, values: tuple[float, ...], x: tuple[Own, ...], y: tuple[Own, ...]) -> Relation | None:
+def relation(
+    law: Law, values: tuple[float, ...], x: tuple[PortVariable, ...], y: tuple[PortVariable, ...]
+) -> Relation | None:
     """Relation with as many equations of a law as ports are given; None if they read other variables."""
     put = _numbers(values)
     own = {*x, *y}
@@ -95,7 +97,7 @@ def known_values(arguments: Sequence[Reference], graph: BondGraph) -> tuple[floa
     return tuple(values)
 
 
-def points(law: Law, known: Relation, values: tuple[float, ...], base: Mapping[Own, float]) -> Iterator[Point]:
+def points(law: Law, known: Relation, values: tuple[float, ...], base: Mapping[PortVariable, float]) -> Iterator[Point]:
     """Points that satisfy the law, over decades around the base magnitudes (default 1); the same in every run."""
     choose = random.Random(0)
     compute, given, wanted = _explicit(law, known, values)
@@ -112,7 +114,7 @@ def points(law: Law, known: Relation, values: tuple[float, ...], base: Mapping[O
 
 def _explicit(
     law: Law, relation: Relation, values: tuple[float, ...]
-) -> tuple[Callable[[Point], list[float]] | None, tuple[Own, ...], tuple[Own, ...]]:
+) -> tuple[Callable[[Point], list[float]] | None, tuple[PortVariable, ...], tuple[PortVariable, ...]]:
     """One side of the law as a function of the other, in a direction in which it can be solved."""
     for given, wanted in ((relation.x, relation.y), (relation.y, relation.x)):
         shorter = Law(law.equations[: len(wanted)], None, law.arity)

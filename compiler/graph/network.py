@@ -36,7 +36,7 @@ class Reading(NamedTuple):
     variable: str
 
 
-class Own(NamedTuple):
+class PortVariable(NamedTuple):
     """Own variable in an element's law: `e`, `f`, `q` or `p` of the port with this number."""
 
     port: int
@@ -49,7 +49,7 @@ Reference = Quantity | Reading | float
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """Law of an element, over `Own` variables and numbered slots; equal laws are one object.
+    """Law of an element, over `PortVariable` variables and numbered slots; equal laws are one object.
 
     Either equations `left = right`, or the stored energy.
     """

@@ -22,8 +22,8 @@ from .network import (
     MechanismNode,
     Named,
     Node,
-    Own,
     Port,
+    PortVariable,
     Quantity,
     Reading,
 )
@@ -167,7 +167,7 @@ def _silent_ports(node: Element, zeros: Zeros) -> dict[int, str]:
         return dict.fromkeys(range(len(node.ports)), "e") if vanishes else {}
     silent: dict[int, str] = {}
     for left, right in node.law.equations:
-        if isinstance(left, Symbol) and isinstance(left.key, Own) and put(right) == ZERO:
+        if isinstance(left, Symbol) and isinstance(left.key, PortVariable) and put(right) == ZERO:
             # p = 0*v stores nothing and gives no effort; q = 0*e likewise gives no flow
             variable = {"e": "e", "f": "f", "p": "e", "q": "f"}[left.key.variable]
             silent[left.key.port] = variable
@@ -178,7 +178,7 @@ def _with_zero(node: Element, silent: dict[int, str]) -> Element:
     """A one-port with the law `variable = 0`, which determines the zero variable and nothing else."""
     if len(node.ports) > 1 or node.kind in (Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE):
         return node
-    ((left, _),) = node.law.equations or ((Symbol(Own(0, silent[0])), ZERO),)
+    ((left, _),) = node.law.equations or ((Symbol(PortVariable(0, silent[0])), ZERO),)
     require = node.require if node.require is not None else "effort" if silent[0] == "e" else "flow"
     return replace(node, law=Law(((left, ZERO),), None, 0), arguments=(), require=require)
 
@@ -200,9 +200,11 @@ def _independent(node: Element, removable: set[int]) -> bool:
     if node.law.energy is not None:
         return False
     for left, right in node.law.equations:
-        if isinstance(left, Symbol) and isinstance(left.key, Own) and left.key.port in removable:
+        if isinstance(left, Symbol) and isinstance(left.key, PortVariable) and left.key.port in removable:
             continue
-        if any(isinstance(s.key, Own) and s.key.port in removable for side in (left, right) for s in symbols(side)):
+        if any(
+            isinstance(s.key, PortVariable) and s.key.port in removable for side in (left, right) for s in symbols(side)
+        ):
             return False
     return True
 
@@ -210,7 +212,7 @@ def _independent(node: Element, removable: set[int]) -> bool:
 def _silent_source(node: Element, variable: str) -> Element:
     """A source of zero: it still shorts a 0-junction or blocks a 1-junction."""
     kind = Kind.EFFORT_SOURCE if variable == "e" else Kind.FLOW_SOURCE
-    law = Law(((Symbol(Own(0, variable)), ZERO),), None, 0)
+    law = Law(((Symbol(PortVariable(0, variable)), ZERO),), None, 0)
     return replace(node, kind=kind, law=law, arguments=(), stored=(), starts={}, nominals={}, prefer=None, require=None)
 
 
@@ -218,12 +220,16 @@ def _without_ports(node: Element, removed: set[int]) -> Element:
     renumbered = {old: new for new, old in enumerate(p for p in range(len(node.ports)) if p not in removed)}
 
     def own(symbol: Symbol) -> Expression:
-        return Symbol(Own(renumbered[symbol.key.port], symbol.key.variable)) if isinstance(symbol.key, Own) else symbol
+        return (
+            Symbol(PortVariable(renumbered[symbol.key.port], symbol.key.variable))
+            if isinstance(symbol.key, PortVariable)
+            else symbol
+        )
 
     equations = tuple(
         (substitute(left, own), substitute(right, own))
         for left, right in node.law.equations
-        if not (isinstance(left, Symbol) and isinstance(left.key, Own) and left.key.port in removed)
+        if not (isinstance(left, Symbol) and isinstance(left.key, PortVariable) and left.key.port in removed)
     )
     ports = tuple(p for i, p in enumerate(node.ports) if i not in removed)
     stored = tuple(s for i, s in enumerate(node.stored) if i not in removed)

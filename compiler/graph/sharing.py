@@ -25,7 +25,7 @@ from ..algebra.formula import Bound, Formula, bind, over
 from ..fast_dataclass import dataclass
 from .elements import Kind
 from .limits import Readers, Readings
-from .network import BondGraph, Element, Junction, Law, Own, Port, Quantity, Reading
+from .network import BondGraph, Element, Junction, Law, Port, PortVariable, Quantity, Reading
 
 Row = dict[int, Fraction]  # group of bonds -> coefficient
 ValveEvents = Mapping[str, tuple[tuple[str, int], ...]]  # junction of an ideal valve -> owner and place of its events
@@ -187,7 +187,7 @@ def _transformer_law(graph: BondGraph, node: Element, variable: str) -> Transfor
         return None
     ((left, right),) = node.law.equations
     for letter in "ef":
-        parts = jointly_affine(left - right, (Symbol(Own(0, letter)), Symbol(Own(1, letter))))
+        parts = jointly_affine(left - right, (Symbol(PortVariable(0, letter)), Symbol(PortVariable(1, letter))))
         if parts is None or parts[0] == [ZERO, ZERO]:
             continue
         values = [evaluate(x, lambda slot: _present(graph, node.arguments[slot])) for x in parts[0]]
@@ -300,7 +300,7 @@ def _source(graph: BondGraph, number: int, kind: Kind, share: Share) -> Element:
     ]
     value = multiply(scale.formula.expression, add(*terms)) if terms else ZERO
     arguments = (*scale.arguments, *(Reading(name, "", variable) for name in share.others))
-    law = Law(((Symbol(Own(0, variable)), value),), None, len(arguments))
+    law = Law(((Symbol(PortVariable(0, variable)), value),), None, len(arguments))
     ports = (Port("", domain),)
     return Element(
         node.name, kind, bool(arguments), ports, law, arguments, (), {}, {}, None, None, node.definition, node.span

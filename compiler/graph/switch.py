@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from ..algebra.expression import ZERO, Symbol, evaluate
 from .elements import Kind
-from .network import TIME, Bond, BondEnd, BondGraph, Element, Junction, Law, Node, Own, Port, Quantity
+from .network import TIME, Bond, BondEnd, BondGraph, Element, Junction, Law, Node, Port, PortVariable, Quantity
 from .prune import adjustable
 from .sharing import ValveEvents, shared
 
@@ -117,6 +117,6 @@ def off_at_the_start(graph: BondGraph, time: float) -> tuple[str, ...]:
 def _nothing(node: Junction, name: str) -> Element:
     """A source of no flow, or of no effort."""
     kind, variable = (Kind.FLOW_SOURCE, "f") if node.kind is Kind.ONE else (Kind.EFFORT_SOURCE, "e")
-    law = Law(((Symbol(Own(0, variable)), ZERO),), None, 0)
+    law = Law(((Symbol(PortVariable(0, variable)), ZERO),), None, 0)
     ports = (Port("", node.domain),)
     return Element(name, kind, False, ports, law, (), (), {}, {}, None, None, node.definition, node.span)

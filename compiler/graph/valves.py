@@ -20,7 +20,7 @@ from ..algebra.formula import Bound, Formula
 from ..fast_dataclass import dataclass
 from ..source import Span
 from .elements import Kind
-from .network import Bond, BondEnd, BondGraph, Element, Event, Junction, Own, Quantity, Reading, Switch
+from .network import Bond, BondEnd, BondGraph, Element, Event, Junction, PortVariable, Quantity, Reading, Switch
 from .sharing import groups
 
 COMPARISONS = ("less", "less_equal", "equal")
@@ -218,7 +218,7 @@ def _rests(node: object, kind: Kind) -> bool:
         return True
     if node.kind is not Kind.RESISTOR or len(node.law.equations) != 1:
         return False
-    at_rest = (Own(0, "e"), Own(0, "f"))
+    at_rest = (PortVariable(0, "e"), PortVariable(0, "f"))
     left, right = (substitute(x, lambda s: ZERO if s.key in at_rest else s) for x in node.law.equations[0])
     return left == right
 

@@ -36,7 +36,7 @@ class EquationWriter(Protocol):
     def differentiated(self, target: int, of: int, span: Span, owner: str, quantity: int) -> None: ...
 
 
-class Script:
+class AssignmentEmitter:
     """Writer of assignments of one mechanism."""
 
     def __init__(self, mechanism: Mechanism, builder: EquationWriter) -> None:

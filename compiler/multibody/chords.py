@@ -14,7 +14,7 @@ from ..algebra.expression import ZERO, Expression, Symbol, add, call, divide, mu
 from ..fast_dataclass import dataclass
 from ..graph.mechanism import PLANAR_POSE, POSE, Joint
 from .kinematics import Kinematics
-from .marker import Placed
+from .marker import Marker
 from .motion import PortMotion
 from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
 from .rotations import (
@@ -35,8 +35,8 @@ from .vectors import NULL, UNIT, Vector, cross, dot, minus, negated, plus, scale
 class _Ends:
     """Both sides of a free joint, its axes on each of them and in the drawing, and the relative motion."""
 
-    first: Placed
-    second: Placed
+    first: Marker
+    second: Marker
     base: Turn
     far: Turn
     drawn: Turn
@@ -56,7 +56,7 @@ class RelativeMotion:
     rates: Vector
     turning: Vector
     force: Vector
-    second: Placed
+    second: Marker
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class Chords:
     def __init__(self, kinematics: Kinematics) -> None:
         self.kinematics, self.script = kinematics, kinematics.script
 
-    def sides(self, joint: Joint, points: tuple[Vector, Vector]) -> tuple[Placed, Placed]:
+    def sides(self, joint: Joint, points: tuple[Vector, Vector]) -> tuple[Marker, Marker]:
         """Both sides of a joint."""
         bodies = [self.kinematics.on[end] for end in (joint.first, joint.second)]
         names = ["first", "second"] if bodies[0] == bodies[1] else bodies

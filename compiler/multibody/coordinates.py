@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from ..algebra.expression import ONE, ZERO, Expression, Symbol, add, call, divide, multiply
 from ..fast_dataclass import dataclass
 from ..graph.mechanism import Body, Joint
-from .assignment_emitter import Script
+from .assignment_emitter import AssignmentEmitter
 from .rotation_vectors import turned_by_rates
 from .rotations import HALF, Quaternion, conjugate, of_quaternion, of_rotation_vector, quaternion_product
 from .tree import Link
@@ -55,7 +55,7 @@ def is_turning(letter: str) -> bool:
 class Coordinates:
     """Builder of the states of links. `flows` are those that the network determines, by port."""
 
-    def __init__(self, script: Script, flows: Mapping[str, Expression]) -> None:
+    def __init__(self, script: AssignmentEmitter, flows: Mapping[str, Expression]) -> None:
         self.script, self.flows = script, flows
         self.scalars: dict[str, Coordinate] = {}
         self.attitudes: dict[str, Attitude] = {}

@@ -14,10 +14,10 @@ from collections.abc import Mapping, Sequence
 
 from ..algebra.expression import Expression
 from ..fast_dataclass import dataclass
-from .assignment_emitter import Script
-from .fictitious_inertia import Lent
+from .assignment_emitter import AssignmentEmitter
+from .fictitious_inertia import FictitiousInertia
 from .kinematics import Kinematics
-from .link_state import Moving
+from .link_state import LinkState
 from .recursion import PLACES, Recursion
 from .values import SampleValues
 from .vectors import UNIT
@@ -32,10 +32,10 @@ class Survey:
     """Coordinates with a fictitious inertia, its value, and the first coordinate that moves no inertia."""
 
     lent: Mapping[Place, float]
-    lost: tuple[Moving, int] | None
+    lost: tuple[LinkState, int] | None
 
 
-def survey(kinematics: Kinematics, recursion: Recursion, around: Mapping[int, Lent]) -> Survey:
+def survey(kinematics: Kinematics, recursion: Recursion, around: Mapping[int, FictitiousInertia]) -> Survey:
     """Check the inertia along all coordinates. `around`: for each link within a closed loop, its fictitious inertias."""
     values = SampleValues(kinematics.script)
     count = len(kinematics.moving)
@@ -78,7 +78,7 @@ def _times(rows: Square, v: Sequence[float]) -> list[float]:
     return [sum(a * b for a, b in zip(row, v, strict=True)) for row in rows]
 
 
-def _carried(values: SampleValues, moving: Moving) -> Square:
+def _carried(values: SampleValues, moving: LinkState) -> Square:
     """Motion of a link for each of the six motions of its parent; columns."""
     script = _Unwritten(values.script)
     arm = [values.of(x) for x in moving.shift]
@@ -98,10 +98,10 @@ def _add(to: Square, rows: Square, columns: Square) -> None:
             to[r][c] += sum(a * b for a, b in zip(columns[r], half[c], strict=True))
 
 
-class _Unwritten(Script):
+class _Unwritten(AssignmentEmitter):
     """Expressions without names: they are not part of the equations."""
 
-    def __init__(self, script: Script) -> None:
+    def __init__(self, script: AssignmentEmitter) -> None:
         self.builder, self.owner, self.span = script.builder, script.owner, script.span
 
     def let(self, name: str, expression: Expression, unit: str = "") -> Expression:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..algebra.expression import ZERO, Expression, add, multiply, negate
 from .kinematics import Kinematics
-from .link_state import Moving
+from .link_state import LinkState
 from .recursion import Recursion
 from .rotations import HALF
 from .vectors import applied, cross, dot, is_null, minus, plus
@@ -25,7 +25,7 @@ def energy(kinematics: Kinematics, recursion: Recursion) -> Expression:
     return add(*terms)
 
 
-def _kinetic(kinematics: Kinematics, recursion: Recursion, moving: Moving, index: int) -> Expression:
+def _kinetic(kinematics: Kinematics, recursion: Recursion, moving: LinkState, index: int) -> Expression:
     """1/2 m v.v + v.(w x moment) + 1/2 w.J w, with v of the point of reference and w the angular velocity."""
     inertia, spin = recursion.inertias[index], moving.spin
     floats = moving.link.step.kind == "float"

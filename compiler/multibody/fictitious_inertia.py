@@ -31,7 +31,7 @@ from .values import SampleValues
 
 
 @dataclass(frozen=True, slots=True)
-class Lent:
+class FictitiousInertia:
     """Fictitious inertia in a loop: for slides a mass (kg), for rotations an inertia (kg m^2)."""
 
     mass: float
@@ -43,14 +43,14 @@ class Lent:
         return 2.0 ** (exponent - exponent % 2)
 
 
-def lent_around(kinematics: Kinematics, recursion: Recursion) -> Mapping[int, Lent]:
+def lent_around(kinematics: Kinematics, recursion: Recursion) -> Mapping[int, FictitiousInertia]:
     """Fictitious inertia for each link within a closed loop: that of the smallest loop, if there are several."""
     tree = kinematics.tree
     if not tree.closing:
         return {}
     values = SampleValues(kinematics.script)
     whole = measured(kinematics, recursion, values, set(range(len(tree.links))))
-    result: dict[int, Lent] = {}
+    result: dict[int, FictitiousInertia] = {}
     for joint in tree.closing:
         loop = links_around(tree, joint, kinematics.on)
         if joint.kind in COUPLINGS:
@@ -97,7 +97,7 @@ def _outside(tree: Tree, links: set[int]) -> set[int]:
 
 def _reached(
     kinematics: Kinematics, recursion: Recursion, values: SampleValues, joint: Joint, links: set[int]
-) -> Lent | None:
+) -> FictitiousInertia | None:
     """Mass, and inertia from the distance of the closing joint, of links that all turn about one point; None as in `measured`."""
     if joint.kind in COUPLINGS:
         return None
@@ -113,10 +113,12 @@ def _reached(
     if joint.kind == "wheel":  # it is its radius away from its centre
         arms.append(values.of(script.constant(joint.ratio, f"{joint.name} radius", "m")) ** 2)
     turning = mass * max(arms, default=0.0)
-    return Lent(mass, turning) if 0 < mass < inf and 0 < turning < inf else None
+    return FictitiousInertia(mass, turning) if 0 < mass < inf and 0 < turning < inf else None
 
 
-def measured(kinematics: Kinematics, recursion: Recursion, values: SampleValues, links: set[int]) -> Lent | None:
+def measured(
+    kinematics: Kinematics, recursion: Recursion, values: SampleValues, links: set[int]
+) -> FictitiousInertia | None:
     """Mass of some links, and their inertia about each other; None if both are zero."""
     mass = turning = 0.0
     points = []
@@ -129,4 +131,4 @@ def measured(kinematics: Kinematics, recursion: Recursion, values: SampleValues,
     turning += mass * size
     if not mass:
         mass = turning / size if size else 0.0
-    return Lent(mass, turning) if 0 < mass < inf and 0 < turning < inf else None
+    return FictitiousInertia(mass, turning) if 0 < mass < inf and 0 < turning < inf else None

@@ -22,7 +22,7 @@ from .coordinates import is_turning
 from .fictitious_inertia import measured
 from .inertia import tensor_entries
 from .kinematics import Kinematics
-from .link_state import Moving
+from .link_state import LinkState
 from .recursion import Recursion
 from .rotations import unit
 from .tree import bonded_joints
@@ -78,7 +78,7 @@ def _about(way: Sequence[Vector], size: float, values: SampleValues) -> Matrix:
 
 
 # ---------------------------------------------------------------- what holds a link
-def _held(kinematics: Kinematics, moving: Moving, driving: Set[str], driven: Set[str]) -> LinkGeometry | None:
+def _held(kinematics: Kinematics, moving: LinkState, driving: Set[str], driven: Set[str]) -> LinkGeometry | None:
     """Geometry of the joints, forces and masses of a link; None if it is more than points and lines."""
     on, place, index = kinematics.on, kinematics.tree.place, moving.index
     points: list[Vector] = []
@@ -148,7 +148,7 @@ def _pushed(kinematics: Kinematics, index: int, driving: Set[str]) -> list[Vecto
     return points
 
 
-def _weighed(kinematics: Kinematics, moving: Moving) -> list[Vector]:
+def _weighed(kinematics: Kinematics, moving: LinkState) -> list[Vector]:
     """Centres of bodies with mass."""
     script = kinematics.script
     return [
@@ -160,7 +160,7 @@ def _weighed(kinematics: Kinematics, moving: Moving) -> list[Vector]:
 
 # ---------------------------------------------------------------- symmetry
 def _way(
-    kinematics: Kinematics, moving: Moving, held: LinkGeometry, values: Sequence[SampleValues]
+    kinematics: Kinematics, moving: LinkState, held: LinkGeometry, values: Sequence[SampleValues]
 ) -> Sequence[Vector] | None:
     """Directions, link axes, of a link's idle rotations: three for a point, one for a line; None if there is none."""
     places = held.places

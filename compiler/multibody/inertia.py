@@ -5,10 +5,10 @@ from __future__ import annotations
 from ..algebra.expression import ZERO, Expression, add, multiply, negate
 from ..fast_dataclass import dataclass
 from ..graph.mechanism import Body
-from .assignment_emitter import Script
+from .assignment_emitter import AssignmentEmitter
 from .axes import to_own
 from .kinematics import Kinematics
-from .link_state import Moving
+from .link_state import LinkState
 from .rotations import AxialTurn, of_rotation_vector
 from .vectors import NO_MATRIX, NULL, Matrix, Vector, dot, is_null, matrix_of, minus, plus, scaled, summed
 
@@ -32,7 +32,7 @@ class LinkInertia:
         return [[full[r][c] if r in active and c in active else ZERO for c in range(6)] for r in range(6)]
 
 
-def link_inertia(kinematics: Kinematics, moving: Moving) -> LinkInertia:
+def link_inertia(kinematics: Kinematics, moving: LinkState) -> LinkInertia:
     """Sum over the bodies of a link."""
     script, link = kinematics.script, moving.link
     mass: Expression = ZERO
@@ -56,13 +56,13 @@ def link_inertia(kinematics: Kinematics, moving: Moving) -> LinkInertia:
     return LinkInertia(mass, moment, tensor)
 
 
-def tensor_entries(script: Script, body: Body) -> list[Expression]:
+def tensor_entries(script: AssignmentEmitter, body: Body) -> list[Expression]:
     """Entries xx, yy, zz, xy, xz, yz about the centre of mass."""
     letters = ("xx", "yy", "zz", "xy", "xz", "yz")
     return [script.constant(getattr(body.inertia, c), f"{body.name} inertia {c}", "kg*m^2") for c in letters]
 
 
-def _own_tensor(kinematics: Kinematics, body: Body, moving: Moving) -> Matrix:
+def _own_tensor(kinematics: Kinematics, body: Body, moving: LinkState) -> Matrix:
     """Inertia tensor about the centre of mass, in the axes of the link, as drawn."""
     script = kinematics.script
     xx, yy, zz, xy, xz, yz = tensor_entries(script, body)

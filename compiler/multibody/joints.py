@@ -11,10 +11,10 @@ from dataclasses import replace
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, multiply, negate
 from ..graph.mechanism import GROUND, NOTHING, ORIGIN, Body, Inertia, Joint, Mechanism
-from .assignment_emitter import Script
+from .assignment_emitter import AssignmentEmitter
 from .axes import ANYWHERE, WORLD, AxisBranch, Basis, branches, numbers, snapped, to_own, turned_to
 from .coordinates import Coordinate, Coordinates
-from .link_state import Moving
+from .link_state import LinkState
 from .rotations import TWO, AnyTurn, AxialTurn, Turn, about, of_quaternion, of_rotation_vector, unit
 from .tree import Link, Step, Tree, ends_of
 from .vectors import NULL, UNIT, Vector, applied, cross, is_null, minus, negated, plus, scaled
@@ -25,15 +25,15 @@ TURNING = frozenset({"hinge", "screw"})
 class Links:
     """All links of a mechanism, each in its own axes."""
 
-    def __init__(self, mechanism: Mechanism, tree: Tree, script: Script, flows: Mapping[str, Expression], whole: bool = False) -> None:  # fmt: skip
+    def __init__(self, mechanism: Mechanism, tree: Tree, script: AssignmentEmitter, flows: Mapping[str, Expression], whole: bool = False) -> None:  # fmt: skip
         """`whole`: include forces and torques out of the plane of a planar motion, which reactions need."""
         self.mechanism, self.tree, self.script = mechanism, tree, script
         self.states = Coordinates(script, flows)
         self.on = ends_of(mechanism)
         self.drawn: dict[str, Turn] = {}
         directions = [self._direction(link) for link in tree.links]
-        self.moving: list[Moving] = []
-        self._grounds: dict[Basis, Moving] = {}
+        self.moving: list[LinkState] = []
+        self._grounds: dict[Basis, LinkState] = {}
         self.centres = {b.name: script.place(b.position, f"{b.name} at") for b in mechanism.bodies}
         for link, branch, direction in zip(tree.links, branches(tree.links, directions), directions, strict=True):
             if whole:
@@ -71,24 +71,24 @@ class Links:
         return self.centres[link.part.name]
 
     # ------------------------------------------------------------ link by link
-    def parent_of(self, moving: Moving) -> Moving:
+    def parent_of(self, moving: LinkState) -> LinkState:
         """Parent of a link, or the ground in the axes of the branch."""
         if moving.parent is not None:
             return self.moving[moving.parent]
         return self.ground(moving.branch)
 
-    def ground(self, branch: AxisBranch = ANYWHERE) -> Moving:
+    def ground(self, branch: AxisBranch = ANYWHERE) -> LinkState:
         """The ground in the axes of a branch."""
         basis = branch.basis
         if basis not in self._grounds:
             world = Body(GROUND, NOTHING, Inertia(), ORIGIN, ORIGIN, {}, self.mechanism.span)
             link = Link(Step("ground", "", ()), world, None, False, ())
-            self._grounds[basis] = Moving(link, -1, None, branch, basis, NULL)
+            self._grounds[basis] = LinkState(link, -1, None, branch, basis, NULL)
         return self._grounds[basis]
 
-    def _moved(self, link: Link, branch: AxisBranch, direction: Vector) -> Moving:
+    def _moved(self, link: Link, branch: AxisBranch, direction: Vector) -> LinkState:
         basis = branch.basis if link.parent is None else self.moving[link.parent].basis
-        moving = Moving(link, len(self.moving), link.parent, branch, basis, NULL, direction=direction)
+        moving = LinkState(link, len(self.moving), link.parent, branch, basis, NULL, direction=direction)
         if link.step.kind == "float":
             self._float(moving)
         elif link.step.kind == "ball":
@@ -101,12 +101,12 @@ class Links:
             self._turning(moving)
         return moving
 
-    def _scalar(self, moving: Moving) -> Coordinate:
+    def _scalar(self, moving: LinkState) -> Coordinate:
         coordinate = self.states.scalar(moving.link, moving.link.coordinates[0])
         moving.coordinates = [coordinate]
         return coordinate
 
-    def _still(self, moving: Moving) -> None:
+    def _still(self, moving: LinkState) -> None:
         """A hinge about the third axis or a slide, in axes that do not turn."""
         script, link = self.script, moving.link
         name = link.part.name if not link.bodies else link.bodies[0].name
@@ -136,7 +136,7 @@ class Links:
         moving.columns = [(NULL if link.step.kind == "slide" else way, linear)]
         moving.bias = (NULL, script.vector(f"{name}.bias", bias, "m/s^2"))
 
-    def _weld(self, moving: Moving) -> None:
+    def _weld(self, moving: LinkState) -> None:
         """The bodies that a parent carries, as a link of its own."""
         script, link, parent = self.script, moving.link, self.parent_of(moving)
         own_point = moving.branch.still or moving.parent is None
@@ -147,7 +147,7 @@ class Links:
         bias = self.centripetal(parent, moving.shift)
         moving.bias = (NULL, script.vector(f"{link.name}.bias", bias, "m/s^2"))
 
-    def _turning(self, moving: Moving) -> None:
+    def _turning(self, moving: LinkState) -> None:
         """A hinge, screw or slide, in axes that turn with the link."""
         script, link = self.script, moving.link
         name = link.part.name if not link.bodies else link.bodies[0].name
@@ -178,7 +178,7 @@ class Links:
         moving.columns = [(way if turning else NULL, scaled(along, way))]
         moving.bias = (script.vector(f"{name}.bias turn", angular), script.vector(f"{name}.bias", linear, "m/s^2"))
 
-    def _hinge_axes(self, moving: Moving, way: Vector, q: Coordinate) -> Vector:
+    def _hinge_axes(self, moving: LinkState, way: Vector, q: Coordinate) -> Vector:
         """Choose axes of a link with one parallel to its hinge, if its direction is known. Returns the direction in these axes."""
         known = numbers(way)
         if known is None:
@@ -204,7 +204,7 @@ class Links:
         per_turn = self.script.constant(link.part.ratio, f"{link.part.name} lead", "m")
         return self.script.let(f"{link.part.name} lead per radian", multiply(Number(0.15915494309189535), per_turn))
 
-    def _ball(self, moving: Moving) -> None:
+    def _ball(self, moving: LinkState) -> None:
         """A rotation in space about a point of the parent."""
         script, link = self.script, moving.link
         name, parent = link.part.name, self.parent_of(moving)
@@ -216,7 +216,7 @@ class Links:
         moving.bias = (moving.bias[0], moving.back(script, linear, f"{name}.centripetal own"))
         moving.columns = [(axis, NULL) for axis in UNIT] if not link.fixed else []
 
-    def _float(self, moving: Moving) -> None:
+    def _float(self, moving: LinkState) -> None:
         """A body with its own pose: its position in world axes, its angular velocity in body axes."""
         link = moving.link
         moving.origin = self.pin(link)
@@ -224,7 +224,7 @@ class Links:
         self._free_turn(moving, link.part.name)
         moving.columns = [*((NULL, axis) for axis in UNIT), *((axis, NULL) for axis in UNIT)]
 
-    def _free_turn(self, moving: Moving, name: str) -> None:
+    def _free_turn(self, moving: LinkState, name: str) -> None:
         script, link, parent = self.script, moving.link, self.parent_of(moving)
         attitude = moving.attitude = self.states.attitude(link)
         turn = of_quaternion(script, attitude.parts, f"{name}.own")
@@ -235,7 +235,7 @@ class Links:
         moving.bias = (script.vector(f"{name}.bias turn", cross(moving.carried, attitude.spin)), NULL)
 
     # ------------------------------------------------------------ accelerations that rates cause
-    def squares(self, moving: Moving) -> tuple[Expression, ...]:
+    def squares(self, moving: LinkState) -> tuple[Expression, ...]:
         """Products of the components of the angular velocity: xx, yy, zz, xy, xz, yz."""
         name = moving.link.name
         if not moving.squares:
@@ -244,7 +244,7 @@ class Links:
             moving.squares = tuple(self.script.let(f"{name} spin {c}", multiply(a, b)) for c, a, b in pairs)
         return moving.squares
 
-    def centripetal(self, moving: Moving, arm: Vector) -> Vector:
+    def centripetal(self, moving: LinkState, arm: Vector) -> Vector:
         """w x (w x arm), with w the angular velocity."""
         if moving.index < 0 or is_null(moving.spin) or is_null(arm):
             return NULL

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 from ..algebra.expression import Expression, Number, multiply
 from ..graph.mechanism import GROUND, Mechanism
-from .assignment_emitter import Script
+from .assignment_emitter import AssignmentEmitter
 from .axes import to_own, to_world
 from .joints import Links
-from .link_state import Moving
-from .marker import Carried, Placed
+from .link_state import LinkState
+from .marker import Carried, Marker
 from .rotations import NO_TURN, Turn, about, composed
 from .tree import Tree
 from .vectors import NULL, Vector, cross, is_null, minus, plus, scaled
@@ -20,7 +20,7 @@ from .vectors import NULL, Vector, cross, is_null, minus, plus, scaled
 class Kinematics(Links):
     """Poses and rates of all links."""
 
-    def __init__(self, mechanism: Mechanism, tree: Tree, script: Script, flows: Mapping[str, Expression], whole: bool = False) -> None:  # fmt: skip
+    def __init__(self, mechanism: Mechanism, tree: Tree, script: AssignmentEmitter, flows: Mapping[str, Expression], whole: bool = False) -> None:  # fmt: skip
         super().__init__(mechanism, tree, script, flows, whole)
         self.turns: dict[int, Turn] = {}
         self.displacements: dict[int, Vector] = {}
@@ -34,7 +34,7 @@ class Kinematics(Links):
             found = self.turns[index] = self._turn(self.moving[index], index)
         return found
 
-    def _turn(self, moving: Moving, index: int) -> Turn:
+    def _turn(self, moving: LinkState, index: int) -> Turn:
         script, link = self.script, moving.link
         name = f"{link.name} world"
         if moving.branch.still:
@@ -58,7 +58,7 @@ class Kinematics(Links):
             self.displacements[index] = found
         return found
 
-    def _displacement(self, moving: Moving, index: int) -> Vector:
+    def _displacement(self, moving: LinkState, index: int) -> Vector:
         script, link = self.script, moving.link
         name = link.name
         if link.step.kind == "float":
@@ -109,7 +109,7 @@ class Kinematics(Links):
         return found
 
     @staticmethod
-    def _rates(moving: Moving) -> Vector:
+    def _rates(moving: LinkState) -> Vector:
         x, y, z = (c.rate for c in moving.coordinates)
         return x, y, z
 
@@ -125,13 +125,13 @@ class Kinematics(Links):
         there = v if moving.branch.still else self.turn(index).back(self.script, v, name)
         return to_own(moving.basis, there)
 
-    def placed(self, body: str, point: Vector, name: str) -> Placed:
+    def placed(self, body: str, point: Vector, name: str) -> Marker:
         """Marker: a point of a body with its motion. In the drawing it is at `point`."""
         if body in self.carried:
             return self._carried(body, point, name)
         index = None if body == GROUND else self.tree.place[body]
         if index is None:
-            return Placed(body, point, NULL, NO_TURN, NULL, NULL, NULL)
+            return Marker(body, point, NULL, NO_TURN, NULL, NULL, NULL)
         moving, script = self.moving[index], self.script
         arm = moving.inner(script, to_own(moving.basis, minus(point, moving.origin)), f"{name}.arm")
         arm = script.vector(f"{name}.arm", arm, "m")
@@ -146,9 +146,9 @@ class Kinematics(Links):
             velocity = self.world(index, velocity, f"{name}.v")
         velocity = script.vector(f"{name}.v", velocity, "m/s")
         spin = script.vector(f"{name}.omega", self.world(index, moving.spin, f"{name}.omega"), "1/s")
-        return Placed(body, point, shift, self.turn(index), velocity, spin, arm)
+        return Marker(body, point, shift, self.turn(index), velocity, spin, arm)
 
-    def _carried(self, body: str, point: Vector, name: str) -> Placed:
+    def _carried(self, body: str, point: Vector, name: str) -> Marker:
         script, carried = self.script, self.carried[body]
         carrier = self.placed(carried.by, point, f"{name}.carrier")
         shift = script.vector(f"{name}.shift", carrier.turn.apply(script, carried.shift, f"{name}.shift"), "m")
@@ -160,7 +160,7 @@ class Kinematics(Links):
             velocity=script.vector(f"{name}.v", velocity, "m/s"),
         )
 
-    def push(self, placed: Placed, force: Vector, torque: Vector, name: str) -> None:
+    def push(self, placed: Marker, force: Vector, torque: Vector, name: str) -> None:
         """Apply a force at a marker and a torque on its body, world axes. Only before the recursion."""
         index = None if placed.body == GROUND else self.tree.place[placed.body]
         if index is None or (is_null(force) and is_null(torque)):

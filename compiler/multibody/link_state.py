@@ -6,7 +6,7 @@ from dataclasses import field
 
 from ..algebra.expression import ZERO, Expression
 from ..fast_dataclass import dataclass
-from .assignment_emitter import Script
+from .assignment_emitter import AssignmentEmitter
 from .axes import AxisBranch, Basis
 from .coordinates import Attitude, Coordinate
 from .rotations import AxialTurn, Turn
@@ -17,7 +17,7 @@ Spatial = tuple[Vector, Vector]  # about the point of reference: spin and veloci
 
 
 @dataclass(slots=True, eq=False)
-class Moving:
+class LinkState:
     """A link during its computation, in its own axes about its point of reference.
 
     `passage` rotates from link axes to those of the parent, `shift` is the vector from the parent's point to its own (in the parent's axes).
@@ -46,18 +46,18 @@ class Moving:
     drive: Vector = NULL  # of a ball: the torque on what it carries, against what carries it
     world_force: Vector = NULL  # of a floating body: a force at its centre of mass, world axes
 
-    def out(self, script: Script, v: Vector, name: str) -> Vector:
+    def out(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector:
         """Rotate from link axes to the parent's."""
         for turn in reversed(self.passage):
             v = turn.apply(script, v, name)
         return v
 
-    def back(self, script: Script, v: Vector, name: str) -> Vector:
+    def back(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector:
         """Rotate from the parent's axes to link axes."""
         for turn in self.passage:
             v = turn.back(script, v, name)
         return v
 
-    def inner(self, script: Script, v: Vector, name: str) -> Vector:
+    def inner(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector:
         """A vector of the link, given in link axes as drawn, in the present pose. It changes only in still axes."""
         return AxialTurn(2, self.angle).apply(script, v, name) if self.branch.still else v

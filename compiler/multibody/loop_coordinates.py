@@ -41,7 +41,7 @@ class Leaves:
                 return {"phi": self._threaded()}
             case "planar":
                 drawn = zip("xy", sides.axes()[:2], strict=True)
-                ways = {c: self._way(sides.along(v, sides.on(sides.first, v, c), c)) for c, v in drawn}
+                ways = {c: self._way(sides.row_along(v, sides.on(sides.first, v, c), c)) for c, v in drawn}
                 return {**ways, "phi": self._turns_about()}
             case "universal":
                 return self._crossed()

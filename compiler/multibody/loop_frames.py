@@ -15,7 +15,7 @@ from ..graph.mechanism import Joint
 from .axes import snapped
 from .errors import RodWithoutLength
 from .kinematics import Kinematics
-from .marker import Placed
+from .marker import Marker
 from .motion import MechanismEquations
 from .recursion import Recursion
 from .rotations import AxialTurn, unit
@@ -93,7 +93,7 @@ class Sides:
         return [*self._pinned(), *self._turned()]
 
     def _pinned(self) -> list[Row]:
-        return [self.along(UNIT[i], UNIT[i], "xyz"[i]) for i in range(2 if self.joint.planar else 3)]
+        return [self.row_along(UNIT[i], UNIT[i], "xyz"[i]) for i in range(2 if self.joint.planar else 3)]
 
     def _guided(self) -> list[Row]:
         """Rows without gap across a slide's axis, or along the normal of a planar joint, in directions that turn with the first body."""
@@ -105,7 +105,7 @@ class Sides:
         else:
             directions = list(self.axes()[1:])
         words = ("across",) if len(directions) == 1 else ("across.1", "across.2")
-        return [self.along(n, self.on(self.first, n, w), w) for n, w in zip(directions, words, strict=True)]
+        return [self.row_along(n, self.on(self.first, n, w), w) for n, w in zip(directions, words, strict=True)]
 
     def _turned(self) -> list[Row]:
         """Rows for the relative rotation of the bodies that the joint does not allow."""
@@ -150,7 +150,7 @@ class Sides:
         b = self.script.vector(f"{self.joint.name}.beside", unit(cross(a, beside)))
         return a, b, self.script.vector(f"{self.joint.name}.third", cross(a, b))
 
-    def on(self, side: Placed, v: Vector, word: str) -> Vector:
+    def on(self, side: Marker, v: Vector, word: str) -> Vector:
         """A direction of the drawing, rotated with a side."""
         turned = side.turn.apply(self.script, v, f"{self.joint.name}.{side.body}.{word}")
         return self.script.vector(f"{self.joint.name}.{side.body}.{word}", turned)
@@ -175,7 +175,7 @@ class Sides:
         old = self.wrenches.get(self.joint.name, (NULL, NULL))
         self.wrenches[self.joint.name] = (plus(old[0], force), plus(old[1], torque))
 
-    def along(self, drawn: Vector, n: Vector, word: str) -> Row:
+    def row_along(self, drawn: Vector, n: Vector, word: str) -> Row:
         """Row without gap along n. If n turns with the first body, its rotation adds terms to the rates."""
         turns = n != drawn
         w, gap, slip = self.first.spin, self.gap, self.slip
@@ -266,7 +266,7 @@ class Sides:
     def slid(self) -> Row:
         """Gap along the axis."""
         drawn = self.axes()[0]
-        return self.along(drawn, self.on(self.first, drawn, "a"), "x")
+        return self.row_along(drawn, self.on(self.first, drawn, "a"), "x")
 
     def _rod(self) -> list[Row]:
         """Row: two points keep their distance l. The residual is (d^2 - l^2)/(2 l), without the cancellation of squares."""

@@ -8,7 +8,7 @@ from .vectors import Vector
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class Marker:
     """A marker: a point that is fixed to a body (or the ground).
 
     `arm`: vector from the body's point of reference to this point, in the body's computing axes (see `own_axes`

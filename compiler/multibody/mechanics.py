@@ -7,7 +7,7 @@ from collections.abc import Mapping, Set
 from ..algebra.expression import ZERO, Expression, add, multiply
 from ..fast_dataclass import dataclass
 from ..graph.mechanism import Joint, Mechanism
-from .assignment_emitter import EquationWriter, Script
+from .assignment_emitter import AssignmentEmitter, EquationWriter
 from .chords import Chords
 from .closure import Closure
 from .determined import survey
@@ -35,7 +35,7 @@ def mechanism_equations(
     `efforts` act on its ports; `flows` are determined by the network; `wanted` are the ports that are read elsewhere; those of `states` may
     belong to no chain, as events set them or the structure may switch.
     """
-    script = Script(mechanism, builder)
+    script = AssignmentEmitter(mechanism, builder)
     bonded = bonded_joints((*efforts, *flows))
     reacting = {n.partition(".")[0] for n in wanted if n.partition(".")[2].startswith("reaction.")}
     read = {j.name for j in mechanism.joints if any(f"{j.name}.{letter}" in wanted for letter in j.freedoms)}
@@ -63,7 +63,7 @@ class Mechanics:
 
     def __init__(
         self, mechanism: Mechanism, tree: Tree, efforts: Mapping[str, Expression], flows: Mapping[str, Expression],
-        whole: WholeMechanism, script: Script,
+        whole: WholeMechanism, script: AssignmentEmitter,
     ) -> None:  # fmt: skip
         """`mechanism`: with a free joint for each chain."""
         self.mechanism, self.tree, self.script, self.whole = mechanism, tree, script, whole

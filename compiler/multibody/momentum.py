@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from ..algebra.expression import ZERO, Expression, Symbol, add, multiply
 from .kinematics import Kinematics
-from .link_state import Moving, Spatial
+from .link_state import LinkState, Spatial
 from .recursion import PLACES, Recursion
 from .vectors import cross, dot, plus
 
@@ -34,7 +34,7 @@ def write_momenta(kinematics: Kinematics, recursion: Recursion) -> None:
             whole[moving.parent] = plus(around, turn, cross(moving.shift, push)), plus(onto, push)
 
 
-def _of_bodies(kinematics: Kinematics, recursion: Recursion, moving: Moving) -> Spatial:
+def _of_bodies(kinematics: Kinematics, recursion: Recursion, moving: LinkState) -> Spatial:
     """Momentum of a link's bodies about its point of reference, in link axes."""
     matrix = recursion.own_matrix(moving)
     rates = (*moving.spin, *(kinematics.velocity(moving.index) if moving.link.bodies else (ZERO, ZERO, ZERO)))
@@ -43,7 +43,7 @@ def _of_bodies(kinematics: Kinematics, recursion: Recursion, moving: Moving) -> 
 
 
 def _along(
-    kinematics: Kinematics, moving: Moving, whole: Spatial
+    kinematics: Kinematics, moving: LinkState, whole: Spatial
 ) -> Iterator[tuple[str, Expression, Expression]]:  # fmt: skip
     """Yield the name, the rate and the momentum of each coordinate of a link."""
     turn, push = whole

@@ -18,11 +18,11 @@ from math import atan2, pi
 from ..algebra.expression import ZERO, Expression, Number, Symbol, add, multiply
 from ..fast_dataclass import dataclass
 from ..graph.mechanism import COUPLINGS, Body, Frame, Joint, Mechanism
-from .assignment_emitter import Script
+from .assignment_emitter import AssignmentEmitter
 from .axes import snapped
 from .chords import Chords
 from .kinematics import Kinematics
-from .marker import Carried, Placed
+from .marker import Carried, Marker
 from .motion import PortMotion
 from .rotations import AxialTurn, unit
 from .tree import CLOSING, ends_of, is_chord
@@ -65,7 +65,9 @@ class PlanarChain:
 
 
 # ---------------------------------------------------------------- chains of a mechanism
-def planar_chains(mechanism: Mechanism, script: Script, bonded: Set[str], apart: Set[str]) -> tuple[PlanarChain, ...]:
+def planar_chains(
+    mechanism: Mechanism, script: AssignmentEmitter, bonded: Set[str], apart: Set[str]
+) -> tuple[PlanarChain, ...]:
     """Chains within closed loops. `bonded`: parts with bonds; `apart`: parts that may belong to no chain."""
     if not mechanism.planar:
         return ()
@@ -118,7 +120,9 @@ def _path(
     return path
 
 
-def _chain(path: Sequence[tuple[Joint, str, str]], between: Mapping[str, Body], script: Script) -> PlanarChain | None:
+def _chain(
+    path: Sequence[tuple[Joint, str, str]], between: Mapping[str, Body], script: AssignmentEmitter
+) -> PlanarChain | None:
     """The chain of three joints in series, from its slides to its hinge; None if it has no such form."""
     if path[0][0].kind == "hinge":
         path = [(joint, far, near) for joint, near, far in reversed(path)]
@@ -136,7 +140,7 @@ def _chain(path: Sequence[tuple[Joint, str, str]], between: Mapping[str, Body], 
     return PlanarChain(free, (a, b, hinge), (between[first], between[second]), (one, other, last), angle, shares, ways)
 
 
-def _plane(a: Joint, b: Joint, script: Script) -> tuple[float, tuple[tuple[float, float], ...]] | None:
+def _plane(a: Joint, b: Joint, script: AssignmentEmitter) -> tuple[float, tuple[tuple[float, float], ...]] | None:
     """Angle of axes in which a slide is along x or y, and the unit vectors of two slides in them.
 
     None if they are nearly parallel, or if a direction depends on parameters, which a run may change.
@@ -246,7 +250,7 @@ def _carry(chain: PlanarChain, kinematics: Kinematics, slid: Sequence[tuple[Expr
         kinematics.carried[body.name] = Carried(chain.free.first, shift, drift)
 
 
-def _wrench(kinematics: Kinematics, joint: Joint, sense: float, hinge: Placed, through: Wrench) -> Wrench:
+def _wrench(kinematics: Kinematics, joint: Joint, sense: float, hinge: Marker, through: Wrench) -> Wrench:
     """Wrench of a joint on its second body at the joint's point there. `through`: of the chain on its far end, at the hinge."""
     script, (force, torque) = kinematics.script, through
     point = script.place(joint.position, f"{joint.name} at")

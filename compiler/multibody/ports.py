@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from ..algebra.expression import ZERO, Expression, Symbol, negate
 from ..graph.mechanism import GROUND, PLANAR_POSE, POSE, Body, Frame
 from .kinematics import Kinematics
-from .link_state import Moving
-from .marker import Placed
+from .link_state import LinkState
+from .marker import Marker
 from .motion import MechanismEquations, PortMotion
 from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
 from .rotations import NO_TURN, AxialTurn, Turn, composed, of_rotation_vector
@@ -26,7 +26,7 @@ class PortWriter:
         self.planar = kinematics.mechanism.planar
 
     # ------------------------------------------------------------ tree joints
-    def tree_joint(self, moving: Moving) -> None:
+    def tree_joint(self, moving: LinkState) -> None:
         """Ports of a link's coordinates."""
         link = moving.link
         if isinstance(link.part, Body):
@@ -38,7 +38,7 @@ class PortWriter:
             displacement = self.script.held(coordinate.name, coordinate.value)
             self.result.motions[coordinate.name] = PortMotion(coordinate.rate, coordinate.value, displacement)
 
-    def _ball(self, moving: Moving) -> None:
+    def _ball(self, moving: LinkState) -> None:
         """Rotation vector of the second body relative to the first, its rates, and the torque dual to these."""
         link, attitude, script = moving.link, moving.attitude, self.script
         assert attitude is not None
@@ -73,7 +73,7 @@ class PortWriter:
             frame.name, self.kinematics.placed(frame.body, point, frame.name), NO_TURN, point, frame.axes == "body"
         )
 
-    def _pose(self, name: str, placed: Placed, drawn: Turn, point: Vector, own_axes: bool = False) -> None:
+    def _pose(self, name: str, placed: Marker, drawn: Turn, point: Vector, own_axes: bool = False) -> None:
         script, states = self.script, self.kinematics.states.scalars
         letters = PLANAR_POSE if self.planar else POSE
         velocity, spin = placed.velocity, placed.spin
@@ -93,7 +93,7 @@ class PortWriter:
         if any(turned):
             self._push(name, placed, own_axes)
 
-    def _attitude(self, name: str, turn: Turn, spin: Vector, states: Mapping[str, object], placed: Placed) -> None:
+    def _attitude(self, name: str, turn: Turn, spin: Vector, states: Mapping[str, object], placed: Marker) -> None:
         script = self.script
         if self.planar:
             port = f"{name}.phi"
@@ -114,7 +114,7 @@ class PortWriter:
         for i, letter in enumerate(("rx", "ry", "rz")):
             self.result.motions[f"{name}.{letter}"] = PortMotion(spin[i], vector[i], None)
 
-    def _push(self, name: str, placed: Placed, own_axes: bool) -> None:
+    def _push(self, name: str, placed: Marker, own_axes: bool) -> None:
         e = [self.efforts.get(f"{name}.{c}", ZERO) for c in POSE]
         force: Vector = (e[0], e[1], e[2])
         torque: Vector = (e[3], e[4], self.efforts.get(f"{name}.phi", e[5]))

@@ -19,8 +19,8 @@ from .coordinates import is_turning
 from .errors import NothingMoves
 from .inertia import LinkInertia, Square, link_inertia
 from .kinematics import Kinematics
-from .link_state import Moving
-from .marker import Placed
+from .link_state import LinkState
+from .marker import Marker
 from .vectors import NULL, Matrix, Vector, cross, is_null, matrix_of, negated, plus, summed
 
 Row = list[Expression]  # of six
@@ -69,7 +69,7 @@ class Recursion:
             for index in range(len(self.moving)):
                 self._outwards(index)
 
-    def own_matrix(self, moving: Moving) -> Square:
+    def own_matrix(self, moving: LinkState) -> Square:
         """Inertia matrix of a link's bodies, with the addition about idle rotations."""
         inertia, added = self.inertias[moving.index], self.idle.get(moving.index)
         if added is not None:
@@ -86,7 +86,7 @@ class Recursion:
             self.lent[index, number] = Number(sqrt(inertia)), unknown
 
     # ------------------------------------------------------------ inwards
-    def _load(self, moving: Moving, inertia: LinkInertia) -> Row:
+    def _load(self, moving: LinkState, inertia: LinkInertia) -> Row:
         """Bias torque and force at zero acceleration: velocity-dependent terms minus the applied wrench."""
         torque, force = NULL, NULL
         active = moving.branch.active
@@ -120,7 +120,7 @@ class Recursion:
         if moving.parent is not None:
             self._hand_over(index, matrix, load, prescribed, name)
 
-    def _world_load(self, moving: Moving, load: Row) -> None:
+    def _world_load(self, moving: LinkState, load: Row) -> None:
         """Rotate a force in world axes on a floating body to body axes, unless nothing depends on the rotation."""
         if is_null(moving.world_force) or self._is_alone(moving):
             return
@@ -128,12 +128,12 @@ class Recursion:
         for i in range(3):
             load[3 + i] = load[3 + i] - force[i]
 
-    def _is_alone(self, moving: Moving) -> bool:
+    def _is_alone(self, moving: LinkState) -> bool:
         """Return True if a floating link has no children and its centre of mass is its point of reference."""
         floats, has_arm = moving.link.step.kind == "float", not is_null(self.inertias[moving.index].moment)
         return floats and moving.index not in self._parents and not has_arm
 
-    def _effort(self, moving: Moving, number: int) -> Expression:
+    def _effort(self, moving: LinkState, number: int) -> Expression:
         if moving.link.step.kind == "float":
             return ZERO
         if moving.attitude is not None:
@@ -186,11 +186,11 @@ class Recursion:
                     load[r] = self._let(f"{name}.b{r}", load[r] + step.whole[r] * step.pull)
         return True
 
-    def nothing(self, moving: Moving, number: int) -> None:
+    def nothing(self, moving: LinkState, number: int) -> None:
         """Report that nothing moves along a coordinate."""
         self.diagnostics.append(self._nothing(moving, number))
 
-    def _nothing(self, moving: Moving, number: int) -> NothingMoves:
+    def _nothing(self, moving: LinkState, number: int) -> NothingMoves:
         link = moving.link
         name = link.coordinates[number]
         what = "inertia" if is_turning(name.rpartition(".")[2]) else "mass"
@@ -245,7 +245,7 @@ class Recursion:
             loads[a] = self._let(f"{name}.down{a}", loads[a] + rest[a])
 
     # ------------------------------------------------------------ outwards
-    def _carried(self, moving: Moving, name: str) -> Row:
+    def _carried(self, moving: LinkState, name: str) -> Row:
         """Acceleration of a link's point and axes with zero second derivatives of its own coordinates."""
         script = self.script
         if moving.parent is None:
@@ -332,7 +332,7 @@ class Recursion:
         row = self.known[index] = [self._let(f"{name}{i}", x) for i, x in enumerate(k)]
         return (row[0], row[1], row[2]), (row[3], row[4], row[5])
 
-    def seen(self, placed: Placed, name: str) -> tuple[Vector, Vector]:
+    def seen(self, placed: Marker, name: str) -> tuple[Vector, Vector]:
         """Acceleration of a marker and angular acceleration of its body, in the inertial frame, world axes."""
         index = None if placed.body == GROUND else self.kinematics.tree.place[placed.body]
         if index is None:
@@ -344,7 +344,7 @@ class Recursion:
         turning = self.kinematics.world(index, angular, f"{name}.turning")
         return plus(there, self._fall(moving)), turning
 
-    def _fall(self, moving: Moving) -> Vector:
+    def _fall(self, moving: LinkState) -> Vector:
         """Gravity, without the component across the plane of a planar branch, in which nothing accelerates."""
         branch = moving.branch
         if all(i in branch.active for i in (3, 4, 5)):
@@ -354,7 +354,7 @@ class Recursion:
         return to_world(branch.basis, (x, y, z))
 
 
-def _rows(moving: Moving) -> list[Row]:
+def _rows(moving: LinkState) -> list[Row]:
     return [[*turn, *slip] for turn, slip in moving.columns]
 
 

@@ -9,14 +9,14 @@ axis is not determined, r has no rate. A body that turns freely has `attitude` i
 from __future__ import annotations
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, add, call, divide, multiply, negate, select
-from .assignment_emitter import Script
+from .assignment_emitter import AssignmentEmitter
 from .rotations import HALF, TWO, Quaternion
 from .vectors import Vector, cross, plus, scaled
 
 SLIGHT = Number(1e-4)  # tan^2 of half the angle below which the series are exact to round-off
 
 
-def rotation_vector(script: Script, p: Quaternion, name: str) -> Vector:
+def rotation_vector(script: AssignmentEmitter, p: Quaternion, name: str) -> Vector:
     """Rotation vector of a quaternion of any length."""
     known = [k for k in range(1, 4) if p[k] != ZERO]
     if not known:
@@ -44,7 +44,7 @@ def _polynomial(t: Expression, *coefficients: float) -> Expression:
     return value
 
 
-def _g(script: Script, p: Quaternion, r: Vector, name: str) -> Expression:
+def _g(script: AssignmentEmitter, p: Quaternion, r: Vector, name: str) -> Expression:
     """(1 - a/2 cot(a/2)) / a^2."""
     square = script.let(f"{name}.sine square", add(*(c * c for c in p[1:])))
     angle_square = script.let(f"{name}.angle square", add(*(c * c for c in r)))
@@ -55,7 +55,7 @@ def _g(script: Script, p: Quaternion, r: Vector, name: str) -> Expression:
     return script.let(f"{name}.g", select(is_slight, series, (1.0 - half * cot) / select(is_slight, ONE, angle_square)))
 
 
-def _mapped(script: Script, p: Quaternion, r: Vector, w: Vector, sign: float, name: str) -> Vector:
+def _mapped(script: AssignmentEmitter, p: Quaternion, r: Vector, w: Vector, sign: float, name: str) -> Vector:
     """w + sign/2 r x w + g r x (r x w); simply w if both are along one axis."""
     once = cross(r, w)
     if all(c == ZERO for c in once):
@@ -65,17 +65,19 @@ def _mapped(script: Script, p: Quaternion, r: Vector, w: Vector, sign: float, na
     return script.vector(name, plus(w, scaled(Number(sign / 2), once), scaled(_g(script, p, r, name), twice)))
 
 
-def rates_from_spin(script: Script, p: Quaternion, r: Vector, spin: Vector, of_second: bool, name: str) -> Vector:
+def rates_from_spin(
+    script: AssignmentEmitter, p: Quaternion, r: Vector, spin: Vector, of_second: bool, name: str
+) -> Vector:
     """r', from the angular velocity of B relative to A in the axes of B (the second) or A."""
     return _mapped(script, p, r, spin, 1.0 if of_second else -1.0, name)
 
 
-def torque_from_efforts(script: Script, p: Quaternion, r: Vector, efforts: Vector, of_second: bool, name: str) -> Vector:  # fmt: skip
+def torque_from_efforts(script: AssignmentEmitter, p: Quaternion, r: Vector, efforts: Vector, of_second: bool, name: str) -> Vector:  # fmt: skip
     """Torque on B with the power of efforts on r', in the axes of B or A."""
     return _mapped(script, p, r, efforts, -1.0 if of_second else 1.0, name)
 
 
-def turned_by_rates(script: Script, p: Quaternion, r: Vector, rates: Vector, name: str) -> Vector:
+def turned_by_rates(script: AssignmentEmitter, p: Quaternion, r: Vector, rates: Vector, name: str) -> Vector:
     """Angular velocity in the axes of B, from r' (for constant starts).
 
     w = r' - (1 - cos a)/a^2 r x r' + (a - sin a)/a^3 r x (r x r').

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from ..algebra.expression import ONE, ZERO, Expression, Number, add, call, divide, multiply, negate
 from ..fast_dataclass import dataclass
-from .assignment_emitter import Script
+from .assignment_emitter import AssignmentEmitter
 from .vectors import UNIT, Matrix, Vector, applied, matrix_of, product, scaled, summed, transposed
 
 HALF, TWO = Number(0.5), Number(2.0)
@@ -24,13 +24,13 @@ class Turn(Protocol):
 
     @property
     def is_none(self) -> bool: ...
-    def apply(self, script: Script, v: Vector, name: str) -> Vector: ...
-    def back(self, script: Script, v: Vector, name: str) -> Vector: ...
-    def swing(self, script: Script, v: Vector, name: str) -> Vector: ...
-    def symmetric(self, script: Script, m: Matrix, name: str) -> Matrix: ...
-    def similar(self, script: Script, m: Matrix, name: str) -> Matrix: ...
-    def deviation(self, script: Script, name: str) -> Matrix: ...
-    def quaternion(self, script: Script, name: str) -> Quaternion: ...
+    def apply(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector: ...
+    def back(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector: ...
+    def swing(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector: ...
+    def symmetric(self, script: AssignmentEmitter, m: Matrix, name: str) -> Matrix: ...
+    def similar(self, script: AssignmentEmitter, m: Matrix, name: str) -> Matrix: ...
+    def deviation(self, script: AssignmentEmitter, name: str) -> Matrix: ...
+    def quaternion(self, script: AssignmentEmitter, name: str) -> Quaternion: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,20 +52,20 @@ class AxialTurn:
     def sin(self) -> Expression:
         return call("sin", self.angle)
 
-    def versine(self, script: Script, name: str) -> Expression:
+    def versine(self, script: AssignmentEmitter, name: str) -> Expression:
         """1 - cos."""
         half = call("sin", self.angle / TWO)
         return script.let(f"{name}.versine", multiply(TWO, half, half))
 
-    def apply(self, script: Script, v: Vector, name: str) -> Vector:
+    def apply(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector:
         """R v."""
         return self._turned(script, v, name, self.sin)
 
-    def back(self, script: Script, v: Vector, name: str) -> Vector:
+    def back(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector:
         """The transposed R times v."""
         return self._turned(script, v, name, negate(self.sin))
 
-    def _turned(self, script: Script, v: Vector, name: str, s: Expression) -> Vector:
+    def _turned(self, script: AssignmentEmitter, v: Vector, name: str, s: Expression) -> Vector:
         i, j = (self.axis + 1) % 3, (self.axis + 2) % 3
         if self.is_none or (v[i] == ZERO and v[j] == ZERO):
             return v
@@ -74,7 +74,7 @@ class AxialTurn:
         result[j] = script.let(f"{name}.{'xyz'[j]}", s * v[i] + self.cos * v[j])
         return result[0], result[1], result[2]
 
-    def swing(self, script: Script, v: Vector, name: str) -> Vector:
+    def swing(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector:
         """(R - 1) v."""
         i, j = (self.axis + 1) % 3, (self.axis + 2) % 3
         result: list[Expression] = [ZERO, ZERO, ZERO]
@@ -84,11 +84,11 @@ class AxialTurn:
             result[j] = script.let(f"{name}.d{'xyz'[j]}", self.sin * v[i] - less * v[j], "m")
         return result[0], result[1], result[2]
 
-    def symmetric(self, script: Script, m: Matrix, name: str) -> Matrix:
+    def symmetric(self, script: AssignmentEmitter, m: Matrix, name: str) -> Matrix:
         """R m R^T of a symmetric matrix."""
         return self.similar(script, m, name, True)
 
-    def similar(self, script: Script, m: Matrix, name: str, symmetric: bool = False) -> Matrix:
+    def similar(self, script: AssignmentEmitter, m: Matrix, name: str, symmetric: bool = False) -> Matrix:
         """R m R^T. In the block of the plane, with w = c^2 (a - d) - c s (b + e), the diagonal is d + w, a - w."""
         if self.is_none:
             return m
@@ -117,7 +117,7 @@ class AxialTurn:
             new[k][i], new[k][j] = turned[i], turned[j]
         return matrix_of(new)
 
-    def deviation(self, script: Script, name: str) -> Matrix:
+    def deviation(self, script: AssignmentEmitter, name: str) -> Matrix:
         """R - 1."""
         i, j = (self.axis + 1) % 3, (self.axis + 2) % 3
         new: list[list[Expression]] = [[ZERO] * 3 for _ in range(3)]
@@ -126,7 +126,7 @@ class AxialTurn:
             new[i][j], new[j][i] = negate(self.sin), self.sin
         return matrix_of(new)
 
-    def quaternion(self, script: Script, name: str) -> Quaternion:
+    def quaternion(self, script: AssignmentEmitter, name: str) -> Quaternion:
         """Unit quaternion (w, x, y, z)."""
         half = self.angle / TWO
         parts: list[Expression] = [ZERO, ZERO, ZERO]
@@ -145,23 +145,23 @@ class AnyTurn:
     def is_none(self) -> bool:
         return all(x == ZERO for row in self.less for x in row)
 
-    def matrix(self, script: Script, name: str) -> Matrix:
+    def matrix(self, script: AssignmentEmitter, name: str) -> Matrix:
         """R."""
         return script.matrix(f"{name}.matrix", summed(UNIT, self.less))
 
-    def apply(self, script: Script, v: Vector, name: str) -> Vector:
+    def apply(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector:
         """R v."""
         return script.vector(name, applied(summed(UNIT, self.less), v))
 
-    def back(self, script: Script, v: Vector, name: str) -> Vector:
+    def back(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector:
         """The transposed R times v."""
         return script.vector(name, applied(transposed(summed(UNIT, self.less)), v))
 
-    def swing(self, script: Script, v: Vector, name: str) -> Vector:
+    def swing(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector:
         """(R - 1) v."""
         return script.vector(f"{name}.d", applied(self.less, v), "m")
 
-    def symmetric(self, script: Script, m: Matrix, name: str) -> Matrix:
+    def symmetric(self, script: AssignmentEmitter, m: Matrix, name: str) -> Matrix:
         """R m R^T of a symmetric matrix: only half of it is computed."""
         r = summed(UNIT, self.less)
         half = script.matrix(f"{name}.half", product(r, m))
@@ -172,17 +172,17 @@ class AnyTurn:
                 new[i][j] = new[j][i] = script.let(f"{name}.{'xyz'[i]}{'xyz'[j]}", value)
         return matrix_of(new)
 
-    def similar(self, script: Script, m: Matrix, name: str) -> Matrix:
+    def similar(self, script: AssignmentEmitter, m: Matrix, name: str) -> Matrix:
         """R m R^T."""
         r = summed(UNIT, self.less)
         half = script.matrix(f"{name}.half", product(r, m))
         return script.matrix(name, product(half, transposed(r)))
 
-    def deviation(self, script: Script, name: str) -> Matrix:
+    def deviation(self, script: AssignmentEmitter, name: str) -> Matrix:
         """R - 1."""
         return self.less
 
-    def quaternion(self, script: Script, name: str) -> Quaternion:
+    def quaternion(self, script: AssignmentEmitter, name: str) -> Quaternion:
         """Quaternion (w, x, y, z)."""
         return self.parts
 
@@ -190,7 +190,7 @@ class AnyTurn:
 NO_TURN = AxialTurn(2, ZERO)
 
 
-def composed(script: Script, first: Turn, second: Turn, name: str) -> Turn:
+def composed(script: AssignmentEmitter, first: Turn, second: Turn, name: str) -> Turn:
     """Product of two rotations (first second v): one angle if both are about one axis."""
     if first.is_none:
         return second
@@ -221,7 +221,7 @@ def conjugate(p: Quaternion) -> Quaternion:
     return p[0], negate(p[1]), negate(p[2]), negate(p[3])
 
 
-def of_quaternion(script: Script, p: Quaternion, name: str) -> AnyTurn:
+def of_quaternion(script: AssignmentEmitter, p: Quaternion, name: str) -> AnyTurn:
     """Rotation of a quaternion of any length, so a norm that is only nearly 1 does no harm."""
     w, x, y, z = p
     twice = script.let(f"{name}.twice", divide(TWO, add(*(c * c for c in p))))
@@ -236,7 +236,7 @@ def of_quaternion(script: Script, p: Quaternion, name: str) -> AnyTurn:
     return AnyTurn(script.matrix(f"{name}.turn", less), p)
 
 
-def about(script: Script, axis: Vector, angle: Expression, name: str) -> Turn:
+def about(script: AssignmentEmitter, axis: Vector, angle: Expression, name: str) -> Turn:
     """Rotation about a unit vector by an angle (rad)."""
     for k in range(3):
         if axis[(k + 1) % 3] == ZERO and axis[(k + 2) % 3] == ZERO:
@@ -254,7 +254,7 @@ def about(script: Script, axis: Vector, angle: Expression, name: str) -> Turn:
     return AnyTurn(script.matrix(f"{name}.turn", less), (c, *scaled(h, axis)))
 
 
-def of_rotation_vector(script: Script, v: Vector, name: str) -> Turn:
+def of_rotation_vector(script: AssignmentEmitter, v: Vector, name: str) -> Turn:
     """Rotation of a constant rotation vector (rad), of a part in the drawing."""
     known = [k for k in range(3) if v[k] != ZERO]
     if len(known) < 2:

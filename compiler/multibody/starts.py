@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from ..graph.mechanism import Body, Frame, Joint, Mechanism
-from .assignment_emitter import Script
+from .assignment_emitter import AssignmentEmitter
 from .motion import MechanismEquations
 from .tree import Tree
 
@@ -26,7 +26,9 @@ def _parts(mechanism: Mechanism) -> Iterator[Body | Frame | Joint]:
     yield from mechanism.frames
 
 
-def claim_starts(script: Script, claimed: Mapping[str, Body | Frame | Joint], result: MechanismEquations) -> None:
+def claim_starts(
+    script: AssignmentEmitter, claimed: Mapping[str, Body | Frame | Joint], result: MechanismEquations
+) -> None:
     """Add each of their starts as a claim."""
     for part in claimed.values():
         for key, bound in part.starts.items():

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from ..algebra.expression import Expression, Number, evaluate, symbols
-from .assignment_emitter import Script
+from .assignment_emitter import AssignmentEmitter
 
 
 class SampleValues:
     """Numbers for expressions: parameters with the values of this scene, arbitrary values for states and for expressions without finite value."""
 
-    def __init__(self, script: Script) -> None:
+    def __init__(self, script: AssignmentEmitter) -> None:
         self.script = script
         self.known: dict[int, float] = {}
 

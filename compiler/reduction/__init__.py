@@ -6,14 +6,14 @@ from .certificate import certify
 from .idle import refuse_idle_coordinates
 from .reduce import reduce_equations
 from .singular import behind_loops, refuse_singular_loops
-from .state_space import LinearLoop, StateSpace, Unknown
+from .state_space import LinearLoop, StateSpace, TearingVariable
 
 __all__ = [
     "Certificate",
     "LinearLoop",
     "LoopSummary",
     "StateSpace",
-    "Unknown",
+    "TearingVariable",
     "behind_loops",
     "certify",
     "reduce_equations",

@@ -15,7 +15,7 @@ from ..algebra.expression import Apply, Expression, Symbol, symbols
 from ..certificate import Certificate, LoopSummary
 from ..equations.system import Assignment, EquationSystem
 from .mobility import redundant_constraints
-from .state_space import LinearLoop, StateSpace, Unknown
+from .state_space import LinearLoop, StateSpace, TearingVariable
 from .uniqueness import is_unique, parameter_signs
 
 SPEEDS = ("m/s", "1/s")
@@ -86,7 +86,7 @@ def _loops(space: StateSpace, system: EquationSystem) -> Iterator[LoopSummary]:
     for step in space.steps:
         if isinstance(step, LinearLoop):
             yield LoopSummary(True, len(step.targets), step.members, unique(step.targets[0]))
-    loops: dict[int, list[Unknown]] = {}
+    loops: dict[int, list[TearingVariable]] = {}
     for unknown in (u for u in space.unknowns if not u.multiplier):
         loops.setdefault(unknown.loop, []).append(unknown)
     for unknowns in loops.values():

@@ -16,7 +16,7 @@ from .errors import NothingToCompute, SingularLoop
 from .opened import opened_laws
 from .order import blocks, needed, tear
 from .round_trips import Sums, without_round_trips
-from .state_space import Dependent, Entry, Forced, LinearLoop, OpenedLaw, StateSpace, Step, Unknown
+from .state_space import Dependent, Entry, Forced, LinearLoop, OpenedLaw, StateSpace, Step, TearingVariable
 
 
 def reduce_equations(system: EquationSystem, everything: bool, span: Span, opened: bool = False) -> StateSpace:
@@ -38,7 +38,7 @@ class _Reduction:
         self.assigned: dict[int, Assignment] = differentiator.assigned
         self.differentiator = differentiator
         self.pieced = {*differentiator.order, *(d.target for d in system.derivatives), *system.pieced}
-        self.unknowns: list[Unknown] = []
+        self.unknowns: list[TearingVariable] = []
         self.laws: list[OpenedLaw] = []
         self.loops: dict[int, tuple[Assignment, ...]] = {}
         bound = (i.multiplier for i in system.invariants if i.multiplier is not None)
@@ -247,7 +247,7 @@ class _Reduction:
             self.pieced |= {number} if variable in self.pieced else set()
             inner.append(Assignment(number, bound.formula, tuple(bound.arguments), assignment.span, assignment.owner))
             bound_by = variable in self.multipliers
-            self.unknowns.append(Unknown(variable, number, assignment.span, members, loop, bound_by))
+            self.unknowns.append(TearingVariable(variable, number, assignment.span, members, loop, bound_by))
         return inner
 
     def _linear(

@@ -9,13 +9,13 @@ from ..algebra.derivative import derivative
 from ..algebra.expression import Expression, Symbol, evaluate
 from ..algebra.formula import Formula
 from ..equations.system import Assignment, State
-from .state_space import LinearLoop, StateSpace, Unknown
+from .state_space import LinearLoop, StateSpace, TearingVariable
 
 Slopes = dict[int, float]  # by variable
 
 
 def slopes_at_start(
-    space: StateSpace, targets: Iterable[int], by: Iterable[State] | Iterable[Unknown]
+    space: StateSpace, targets: Iterable[int], by: Iterable[State] | Iterable[TearingVariable]
 ) -> list[Slopes] | None:
     """Partial derivatives by the states or unknowns, with unknowns at zero; None if they depend on loops, or have no value there."""
     try:

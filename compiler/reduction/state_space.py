@@ -51,7 +51,7 @@ Step = Assignment | LinearLoop
 
 
 @dataclass(frozen=True, slots=True)
-class Unknown:
+class TearingVariable:
     """A cut of a nonlinear algebraic loop: the variable makes the residual zero, together with all other unknowns."""
 
     variable: int
@@ -102,7 +102,7 @@ class StateSpace:
     variables: tuple[Variable, ...]
     steps: tuple[Step, ...]
     states: tuple[State, ...]
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[TearingVariable, ...]
     outputs: Mapping[str, int]
     quantities: Mapping[str, int]
     ports: tuple[PowerPort, ...]

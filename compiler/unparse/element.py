@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from ..algebra.expression import Expression, Number, Symbol, substitute, symbols
 from ..graph.domains import DOMAINS
 from ..graph.elements import SOURCES
-from ..graph.network import Element, Own, Quantity, Reading
+from ..graph.network import Element, PortVariable, Quantity, Reading
 from ..graph.units import JOULE
 from .literals import braces, former_name
 from .names import is_field
@@ -29,10 +29,15 @@ def _sides(node: Element, words: Words, heating: bool) -> list[Expression]:
     """Its energy, or the sides of its equations one after the other, over words."""
     equations = node.law.equations[:-1] if heating else node.law.equations
     sides = [s for pair in equations for s in pair] if node.law.energy is None else [node.law.energy]
-    own = {s.key: Symbol(words.own(node, s.key)) for side in sides for s in symbols(side) if isinstance(s.key, Own)}
+    own = {
+        s.key: Symbol(words.own(node, s.key))
+        for side in sides
+        for s in symbols(side)
+        if isinstance(s.key, PortVariable)
+    }
 
     def put(symbol: Symbol, named: bool) -> Expression:
-        if isinstance(symbol.key, Own):
+        if isinstance(symbol.key, PortVariable):
             return own[symbol.key]
         argument = node.arguments[symbol.key]
         if not isinstance(argument, float):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..algebra.expression import Symbol, add, divide, multiply
 from ..graph.elements import Kind
-from ..graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Own
+from ..graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, PortVariable
 
 
 def shared_ports(graph: BondGraph) -> dict[str, BondEnd]:
@@ -26,7 +26,9 @@ def heating_resistors(graph: BondGraph) -> set[str]:
         node = graph.nodes[bond.tail.node]
         if isinstance(node, Element) and node.kind is Kind.RESISTOR and bond.tail.port == len(node.ports) - 1 > 0:
             last = len(node.ports) - 1
-            power = add(*(multiply(Symbol(Own(p, "e")), Symbol(Own(p, "f"))) for p in range(last)))
-            if node.law.equations[-1:] == ((Symbol(Own(last, "f")), divide(power, Symbol(Own(last, "e")))),):
+            power = add(*(multiply(Symbol(PortVariable(p, "e")), Symbol(PortVariable(p, "f"))) for p in range(last)))
+            if node.law.equations[-1:] == (
+                (Symbol(PortVariable(last, "f")), divide(power, Symbol(PortVariable(last, "e")))),
+            ):
                 found.add(node.name)
     return found

@@ -7,7 +7,7 @@ from ..algebra.formula import Bound, over
 from ..graph.domains import DOMAINS
 from ..graph.elements import OF_NODE, TRANSDUCERS
 from ..graph.mechanism import domain_of
-from ..graph.network import BondGraph, Element, Junction, MechanismNode, Named, Own, Quantity, Reading
+from ..graph.network import BondGraph, Element, Junction, MechanismNode, Named, PortVariable, Quantity, Reading
 from ..graph.units import ONE, SECOND, Dimension
 from .errors import UnwrittenPort
 from .expressions import Printer, SymbolText
@@ -97,7 +97,7 @@ class Words:
             raise NotWritable(UnwrittenPort, words=".".join(w for w in words if w))
         return found
 
-    def own(self, node: Element, own: Own) -> SymbolText:
+    def own(self, node: Element, own: PortVariable) -> SymbolText:
         """An element's own variable: by its domain's letter, or by `e f q p` if another name equals that letter."""
         port = node.ports[own.port]
         domain = DOMAINS[port.domain]

@@ -17,10 +17,11 @@ PACKAGES = ("bondgraph", "compiler")
 VAGUE_LOCALS = {"found", "told", "known", "given", "wanted", "kept", "made", "seen", "held", "asked"}
 # Words that a term of the field has replaced in all names of modules, classes and functions.
 RETIRED = (
-    "Asked Because Drawn End Facts Following Found Given Handover Held InMachineCode Known Laid LeftOut Leg Look Numbers Occurrence OneByOne Pace Past "
-    "Question Sharing Shelf Sought Varying Wanted Watched Whole Wish asked asking balances bending bends choice closing crawling described door ended "
-    "everything flipping forced forms given holding instants known left_out looks nouns patience piece pieced question scatter scenery shares spin "
-    "stands stuck subject support telling traffic walls writing"
+    "Asked Because CompiledRadau Drawn End Facts Flow Following Form Found Given Handover Happening Held InMachineCode Known Laid LeftOut Leg Lent Look "
+    "Moment Moving NoSlope Numbers Occurrence OneByOne Own Pace Past Placed Prepared Question Script Sharing Shelf Sought Unknown Varying Wanted Watched "
+    "Whole Wish along asked asking balances bending bends choice closing crawling described door ended everything flipping forced forms given holding "
+    "instants known left_out looks nouns patience piece pieced prepared question scatter scenery shares spin stands stuck subject support telling traffic "
+    "walls writing"
 )
 OPENS_WITH_A_QUESTION = re.compile(r"(What|Where|Which|How|Whether)\b")
 

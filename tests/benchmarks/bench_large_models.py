@@ -113,7 +113,7 @@ class Clock:
         self.whole = self.stepping = self.ordering = 0.0
         self.fill = 0
         for owner, name, word in (
-            (phase.Phase, "__init__", "whole"), (phase.Phase, "go", "whole"), (compiled.CompiledRadau, "advance", "stepping"),
+            (phase.Phase, "__init__", "whole"), (phase.Phase, "go", "whole"), (compiled.CompiledMethod, "advance", "stepping"),
         ):  # fmt: skip
             self._time(owner, name, word)
         choose = compiled.Ordered.choose

@@ -18,7 +18,7 @@ import numpy as np
 
 import bondgraph
 from bondgraph.analysis.symbolic import state_equations
-from bondgraph.prepared import Prepared
+from bondgraph.compiled_scene import CompiledScene
 from bondgraph.simulation.integration import native_integrator
 from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.advance import advance, begin
@@ -70,9 +70,9 @@ def address(library: ctypes.CDLL, name: str) -> int:
     return found
 
 
-def evaluations(prepared: Prepared, library: ctypes.CDLL) -> list[tuple[str, float, float]]:
+def evaluations(compiled_scene: CompiledScene, library: ctypes.CDLL) -> list[tuple[str, float, float]]:
     """Name, ns of machine code by LLVM, ns by gcc; one call after another in a loop that both share."""
-    program = prepared.program
+    program = compiled_scene.program
     assert program.native is not None
     constants = program.constants(np.array(program.defaults))
     state = np.asarray(program.start(constants)) + 1e-7
@@ -95,18 +95,18 @@ def evaluations(prepared: Prepared, library: ctypes.CDLL) -> list[tuple[str, flo
 
 
 class Clock:
-    """Adds up the time inside of `CompiledRadau.advance`."""
+    """Adds up the time inside of `CompiledMethod.advance`."""
 
     def __init__(self) -> None:
-        self.total, self.steps, original = 0.0, 0, compiled.CompiledRadau.advance
+        self.total, self.steps, original = 0.0, 0, compiled.CompiledMethod.advance
 
-        def timed(solver: compiled.CompiledRadau, most: int) -> int:
+        def timed(solver: compiled.CompiledMethod, most: int) -> int:
             began = time.perf_counter()
             answer = original(solver, most)
             self.total += time.perf_counter() - began
             return answer
 
-        compiled.CompiledRadau.advance = timed  # type: ignore[method-assign]
+        compiled.CompiledMethod.advance = timed  # type: ignore[method-assign]
 
     def least(self, run: Any, times: int = 7) -> float:
         found = []
@@ -129,13 +129,13 @@ def stepping_by_gcc(model: bondgraph.Model, clock: Clock, folder: Path, library:
         def address(self, name: str) -> int:
             return address(stepping, name)
 
-    prepared = model.prepared(model.scene(), False, "native")
-    native = prepared.program.native
+    compiled_scene = model.compiled_scene(model.scene(), False, "native")
+    native = compiled_scene.program.native
     assert native is not None
     kept, places = compiled.machine_code, dict(native.addresses)
     compiled.machine_code = Code  # type: ignore[assignment]
     for name in ("derivative", "jacobian_entries", "signals"):
-        native.addresses[name] = address(library, f"{prepared.program.name}_{name}")  # type: ignore[index]
+        native.addresses[name] = address(library, f"{compiled_scene.program.name}_{name}")  # type: ignore[index]
     there = clock.least(lambda: model.simulate(target="native"))
     native.addresses.update(places)  # type: ignore[attr-defined]
     compiled.machine_code = kept
@@ -216,14 +216,14 @@ def magnitudes(model: bondgraph.Model) -> Any:
 
 def main() -> None:
     model = bondgraph.load(MODEL)
-    prepared = model.prepared(model.scene(), False, "native")
+    compiled_scene = model.compiled_scene(model.scene(), False, "native")
     lines = ["# Machine code", "", "`bench_native.py`; the least of several times, in one run on one machine.", ""]
     clock = Clock()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         library = gcc(write_c(model.compilation(model.scene()).lowered), folder, "model")
         lines += ["| manipulator | LLVM, ns | gcc -O2, ns | ratio |", "|---|---|---|---|"]
-        lines += [f"| {n} | {a:.0f} | {b:.0f} | {a / b:.2f} |" for n, a, b in evaluations(prepared, library)]
+        lines += [f"| {n} | {a:.0f} | {b:.0f} | {a / b:.2f} |" for n, a, b in evaluations(compiled_scene, library)]
         here, there = stepping_by_gcc(model, clock, folder, library)
     lines += [f"| the steps of 20 ms | {here * 1e9:.0f} | {there * 1e9:.0f} | {here / there:.2f} |", ""]
     reference = model.simulate(points=POINTS, rtol=1e-12, target="native").values

@@ -62,7 +62,7 @@ def solvers() -> Iterator[Row]:
 def code() -> Iterator[Row]:
     """2: right side and Jacobian beside gcc -O2 on C by hand; the least of many batches."""
     model = bondgraph.load(MANIPULATOR)
-    program = model.prepared(model.scene(), False, "native").program
+    program = model.compiled_scene(model.scene(), False, "native").program
     assert program.native is not None
     hand, loops = peers.by_hand(), peers.compiled("loops")
     constants = np.asarray(program.constants(np.array(program.defaults)))

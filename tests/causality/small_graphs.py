@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from compiler.algebra.expression import Number, Symbol
 from compiler.graph.elements import Kind
-from compiler.graph.network import Bond, BondEnd, BondGraph, Element, Junction, Law, Own, Port
+from compiler.graph.network import Bond, BondEnd, BondGraph, Element, Junction, Law, Port, PortVariable
 from compiler.source import Source, Span
 
 SPAN = Span(Source("small.bg", "small graph"), 0, 5)
@@ -101,8 +101,8 @@ def graph_of(small: Small, wishes: dict[tuple[int, int], str] | None = None) -> 
 def _element(name: str, kind: str, prefer: str | None) -> Element:
     ports = (Port("1", "untyped"), Port("2", "untyped")) if kind in ("TF", "GY") else (Port("", "untyped"),)
     left, right = {
-        "Se": (Own(0, "e"), None), "Sf": (Own(0, "f"), None), "C": (Own(0, "e"), Own(0, "q")), "I": (Own(0, "p"), Own(0, "f")),
-        "R": (Own(0, "e"), Own(0, "f")), "TF": (Own(0, "e"), Own(1, "e")), "GY": (Own(0, "e"), Own(1, "f")),
+        "Se": (PortVariable(0, "e"), None), "Sf": (PortVariable(0, "f"), None), "C": (PortVariable(0, "e"), PortVariable(0, "q")), "I": (PortVariable(0, "p"), PortVariable(0, "f")),
+        "R": (PortVariable(0, "e"), PortVariable(0, "f")), "TF": (PortVariable(0, "e"), PortVariable(1, "e")), "GY": (PortVariable(0, "e"), PortVariable(1, "f")),
     }[kind]  # fmt: skip
     law = Law(((Symbol(left), Number(1.0) if right is None else Number(2.0) * Symbol(right)),), None, 0)
     stored = {"C": ("q",), "I": ("p",)}.get(kind, ())

@@ -16,7 +16,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import bondgraph
-from bondgraph.prepared import chosen_target
+from bondgraph.compiled_scene import chosen_target
 from compiler.codegen.lower import lower
 from compiler.codegen.numpy import generate_program
 from compiler.codegen.program import Program

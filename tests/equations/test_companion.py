@@ -11,7 +11,7 @@ from compiler.algebra.expression import evaluate, symbols
 from compiler.compilation import Compilation
 from compiler.equations.companion import companion, companion_inputs, is_curved
 from compiler.graph.elements import Kind
-from compiler.graph.network import BondGraph, Bound, Element, Named, Own, Quantity, Reading
+from compiler.graph.network import BondGraph, Bound, Element, Named, PortVariable, Quantity, Reading
 from compiler.scene import Scene
 from compiler.source import Source
 from tests.compiling import LIBRARY, Running, compiled
@@ -211,7 +211,11 @@ class TestParts:
         for node in made.nodes:
             if isinstance(node, Element):
                 slots = {
-                    s.key for pair in node.law.equations for x in pair for s in symbols(x) if not isinstance(s.key, Own)
+                    s.key
+                    for pair in node.law.equations
+                    for x in pair
+                    for s in symbols(x)
+                    if not isinstance(s.key, PortVariable)
                 }
                 assert node.law.arity == len(node.arguments) and slots <= {*range(node.law.arity)}
         port = element(made, "gap")
@@ -241,7 +245,7 @@ class TestParts:
             for port, (rest, kind, variable) in enumerate(kinds):
                 source = element(made, rest)
                 ((left, right),) = source.law.equations
-                assert source.kind is kind and left.key == Own(0, variable) and evaluate(right, float) == 0.0  # type: ignore[attr-defined]
+                assert source.kind is kind and left.key == PortVariable(0, variable) and evaluate(right, float) == 0.0  # type: ignore[attr-defined]
                 assert not source.modulated and source.law.arity == 0
                 (bond,) = (made.bonds[b] for b in made.incident[places[rest]])
                 assert bond.tail == (places[rest], 0) and bond.head == (places[name], port)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from compiler.algebra.expression import Symbol, evaluate
-from compiler.graph.network import BondEnd, BondGraph, Element, Own
+from compiler.graph.network import BondEnd, BondGraph, Element, PortVariable
 from tests.compiling import Running, compiled
 
 TEXT = """plain model A {
@@ -55,7 +55,7 @@ def test_ports_of_a_resistor(law: str, left: list[str], f: float, g: float) -> N
     if part:
         assert bonds_at(graph, "part") == [*range(len(left))]
         keys = {s.key for pair in part.law.equations for s in pair if isinstance(s, Symbol)}
-        assert keys == {Own(i, "e") for i in range(len(left))}
+        assert keys == {PortVariable(i, "e") for i in range(len(left))}
     assert Running(compiled(text)).outputs() == pytest.approx({"f": f, "g": g}, rel=1e-12)
 
 

@@ -9,7 +9,7 @@ import pytest
 from compiler.algebra.expression import ZERO, Symbol
 from compiler.algebra.formula import Bound
 from compiler.graph.elements import Kind
-from compiler.graph.network import BondEnd, BondGraph, Element, Own, Quantity
+from compiler.graph.network import BondEnd, BondGraph, Element, PortVariable, Quantity
 from compiler.graph.switch import off_at_the_start, switch_off
 from tests.compiling import compiled
 
@@ -49,7 +49,7 @@ class TestSources:
             source = made.nodes[place]
             assert isinstance(source, Element)
             assert (source.name, source.kind, source.modulated, source.arguments) == (name, kind, False, ())
-            assert source.law.equations == ((Symbol(Own(0, variable)), ZERO),)
+            assert source.law.equations == ((Symbol(PortVariable(0, variable)), ZERO),)
             assert source.law.energy is None and source.law.arity == 0
         assert [n for i, n in enumerate(made.nodes[: len(graph.nodes)]) if i != number] == [
             n for i, n in enumerate(graph.nodes) if i != number

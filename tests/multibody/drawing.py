@@ -18,8 +18,8 @@ from compiler.graph.network import (
     Law,
     MechanismNode,
     Named,
-    Own,
     Port,
+    PortVariable,
     Quantity,
     Reading,
 )
@@ -105,7 +105,7 @@ class Drawing:
         bonds = []
         for number, (port, variable) in enumerate(driven):
             kind = Kind.EFFORT_SOURCE if variable == "e" else Kind.FLOW_SOURCE
-            law = Law(((Symbol(Own(0, variable)), Symbol(0)),), None, 1)
+            law = Law(((Symbol(PortVariable(0, variable)), Symbol(0)),), None, 1)
             domain = ports[number].domain
             nodes.append(
                 Element(f"source {port}", kind, True, (Port("", domain),), law, (Quantity(f"to {port}"),), (), {}, {}, None, None, "m", SPAN)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.prepared import chosen_target
+from bondgraph.compiled_scene import chosen_target
 from tests.compiling import MODELS
 
 OUTPUTS = ("x", "y", "phi", "c1", "c2", "c3")

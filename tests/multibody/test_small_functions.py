@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from compiler.algebra.expression import ZERO, Expression, Number, evaluate
 from compiler.graph.mechanism import Mechanism
 from compiler.graph.network import MechanismNode
-from compiler.multibody.assignment_emitter import Script
+from compiler.multibody.assignment_emitter import AssignmentEmitter
 from compiler.multibody.coordinates import _unit
 from compiler.multibody.rotation_vectors import turned_by_rates
 from compiler.multibody.tree import loop_of, spanning_tree, steps_of
@@ -32,7 +32,7 @@ class Plain:
         return v
 
 
-SCRIPT = cast(Script, Plain())
+SCRIPT = cast(AssignmentEmitter, Plain())
 
 
 def numbers(*values: float) -> Any:

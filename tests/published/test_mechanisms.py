@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.prepared import HIDDEN
+from bondgraph.compiled_scene import HIDDEN
 from tests.compiling import MODELS
 
 TOP = {  # Euler parameters, centre of mass and spins at 0.2 s; by extrapolation in quadruple precision, 26 digits agree

@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 from compiler.algebra.expression import Expression, Number, Symbol, add, multiply, substitute, symbols
 from compiler.algebra.formula import Bound
 from compiler.graph.elements import Kind
-from compiler.graph.network import BondGraph, Element, Event, Junction, MechanismNode, Own, Quantity, Reading
+from compiler.graph.network import BondGraph, Element, Event, Junction, MechanismNode, PortVariable, Quantity, Reading
 from tests.second_opinion.linkage import Linkage
 from tests.second_opinion.writer import COMPLEX, REAL, NotHeld, Writer, function, slope
 
 STATIC = frozenset({"parameter", "constant"})
 
 
-class Unknown(NamedTuple):
+class TearingVariable(NamedTuple):
     """A variable: of x, of w, of the modes m, or whether a junction is on."""
 
     kind: str
@@ -70,12 +70,12 @@ class Assembly:
 
     def unknown(self) -> Symbol:
         self.unknowns += 1
-        return Symbol(Unknown("w", self.unknowns - 1))
+        return Symbol(TearingVariable("w", self.unknowns - 1))
 
     def state(self, rate: Expression, start: Any) -> Symbol:
         self.rates.append(rate)
         self.starts.append(start)
-        return Symbol(Unknown("x", len(self.rates) - 1))
+        return Symbol(TearingVariable("x", len(self.rates) - 1))
 
     # ------------------------------------------------------------ references
     def effort(self, bond: int) -> Symbol:
@@ -109,11 +109,11 @@ class Assembly:
         if name == "time":
             return TIME
         if name in self.free:
-            return Symbol(Unknown("p", self.free.index(name)))
+            return Symbol(TearingVariable("p", self.free.index(name)))
         if name in self.integrals:
-            return Symbol(Unknown("x", self.integrals[name]))
+            return Symbol(TearingVariable("x", self.integrals[name]))
         if name in self.modes:
-            return Symbol(Unknown("m", self.modes[name]))
+            return Symbol(TearingVariable("m", self.modes[name]))
         if name in graph.delays:
             raise NotHeld("delay")
         if name not in self.quantities:
@@ -141,19 +141,19 @@ class Assembly:
             return self.linkages[node.name].reading(what.port, what.variable)
         assert isinstance(node, Element)
         port = next(i for i, p in enumerate(node.ports) if p.name == what.port)
-        return self.own(number, node, Own(port, what.variable))
+        return self.own(number, node, PortVariable(port, what.variable))
 
-    def own(self, number: int, node: Element, own: Own) -> Expression:
+    def own(self, number: int, node: Element, own: PortVariable) -> Expression:
         if own.variable in "ef":
             if (number, own.port) not in self.bond_at:
                 raise NotHeld("a port without bond")
             return self.variable(self.bond_at[number, own.port], own.variable)
-        return Symbol(Unknown("x", self.stored[node.name, own.port]))
+        return Symbol(TearingVariable("x", self.stored[node.name, own.port]))
 
     def law(self, number: int, node: Element, x: Expression) -> Expression:
         def replaced(symbol: Symbol) -> Expression:
             key = symbol.key
-            return self.own(number, node, key) if isinstance(key, Own) else self.reference(node.arguments[key])
+            return self.own(number, node, key) if isinstance(key, PortVariable) else self.reference(node.arguments[key])
 
         return substitute(x, replaced)
 
@@ -201,7 +201,7 @@ def assembled(graph: BondGraph, free: Mapping[str, float]) -> Assembly:
         node_number = next(i for i, n in enumerate(graph.nodes) if n.name == name)
         node = graph.nodes[node_number]
         assert isinstance(node, Element)
-        a.rates[place] = a.own(node_number, node, Own(port, "f" if node.stored[port] == "q" else "e"))
+        a.rates[place] = a.own(node_number, node, PortVariable(port, "f" if node.stored[port] == "q" else "e"))
     for name, integral in graph.integrals.items():
         a.rates[a.integrals[name]] = a.opened(integral.rate)
         a.starts[a.integrals[name]] = a.opened(integral.start)
@@ -256,9 +256,9 @@ def _element(a: Assembly, number: int, node: Element) -> None:
     if law.energy is not None:
         for port, letter in enumerate(node.stored):
             other = "e" if letter == "q" else "f"
-            by = a.own(number, node, Own(port, letter))
+            by = a.own(number, node, PortVariable(port, letter))
             assert isinstance(by, Symbol)
-            a.equal_zero(a.own(number, node, Own(port, other)) - slope(a.law(number, node, law.energy), by))
+            a.equal_zero(a.own(number, node, PortVariable(port, other)) - slope(a.law(number, node, law.energy), by))
         return
     for left, right in law.equations:
         a.equal_zero(a.law(number, node, left - right))
@@ -274,11 +274,11 @@ def _power(a: Assembly, number: int, node: Element) -> None:
     terms: list[Expression] = []
     for port in (0, 1):
         for letter in "ef":
-            coefficient = slope(rest, Symbol(Own(port, letter)))
+            coefficient = slope(rest, Symbol(PortVariable(port, letter)))
             if coefficient != Number(0.0):
                 # the conjugate of the *other* port's variable, which has the other letter in a gyrator
                 partner = letter if node.kind is Kind.TRANSFORMER else other[letter]
-                terms.append(multiply(coefficient, Symbol(Own(1 - port, other[partner]))))
+                terms.append(multiply(coefficient, Symbol(PortVariable(1 - port, other[partner]))))
     a.equal_zero(a.law(number, node, add(*terms)))
 
 
@@ -409,20 +409,20 @@ def stored_law(a: Assembly, number: int, node: Element, port: int, letter: str) 
     """Residual that is zero if the stored quantity, Unknown("own", 0), fits the value of effort or flow, Unknown("own", 1)."""
     if len(node.ports) > 1 and node.law.energy is None:
         raise NotHeld("the start of a field by an effort")
-    stored, value = Own(port, node.stored[port]), Own(port, letter)
+    stored, value = PortVariable(port, node.stored[port]), PortVariable(port, letter)
 
     def replaced(symbol: Symbol) -> Expression:
         key = symbol.key
         if key == stored:
-            return Symbol(Unknown("own", 0))
+            return Symbol(TearingVariable("own", 0))
         if key == value:
-            return Symbol(Unknown("own", 1))
-        if isinstance(key, Own):
+            return Symbol(TearingVariable("own", 1))
+        if isinstance(key, PortVariable):
             raise NotHeld("the start of a field by an effort")
         return a.reference(node.arguments[key])
 
     if node.law.energy is not None:
         energy = substitute(node.law.energy, replaced)
-        return Symbol(Unknown("own", 1)) - slope(energy, Symbol(Unknown("own", 0)))
+        return Symbol(TearingVariable("own", 1)) - slope(energy, Symbol(TearingVariable("own", 0)))
     ((left, right),) = node.law.equations
     return substitute(left - right, replaced)

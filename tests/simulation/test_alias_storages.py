@@ -96,7 +96,7 @@ def test_units_are_those_of_the_content() -> None:
         "  1 gate { active = time > 0.5 s and time < 1 s }\n  drive -> j -> mass\n  j -> gate -> rest\n  output v = j.f, p = mass.p\n}\n"
     )
     model = bondgraph.load(text)
-    program = model.prepared(Scene(model.model, None), False, "numpy").program
+    program = model.compiled_scene(Scene(model.model, None), False, "numpy").program
     assert (program.dependents.names, program.dependents.units) == (("mass.p",), ("N*s",))
     # 3 N on a held mass; then 3 (1 - exp(-0.5)); then held again: an impulse
     assert model.simulate(to=1.0 - 1e-9, points=3, rtol=1e-9).final("p") == pytest.approx(3 * (1 - exp(-0.5)), rel=1e-7)

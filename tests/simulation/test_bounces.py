@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.prepared import TARGETS, chosen_target
+from bondgraph.compiled_scene import TARGETS, chosen_target
 
 TEXT = """model Bounce {
   "A mass of 1 kg between springs of 1 and `stiff` N/m: energy is a (1 m)^2/2 for ever."

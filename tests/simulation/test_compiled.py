@@ -14,8 +14,8 @@ import pytest
 pytest.importorskip("llvmlite")
 
 import bondgraph
+from bondgraph.compiled_scene import HIDDEN
 from bondgraph.errors import RunFailed, UsageError
-from bondgraph.prepared import HIDDEN
 from bondgraph.results.result import Result
 from bondgraph.simulation import phase
 from bondgraph.simulation.integrators import exponential
@@ -93,14 +93,14 @@ def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPa
     1e-13, by the order of sums: 7 %, but nothing beside the tolerance.
     """
     seen: dict[str, list[tuple[float, Any]]] = {"native": [], "numpy": []}
-    original = compiled.CompiledRadau.advance
+    original = compiled.CompiledMethod.advance
 
-    def one(solver: compiled.CompiledRadau, most: int) -> int:
+    def one(solver: compiled.CompiledMethod, most: int) -> int:
         answer = original(solver, 1)
         seen["native" if solver.native else "numpy"].append((solver.last_step[1], np.array(solver.error)))
         return answer
 
-    monkeypatch.setattr(compiled.CompiledRadau, "advance", one)
+    monkeypatch.setattr(compiled.CompiledMethod, "advance", one)
     both(MODELS / "manipulator.bg", rtol=rtol, solver="radau")
     assert len(seen["native"]) == len(seen["numpy"]) > 30
     for (here, error), (there, expected) in zip(seen["native"], seen["numpy"], strict=True):
@@ -111,10 +111,10 @@ def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize("method", ["radau", "explicit", "rodas"])
 def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bit by bit: the compiled code computes the same as the source."""
-    made: list[tuple[compiled.CompiledRadau, dict[str, Any]]] = []
-    original = compiled.CompiledRadau.begin
+    made: list[tuple[compiled.CompiledMethod, dict[str, Any]]] = []
+    original = compiled.CompiledMethod.begin
 
-    def keep(solver: compiled.CompiledRadau) -> None:
+    def keep(solver: compiled.CompiledMethod) -> None:
         room = fields.room_of(solver.program, solver.method, solver.signal_count, solver.bend_count)
         numbers = [
             n for n, kind in IntegratorWorkspace.__annotations__.items() if kind in ("float", "int", "Floats", "Ints")
@@ -124,7 +124,7 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
         made.append((solver, room | copies | within))
         original(solver)
 
-    monkeypatch.setattr(compiled.CompiledRadau, "begin", keep)
+    monkeypatch.setattr(compiled.CompiledMethod, "begin", keep)
     bondgraph.load(MODELS / "pendulum.bg").simulate(to=0.3, target="native", energy=True, points=20, solver=method)
     (solver, values) = made[0]
     python = IntegratorWorkspace(**values | functions_of(IntegratorWorkspace, solver.program))
@@ -271,7 +271,7 @@ def test_the_pattern_has_room_for_all_that_comes() -> None:
     n = 30
     rows, columns = np.unravel_index(np.flatnonzero(generator.random(n * n) < 0.1), (n, n))
     program = bondgraph.load(MODELS / "duffing.bg")
-    made = program.prepared(program.scene(), False, "native").program
+    made = program.compiled_scene(program.scene(), False, "native").program
     order = compiled.Ordered(made, 1e-3)
     order.values.put({name: np.zeros(n) for name in ("diagonal", "scale", "x", "y", "xi", "yi")} | {"n": n})
     order.pattern = (rows, columns, n, n)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import bondgraph
 import bondgraph.errors
-from bondgraph.prepared import TARGETS
+from bondgraph.compiled_scene import TARGETS
 from bondgraph.results.result import Result
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]

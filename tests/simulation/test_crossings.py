@@ -13,9 +13,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import bondgraph
+from bondgraph.compiled_scene import TARGETS
 from bondgraph.errors import RunFailed
 from bondgraph.numerics.roots import crossing
-from bondgraph.prepared import TARGETS
 from bondgraph.results.result import Result
 from bondgraph.simulation.constraints.singular import SingularPoseMonitor
 from bondgraph.simulation.events.locate import _narrowed

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.compiled_scene import TARGETS, chosen_target
 from bondgraph.errors import RunFailed, RunInterrupted
-from bondgraph.prepared import TARGETS, chosen_target
 from bondgraph.results.result import Result
 from tests.stress.events import STICK_SLIP
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import bondgraph
-from bondgraph.prepared import TARGETS
+from bondgraph.compiled_scene import TARGETS
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
 COULOMB, BREAK, VISCOUS = 0.5, 0.9, 0.1  # N or N*m, and times seconds a metre or radian

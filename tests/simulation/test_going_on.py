@@ -207,32 +207,32 @@ def test_an_output_that_fails_keeps_the_rows_before() -> None:
 
 def test_what_breaks_in_the_middle_keeps_what_came_before(monkeypatch: pytest.MonkeyPatch) -> None:
     """An exception out of nowhere, in the ninth step."""
-    from bondgraph.simulation.integrators.compiled.run import CompiledRadau
+    from bondgraph.simulation.integrators.compiled.run import CompiledMethod
 
     steps = iter(range(100))
-    step = CompiledRadau.advance
+    step = CompiledMethod.advance
 
     def breaking(*given: Any) -> int:
         if next(steps) == 8:
             raise ZeroDivisionError("a law of our own making")
         return step(*given)
 
-    monkeypatch.setattr(CompiledRadau, "advance", breaking)
+    monkeypatch.setattr(CompiledMethod, "advance", breaking)
     with pytest.raises(RunBroken, match=r"ZeroDivisionError: a law of our own making, after t = ") as broken:
         bondgraph.load(HARDENING).simulate(to=5, points=5001, target="numpy")
     result = broken.value.result
     assert result is not None and result.checkpoint is not None and 1 < len(result.time) < 5000
     assert 0 <= result.checkpoint.time - result.time[-1] < 1.1e-3
-    monkeypatch.setattr(CompiledRadau, "advance", step)
+    monkeypatch.setattr(CompiledMethod, "advance", step)
     assert bondgraph.load(HARDENING).simulate(to=5, points=51, target="numpy", start=result).time[-1] == 5
 
 
 @pytest.mark.parametrize("target", ["numpy", pytest.param("native", marks=pytest.mark.machine_code)])
 def test_an_interrupted_run_goes_on(target: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C as it comes in a run of hours: after so many steps of Python, or so many calls of machine code."""
-    from bondgraph.simulation.integrators.compiled.run import CompiledRadau
+    from bondgraph.simulation.integrators.compiled.run import CompiledMethod
 
-    step, left = CompiledRadau.advance, iter(range(10**9))
+    step, left = CompiledMethod.advance, iter(range(10**9))
 
     def interrupted(*given: Any) -> Any:
         if next(left) == (200 if target == "numpy" else 4):
@@ -241,7 +241,7 @@ def test_an_interrupted_run_goes_on(target: str, monkeypatch: pytest.MonkeyPatch
 
     text = HARDENING.replace("R  damper : F = 0.5", "R  damper : F = 0.0").replace("0 .. 5 s", "0 .. 1e6 s")
     model = bondgraph.load(text)
-    monkeypatch.setattr(CompiledRadau, "advance", interrupted)
+    monkeypatch.setattr(CompiledMethod, "advance", interrupted)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores it
     try:
         with pytest.raises(RunInterrupted) as stopped:

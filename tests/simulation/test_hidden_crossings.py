@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.prepared import TARGETS
+from bondgraph.compiled_scene import TARGETS
 from tests.simulation.test_exponential_events import IDEAL
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]

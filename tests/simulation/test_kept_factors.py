@@ -28,7 +28,7 @@ LEAKS = {
 def coarse_run(leak: str, target: str, keeping: bool = True) -> PilotRun:
     text = large_models.network(large_models.mesh_edges(SIDE), SIDE**2, leak=leak)
     model = Model(Source("mesh.bg", text))
-    program = model.prepared(model.scene(), False, target).program
+    program = model.compiled_scene(model.scene(), False, target).program
     constants = program.constants(np.array(program.defaults))
     state = np.asarray(program.start(constants), dtype=float)
     run = PilotRun(program, constants, np.array(program.input_defaults), state)

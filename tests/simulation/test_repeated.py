@@ -120,8 +120,8 @@ def test_threads_share_what_was_found() -> None:
 def test_shared_values_are_not_written() -> None:
     model = bondgraph.load(MODELS / "quarter_car.bg")
     model.simulate()
-    (prepared,) = model._prepared.values()
-    (values,) = prepared.program.kept["run values"].values()
+    (compiled_scene,) = model._prepared.values()
+    (values,) = compiled_scene.program.kept["run values"].values()
 
     def arrays() -> list[bytes]:
         modes = [s.mode for course in values.answers["timeline"].values() for s in course.segments]
@@ -188,7 +188,7 @@ def test_numbers_that_allow_for_no_such_order_get_their_own(monkeypatch: pytest.
         model = bondgraph.load(
             large_models.network([(i + 1, j + 1) for i, j in zip(rows, columns, strict=True) if i < j], 100)
         )
-        program = model.prepared(model.scene(), False, "native").program
+        program = model.compiled_scene(model.scene(), False, "native").program
         order = compiled.Ordered(program, 1e-3)
         places = dict(zip(zip(rows.tolist(), columns.tolist(), strict=True), entries, strict=True))
         assert order.choose(1e-9, np.array([places[i, j] for i, j in zip(*program.pattern, strict=True)]))
@@ -197,7 +197,7 @@ def test_numbers_that_allow_for_no_such_order_get_their_own(monkeypatch: pytest.
 
 def test_records_share_nothing() -> None:
     model = bondgraph.load(MODELS / "duffing.bg")
-    program = model.prepared(model.scene(), False, "native").program
+    program = model.compiled_scene(model.scene(), False, "native").program
     one, other = (compiled.Ordered(program, small).values for small in (1e-3, 0.5))
     one["x"][:] = 1.0
     assert other["x"].tolist() == [0.0] * len(program.states.names) and (one["small"], other["small"]) == (1e-3, 0.5)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.prepared import chosen_target
+from bondgraph.compiled_scene import chosen_target
 from bondgraph.simulation.settings import settle
 from tests.compiling import MODELS
 
@@ -95,7 +95,7 @@ def test_one_program_for_all_values() -> None:
     assert len(scenes) == 1
     one, other = (bondgraph.load(LOSSY).simulate(settings={"r": r}) for r in (0.25, "250 [g/s]"))
     np.testing.assert_array_equal(one.values, other.values)
-    program = model.prepared(scenes.pop(), False, target).program
+    program = model.compiled_scene(scenes.pop(), False, target).program
     assert {"r", "push"} <= set(program.parameters.names)
 
 

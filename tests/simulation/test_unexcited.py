@@ -12,8 +12,8 @@ import pytest
 
 import bondgraph
 from bondgraph import RunFailed, UsageError
+from bondgraph.compiled_scene import chosen_target
 from bondgraph.model import Model
-from bondgraph.prepared import chosen_target
 from bondgraph.results.result import Result
 from bondgraph.simulation.run import RunOptions, run
 from bondgraph.simulation.settings import settle

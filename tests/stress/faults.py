@@ -216,15 +216,15 @@ def _exception(found: Section, way: Way) -> None:
 
     model = bondgraph.load(harmless(way))
     model.simulate(None, to=1e-3, **way.arguments)
-    for prepared in model._prepared.values():
-        program = prepared.program
+    for compiled_scene in model._prepared.values():
+        program = compiled_scene.program
 
         def wrong(time: Any, *rest: Any, right: Any = program.derivative) -> Any:
             if np.max(time) > 0.5:
                 raise Broken(f"at {time}")
             return right(time, *rest)
 
-        prepared.__dict__["program"] = replace(program, derivative=wrong)
+        compiled_scene.__dict__["program"] = replace(program, derivative=wrong)
     try:
         with within(60.0):
             model.simulate(None, to=1.0, **way.arguments)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import bondgraph
-from bondgraph import prepared
+from bondgraph import compiled_scene
 from bondgraph.model import Model
 from compiler.api import SOLVERS
 
@@ -29,7 +29,7 @@ class Way:
 
 def targets() -> tuple[str, ...]:
     """The back-ends of this machine, the fastest first."""
-    if os.environ.get(prepared.HIDDEN) or prepared.chosen_target(None) != "native":
+    if os.environ.get(compiled_scene.HIDDEN) or compiled_scene.chosen_target(None) != "native":
         return ("numpy",)
     return ("native", "numpy")
 

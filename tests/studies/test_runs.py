@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.prepared import chosen_target
+from bondgraph.compiled_scene import chosen_target
 from bondgraph.studies import local_workers, workers
 from bondgraph.studies.workers import Workers
 from tests.compiling import MODELS

@@ -17,8 +17,8 @@ from click.testing import CliRunner
 
 import bondgraph
 from bondgraph.commands import commands
+from bondgraph.compiled_scene import CompiledScene
 from bondgraph.errors import UsageError
-from bondgraph.prepared import Prepared
 from bondgraph.simulation import phase, resume
 from bondgraph.simulation.monitors import energy
 from bondgraph.simulation.run import PhaseSequence
@@ -159,14 +159,14 @@ Patch = pytest.MonkeyPatch
 
 def other_start(monkeypatch: Patch, change: Callable[[tuple[str, ...], Any], Any]) -> None:
     """Programs start elsewhere: `change` gets the names of the states and their start."""
-    program = vars(Prepared)["program"].func
+    program = vars(CompiledScene)["program"].func
 
-    def changed(prepared: Prepared) -> Any:
-        right = program(prepared)
+    def changed(compiled_scene: CompiledScene) -> Any:
+        right = program(compiled_scene)
         names = right.states.names
         return replace(right, start=lambda constants: change(names, np.array(right.start(constants), dtype=float)))
 
-    monkeypatch.setattr(Prepared, "program", property(changed))
+    monkeypatch.setattr(CompiledScene, "program", property(changed))
 
 
 def wrong_slope(monkeypatch: Patch) -> None:

@@ -11,7 +11,7 @@ from compiler.algebra.expression import Expression, Number, Symbol, substitute
 from compiler.algebra.formula import Bound
 from compiler.compilation import Compilation
 from compiler.graph.mechanism import Body, Joint
-from compiler.graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Own, Quantity, Reading
+from compiler.graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, PortVariable, Quantity, Reading
 
 
 class Same:
@@ -49,12 +49,12 @@ class Same:
         raise AssertionError(argument)
 
     def mine(self, x: Expression, arguments: tuple[Any, ...]) -> Expression:
-        return substitute(x, lambda s: s if isinstance(s.key, Own) else self.reference(arguments[s.key]))
+        return substitute(x, lambda s: s if isinstance(s.key, PortVariable) else self.reference(arguments[s.key]))
 
     @staticmethod
     def theirs(x: Expression, arguments: tuple[Any, ...]) -> Expression:
         def put(s: Symbol) -> Expression:
-            if isinstance(s.key, Own):
+            if isinstance(s.key, PortVariable):
                 return s
             argument = arguments[s.key]
             return Number(argument) if isinstance(argument, float) else Symbol(argument)

@@ -52,7 +52,7 @@ class Path:
     ) -> None:  # fmt: skip
         from ...simulation.segments.timeline import segments
 
-        made = model.prepared(model.scene(None), True, "numpy")
+        made = model.compiled_scene(model.scene(None), True, "numpy")
         program, lowered = made.program, made.compilation.lowered
         self.names, self.start, self.stop = tuple(names), start, stop
         self._parameters = np.array(program.defaults, dtype=float)

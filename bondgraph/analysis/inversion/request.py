@@ -10,9 +10,9 @@ from ...quantities import quantity
 from ..operating_point import AnalysisRequest
 from ..placement import operating_point
 from ..sensitivity import independent
-from .along import PathRequest, invert_along
 from .drives import drives_of
 from .feed_forward import FeedForward
+from .inverse_path import PathRequest, invert_path
 from .static import Inversion, asked_for, invert
 
 if TYPE_CHECKING:
@@ -40,4 +40,4 @@ def inverted(
     most = {n: quantity(v, known[n].unit, n) if n in known else 0.0 for n, v in (along.get("limits") or {}).items()}
     start = along.get("start")
     span = 0.0 if start is None else seconds(start), seconds(to), along.get("points", 501)
-    return invert_along(PathRequest(model, targets, asked, *span, along.get("moving", False), most), inputs)
+    return invert_path(PathRequest(model, targets, asked, *span, along.get("moving", False), most), inputs)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from compiler.api import CompilationFailed, Experiment
 
+from ...compiled_scene import many_runs
 from ...errors import MissingPackage, RunFailed, UsageError
-from ...prepared import many_runs
 from ...studies.experiment import run
 from ...studies.options import Options
 from ..text.tables import short, shown_unit, visible

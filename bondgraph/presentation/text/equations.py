@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from compiler.api import LinearLoop, StateSpace, Unknown, to_sympy
+from compiler.api import LinearLoop, StateSpace, TearingVariable, to_sympy
 
 from .tables import visible
 
@@ -46,7 +46,7 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
         yield f"{text.ljust(width)}  # {place}"
 
 
-def _solved_for(space: StateSpace, unknown: Unknown) -> str:
+def _solved_for(space: StateSpace, unknown: TearingVariable) -> str:
     return f"solved for {space.variables[unknown.variable].name}, loop of {', '.join(unknown.members)}"
 
 

@@ -13,7 +13,7 @@ from ...numerics.scales import group_numbers, largest_of_group
 from ...quantities import behind
 
 if TYPE_CHECKING:
-    from ...prepared import Prepared
+    from ...compiled_scene import CompiledScene
     from ..constraints.constraints import Constraints
 
 SHIFTS = (-1e6, -37.0, -1.0, -1e-3, 1e-3, 1.0, 59.0, 1e6)  # shifts of a state, to see if a condition reads it
@@ -100,7 +100,7 @@ def steady_rates(
     return {names[i]: float(rates[i]) for i in moving if abs(rates[i]) > terms[i]}
 
 
-def check_steady(made: Prepared, program: Program, moving: dict[str, float]) -> None:
+def check_steady(made: CompiledScene, program: Program, moving: dict[str, float]) -> None:
     """Raise `RunFailed` for a drift that is no steady rotation: an angle whose speed is determined by a balance."""
     rows, columns = (np.asarray(part, dtype=int) for part in program.pattern)
     rates_of = {made.state_space.variables[s.variable].name: s.rate for s in made.state_space.states} if moving else {}

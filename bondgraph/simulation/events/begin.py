@@ -20,13 +20,13 @@ from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment, with_discrete_variables
 from ..segments.transition import PhaseTransition
 from .complementarity import Companion, Instant
-from .events import Events, Moment, conditions_of
+from .events import Events, HybridState, conditions_of
 from .impulse import StorageJump, after_impulse
 
 if TYPE_CHECKING:
     from compiler.api import RunMetadata, Scene
 
-    from ...prepared import Prepared
+    from ...compiled_scene import CompiledScene
 
 MOST_MODES = 30  # modes tried at a start
 
@@ -51,11 +51,11 @@ class UntilEvent:
 
 
 def companion_of(
-    made: Callable[[Scene, bool], Prepared], scene: Scene, facts: RunMetadata, values: Mapping[str, float], ends: tuple[float, float]
+    made: Callable[[Scene, bool], CompiledScene], scene: Scene, facts: RunMetadata, values: Mapping[str, float], ends: tuple[float, float]
 ) -> Companion:  # fmt: skip
     """Return the companion model of the switched junctions of a scene, which valves and integrals need. `ends`: of the run."""
 
-    def network(off: tuple[str, ...]) -> Prepared:
+    def network(off: tuple[str, ...]) -> CompiledScene:
         alone = replace(scene, preferences=(), off=off, companion=True, conserving=False, by=(), upstream=False)
         return made(alone, False)
 
@@ -65,7 +65,7 @@ def companion_of(
 
 
 def conducting_at_start(
-    first: Prepared, companion: Companion, start: float
+    first: CompiledScene, companion: Companion, start: float
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Return the modes of the valves at the beginning of a run that the start values require, and the junctions that are off with them."""
     hybrid = first.program.hybrid
@@ -83,10 +83,10 @@ def with_modes(program: Program, first: Segment, modes: Mapping[str, float]) -> 
     return replace(first, mode=with_discrete_variables(program.hybrid, first.mode, modes))
 
 
-def with_mode(space: Prepared, constraints: Constraints, state: Array, first: Segment, horizon: float) -> Segment:
+def with_mode(space: CompiledScene, constraints: Constraints, state: Array, first: Segment, horizon: float) -> Segment:
     """Return the first segment with the mode that fits the consistent initial state. Raises `RunFailed` if there is none."""
     events = Events(constraints, nonzero(np.abs(state)), horizon)
-    mode = events.guess(Moment(first.start, state, first.mode))
+    mode = events.guess(HybridState(first.start, state, first.mode))
     seen = set()
     for _ in range(MOST_MODES):
         first = replace(first, mode=mode)
@@ -94,7 +94,7 @@ def with_mode(space: Prepared, constraints: Constraints, state: Array, first: Se
             constraints.program, space, constraints.constants, constraints.inputs, state, first, constraints
         )
         events.measure(nonzero(np.abs(full)))
-        found = events.settled(Moment(first.start, full, mode)).mode
+        found = events.settled(HybridState(first.start, full, mode)).mode
         if (found == mode).all():
             return first
         mode = found
@@ -108,22 +108,22 @@ def with_mode(space: Prepared, constraints: Constraints, state: Array, first: Se
 
 def off_in(constraints: Constraints, full: Array, first: Segment) -> tuple[str, ...]:
     """Return the junctions that are off before any event acts."""
-    return Events(constraints, nonzero(np.abs(full)), 1.0).actives(Moment(first.start, full, first.mode))
+    return Events(constraints, nonzero(np.abs(full)), 1.0).actives(HybridState(first.start, full, first.mode))
 
 
 def begun(
     constraints: Constraints, full: Array, first: Segment, horizon: float, companion: Companion | None
-) -> tuple[Events, Moment]:
+) -> tuple[Events, HybridState]:
     """Return the events of a run, and the hybrid state after all events at its beginning."""
     events = Events(constraints, nonzero(np.abs(full)), horizon, companion=companion)
-    moment = events.happen(Moment(first.start, full, first.mode), due=events.due(first.start))
+    moment = events.happen(HybridState(first.start, full, first.mode), due=events.due(first.start))
     events.tell_valves(first.mode)
     return events, moment
 
 
 def continued(
     constraints: Constraints, state: Array, first: Segment, begin: PhaseTransition, horizon: float, companion: Companion | None
-) -> tuple[Events, Moment, tuple[StorageJump, ...]]:  # fmt: skip
+) -> tuple[Events, HybridState, tuple[StorageJump, ...]]:  # fmt: skip
     """Return the events of a run that goes on in this program, the hybrid state at that instant, and the jumps there."""
     program = constraints.program
     names, hybrid = program.states.names, program.hybrid
@@ -133,7 +133,7 @@ def continued(
     events = Events(constraints, nonzero(np.abs(full)), horizon, dict(begin.on), companion=companion)
     known = np.array([begin.magnitudes.get(n) or begin.peaks.get(n, 0.0) for n in (*names, *program.unknowns.names)])
     events.measure(np.where(known > 0, known, events.magnitude))
-    mode = events.guess(Moment(first.start, full, mode))
+    mode = events.guess(HybridState(first.start, full, mode))
     jumps: tuple[StorageJump, ...] = ()
     if hybrid.junctions:
         full, jumps = after_impulse(
@@ -142,7 +142,7 @@ def continued(
         if jumps and companion is not None:
             full, passed = _through_integrals(program, full, begin, companion, jumps)
             jumps += passed
-    return events, events.happen(Moment(first.start, full, mode)), jumps
+    return events, events.happen(HybridState(first.start, full, mode)), jumps
 
 
 def _through_integrals(

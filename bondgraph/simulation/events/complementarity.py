@@ -27,7 +27,7 @@ from ..segments.timeline import with_discrete_variables
 if TYPE_CHECKING:
     from compiler.api import Array, BoolArray, Program, RunMetadata
 
-    from ...prepared import Prepared
+    from ...compiled_scene import CompiledScene
 
 # fractions of the time between switching instants: the steps h in the order of their trial
 STEPS = (1e-5, 1e-6, 1e-4, 1e-7, 1e-3, 1e-9)
@@ -88,7 +88,7 @@ class Companion:
     """
 
     def __init__(
-        self, facts: RunMetadata, made: Callable[[tuple[str, ...]], Prepared], values: Mapping[str, float], horizon: float,
+        self, facts: RunMetadata, made: Callable[[tuple[str, ...]], CompiledScene], values: Mapping[str, float], horizon: float,
         conditions: Callable[[Constraints], ConditionFunction],
     ) -> None:  # fmt: skip
         self.valves, self.gaps = facts.valves, facts.gaps

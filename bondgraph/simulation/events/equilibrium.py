@@ -22,7 +22,7 @@ from ..equilibrium.dense import EquilibriumSearch
 from ..equilibrium.search import equilibrium, found_by
 from ..segments.sampling import sampling_of
 from ..segments.timeline import Segment
-from .events import Events, Moment
+from .events import Events, HybridState
 
 MOST_MODES = 30  # most modes in which an equilibrium is searched
 SAME = 1e-9  # relative to the magnitudes: change of a state or sampled value by an event that counts as none
@@ -30,11 +30,11 @@ FARTHEST = 1e8  # relative to the first magnitudes: beyond it a counter would st
 STEP = 2.0**-13  # relative to a magnitude: difference step for sampled values, accurate enough for Newton's method
 
 
-def rest_with_events(constraints: Constraints, state: Array, first: Segment, events: Events) -> Moment:
+def rest_with_events(constraints: Constraints, state: Array, first: Segment, events: Events) -> HybridState:
     """Return the hybrid state at the equilibrium, with its mode. Raises `RunFailed` if there is none."""
     program, visited = constraints.program, []
     at, sampled = (
-        Moment(first.start, np.asarray(state, dtype=float), np.array(first.mode)),
+        HybridState(first.start, np.asarray(state, dtype=float), np.array(first.mode)),
         sampled_settings(program, constraints),
     )
     for _ in range(MOST_MODES):
@@ -42,10 +42,10 @@ def rest_with_events(constraints: Constraints, state: Array, first: Segment, eve
         if sampled:
             search = SampledSearch(program, constraints, segment, sampled)
             full = found_by(search, search.joined(at.state, at.mode))
-            at = Moment(at.time, search.split(full)[0], search.split(full)[1])
+            at = HybridState(at.time, search.split(full)[0], search.split(full)[1])
             slack[search.places] = search.slack(full)
         else:
-            at = Moment(at.time, equilibrium(program, constraints, constraints.inputs, at.state, segment), at.mode)
+            at = HybridState(at.time, equilibrium(program, constraints, constraints.inputs, at.state, segment), at.mode)
         events.measure(nonzero(np.abs(at.state)))
         events.log.clear()
         after = events.happen(at, due=events.due(at.time))

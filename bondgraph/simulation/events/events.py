@@ -43,7 +43,7 @@ UPHELD = 1e4  # in units of rounding: largest violation of a valve's sign
 
 
 @dataclass(slots=True)
-class Happening:
+class EventInstant:
     """Record of an instant: the conditions that changed and the events that acted."""
 
     time: float
@@ -52,7 +52,7 @@ class Happening:
 
 
 @dataclass(slots=True)
-class Moment:
+class HybridState:
     """Hybrid state of a run: time, state and mode."""
 
     time: float
@@ -68,7 +68,7 @@ class Events:
     magnitude: Any
     horizon: float  # length of the run, s
     on: dict[tuple[str, int], bool] = field(default_factory=dict)  # truth of the events' conditions
-    log: list[Happening] = field(default_factory=list)
+    log: list[EventInstant] = field(default_factory=list)
     companion: Companion | None = None  # companion of the ideal valves, if there are any
 
     def __post_init__(self) -> None:
@@ -137,24 +137,24 @@ class Events:
         below = roots < 0
         return below if self.all_strict else below | ((roots == 0) & ~self.strict)
 
-    def guess(self, at: Moment) -> Any:
+    def guess(self, at: HybridState) -> Any:
         """Return a mode with the conditions as evaluated at a hybrid state; a root below rounding counts as zero."""
         mode = np.array(at.mode, dtype=float)
         for number in range(len(self.places) + 1):
-            roots, noise, _ = self._evaluated(Moment(at.time, at.state, mode))
+            roots, noise, _ = self._evaluated(HybridState(at.time, at.state, mode))
             truth = self.truth(np.where(np.abs(roots) <= noise, 0.0, roots))
             if (truth == mode[self.places]).all() and (number or not self.counted):
                 break
             mode[self.places] = truth
-            self.count_in(Moment(at.time, at.state, mode))
+            self.count_in(HybridState(at.time, at.state, mode))
         return mode
 
-    def count_in(self, at: Moment) -> None:
+    def count_in(self, at: HybridState) -> None:
         """Put the whole numbers that belong to the conditions of a mode into it."""
         if self.counted:
             at.mode[self.counted] = self.hybrid.counts(at.time, at.state, self.inputs, self.constants, at.mode)
 
-    def triggers(self, at: Moment) -> Any:
+    def triggers(self, at: HybridState) -> Any:
         """Return a mask of the events whose conditions hold."""
         return self.hybrid.triggers(at.time, at.state, self.inputs, self.constants, at.mode) == 1.0
 
@@ -162,10 +162,10 @@ class Events:
         """Return True if a `stop when` holds where a run begins, and see that it is recorded there: at a rest nothing becomes true."""
         stops = tuple(i for i, e in enumerate(self.hybrid.events) if e.stops and self.on.get(self.keys[i], False))
         if stops and not any(i in record.events for record in self.log for i in stops):
-            self.log.append(Happening(time, (), stops))
+            self.log.append(EventInstant(time, (), stops))
         return bool(stops)
 
-    def actives(self, at: Moment) -> tuple[str, ...]:
+    def actives(self, at: HybridState) -> tuple[str, ...]:
         """Return the switched junctions that are off."""
         active = self.hybrid.actives(at.time, at.state, self.inputs, self.constants, at.mode)
         return tuple(name for (name, _), on in zip(self.hybrid.junctions, active.tolist(), strict=True) if on != 1.0)
@@ -175,7 +175,7 @@ class Events:
         """Return the sampled events that act at an instant."""
         return [int(i) for i in self.sampled[due_at(self.sampling, time)]] if len(self.sampled) else []
 
-    def happen(self, at: Moment, flipped: BoolArray | None = None, due: Sequence[int] = ()) -> Moment:
+    def happen(self, at: HybridState, flipped: BoolArray | None = None, due: Sequence[int] = ()) -> HybridState:
         """Return the hybrid state after all events at an instant.
 
         `flipped`: the conditions whose zero crossings are located there; `due`: the events sampled there. A condition that is true where a run begins
@@ -186,8 +186,8 @@ class Events:
         mode[self.places[changed]] = 1.0 - mode[self.places[changed]]
         acted: list[int] = []
         floor = self.floor
-        self.count_in(Moment(at.time, at.state, mode))
-        now = self.settled(Moment(at.time, at.state, mode))
+        self.count_in(HybridState(at.time, at.state, mode))
+        now = self.settled(HybridState(at.time, at.state, mode))
         for _ in range(MOST_ROUNDS):
             triggers = self.triggers(now)
             triggers[self.valve_events] = False
@@ -211,11 +211,11 @@ class Events:
         if not acted and len(changed):
             places = self.places[changed]
             self._contradict(now, changed[now.mode[places] == at.mode[places]], floor)
-        self._record(Happening(at.time, tuple(map(int, changed)), tuple(acted)))
+        self._record(EventInstant(at.time, tuple(map(int, changed)), tuple(acted)))
         self._check_left(at.time, acted)
         return now
 
-    def _contradict(self, at: Moment, conditions: IntArray, floor: Array) -> None:
+    def _contradict(self, at: HybridState, conditions: IntArray, floor: Array) -> None:
         """Keep conditions as they are that the flow leads back within rounding of a located zero crossing, until they are beyond doubt.
 
         `floor`: before this instant; it stays where conditions change again and again at an instant, each as the rounding of the others lets it.
@@ -229,7 +229,7 @@ class Events:
             least[conditions] = most[conditions]
             self.floor = np.maximum(self.floor, least)
 
-    def _with_valves(self, at: Moment, before: Moment) -> tuple[Moment, list[int]]:
+    def _with_valves(self, at: HybridState, before: HybridState) -> tuple[HybridState, list[int]]:
         """Return the hybrid state with all valves as they are just after, and the events of those that switch: then another program goes on.
 
         `before`: the state before the instant. If other junctions have switched since, this program cannot contradict the set: the next one can.
@@ -254,7 +254,7 @@ class Events:
         mode = at.mode.copy()
         mode[self.valve_modes] = np.where(found, self.conducts, 1.0 - self.conducts)
         changed = np.flatnonzero(found != said)
-        return Moment(at.time, at.state, mode), [int(self.valve_events[k, 0 if found[k] else 1]) for k in changed]
+        return HybridState(at.time, at.state, mode), [int(self.valve_events[k, 0 if found[k] else 1]) for k in changed]
 
     def tell_valves(self, mode: Array) -> None:
         """Add to the first record the events of the valves whose state differs from the written start."""
@@ -265,7 +265,7 @@ class Events:
         acted = (int(self.valve_events[k, 0 if on[k] else 1]) for k in np.flatnonzero(on != written))
         self.log[-1] = replace(self.log[-1], events=(*self.log[-1].events, *acted))
 
-    def _instant(self, at: Moment) -> Instant:
+    def _instant(self, at: HybridState) -> Instant:
         """Return all stored quantities and discrete variables, by name."""
         assert self.companion is not None
         program = self.program
@@ -279,11 +279,11 @@ class Events:
         off = tuple(name for name in self.actives(at) if name not in self.companion.junctions)
         return Instant(at.time, stored, discrete_variables(self.hybrid, at.mode), off)
 
-    def _contradicted(self, at: Moment) -> bool:
+    def _contradicted(self, at: HybridState) -> bool:
         """Return True if the switching condition of a conducting or blocking valve holds just after this hybrid state."""
         return bool(self.triggers(at)[self.valve_events].any())
 
-    def _upheld(self, at: Moment) -> bool:
+    def _upheld(self, at: HybridState) -> bool:
         """Return True if no valve has a positive effort while it blocks, or a negative flow while it conducts, beyond rounding.
 
         Violations below rounding are ignored, and not taken for a zero crossing later.
@@ -314,7 +314,7 @@ class Events:
                         raise self._piled(time, own[-LEFT:])
                 self.left[key] = 0
 
-    def rising(self, at: Moment) -> bool:
+    def rising(self, at: HybridState) -> bool:
         """Return True if an event would act under this mode; otherwise store the truth of the conditions."""
         holds = dict(zip(self.keys, self.triggers(at).tolist(), strict=True))
         if any(held and not self.on.get(key, False) for key, held in holds.items()):
@@ -323,7 +323,7 @@ class Events:
         return False
 
     # ------------------------------------------------------------ just after
-    def settled(self, at: Moment) -> Moment:
+    def settled(self, at: HybridState) -> HybridState:
         """Return the mode in which all conditions are as just after, with the matching unknowns of loops."""
         seen: dict[bytes, int] = {}
         trail: list[Any] = []
@@ -345,12 +345,12 @@ class Events:
             truth = self._just_after(now)
             mode = now.mode.copy()
             mode[self.places] = truth
-            self.count_in(Moment(at.time, now.state, mode))
+            self.count_in(HybridState(at.time, now.state, mode))
             if (mode == now.mode).all():
                 return now
-            now = self._solved(Moment(at.time, now.state, mode))
+            now = self._solved(HybridState(at.time, now.state, mode))
 
-    def _read_anew(self, at: Moment) -> Moment:
+    def _read_anew(self, at: HybridState) -> HybridState:
         """Return a hybrid state that events have set, with the truth of conditions whose two sides are equal there: nothing else may move them."""
         if not len(self.places):
             return at
@@ -361,22 +361,22 @@ class Events:
             return now
         mode = now.mode.copy()
         mode[self.places[equal]] = self.truth(np.zeros(len(roots)))[equal]
-        return Moment(now.time, now.state, mode)
+        return HybridState(now.time, now.state, mode)
 
-    def _between(self, at: Moment, conditions: IntArray) -> Moment | None:
+    def _between(self, at: HybridState, conditions: IntArray) -> HybridState | None:
         """Return the mode in which each of these conditions is as where its two sides are equal, if the motion stays there.
 
         A law that goes through zero (a valve without pressure) ends there; one that jumps (dry friction) does not.
         """
         mode = at.mode.copy()
         mode[self.places[conditions]] = self.truth(np.zeros(len(self.places)))[conditions]
-        self.count_in(Moment(at.time, at.state, mode))
-        rest = self._solved(Moment(at.time, at.state, mode))
+        self.count_in(HybridState(at.time, at.state, mode))
+        rest = self._solved(HybridState(at.time, at.state, mode))
         if (self._just_after(rest) == (mode[self.places] == 1.0)).all():
             return rest
         return rest if self._stands(rest, conditions) else None
 
-    def _stands(self, at: Moment, conditions: IntArray) -> bool:
+    def _stands(self, at: HybridState, conditions: IntArray) -> bool:
         """Return True if the rates, as they are now, leave the roots of these conditions zero but for rounding. What moves them later, such as
         a pump that is about to feed an empty tank, is an event of its own."""
         flow = self._flow(at)
@@ -392,13 +392,13 @@ class Events:
         self.floor[conditions] = np.maximum(0.25 * limit, 2 * np.abs(before))[conditions]
         return True
 
-    def _is_alike(self, at: Moment, modes: Sequence[Any]) -> bool:
+    def _is_alike(self, at: HybridState, modes: Sequence[Any]) -> bool:
         """Return True if the rates and unknowns are equal under all these modes, as for a law that is continuous at its condition."""
         flow = self._flow(at)
         if flow is None:
             return False
         for mode in modes:
-            other = self._solved(Moment(at.time, at.state, mode))
+            other = self._solved(HybridState(at.time, at.state, mode))
             changed = self._flow(other)
             if changed is None:
                 return False
@@ -407,11 +407,11 @@ class Events:
                 return False
         return True
 
-    def _solved(self, at: Moment) -> Moment:
+    def _solved(self, at: HybridState) -> HybridState:
         held = self.constraints.project(at.time, at.state, at.mode)
-        return Moment(at.time, self.loops.solve(at.time, held, at.mode), at.mode)
+        return HybridState(at.time, self.loops.solve(at.time, held, at.mode), at.mode)
 
-    def _just_after(self, at: Moment) -> Any:
+    def _just_after(self, at: HybridState) -> Any:
         """Return the truth of the conditions just after a hybrid state; where rounding hides it, the flow decides."""
         if not len(self.places):
             return np.zeros(0, dtype=bool)
@@ -442,12 +442,12 @@ class Events:
         self.floor = np.where(doubtful, np.where((moved != 0) & ~behind, 0.25 * noise, still), 0.0)
         return truth
 
-    def noise(self, at: Moment, roots: Array) -> Any:
+    def noise(self, at: HybridState, roots: Array) -> Any:
         """Return the rounding error of each root: from the states, in units of their magnitudes, and from the instant: its change along the flow
         during the uncertainty of a located one, with unknowns of loops fixed."""
         return self._rounding(at, roots, self._flow(at))
 
-    def _evaluated(self, at: Moment) -> tuple[Any, Any, tuple[Any, float] | None]:
+    def _evaluated(self, at: HybridState) -> tuple[Any, Any, tuple[Any, float] | None]:
         """Return the roots, their rounding errors and the flow of a hybrid state; those of the last one are kept."""
         key = at.time, at.state.tobytes(), at.mode.tobytes()
         if self.last is None or self.last[0] != key:
@@ -455,7 +455,7 @@ class Events:
             self.last = key, (roots, self._rounding(at, roots, flow), flow)
         return self.last[1]
 
-    def _rounding(self, at: Moment, roots: Array, flow: tuple[Any, float] | None) -> Any:
+    def _rounding(self, at: HybridState, roots: Array, flow: tuple[Any, float] | None) -> Any:
         """Return the same as `noise`; `flow`: that of the hybrid state."""
         n = len(at.state)
         times = np.empty(n + 2)
@@ -477,7 +477,7 @@ class Events:
             change = np.where(np.isfinite(change), change, 0.0)
         return shares[0] * change[:-1].sum(axis=0) + shares[1] * change[-1]
 
-    def _flow(self, at: Moment) -> tuple[Any, float] | None:
+    def _flow(self, at: HybridState) -> tuple[Any, float] | None:
         """Return the rates of the states, and the time in which the flow moves a state by its magnitude, or the run's length; None without rates."""
         if not self.count:
             return None
@@ -485,15 +485,17 @@ class Events:
         speed = float((np.abs(first) / self.magnitude[: self.count]).max())
         return (first, min(self.horizon, 1 / speed if speed > 0 else np.inf)) if math.isfinite(speed) else None
 
-    def _ahead(self, at: Moment, reach: float, first: Array, whole: float) -> tuple[Moment, Moment] | None:
+    def _ahead(
+        self, at: HybridState, reach: float, first: Array, whole: float
+    ) -> tuple[HybridState, HybridState] | None:
         """Return the hybrid state a little later, such that no state moves by more than a fraction `reach`: by Heun's method, and iterated once more."""
         span = reach * whole
 
-        def moved(rates: Array) -> Moment:
+        def moved(rates: Array) -> HybridState:
             state = np.concatenate([at.state[: self.count] + span * rates, at.state[self.count :]])
-            return Moment(at.time + span, self.loops.solve(at.time + span, state, at.mode), at.mode)
+            return HybridState(at.time + span, self.loops.solve(at.time + span, state, at.mode), at.mode)
 
-        def between(later: Moment) -> Any:
+        def between(later: HybridState) -> Any:
             rates = self.program.derivative(later.time, later.state, self.inputs, self.constants, at.mode)
             return 0.5 * (first + rates[: self.count])
 
@@ -504,7 +506,7 @@ class Events:
             return None
 
     # ------------------------------------------------------------ what events set
-    def set(self, at: Moment, acting: Sequence[int]) -> Moment:
+    def set(self, at: HybridState, acting: Sequence[int]) -> HybridState:
         """Return the hybrid state after these events have acted, each with the values before them. Raises `RunFailed`."""
         if not acting:
             return at
@@ -519,11 +521,11 @@ class Events:
                 mode[setting.position] = values[i]
             elif setting.kind == "state":
                 state[setting.position], free[setting.position] = values[i], False
-        now = Moment(at.time, state, mode)
+        now = HybridState(at.time, state, mode)
         computed = [i for i in chosen if self.settings[i].kind == "computed"]
         return self._followed(now, computed, values, free) if computed else now
 
-    def _followed(self, at: Moment, computed: Sequence[int], values: Array, free: BoolArray) -> Moment:
+    def _followed(self, at: HybridState, computed: Sequence[int], values: Array, free: BoolArray) -> HybridState:
         """Return the states after the least change that gives computed quantities the values that events set."""
         places = [self.settings[i].position for i in computed]
         wanted = values[computed]
@@ -542,7 +544,7 @@ class Events:
             raise RunFailed(
                 "BR775", f"at t = {at.time:.9g} s events cannot set {names}: the model ties it to what stays as it is"
             )
-        return Moment(at.time, np.concatenate([x, at.state[self.count :]]), at.mode)
+        return HybridState(at.time, np.concatenate([x, at.state[self.count :]]), at.mode)
 
     def _check(self, time: float, chosen: Sequence[int], values: Array) -> None:
         """Raise `RunFailed` if a reset value is not finite, or if a quantity is reset twice."""
@@ -562,14 +564,14 @@ class Events:
                 )  # fmt: skip
 
     # ------------------------------------------------------------ messages
-    def _record(self, happening: Happening) -> None:
+    def _record(self, happening: EventInstant) -> None:
         self.log.append(happening)
         if len(self.log) > MOST_AT_ONCE:
             first = self.log[-MOST_AT_ONCE]
             if happening.time - first.time <= SHORT * max(abs(happening.time), 1e-300):
                 raise self._piled(happening.time, self.log[-MOST_AT_ONCE:])
 
-    def _piled(self, time: float, last: Sequence[Happening]) -> RunFailed:
+    def _piled(self, time: float, last: Sequence[EventInstant]) -> RunFailed:
         events = dict.fromkeys(i for h in last for i in h.events)
         conditions = dict.fromkeys(i for h in last for i in h.conditions)
         what = self._listed([self.hybrid.events[i] for i in events]) if events else self.listed_conditions(conditions)
@@ -603,7 +605,7 @@ def conditions_of(constraints: Constraints) -> Callable[[float, Array, Array], A
 
     def evaluated(time: float, state: Array, mode: Array) -> Any:
         events.measure(nonzero(np.abs(state)))
-        return events.guess(Moment(time, state, mode))
+        return events.guess(HybridState(time, state, mode))
 
     return evaluated
 

@@ -19,7 +19,7 @@ from compiler.api import Array, BoolArray, IntArray
 from ...errors import RunFailed
 from ...numerics.indicators import EXACT, FINER, LEFT, ON_GRID, SHARES, Interpolants
 from ...numerics.roots import narrowed
-from .events import Events, Moment
+from .events import Events, HybridState
 
 WIDTH = 4  # units in the last place of a time: end of the narrowing
 LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defined
@@ -91,7 +91,7 @@ def first_flip(
         unsure = near & (~seen.converged | (dips.any(axis=0) & (seen.error > EXACT * seen.variation)))
         if (unsure.any() and high - low > smallest) or hidden.any():
             if rounding is None:
-                rounding = events.noise(Moment(high, state_at(np.array([high]), False)[0], mode), seen.values[-1])
+                rounding = events.noise(HybridState(high, state_at(np.array([high]), False)[0], mode), seen.values[-1])
             unsure &= seen.variation > rounding
             if bounded is not None:
                 hidden &= bounded.reach > rounding
@@ -108,7 +108,7 @@ def first_flip(
         brackets += [(0.0, 1.0, j) for j in np.flatnonzero(clear & ~seen.converged)]
         if brackets:
             if rounding is None:
-                rounding = events.noise(Moment(high, state_at(np.array([high]), False)[0], mode), seen.values[-1])
+                rounding = events.noise(HybridState(high, state_at(np.array([high]), False)[0], mode), seen.values[-1])
             bottoms = [
                 _bottom(events, (low + (high - low) * a, low + (high - low) * b), j, said, roots)
                 for a, b, j in brackets

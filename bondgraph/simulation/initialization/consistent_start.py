@@ -22,7 +22,7 @@ from .initial_equations import fulfil, slopes_of
 if TYPE_CHECKING:
     from compiler.api import Array, BoolArray, Program, StateSpace
 
-    from ...prepared import Prepared
+    from ...compiled_scene import CompiledScene
     from .poses import PoseProblem
 
 CLOSE = 1e-9  # relative residual with which an initial equation holds
@@ -32,7 +32,7 @@ SHOWN = 4  # most solutions, and unknowns of each, in a message
 
 
 def consistent_start(
-    program: Program, made: Prepared, constants: Array, inputs: Array, state: Array, first: Segment, constraints: Constraints
+    program: Program, made: CompiledScene, constants: Array, inputs: Array, state: Array, first: Segment, constraints: Constraints
 ) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
     """Return the state at the start, shape (n,), and notes about it.
 
@@ -87,7 +87,7 @@ def _with_pose(problem: PoseProblem, state: Array) -> tuple[Any, tuple[str, ...]
 
 
 def _assembled(
-    program: Program, made: Prepared, constraints: Constraints, state: Array, movable: BoolArray, poses: BoolArray, first: Segment
+    program: Program, made: CompiledScene, constraints: Constraints, state: Array, movable: BoolArray, poses: BoolArray, first: Segment
 ) -> Any:  # fmt: skip
     """Return the consistent state of a model with loop joints: the rates of their residuals vanish as well."""
     from .assembly import choose_rows, rates_closed, sizes
@@ -119,7 +119,7 @@ def _assembled(
     return full
 
 
-def _check_unique(loops: LoopSolver, made: Prepared, full: Array, at: Any) -> None:
+def _check_unique(loops: LoopSolver, made: CompiledScene, full: Array, at: Any) -> None:
     """Raise `RunFailed` if the loops have another solution: the model does not determine which of them holds."""
     if not len(loops.program.unknowns.names):
         return

@@ -11,7 +11,7 @@ import numpy as np
 from compiler.api import Array, BoolArray
 
 from ...errors import RunFailed, StepsCollapsed
-from ..events.events import Moment
+from ..events.events import HybridState
 from ..events.locate import Flip, RootsAt, StateAt, first_flip
 from ..monitors.validity import ValidityMonitor
 from ..segments.timeline import Segment, discrete_variables, mode_after, with_time_of
@@ -41,11 +41,11 @@ class EventIntegrator(SegmentIntegrator):
     def run_to_end(self, stretch: Segment, x: Array, first: bool) -> Any:
         """Integrate one segment, from event to event; return the state at its end."""
         events, result = self.events, self.result
-        now = Moment(stretch.start, x, stretch.mode)
+        now = HybridState(stretch.start, x, stretch.mode)
         if first:
             self._stop_at(now.time)
         else:
-            now = self._happen(Moment(stretch.start, x, with_time_of(self.program, stretch.mode, self.mode)), None)
+            now = self._happen(HybridState(stretch.start, x, with_time_of(self.program, stretch.mode, self.mode)), None)
         while True:
             self.mode = now.mode
             if self.result.stopped is not None or self._switched(now) or now.time >= stretch.stop:
@@ -62,11 +62,11 @@ class EventIntegrator(SegmentIntegrator):
             if result.handover is not None or (flip is None and stop >= stretch.stop):
                 return x
             if flip is None:
-                now = Moment(stop, x, self.mode)
+                now = HybridState(stop, x, self.mode)
                 continue
             if len(events.log) >= self.most_events:
                 raise RunFailed("BR764", f"more than {self.most_events} events act before t = {stop:.9g} s")
-            now = self._happen(Moment(flip.time, flip.state, self.mode), flip.conditions)
+            now = self._happen(HybridState(flip.time, flip.state, self.mode), flip.conditions)
 
     def finish(self, last: Segment, x: Array) -> tuple[Any, Any]:
         """Return the state and the mode after the events at the very end of a run: values hold from a jump on."""
@@ -79,7 +79,7 @@ class EventIntegrator(SegmentIntegrator):
         mode = mode_after(self.program, self.constants, stop, replace(last, mode=self.mode))
         if (mode == self.mode).all() and not events.due(stop):
             return x, self.mode
-        now = self._happen(Moment(stop, x, mode), None)
+        now = self._happen(HybridState(stop, x, mode), None)
         self.result.pieces.append(Segment(stop, stop, now.mode))
         self.mode = now.mode
         return now.state, now.mode
@@ -89,7 +89,7 @@ class EventIntegrator(SegmentIntegrator):
         """Return the number of events so far, and the truth of the events' conditions."""
         return len(self.events.log), dict(self.events.on)
 
-    def _happen(self, at: Moment, flipped: BoolArray | None) -> Moment:
+    def _happen(self, at: HybridState, flipped: BoolArray | None) -> HybridState:
         events, powers = self.events, self.powers
         now = events.happen(at, flipped, events.due(at.time) if flipped is None else ())
         if powers is not None and events.log[-1].events:
@@ -104,7 +104,7 @@ class EventIntegrator(SegmentIntegrator):
         if log and any(events[i].stops for i in log[-1].events):
             self.result.stopped = time
 
-    def _switched(self, now: Moment) -> bool:
+    def _switched(self, now: HybridState) -> bool:
         """Return True if the junctions that are off differ from those of this program, so that another program must go on."""
         events, choice = self.events, self.choice
         if not events.hybrid.junctions or (off := events.actives(now)) == self.off:
@@ -176,7 +176,7 @@ class EventIntegrator(SegmentIntegrator):
                 break
             mode = np.array(stretch.mode)
             mode[events.places[flip.conditions]] = 1.0 - mode[events.places[flip.conditions]]
-            after = Moment(flip.time, flip.state, mode)
+            after = HybridState(flip.time, flip.state, mode)
             events.count_in(after)
             if events.rising(after) or (events.hybrid.junctions and events.actives(after) != self.off):
                 self.flip = flip

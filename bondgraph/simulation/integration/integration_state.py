@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ..events.events import Events
     from ..events.history import History
     from ..events.locate import Flip, RootsAt, StateAt
-    from ..integrators.compiled.run import CompiledRadau
+    from ..integrators.compiled.run import CompiledMethod
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 MOST_KNOWN = 64  # most modes whose signals are cached
@@ -50,7 +50,7 @@ class ModeTruncation(Protocol):
     def begin(self, stepper: IntegrationState, stretch: Segment, x: Array) -> Any:
         """Return the state without its fast oscillations."""
 
-    def cuts(self, stepper: IntegrationState, solver: CompiledRadau, steps: int, stretch: Segment) -> bool:
+    def cuts(self, stepper: IntegrationState, solver: CompiledMethod, steps: int, stretch: Segment) -> bool:
         """Return True if a segment is to be cut after so many steps."""
 
 
@@ -202,7 +202,7 @@ class IntegrationState:
         """Return projected states at several instants, with their unknowns; shape (times, n)."""
         return self.loops.solve_all(times, self.constraints.project_all(times, states, mode), mode)
 
-    def tell_crawling(self, solver: CompiledRadau, steps: int, mode: Array) -> None:
+    def tell_crawling(self, solver: CompiledMethod, steps: int, mode: Array) -> None:
         """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
         context = self.context
         self.result.notes += [
@@ -241,7 +241,7 @@ class IntegrationState:
         if not np.isfinite(slope).all():
             raise not_finite(self.program, start, slope, x, mode)
 
-    def failed(self, solver: CompiledRadau, what: str, mode: Array) -> RunFailed:
+    def failed(self, solver: CompiledMethod, what: str, mode: Array) -> RunFailed:
         """Return the error that explains why the run ends here."""
         most = MOST_COMPILED if solver.native else MOST_STEPS
         return failure(self.context, solver, what, mode, self.solver == "explicit", most)
@@ -283,7 +283,7 @@ class IntegrationState:
         """Return True if an event lies where steps collapse: beyond it the law of this side may have no value. Here always False."""
         return False
 
-    def look(self, solver: CompiledRadau, stretch: Segment, reported: Array) -> None:
+    def look(self, solver: CompiledMethod, stretch: Segment, reported: Array) -> None:
         """Check the limits of the model at the stages of the last step and at the reported instants within it."""
         start, stop = solver.last_step
         stop = stop if self.flip is None else self.flip.time

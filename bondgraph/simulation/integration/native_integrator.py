@@ -9,7 +9,7 @@ import numpy as np
 from compiler.api import AUTOMATIC, Array
 
 from ...errors import StepsCollapsed
-from ..integrators.compiled.run import CompiledRadau, obstacle, steps
+from ..integrators.compiled.run import CompiledMethod, obstacle, steps
 from ..integrators.methods import EXPLICIT, EXPONENTIAL, METHODS, PARTS, RADAU
 from ..integrators.outcomes import FINISHED, FLIP, HANDOVER, MORE, STIFF
 from ..integrators.projection.limits import NEAR
@@ -41,7 +41,7 @@ def explicit_trial(
     return solver.evaluations, answer == STIFF, answer == FINISHED
 
 
-def explicit_scout(stepper: IntegrationState, stretch: Segment, x: Array) -> CompiledRadau:
+def explicit_scout(stepper: IntegrationState, stretch: Segment, x: Array) -> CompiledMethod:
     """Return DOP853 from the start of a segment, for single steps that are not kept."""
     solver = _solver(stepper, stretch, x, EXPLICIT)
     solver.values["limit_count"] = solver.values["root_count"] = 0
@@ -59,10 +59,10 @@ def native_integrator(
     return machine
 
 
-def _solver(stepper: IntegrationState, stretch: Segment, x: Array, method: int) -> CompiledRadau:
+def _solver(stepper: IntegrationState, stretch: Segment, x: Array, method: int) -> CompiledMethod:
     """Return a solver for a segment with steps only: no events, limits or outputs attached yet."""
     native = not obstacle(stepper.program)
-    solver = CompiledRadau(
+    solver = CompiledMethod(
         stepper.context, stretch, x, stepper.longest, stepper.constraints.always_compiled(native), stepper.signals(stretch), method
     )  # fmt: skip
     solver.values["automatic"] = _automatic(stepper, method)

@@ -90,8 +90,8 @@ class LoopSolver:
         from .waves import OpenedLoops
 
         try:
-            prepared = source()
-            program, laws = prepared.program, prepared.facts.laws
+            compiled_scene = source()
+            program, laws = compiled_scene.program, compiled_scene.facts.laws
         except (CompilationFailed, ValuesNeeded):
             return None
         if not laws or program.states.names != self.program.states.names:

@@ -30,7 +30,7 @@ def balance(matrix: Array, compiled: bool) -> tuple[Any, Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class FreeMotion:
+class FreeResponse:
     """Modes of a linear motion: each state reaches at most the sum of their amplitudes. Arrays (…, n, n), (…, n, n), (…, n)."""
 
     amplitudes: Any
@@ -55,9 +55,9 @@ class FreeMotion:
             return True
         return bool(np.abs(np.linalg.eigvals(finite)).max(initial=0.0) <= rate)
 
-    def of(self, row: int) -> FreeMotion:
+    def of(self, row: int) -> FreeResponse:
         """Return one of several motions."""
-        return FreeMotion(*(x[row] for x in (self.amplitudes, self.inverse, self.scale, self.fastest, self.matrix)))
+        return FreeResponse(*(x[row] for x in (self.amplitudes, self.inverse, self.scale, self.fastest, self.matrix)))
 
 
 def is_bounded(jacobians: Array, scale: Array, rate: Array | float) -> Any:
@@ -76,7 +76,7 @@ def item_by_item(function: Callable[..., Any], *stacks: Array) -> Any:
         return np.array([item_by_item(function, *items) for items in zip(*stacks, strict=True)])
 
 
-def along(reach: FreeMotion, basis: Any | None, size: int) -> Callable[[Any], Any]:
+def in_whole_state(reach: FreeResponse, basis: Any | None, size: int) -> Callable[[Any], Any]:
     """Return the reach for the whole state, whose motions lie along the columns of a basis."""
     if basis is None:
         return reach
@@ -84,16 +84,16 @@ def along(reach: FreeMotion, basis: Any | None, size: int) -> Callable[[Any], An
     return lambda x: np.concatenate([np.abs(basis) @ reach(basis.T @ x[:count]), np.zeros(size - count)])
 
 
-def free_motion(jacobian: Array, compiled: bool) -> FreeMotion | None:
+def free_response(jacobian: Array, compiled: bool) -> FreeResponse | None:
     """Return the free linear motion of a state; None if its modes are too many, or too close to each other to separate their amplitudes.
 
     `compiled`: there is machine code for it.
     """
-    motions = free_motions(jacobian[None], compiled)
+    motions = free_responses(jacobian[None], compiled)
     return motions[0][1].of(0) if motions else None
 
 
-def free_motions(jacobians: Array, compiled: bool) -> list[tuple[Any, FreeMotion]]:
+def free_responses(jacobians: Array, compiled: bool) -> list[tuple[Any, FreeResponse]]:
     """Return the free linear motions of states with Jacobians of shape (k, n, n): indices of those that have one, and their motions, real modes apart."""
     rows = np.flatnonzero(np.isfinite(jacobians).all(axis=(-2, -1)))
     if not 0 < jacobians.shape[-1] <= LARGEST or not len(rows):
@@ -104,9 +104,9 @@ def free_motions(jacobians: Array, compiled: bool) -> list[tuple[Any, FreeMotion
     except np.linalg.LinAlgError:
         if len(rows) == 1:
             return []
-        return [((row,), motion) for row in rows for _, motion in free_motions(jacobians[row : row + 1], compiled)]
+        return [((row,), motion) for row in rows for _, motion in free_responses(jacobians[row : row + 1], compiled)]
     real = ~rates.imag.any(axis=-1)
-    motions: list[tuple[Any, FreeMotion]] = []
+    motions: list[tuple[Any, FreeResponse]] = []
     for chosen, some in ((real, shapes[real].real), (~real, shapes[~real])):
         if not chosen.any():
             continue
@@ -118,7 +118,7 @@ def free_motions(jacobians: Array, compiled: bool) -> list[tuple[Any, FreeMotion
         places = np.flatnonzero(chosen)[separable]
         if len(places):
             fastest = np.abs(rates[places]).max(axis=-1)
-            motion = FreeMotion(np.abs(some[separable]), inverse[separable], scale[places], fastest, balanced[places])
+            motion = FreeResponse(np.abs(some[separable]), inverse[separable], scale[places], fastest, balanced[places])
             motions.append((rows[places], motion))
     return motions
 

@@ -17,7 +17,7 @@ from ..integrators.pilot import schedule as pilot
 from ..integrators.pilot.schedule import Conditions, StepSchedule, unit_numbers
 from ..loops.loops import Eliminated, LoopSolver
 from ..segments.timeline import Segment, always, follower, signals_on
-from .free_response import LARGEST, FreeMotion, along, free_motion
+from .free_response import LARGEST, FreeResponse, free_response, in_whole_state
 
 STEPS = 60  # steps of the pilot run
 COARSE = 1000  # factor on the part of a signal that a step of the run may overlook
@@ -132,12 +132,12 @@ class PilotRun:
             jacobian = self._on_constraints(first, basis)
         else:
             return None
-        reach = None if jacobian is None else free_motion(jacobian, self.program.native is not None)
+        reach = None if jacobian is None else free_response(jacobian, self.program.native is not None)
         if jacobian is None or reach is None:
             return None
         slope = self.eliminated.rates(first.start, self.state, *fixed)[:count]
         away = reach.rest(slope if basis is None else basis.T @ slope)
-        found = along(reach, basis, len(self.state))
+        found = in_whole_state(reach, basis, len(self.state))
         if basis is None and self._stiffens(first, reach):
             return None
         if np.isfinite(away).all():
@@ -145,7 +145,7 @@ class PilotRun:
             self.beginning = np.maximum(self.largest, np.abs(self.state + whole) + found(whole))
         return found
 
-    def _stiffens(self, first: Segment, reach: FreeMotion) -> bool:
+    def _stiffens(self, first: Segment, reach: FreeResponse) -> bool:
         """Return True if the rates grow so much along a free linear motion that it never gets there: a reaction whose product decays by its square."""
         far = reach(self.state)
         there = np.array([self.state + far, self.state - far])
@@ -156,7 +156,7 @@ class PilotRun:
         """Return the loop over steps of the source, if the steps need no projection; else None."""
         if self.constraints or not self.differential.all():
             return None
-        assert reach is None or isinstance(reach, FreeMotion)
+        assert reach is None or isinstance(reach, FreeResponse)
         return CompiledPilotRun(
             self.compiled, None if reach is None else (reach.amplitudes, reach.inverse, reach.scale)
         )

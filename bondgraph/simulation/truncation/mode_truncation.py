@@ -23,7 +23,7 @@ from .spectrum_split import ScaledDynamics, Split, one
 
 if TYPE_CHECKING:
     from ..integration.integration_state import IntegrationState
-    from ..integrators.compiled.run import CompiledRadau
+    from ..integrators.compiled.run import CompiledMethod
 
 SEEN = 1.0  # in units of the tolerance: a larger oscillation shortens steps
 # Largest fraction of the removed part that may remain; above, the motion is driven and no free oscillation. The second holds within a segment.
@@ -88,7 +88,7 @@ class Leaving:
             _ask(stepper, self.flow.magnitude, self.removals[-1])
         return after
 
-    def cuts(self, stepper: IntegrationState, solver: CompiledRadau, steps: int, stretch: Segment) -> bool:
+    def cuts(self, stepper: IntegrationState, solver: CompiledMethod, steps: int, stretch: Segment) -> bool:
         """Return True if a segment is to be cut after so many steps, because a fast oscillation there shortens them."""
         if steps < self.pause or solver.finished:
             return False

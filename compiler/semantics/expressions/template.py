@@ -9,7 +9,7 @@ from functools import lru_cache
 from ...algebra.expression import Apply, Expression, Number, Symbol, divide, multiply, negate, substitute, symbols
 from ...algebra.formula import Bound, Formula
 from ...fast_dataclass import dataclass
-from ...graph.network import Law, Own, Reference
+from ...graph.network import Law, PortVariable, Reference
 from ...graph.units import ONE, Dimension
 from ...source import Span
 from ...syntax import tree
@@ -92,7 +92,7 @@ Resolve = Callable[[tree.PathSyntax | tree.Call, Scope], Readable]
 class OwnVariable:
     """A law's own variable."""
 
-    own: Own
+    own: PortVariable
     dimension: Dimension
 
 

@@ -8,7 +8,7 @@ from ...algebra.expression import ZERO, Expression, Symbol, add, divide, multipl
 from ...algebra.odd_roots import with_odd_roots
 from ...graph.domains import Domain
 from ...graph.elements import ELEMENTS
-from ...graph.network import Law, Own
+from ...graph.network import Law, PortVariable
 from ...graph.units import JOULE
 from ...source import Span
 from ...syntax import tree
@@ -29,7 +29,7 @@ def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dic
     own: dict[str, OwnVariable] = {}
     for number, (port, domain) in enumerate(ports.items()):
         for variable in variables:
-            found = OwnVariable(Own(number, variable), domain.dimension(variable))
+            found = OwnVariable(PortVariable(number, variable), domain.dimension(variable))
             letters = {variable, domain.letter(variable)}
             if port in ("1", "2"):
                 own.update({letter + port: found for letter in letters})
@@ -77,12 +77,12 @@ def compile_law(
 
 def _heat(ports: int) -> tuple[Expression, Expression]:
     """Law of the last port of an RS: its flow is the power that the other ports take, divided by its effort."""
-    power = add(*(multiply(Symbol(Own(p, "e")), Symbol(Own(p, "f"))) for p in range(ports - 1)))
-    return Symbol(Own(ports - 1, "f")), divide(power, Symbol(Own(ports - 1, "e")))
+    power = add(*(multiply(Symbol(PortVariable(p, "e")), Symbol(PortVariable(p, "f"))) for p in range(ports - 1)))
+    return Symbol(PortVariable(ports - 1, "f")), divide(power, Symbol(PortVariable(ports - 1, "e")))
 
 
-def _own(x: Expression) -> set[Own]:
-    return {s.key for s in symbols(x) if isinstance(s.key, Own)}
+def _own(x: Expression) -> set[PortVariable]:
+    return {s.key for s in symbols(x) if isinstance(s.key, PortVariable)}
 
 
 class _LawReader:
@@ -148,7 +148,7 @@ class _LawReader:
             raise self._wrong(f"`{name}` has an energy and further equations", "The energy alone gives all efforts.")
         typed = compiler.scalar(self.definition.equations[0].right)
         for symbol in symbols(typed.expression):
-            if isinstance(symbol.key, Own) and symbol.key.variable not in row.stored:
+            if isinstance(symbol.key, PortVariable) and symbol.key.variable not in row.stored:
                 hint = f"An energy is a function of what is stored, its {row.stored_words}, alone."
                 raise self._wrong(f"The energy of `{name}` reads `{symbol.key.variable}`", hint)
         if all(d.has_power for d in self.ports.values()) and typed.dimension not in (None, JOULE):
@@ -174,7 +174,7 @@ class _LawReader:
             raise self._wrong(what, "Equations are separated by commas." if less else every)
         if row.given:
             for left, right in equations:
-                if not (isinstance(left, Symbol) and isinstance(left.key, Own) and not _own(right)):
+                if not (isinstance(left, Symbol) and isinstance(left.key, PortVariable) and not _own(right)):
                     letter, example = ("effort", "F = …") if row.given == "e" else ("flow", "v = …")
                     hint = f"Write `{example}` with what it gives on the right."
                     raise self._wrong(f"The law of the source `{name}` must give its {letter}", hint)
@@ -183,12 +183,14 @@ class _LawReader:
         elif all(right != ZERO for _, right in equations):  # a coefficient of zero gives nothing, and will be left out
             self._check_variables([_own(left) | _own(right) for left, right in equations])
 
-    def _check_variables(self, used: list[set[Own]]) -> None:
+    def _check_variables(self, used: list[set[PortVariable]]) -> None:
         """Check that each port has both of its variables in an equation."""
         row, ports = self.row, len(self.ports)
         for port in range(ports - row.gives_heat):
             for variable in row.variables if len(row.stored) < 2 else "":
-                wanted = {Own(port, variable)} if ports == 1 else {Own(port, v) for v in row.variables}
+                wanted = (
+                    {PortVariable(port, variable)} if ports == 1 else {PortVariable(port, v) for v in row.variables}
+                )
                 if not any(wanted & u for u in used):
                     words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}[variable]
                     what = f"The law of `{self.name}` does not use the {words} of its port{f' number {port + 1}' * (ports > 1)}"
@@ -200,8 +202,8 @@ class _LawReader:
 
         name, used = self.name, _own(equation[0]) | _own(equation[1])
         pairs = {
-            "TF": ({Own(0, "e"), Own(1, "e")}, {Own(0, "f"), Own(1, "f")}),
-            "GY": ({Own(0, "e"), Own(1, "f")}, {Own(0, "f"), Own(1, "e")}),
+            "TF": ({PortVariable(0, "e"), PortVariable(1, "e")}, {PortVariable(0, "f"), PortVariable(1, "f")}),
+            "GY": ({PortVariable(0, "e"), PortVariable(1, "f")}, {PortVariable(0, "f"), PortVariable(1, "e")}),
         }
         if used not in pairs[self.kind]:
             usage, sides = "`u1 = K*omega2` or `M2 = K*i1`", "the effort of one side and the flow of the other"
@@ -251,7 +253,7 @@ class _LawReader:
             several = len(self.ports) > 1
             what = "has more than one port" if several else "reads neither its displacement nor its momentum"
             raise self._wrong(f"`{self.name}` {what}", self.row.ports_advice, self.declaration.span)
-        slots = {Own(0, v): Symbol(law.arity + i) for i, v in enumerate(found)}
+        slots = {PortVariable(0, v): Symbol(law.arity + i) for i, v in enumerate(found)}
 
         def put(symbol: Symbol) -> Expression:
             return slots.get(symbol.key, symbol)
@@ -268,7 +270,7 @@ class _LawReader:
         used = {own for side in sides for own in _own(side)}
         found = []
         for number, port in enumerate(self.ports):
-            variables = [v for v in "qp" if Own(number, v) in used]
+            variables = [v for v in "qp" if PortVariable(number, v) in used]
             if len(variables) != 1:
                 one, two = "its displacement", "its momentum"
                 what = f"both {one} and {two}" if variables else f"neither {one} nor {two}"

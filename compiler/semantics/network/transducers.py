@@ -14,7 +14,7 @@ from dataclasses import replace
 from ...algebra.affine import affine_parts
 from ...algebra.expression import ZERO, Expression, Symbol, multiply, negate, symbols
 from ...graph.elements import TRANSDUCERS, Kind
-from ...graph.network import Bond, BondEnd, Element, Junction, Law, Node, Own, Port
+from ...graph.network import Bond, BondEnd, Element, Junction, Law, Node, Port, PortVariable
 from ...source import Span
 from ..names.errors import WrongLaw
 from ..names.statement_errors import Wrong
@@ -36,12 +36,12 @@ def check_many_ports(
         return Wrong(WrongLaw(span, f"The law of `{name}` {what}", hint))
 
     example = "`c.v = a.v + 2*b.v`" if kind == "TF" else "`c.F = K*a.i + L*b.i`"
-    given: set[Own] = set()
-    read: set[Own] = set()
+    given: set[PortVariable] = set()
+    read: set[PortVariable] = set()
     for left, right in equations:
-        if not (isinstance(left, Symbol) and isinstance(left.key, Own)):
+        if not (isinstance(left, Symbol) and isinstance(left.key, PortVariable)):
             raise wrong("must give a variable of one port on the left", f"For example {example}.")
-        terms = {s.key for s in symbols(right) if isinstance(s.key, Own)}
+        terms = {s.key for s in symbols(right) if isinstance(s.key, PortVariable)}
         fitting = left.key.variable if kind == "TF" else OTHER[left.key.variable]
         if not terms or any(t.variable != fitting for t in terms):
             words = {"e": "efforts", "f": "flows"}
@@ -50,7 +50,7 @@ def check_many_ports(
         rest = right
         for own in terms:
             parts = affine_parts(rest, Symbol(own))
-            if parts is None or any(isinstance(s.key, Own) for s in symbols(parts[0])):
+            if parts is None or any(isinstance(s.key, PortVariable) for s in symbols(parts[0])):
                 raise wrong(
                     "is not linear in its variables", "A transducer passes power on: a sum of ratios times others."
                 )
@@ -85,7 +85,7 @@ def expand_transducers(nodes: list[Node], bonds: list[Bond]) -> None:
 def _expand(number: int, node: Element, outer: list[tuple[int, bool]], nodes: list[Node], bonds: list[Bond]) -> None:
     left = node.law.equations[0][0]
     assert isinstance(left, Symbol)
-    given = {Own(e[0].key.port, e[0].key.variable) for e in node.law.equations if isinstance(e[0], Symbol)}
+    given = {PortVariable(e[0].key.port, e[0].key.variable) for e in node.law.equations if isinstance(e[0], Symbol)}
     variable = left.key.variable
     transformer = node.kind is Kind.TRANSFORMER
     # Flows add up at a 0-junction, efforts at a 1-junction; the other side shares the variable that is read.
@@ -106,7 +106,7 @@ def _expand(number: int, node: Element, outer: list[tuple[int, bool]], nodes: li
     for target, source, coefficient in _terms(node):
         bond, arrives = outer[target]
         ratio = negate(coefficient) if arrives else coefficient
-        given_own, read_own = Own(1, variable), Own(0, variable if transformer else OTHER[variable])
+        given_own, read_own = PortVariable(1, variable), PortVariable(0, variable if transformer else OTHER[variable])
         law = Law(((Symbol(given_own), multiply(ratio, Symbol(read_own))),), None, node.law.arity)
         sides = (Port("1", node.ports[source].domain), Port("2", node.ports[target].domain))
         name = f"{node.name}({node.ports[source].name} to {node.ports[target].name})"
@@ -122,7 +122,7 @@ def _terms(node: Element) -> Iterator[tuple[int, int, Expression]]:
     """Terms of the equations: given port, read port, coefficient."""
     for left, right in node.law.equations:
         assert isinstance(left, Symbol)
-        for symbol in [s for s in symbols(right) if isinstance(s.key, Own)]:
+        for symbol in [s for s in symbols(right) if isinstance(s.key, PortVariable)]:
             parts = affine_parts(right, symbol)
             assert parts is not None
             yield left.key.port, symbol.key.port, parts[0]

@@ -18,7 +18,7 @@ from compiler.api import Array, IntArray, Record
 from ..linear_algebra.eliminations import Eliminations, plan_eliminations, put_rows
 from ..linear_algebra.least_degree import Quotient, least_degree
 from .code import POINTER, called
-from .record_layout import Form, RecordArray
+from .record_layout import RecordArray, RecordLayout
 
 SYMMETRIC, ANY = "MMD_AT_PLUS_A", "COLAMD"  # orders; for an unsymmetric pattern the one with less fill is used
 PRESENT = 1e-9  # relative to the largest entry of its row: value put in place of a zero that may become nonzero
@@ -101,7 +101,7 @@ def _eliminated(start: IntArray, neighbours: IntArray, order: IntArray, compiled
 def _work(function: Callable[[Any], None], noun: type[Record], given: Mapping[str, Any], compiled: bool) -> None:
     """Run a function on a record with these fields."""
     if compiled:
-        called(function.__name__, None, POINTER)(RecordArray(Form(noun, {}, {}), given).address)
+        called(function.__name__, None, POINTER)(RecordArray(RecordLayout(noun, {}, {}), given).address)
     else:
         function(noun(**given))
 

@@ -20,7 +20,7 @@ from .code import called
 from .fields import is_sparse
 from .in_numpy import interpreted
 from .plain import Unordered, record_for
-from .record_layout import Form, form_of
+from .record_layout import RecordLayout, form_of
 from .run import Ordered
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def _room_of_loop(program: Program) -> dict[str, Any]:
     return numbers | roots | {name: np.zeros(n) for name in ("found", "most", "modes")}
 
 
-def pilot_forms(program: Program, constants: Array) -> tuple[Form, Form]:
+def pilot_forms(program: Program, constants: Array) -> tuple[RecordLayout, RecordLayout]:
     """Return the layouts of the records of steps and of their loop; `constants`: any of the program."""
     steps = form_of(Euler, program, "", lambda: _room(program, constants))
     return steps, form_of(PilotWorkspace, program, "", lambda: _room_of_loop(program))

@@ -25,7 +25,7 @@ _WHOLE, _DOUBLE = np.dtype(np.int64), np.dtype(float)
 _C_TYPES = {"double": ctypes.c_double, "i64": ctypes.c_int64}
 
 
-class Form:
+class RecordLayout:
     """Layout of the fields of a record, and the values common to all records of its kind.
 
     `values`: numbers, initial arrays, of which each record gets a copy, and nested records; a field that is not in it is set per record. `addresses`:
@@ -87,7 +87,7 @@ class Form:
 class RecordArray:
     """A record in a separate block; arrays and numbers by the names of its fields. `given` values are pointed to, not copied."""
 
-    def __init__(self, form: Form, given: Mapping[str, Any]) -> None:
+    def __init__(self, form: RecordLayout, given: Mapping[str, Any]) -> None:
         if not given.keys() >= form.lacking:
             raise KeyError(f"not given: {', '.join(sorted(form.lacking - given.keys()))}")
         self._form = form
@@ -148,7 +148,7 @@ class RecordBatch:
     Numbers are common to all, or one for each, shape (count,); arrays are common to all, shape (m,), or one for each, shape (count, m).
     """
 
-    def __init__(self, form: Form, count: int, given: Mapping[str, Any]) -> None:
+    def __init__(self, form: RecordLayout, count: int, given: Mapping[str, Any]) -> None:
         self._form, self.count = form, count
         self._numbers: Any = np.zeros((count, form.size))
         self._words = self._numbers.view(np.int64)
@@ -204,11 +204,11 @@ def _layout(noun: type) -> type[ctypes.Structure]:
     return type(noun.__name__, (ctypes.Structure,), {"_fields_": fields})
 
 
-def form_of(noun: type, program: Program, key: object, values: Callable[[], Mapping[str, Any]]) -> Form:
+def form_of(noun: type, program: Program, key: object, values: Callable[[], Mapping[str, Any]]) -> RecordLayout:
     """Return the layout of a record for a program, cached with it. `key`: further data on which it depends."""
     kept = program.kept
-    found: Form | None = kept.get((noun, key))
+    found: RecordLayout | None = kept.get((noun, key))
     if found is None:
         assert program.native is not None
-        found = kept[noun, key] = Form(noun, values(), program.native.addresses)
+        found = kept[noun, key] = RecordLayout(noun, values(), program.native.addresses)
     return found

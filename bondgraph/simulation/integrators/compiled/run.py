@@ -104,7 +104,7 @@ def order_of(program: Program) -> Ordered:
     return shared
 
 
-class CompiledRadau:
+class CompiledMethod:
     """Steps of a method over one segment, in machine code if `native`."""
 
     def __init__(
@@ -306,7 +306,7 @@ class CompiledRadau:
         return out
 
 
-def steps(solver: CompiledRadau, look: Callable[[], list[int]], most: int, pause: float = np.inf) -> int:
+def steps(solver: CompiledMethod, look: Callable[[], list[int]], most: int, pause: float = np.inf) -> int:
     """Step to the end of the segment, or to a change of states or a singular pose; return the reason, a number of `outcomes.py`.
 
     `MORE` after `pause` steps of the segment, in Python after each step. `look` checks the limits of the model in the last step, and returns the

@@ -50,7 +50,7 @@ class PathRequest:
     limits: Mapping[str, float]
 
 
-def invert_along(request: PathRequest, inputs: Sequence[str]) -> FeedForward:
+def invert_path(request: PathRequest, inputs: Sequence[str]) -> FeedForward:
     """Return the inputs over time. Raises `UsageError` for impossible requests or paths that are not smooth enough, `RunFailed`, `CompilationFailed`."""
     if not request.stop > request.start or not 2 <= request.points <= MOST_POINTS:
         raise UsageError("BR301", f"a path goes from one instant to a later one, at 2 to {MOST_POINTS} points")

@@ -67,12 +67,12 @@ class CompiledParts(NamedTuple):
     certificate: Certificate
 
 
-class Prepared:
+class CompiledScene:
     """Compiled scene. `compilation` makes the stages of the compiler when needed; `opened` the same with opened loops."""
 
     def __init__(
         self, source: Source, scene: Scene, everything: bool, target: str, compilation: Callable[[], Compilation],
-        opened: Callable[[], Prepared],
+        opened: Callable[[], CompiledScene],
     ) -> None:  # fmt: skip
         self.source, self.scene, self.everything, self.target = source, scene, everything, target
         self._compilation, self._opened = compilation, opened
