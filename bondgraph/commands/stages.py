@@ -113,8 +113,8 @@ def explain(
 @click.option("--float", "single", is_flag=True, help="C in float instead of double.")
 @model_option
 def compile(
-    file: str, out: str, target: str | None, platforms: str | None, experiment: str | None, part: str | None, single: bool, model: str | None
-) -> None:  # fmt: skip
+    file: str, out: str, target: str | None, part: str | None, single: bool, model: str | None, **unit: str | None
+) -> None:
     """Write a Python module that needs numpy alone, C that needs nothing, functions of CasADi, or a functional mock-up unit."""
     from compiler.api import target_of, text_targets
 
@@ -126,6 +126,7 @@ def compile(
     check_target(out, endings if target else (*endings, FMU), "--out")
     if out.endswith(FMU) and (part is not None or single):
         raise click.UsageError("--part and --float belong to a program as a text")
+    platforms, experiment = unit["platforms"], unit["experiment"]
     if out.endswith(FMU):
         words = {} if platforms is None else {"platforms": tuple(p.strip() for p in platforms.split(","))}
         load(file, model).to_fmu(out, experiment, **words)
