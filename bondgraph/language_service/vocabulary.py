@@ -123,7 +123,7 @@ def classes() -> Mapping[str, tuple[str, ...]]:
     attributes = dict.fromkeys(k.word for k in KEYWORDS if k.place.split()[0] in ("attribute", "simulate", "mechanism"))
     keywords = dict.fromkeys(k.word for k in KEYWORDS if k.word not in (*operators, *values, *attributes))
     joints = dict.fromkeys([*kinds_of(True), *kinds_of(False)])
-    functions = (*FUNCTIONS, "integral", "delay", "linear", "cubic", "monotone", "column", "noise")
+    functions = (*FUNCTIONS, "integral", "delay", "linear", "cubic", "monotone", "column", "noise", "correlation")
     return {
         "keyword": tuple(keywords), "operator": operators, "value": values, "attribute": tuple(attributes),
         "kind": (*ELEMENTS, "splitter", *(j for j in joints if j not in ("planar", "frame"))),

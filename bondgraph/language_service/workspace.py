@@ -28,7 +28,7 @@ from .occurrences import NameUse, occurrences
 MOST_FILES = 2000  # files of a folder that are searched for a name
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, repr=False)  # trees of all files are no text
 class Workspace:
     """Open texts and folders. Texts are replaced as a whole; only the pieces that changed are read again."""
 

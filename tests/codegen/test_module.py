@@ -192,7 +192,7 @@ def test_the_same_text_whatever_the_hash_seed() -> None:
 class TestNames:
     """Names that Python reserves, that the module uses, or that look alike as identifiers: one to one."""
 
-    WORDS = ("lambda", "class", "def", "None", "True", "import", "np", "state", "inputs", "constants", "out", "parameters", "match", "type", "derivative", "start", "batch", "PATTERN", "STATES",
+    WORDS = ("lambda", "class", "def", "None", "True", "import", "np", "state", "inputs", "constants", "out", "PARAMETERS", "match", "type", "derivative", "start", "batch", "PATTERN", "STATES",
              "DEFAULTS", "_pack", "_select", "__name__", "matrix", "entries", "t", "v_lambda", "print", "float")  # fmt: skip
 
     def test_parameters(self) -> None:

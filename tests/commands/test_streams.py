@@ -45,6 +45,7 @@ CALLS = {
     "invert": ("m.bg", "--want", "u=2 V", "--by", "U"),
     "library": ("diode", "pins"),
     "linearize": ("m.bg",),
+    "lsp": ("--help",),
     "modes": ("m.bg",),
     "montecarlo": ("m.bg", "--vary", "R=1 %", "--samples", "4", "--jobs", "1"),
     "new": ("new.bg",),

@@ -52,7 +52,7 @@ def test_rows_of_events_and_switches() -> None:
     once, sampled = system.events
     names = [[system.variables[s.target].name for s in event.settings] for event in (once, sampled)]
     assert names[0][0] == "c.q" and names[0][1] != "l.p" and names[1] == ["d"]
-    assert once.period is None and sampled.period is not None
+    assert not once.sampling and sampled.sampling
     assert system.variables[once.condition].name == "when time > 1"
     (switch,) = system.switches
     assert (switch.junction, system.variables[switch.condition].name) == ("w", "w is active")

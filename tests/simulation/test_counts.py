@@ -14,7 +14,10 @@ from bondgraph.errors import RunFailed
 from bondgraph.results.result import Result
 from tests.compiling import compiled
 
-METHODS = [("explicit", "native"), ("radau", "native"), ("rodas", "native"), ("explicit", "numpy")]
+METHODS = [
+    *(pytest.param(solver, "native", marks=pytest.mark.machine_code) for solver in ("explicit", "radau", "rodas")),
+    ("explicit", "numpy"),
+]
 every_method = pytest.mark.parametrize(("solver", "target"), METHODS)
 RAMP = "signal x = integral({rate} [1/s], {start})\n"
 

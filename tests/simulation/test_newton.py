@@ -9,7 +9,7 @@ import bondgraph
 from bondgraph.simulation.integrators.compiled.advance import begin, one_step
 from bondgraph.simulation.integrators.linear_algebra.factors import ComplexFactors, Factors, room_for
 from bondgraph.simulation.integrators.methods import RADAU
-from bondgraph.simulation.integrators.projection.projection import ProjectionWorkspace
+from bondgraph.simulation.integrators.projection.projection import NormalEquations, ProjectionWorkspace
 from bondgraph.simulation.integrators.tolerances import LOOSE, allowed_estimate, creeping_tolerance, newton_tolerance
 from bondgraph.simulation.integrators.workspace import IntegratorWorkspace
 from tests.compiling import MODELS
@@ -32,7 +32,8 @@ def test_a_number_that_creeps_beside_large_changes_is_no_solution() -> None:
     }
     values = {name: nothing.get(kind, lambda: None)() for name, kind in IntegratorWorkspace.__annotations__.items()}
     held = object.__new__(ProjectionWorkspace)
-    held.residuals = held.multipliers = 0
+    held.positions, held.multipliers = object.__new__(NormalEquations), 0
+    held.positions.rows = 0
     places, ones = np.array([0, 1]), np.ones(2)
     solver = IntegratorWorkspace(**values | {
         "method": RADAU, "derivative": rates, "entries": steep, "closed": held, "n": 2, "differential": 2, "entry_count": 2, "rows": places, "columns": places,

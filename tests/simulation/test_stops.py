@@ -20,7 +20,10 @@ TEXT = """model M {{
   output y = x
   experiment e {{ simulate 0 .. 2 s {{ points = 11 }}; {steps} }}
 }}"""
-METHODS = [("explicit", "native"), ("radau", "native"), ("rodas", "native"), ("explicit", "numpy")]
+METHODS = [
+    *(pytest.param(solver, "native", marks=pytest.mark.machine_code) for solver in ("explicit", "radau", "rodas")),
+    ("explicit", "numpy"),
+]
 
 
 def model(steps: str, more: str = "", rate: str = "1 [1/s]") -> bondgraph.Model:

@@ -185,14 +185,14 @@ def lost_event(monkeypatch: Patch) -> None:
 
 
 def absolute_tolerance(monkeypatch: Patch) -> None:
-    right = phase.Phase._tolerances
+    right = phase.Phase.tolerances
 
     def changed(part: phase.Phase) -> Any:
         tolerances = right(part)
         everywhere = np.ones_like(tolerances.absolute)
         return replace(tolerances, absolute=1e-6 * everywhere, held=everywhere > 0)
 
-    monkeypatch.setattr(phase.Phase, "_tolerances", changed)
+    monkeypatch.setattr(phase.Phase, "tolerances", changed)
 
 
 def order_of_states(monkeypatch: Patch) -> None:
