@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .algebra.affine import affine_parts
     from .algebra.derivative import NotDifferentiable, derivative
     from .algebra.expression import (
-        Apply, Expression, Number, Symbol, call, depends_on, evaluate, select, substitute, symbols,
+        Apply, Expression, Number, Symbol, call, depends_on, evaluate, operations, select, substitute, symbols,
     )  # fmt: skip
     from .algebra.formula import Bound
     from .algebra.intervals import interval_of

@@ -15,6 +15,7 @@ from ..quantities import listed
 from ..rendering import Summarised
 from .json_values import head, named, rows_of, with_units
 from .operating_point import OperatingPoint
+from .pulses import refuse_moving_pulses
 
 SCHEMA = "bondgraph-linearization/1"
 
@@ -87,6 +88,7 @@ def linearization(point: OperatingPoint, partial: bool = False) -> Linearization
 
     `partial`: the slopes of an output that has a kink or a jump there are NaN; otherwise that is refused. Raises `RunFailed`.
     """
+    refuse_moving_pulses(point)
     space, reduced, program = point.compilation.state_space, point.reduced, point.program
     chosen = reduced.chosen
     state_slopes, by_slopes = reduced.through(point.rate_slopes(chosen))

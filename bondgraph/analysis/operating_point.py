@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 JUMP = 1e-9  # relative to the terms of a rate: a smaller change at a condition is rounding
 Lookup = Callable[[Leaf], float]
 LIMITS = 1e-9  # relative to a table's range: rounding beyond its ends
+ROUNDING = 1e-12  # s at the start, else relative: just after an instant
 AHEAD = 1.0  # s: length of the timeline that is searched for a single instant
 
 
@@ -111,10 +112,22 @@ class OperatingPoint:
         constraints = Constraints(self.program, parameters, inputs, old.magnitude)
         if constraints and not old.taking.all():
             constraints.leave_out(old.taking)
-        state = constraints.project(self.time, np.asarray(state, dtype=float), self.mode)
-        state = constraints.loops(nonzero(np.abs(state))).solve(self.time, state, self.mode)
-        point = OperatingPoint(self.made, constraints, state, self.mode, self.time, self.by, self.values)
+        mode = self._mode_with(constraints.constants)
+        state = constraints.project(self.time, np.asarray(state, dtype=float), mode)
+        state = constraints.loops(nonzero(np.abs(state))).solve(self.time, state, mode)
+        point = OperatingPoint(self.made, constraints, state, mode, self.time, self.by, self.values)
         return point if self.kinks is None else point.one_sided()
+
+    def _mode_with(self, constants: Array) -> Array:
+        """Return the mode with the conditions on time that other constants change, just after the instant."""
+        place = self.time + ROUNDING * max(1.0, abs(self.time))
+        before, after = (np.asarray(self.program.switches(place, c)) for c in (self.constants, constants))
+        if np.array_equal(before, after):
+            return self.mode
+        hybrid, mode = self.program.hybrid, np.array(self.mode, dtype=float)
+        places = np.arange(len(after)) if hybrid is None else np.array(hybrid.timed, dtype=int)
+        mode[places] = np.where(before == after, mode[places], after)
+        return mode
 
     def one_sided(self) -> OperatingPoint:
         """Return the same point for Newton's method: at a kink it has the slopes of one side, and `kinks` has the name."""

@@ -140,6 +140,7 @@ def compare(result: Result, other: Result, rtol: float) -> RunCheck:
         gap = float(np.abs(here - there)[clear].max(initial=0.0))
         if all(ended):
             gap = max(gap, abs(result.final(column.name) - other.final(column.name)))
+            magnitude = max(magnitude, abs(other.final(column.name)))
         rows.append(OutputDifference(column.name, column.unit, gap, magnitude, FACTOR * result.rtol * magnitude))
     return RunCheck(other.solver, rtol, PARTS, tuple(rows), (len(first), len(second)), shift, allowed)
 

@@ -66,7 +66,7 @@ def stability_text(found: Verdict) -> str:
     if found.kink:
         return f"not decided: the equation of `{short(found.kink)}` has another slope on each side of this state, or jumps there"
     if found.stable is None and not found.undecided:
-        return "not decided: what is sampled at several rates has no eigenvalues of one period"
+        return "not decided: samples at several rates or offsets, or late by a delay or a jitter, have no eigenvalues of one period"
     if found.stable is None:
         some = ", ".join(_eigenvalue(v) for v in found.undecided[:SHARES])
         return f"not decided: the real part of the eigenvalue {some} 1/s cannot be told from zero (within {found.bound:.2g} 1/s)"

@@ -100,7 +100,7 @@ class SampledSearch(EquilibriumSearch):
         self.settings = [s for s, _, _ in sampled]
         self.places, self.periods = np.array([p for _, p, _ in sampled]), np.array([t for _, _, t in sampled])
         modes = program.hybrid.modes
-        self.names = (*program.states.names, *(modes.names[p] for p in self.places))
+        self.names = (*program.states.names, *(modes.names[p].removeprefix("late ") for p in self.places))
         units = (*program.states.units, *(modes.units[p] for p in self.places))
         self.kind = group_numbers(units)
         self.count, self.largest = len(self.names), np.zeros(len(self.names))
