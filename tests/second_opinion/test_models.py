@@ -32,6 +32,7 @@ LEFT = {
     "published/iftomm_A02_N_fourbar": "slow: many loops, most of them redundant",
     "published/robertson": "slow: decades of time with equal steps",
     "published/hires": "slow: equal steps through the first transient",
+    "thesis/feedback": "undecided: Newton's method of the second opinion does not converge at the start",
     "thesis/figures_3_9": "slow, and an output that is rounding",
 }
 SHARES = {

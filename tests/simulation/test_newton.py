@@ -33,7 +33,7 @@ def test_a_number_that_creeps_beside_large_changes_is_no_solution() -> None:
     values = {name: nothing.get(kind, lambda: None)() for name, kind in IntegratorWorkspace.__annotations__.items()}
     held = object.__new__(ProjectionWorkspace)
     held.positions, held.multipliers = object.__new__(NormalEquations), 0
-    held.positions.rows = 0
+    held.positions.rows = held.constraints = 0
     places, ones = np.array([0, 1]), np.ones(2)
     solver = IntegratorWorkspace(**values | {
         "method": RADAU, "derivative": rates, "entries": steep, "closed": held, "n": 2, "differential": 2, "entry_count": 2, "rows": places, "columns": places,
