@@ -109,7 +109,7 @@ def test_advice_for_a_joint_that_leaves_the_plane() -> None:
         "In the plane it would leave everything, as `free` does: write that, or `multibody … : spatial`."
     )
     assert instead_in_the_plane("universal") == (
-        "Write `multibody … : spatial`, or take a joint that the plane has: slide, hinge, free, weld, distance, rod, gear, rack."
+        "Write `multibody … : spatial`, or take a joint that the plane has: slide, hinge, free, weld, distance, rod, gear, rack, wheel, skate."
     )
 
 
