@@ -31,7 +31,7 @@ def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
     if space.delays:
         yield space.delays[0].span, "delayed signals", _RUN
     if space.invariants:
-        yield graph.span, "a mechanism with closed loops that constraints hold together", _RUN
+        yield graph.span, "a mechanism that constraints hold together (closed loops, rolling)", _RUN
     elif space.unknowns:
         names = ", ".join(f"`{space.variables[u.variable].name}`" for u in space.unknowns[:3])
         loop = "Put a storage or a compliance into the loop, or solve its law for the variable that causality asks for."

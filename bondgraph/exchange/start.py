@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -9,12 +10,13 @@ import numpy as np
 
 from compiler.api import CompilationFailed, NotInUnit
 
+from ..errors import RunFailed
 from ..simulation.integrators.compiled.fields import is_sparse
 from ..simulation.phase import Phase, PhaseOptions
 from ..simulation.run import DEFAULT_RTOL
 
 if TYPE_CHECKING:
-    from compiler.api import Compilation, Plan
+    from compiler.api import Array, Compilation, Plan
 
     from ..compiled_scene import CompiledScene
     from ..simulation.segments.trajectory import Tolerances
@@ -31,9 +33,12 @@ class StartValues:
 
 
 def start_values(
-    compiled_scene: CompiledScene, compilation: Compilation, plan: Plan, experiment: str | None
-) -> StartValues:
-    """Return the start of a run. Raises `CompilationFailed` where a unit would begin with other states, `RunFailed`."""
+    compiled_scene: CompiledScene, compilation: Compilation, plan: Plan, experiment: str | None, example: CompiledScene | None = None
+) -> StartValues:  # fmt: skip
+    """Return the start of a run. Raises `CompilationFailed` where a unit would begin with other states, `RunFailed`.
+
+    `example`: the scene of the first experiment. Without inputs a model may rest, and magnitudes of states at rest say nothing.
+    """
     program = compiled_scene.program
     if is_sparse(program):
         _refuse(
@@ -45,10 +50,32 @@ def start_values(
     with np.errstate(all="ignore"):
         phase = Phase(compiled_scene, np.array([plan.start, stop]), options)
         tolerances = phase.tolerances()
+        if example is not None:
+            tolerances = _with_magnitudes(
+                compiled_scene, tolerances, _magnitudes(example, phase.instants, replace(options, plan=plan))
+            )
         written = np.asarray(program.start(phase.constants))
     if not np.array_equal(written, phase.state):
         _refuse(compilation, "a start that has to be searched", "Give the starts of the storages themselves.")
     return StartValues(program.defaults, program.input_defaults, phase.state, tolerances)
+
+
+def _magnitudes(example: CompiledScene, instants: Array, options: PhaseOptions) -> Mapping[str, float]:
+    """Return the magnitudes of states in an experiment, by name; none if it does not begin."""
+    try:
+        phase = Phase(example, instants, options)
+        magnitudes = phase.tolerances().magnitude
+    except RunFailed:
+        return {}
+    return dict(zip(phase.program.variables.names, magnitudes.tolist(), strict=True))
+
+
+def _with_magnitudes(compiled_scene: CompiledScene, own: Tolerances, others: Mapping[str, float]) -> Tolerances:
+    """Return tolerances with other magnitudes where they are known."""
+    names = compiled_scene.program.variables.names
+    magnitude = np.array([others.get(name, value) for name, value in zip(names, own.magnitude.tolist(), strict=True)])
+    absolute = np.where(own.held, own.absolute, own.relative * magnitude)
+    return replace(own, magnitude=magnitude, absolute=absolute)
 
 
 def _refuse(compilation: Compilation, what: str, instead: str) -> None:

@@ -64,7 +64,8 @@ def fmu(model: CompiledModel, experiment: str | None = None, platforms: Sequence
     refuse(compilation)
     plan = model.compilation(api.Scene(model.model, experiment or "")).plan
     compiled_scene = model.compiled_scene(compilation.scene, True, "native")
-    values = start_values(compiled_scene, compilation, plan, experiment)
+    example = None if experiment else model.compiled_scene(api.Scene(model.model, ""), True, "native")
+    values = start_values(compiled_scene, compilation, plan, experiment, example)
     module, structure = api.library_module(compilation.lowered, FUNCTIONS), api.structure_of(compilation.lowered)
     descriptions = {name: q.description for name, q in compilation.whole_graph.quantities.items()}
     variables = variables_of(compilation.lowered, structure, values, descriptions)

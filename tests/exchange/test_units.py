@@ -103,6 +103,21 @@ def test_description_structure_and_units(tmp_path: Path) -> None:
     assert [float(x) for x in (experiment.startTime, experiment.stopTime, experiment.tolerance)] == [0.0, 3.0, 1e-6]
 
 
+@pytest.mark.parametrize("experiment", [None, "swing"])
+def test_magnitudes_of_a_model_at_rest_are_those_of_its_first_experiment(
+    experiment: str | None, tmp_path: Path
+) -> None:
+    """Without inputs nothing moves; with a pull of 0.04 N the spring gives way by 5 mm."""
+    text = SPRING.replace("x_0 = 3 mm", "x_0 = 0 mm").replace("{ simulate", "{ set pull_by = 0.04 N; simulate")
+    found = {v.name: v for v in exported(text, tmp_path, experiment).modelVariables}
+    assert 2e-3 < float(found["spring.x"].nominal) < 2e-2
+    assert found["spring.x"].start in (None, "0.0")
+    if experiment is None:
+        assert float(found["pull_by"].start) == 0.0
+        unit = run(tmp_path, "ModelExchange", start_values={"pull_by": 0.04}, rtol=1e-9)
+        assert np.abs(unit["x"] - swing(unit["time"], 2.0, 8.0, 0.0, 0.5, 0.04)).max() < 1e-7
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_slopes_are_those_of_the_equations(kind: str, tmp_path: Path) -> None:
     exported(SPRING, tmp_path)
