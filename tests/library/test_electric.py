@@ -303,3 +303,19 @@ def test_two_capacitors_may_share_a_node() -> None:
     )  # fmt: skip
     near(found["u"], 1 - np.exp(-found.time / 3e-3))
     near(found["ib"], 2 * found["ia"], scale=1e-3)
+
+
+def test_a_transistor_holds_its_gain_at_the_default_tolerance() -> None:
+    """While its junctions charge they see volts, not what a coarse pilot run through their exponentials sees."""
+    body = """
+    Sf bias : i = 10 uA
+    Se supply : u = 5 V
+    Se earth : u = 0 V
+    Bjt part
+    bias -> part.base
+    supply -> part.collector
+    part.emitter -> earth
+    output i = part.collector_current
+    """
+    found = run("electric", "Bjt", body, 1e-4, rtol=1e-6)
+    assert found.final("i") == pytest.approx(1e-3, rel=1e-3)
