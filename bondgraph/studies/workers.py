@@ -20,11 +20,12 @@ from operator import index
 from queue import SimpleQueue
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Protocol
+from warnings import warn
 
 from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
 from .local_workers import LocalWorkers, local_workers, started_together
-from .point_failure import kept
+from .point_failure import OF_ALL, OURS, kept
 from .point_request import Answers, BatchRequest, PointRequest, Progress, TimedReport, key_of
 
 if TYPE_CHECKING:
@@ -213,12 +214,18 @@ def result_at(model: AnalysedModel, question: PointRequest, point: Any) -> Any:
 
 
 def _results_at(model: AnalysedModel, question: PointRequest, points: Sequence[Any]) -> list[Any]:
-    """Return the results at some points that are answered together; None at the others, and at all if that fails."""
+    """Return the results at some points that are answered together; None at the others, and at all if that fails.
+
+    An error with a message is that of each point alone, too. Warns of a defect, which costs time and no result.
+    """
     if len(points) == 1 or not isinstance(question, BatchRequest):
         return [None] * len(points)
     try:
         return question.answer_all(model, points)
-    except Exception:  # each point then has its own error, if it has any
+    except Exception as problem:
+        if not isinstance(problem, (*OURS, *OF_ALL, MemoryError)):
+            text = f"a defect of ours: runs together ended ({type(problem).__name__}: {problem}); each is made alone"
+            warn(text, RuntimeWarning, stacklevel=2)
         return [None] * len(points)
 
 

@@ -247,3 +247,16 @@ def test_a_mechanism() -> None:
     assert list(found.failures) == [1] and "negative" in str(found.failures[1])
     alone = bondgraph.load(MODELS / "manipulator.bg").simulate(settings={"a": 171e-6}, to=1e-3, points=11)
     np.testing.assert_array_equal(found[2].values, alone.values)
+
+
+@pytest.mark.machine_code
+def test_a_defect_of_runs_together_is_told_and_costs_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: Any) -> None:
+        raise ZeroDivisionError("within")
+
+    model = bondgraph.load(TEXT)
+    wanted = model.simulate_many(SETTINGS, workers=1)
+    monkeypatch.setattr("bondgraph.studies.runs.simulate_together", broken)
+    with pytest.warns(RuntimeWarning, match="ZeroDivisionError: within"):
+        found = model.simulate_many(SETTINGS, workers=1)
+    assert all(found[name].tobytes() == wanted[name].tobytes() for name in wanted[0].names)
