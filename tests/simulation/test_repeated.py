@@ -18,6 +18,7 @@ from bondgraph.simulation.integration import method
 from bondgraph.simulation.integrators import exponential
 from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.ordering import on_diagonal, ordered
+from bondgraph.simulation.integrators.compiled.pilot_run import CompiledPilotRun
 from bondgraph.simulation.integrators.compiled.record_layout import RecordArray, form_of
 from bondgraph.simulation.integrators.linear_algebra.sparse import Pattern
 from bondgraph.simulation.magnitudes.free_response import balance
@@ -227,13 +228,12 @@ def test_balanced_by_machine_code_and_by_its_source() -> None:
 def test_what_swings_is_looked_at_in_equal_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """Speeds that pass through zero seem to grow: they do not ask for shorter steps while they stay within what was there."""
     tries: list[int] = []
-    original = PilotRun._further
+    original = CompiledPilotRun._put_back
 
-    def further(run: PilotRun, pace: Any, *given: Any) -> bool:
-        done = original(run, pace, *given)
+    def put_back(steps: CompiledPilotRun, run: Any, pace: Any) -> None:
+        original(steps, run, pace)
         tries.append(pace.taken)
-        return done
 
-    monkeypatch.setattr(PilotRun, "_further", further)
+    monkeypatch.setattr(CompiledPilotRun, "_put_back", put_back)
     bondgraph.load(MODELS / "manipulator.bg").simulate("push_x", points=2)
     assert 50 < max(tries) < 70
