@@ -186,7 +186,8 @@ def difference(base: Result, other: Result, estimate: Estimate, cap: float = mat
     assert certain is not None
     if certain.failure:
         return ""
-    inner = [replace(r, time=r.time[:-1], values=r.values[:-1]) for r in (base, other)]  # sources may jump at the end
+    last = -1 if min(len(base.time), len(other.time)) > 1 else None  # sources may jump at the end
+    inner = [replace(r, time=r.time[:last], values=r.values[:last]) for r in (base, other)]
     check = compare(inner[0], inner[1], other.rtol)
     if check.events[0] != check.events[1]:
         return f"{check.events[0]} events acted in the unchanged run and {check.events[1]} in the changed one"

@@ -126,3 +126,11 @@ def test_texts() -> None:
     graph.output("y", "x")
     graph.experiment("e", 2, points=11, stop_when="x > 0.7")
     ends(graph.model().simulate(), 0.7, 0.7)
+
+
+def test_an_end_at_the_first_instant_after_the_start_has_a_magnitude() -> None:
+    """The values at the end count: of an output that is zero before, they are all there is."""
+    text = "model M {\n  signal x = integral(2 [1/s], 0)\n  output y = x, t = time\n  experiment e { simulate 0 .. 5 s { points = 11 }; stop when x > 1 }\n}"
+    check = bondgraph.load(text).simulate(check=True).check
+    assert check is not None and check.holds, check
+    assert {row.name: row.magnitude for row in check.outputs} == pytest.approx({"y": 1.0, "t": 0.5})

@@ -311,3 +311,9 @@ def test_the_command(monkeypatch: Patch, tmp_path: Path) -> None:
     broken = CliRunner().invoke(commands, [*words[:2], "--for", "40 s", "--json", "--seed", "3"])
     assert broken.exit_code == 3
     assert json.loads(broken.output)["breaks"][0]["sentence"]
+
+
+def test_a_run_that_ends_at_its_start() -> None:
+    """Its one instant is compared."""
+    text = "model M { signal x = integral(1 [1/s], 0)\n output y = x\n experiment e { simulate 0 .. 1 s; stop when x >= 0 } }"
+    assert bondgraph.load(text).stress(seconds=14).holds
