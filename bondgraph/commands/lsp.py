@@ -12,7 +12,7 @@ import click
 def command(stdio: bool) -> None:
     """Serve an editor: errors as you type, completion, texts about what is under the cursor, renaming, formatting.
 
-    An editor starts it; `bondgraph editor` writes what editors need.
+    An editor starts it, as the server of files that end in `.bg`.
     """
     from ..errors import MissingPackage
 
