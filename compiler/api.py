@@ -75,9 +75,12 @@ if TYPE_CHECKING:
         Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, Reported,
         RunMetadata, Scene, Study,
     )  # fmt: skip
+    from .semantics.expressions.expression_compiler import MEMORIES
     from .semantics.expressions.functions import FUNCTIONS
     from .semantics.expressions.scales import scale_of
+    from .semantics.expressions.tables import USAGE as TABLE_USAGES
     from .semantics.expressions.unit import read_unit
+    from .semantics.expressions.vectors import VECTORS
     from .semantics.names.domain_table import ELEMENT_KINDS, slot_defaults
     from .semantics.names.part_kinds import attributes_of, kinds_of
     from .semantics.names.scope import RESERVED, ElementEntry, FileScope, ModelDefinition, PartEntry
@@ -93,6 +96,7 @@ if TYPE_CHECKING:
     from .syntax.tree import (
         Bonds, Description, Experiment, Literal, ModelSyntax, Negative, PathSyntax, PortsSyntax, Quantities, RequirementSyntax,
     )  # fmt: skip
+    from .syntax.words import grammar_words
     from .unparse import write_text
     from .unparse.literals import bond_lines, braces, number_text
 

@@ -15,8 +15,8 @@ import click
 from .error_reporting import INTERRUPTED, problems_told
 
 COMMANDS = (
-    "benchmark", "bode", "causality", "certificate", "check", "compile", "continue", "draw", "equations", "equilibrium", "explain", "fit", "fmt", "invert",
-    "library", "linearize", "lsp", "modes", "montecarlo", "new", "report", "reproduce", "run", "sensitivity", "serve", "show", "stress", "sweep",
+    "benchmark", "bode", "causality", "certificate", "check", "compile", "continue", "draw", "editor", "equations", "equilibrium", "explain", "fit", "fmt",
+    "invert", "library", "linearize", "lsp", "modes", "montecarlo", "new", "report", "reproduce", "run", "sensitivity", "serve", "show", "stress", "sweep",
 )  # fmt: skip
 STAGES = ("causality", "certificate", "compile", "equations", "explain", "show")  # commands of `stages.py`
 

@@ -18,7 +18,7 @@ _OF_NAMES = {
     "port": "port", "component": "port", "element": "element", "junction": "element", "part": "element", "instance": "instance", "mechanism": "instance",
     "function": "function", "argument": "parameter", "index": "parameter", "experiment": "function",
 }  # fmt: skip
-_PLAIN = {"comment": "comment", "text": "text", "number": "number"}
+_PLAIN = {"comment": "comment", "text": "text", "number": "number", "timing": "keyword"}
 
 
 def marked_words(workspace: Workspace, path: Path, start: int = 0, end: int | None = None) -> Iterator[MarkedWord]:
@@ -30,7 +30,7 @@ def marked_words(workspace: Workspace, path: Path, start: int = 0, end: int | No
         kind = _OF_NAMES.get(occurrence.name.kind, "") if occurrence.name is not None else _builtin(occurrence.kind)
         if kind and path_of(occurrence.span) == path:
             named[occurrence.span.offset] = (kind, occurrence.is_definition)
-    words = {word: kind for kind, listed in classes().items() for word in listed}
+    words = {word: _PLAIN.get(kind, kind) for kind, listed in classes().items() for word in listed}
     for match in WORD.finditer(document.text, start, len(document.text) if end is None else end):
         sort = match.lastgroup or ""
         kind, defined = named.get(match.start(), (_PLAIN.get(sort, ""), False))

@@ -1,6 +1,6 @@
 """Words of the language, one table: what colours, completion and hover texts say of each of them.
 
-Kinds of elements, parts, domains, functions, units and analysis steps are the compiler's own tables; only sentences on them stand here.
+Words of the grammar, kinds of elements, parts, domains, functions, units and analysis steps are the compiler's own tables; only sentences on them stand here.
 """
 
 from __future__ import annotations
@@ -8,12 +8,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from compiler.api import ANALYSIS_STEPS, DOMAINS, ELEMENTS, FUNCTIONS, SOLVERS, kinds_of
+from compiler.api import (
+    ANALYSIS_STEPS,
+    DOMAINS,
+    ELEMENTS,
+    FUNCTIONS,
+    MEMORIES,
+    SOLVERS,
+    TABLE_USAGES,
+    VECTORS,
+    attributes_of,
+    grammar_words,
+    kinds_of,
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Keyword:
-    """A word that begins a statement, or stands within one. `place`: file, model, experiment, mechanism, attribute or expression."""
+    """A word that begins a statement, or stands within one. `place`: file, model, experiment, mechanism, sampling, attribute or expression."""
 
     word: str
     place: str
@@ -25,6 +37,7 @@ _ROWS = (
     Keyword("import", "file", "import ${1:Name} from ${2:library}", "Models of a library, `from electric`, or of a file beside this one, `from \"parts.bg\"`."),
     Keyword("model", "file", "model ${1:Name} {\n  $0\n}", "A model: quantities, elements, bonds, experiments."),
     Keyword("plain", "file", "plain model ${1:Name} {\n  $0\n}", "`plain model` has bare numbers only, without units."),
+    Keyword("parameters", "file", "parameters ${1:Name} {\n  $0\n}", "A named set of values, which an instance takes at once: `Beam b { parameters = Steel }`."),
     Keyword("constant", "file model", "constant ${1:name} = ${0:1}", "A value that is not to be set from outside."),
     Keyword("function", "file model", "function ${1:f}(${2:x}) = $0", "A name for an expression of its arguments."),
     Keyword("parameter", "model", "parameter ${1:name} = ${0:1}", "A value known before the run, which an instance, an experiment or `--set` may set."),
@@ -37,6 +50,10 @@ _ROWS = (
     Keyword("for", "model mechanism", "for ${1:i} in 1..${2:3} {\n  $0\n}", "Repeats what stands in its braces."),
     Keyword("when", "model", "when ${1:condition} { ${2:name} = $0 }", "An event: when the condition becomes true, the assignments are made."),
     Keyword("every", "model", "every ${1:1 ms} { ${2:name} = $0 }", "Assignments at each multiple of a time."),
+    Keyword("offset", "sampling", "offset ${0:0.2 ms}", "So much later than the multiples of the period."),
+    Keyword("delay", "sampling", "delay ${0:0.2 ms}", "Time of the computation: what a sample assigns holds so much later."),
+    Keyword("jitter", "sampling", "jitter ${0:10 us}", "Each sample is late by a random time of up to so much."),
+    Keyword("seed", "sampling", "seed ${0:1}", "Which random numbers the jitter takes."),
     Keyword("require", "model", "require ${1:condition} \"${0:why}\"", "A condition under which the model is valid; a run says when it fails."),
     Keyword("experiment", "model", "experiment ${1:name} {\n  $0\n}", "What a run sets, simulates and reports."),
     Keyword("set", "experiment", "set ${1:name} = $0", "A value, or a signal of time, for a parameter or an input."),
@@ -44,6 +61,7 @@ _ROWS = (
     Keyword("simulate", "experiment", "simulate 0 .. ${0:1 s}", "A run over time; in braces `rtol`, `points`, `solver`, `tolerance`."),
     Keyword("report", "experiment", "report ${1:name} in ${0:unit}", "Outputs, or anything that can be read, in units."),
     Keyword("sweep", "experiment", "sweep ${1:name} = $0", "Values that a parameter, or a name of the experiment, takes one after the other."),
+    Keyword("stop", "experiment", "stop when ${0:condition}", "Ends the run when the condition becomes true."),
     Keyword("bandwidth", "experiment", "bandwidth ${0:1 kHz}", "Modes that ring faster need not be followed."),
     Keyword("nominal", "attribute", "nominal ${1:x} = $0", "A typical magnitude, for tolerances."),
     Keyword("prefer", "attribute", "prefer = ${0|integral,derivative,effort,flow|}", "What the element should decide if there is a choice."),
@@ -117,18 +135,28 @@ def kind_text(kind: str) -> str:
 
 
 def classes() -> Mapping[str, tuple[str, ...]]:
-    """All words by their class, for colours: `keyword`, `operator`, `value`, `attribute`, `kind`, `domain` and `function`."""
+    """All words by their class, for colours: `keyword`, `operator`, `value`, `timing`, `attribute`, `kind`, `domain` and `function`.
+
+    A word may have two classes, as `delay`, and none of them is reserved for it.
+    """
     operators = ("if", "else", "and", "or", "not", "in", "to", "over")
     values = ("true", "false", "time", "pi", "ground")
-    attributes = dict.fromkeys(k.word for k in KEYWORDS if k.place.split()[0] in ("attribute", "simulate", "mechanism"))
-    keywords = dict.fromkeys(k.word for k in KEYWORDS if k.word not in (*operators, *values, *attributes))
+    timing = ("offset", "delay", "jitter", "seed")
     joints = dict.fromkeys([*kinds_of(True), *kinds_of(False)])
-    functions = (*FUNCTIONS, "integral", "delay", "linear", "cubic", "monotone", "column", "noise", "correlation")
     return {
-        "keyword": tuple(keywords), "operator": operators, "value": values, "attribute": tuple(attributes),
-        "kind": (*ELEMENTS, "splitter", *(j for j in joints if j not in ("planar", "frame"))),
-        "domain": (*DOMAINS, "planar", "spatial"), "function": functions,
+        "keyword": tuple(w for w in grammar_words() if w not in (*operators, *timing, *values)), "operator": operators, "value": values,
+        "timing": timing, "attribute": _attributes(), "kind": (*ELEMENTS, "splitter", *joints),
+        "domain": (*DOMAINS, "planar", "spatial"), "function": (*USAGES, "correlation"),  # of two chances
     }  # fmt: skip
+
+
+def _attributes() -> tuple[str, ...]:
+    """Names left of `=` in braces: those of the table above, of parts of mechanisms, of analysis steps."""
+    words = [k.word for k in KEYWORDS if k.place.split()[0] in ("attribute", "simulate", "mechanism")]
+    words += [w for planar in (True, False) for kind in kinds_of(planar) for w in attributes_of(kind, planar)]
+    for step in ANALYSIS_STEPS.values():
+        words += [*(name for name, _, _ in step.counts), *step.truths, *step.named]
+    return tuple(dict.fromkeys(words))
 
 
 def solver_names() -> tuple[str, ...]:
@@ -137,14 +165,9 @@ def solver_names() -> tuple[str, ...]:
 
 
 USAGES: Mapping[str, str] = {
-    **{name: usage for name, (_, usage, _) in FUNCTIONS.items()},
-    "integral": "integral(rate, start)",
-    "delay": "delay(x, 1 ms)",
-    "linear": "linear(x, xs, ys)",
-    "cubic": "cubic(x, xs, ys)",
-    "monotone": "monotone(x, xs, ys)",
-    "column": 'column("curve.csv", "force")',
-    "noise": "noise(time, period, seed)",
+    **{name: usage for name, (_, usage, _) in {**FUNCTIONS, **VECTORS}.items()},
+    **MEMORIES,
+    **TABLE_USAGES,
 }
 FUNCTION_TEXTS: Mapping[str, str] = {
     "step": "0 before the argument is zero, 1 from then on.",

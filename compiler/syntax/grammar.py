@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import lark
@@ -18,10 +17,10 @@ from lark.lexer import PatternStr, TerminalDef
 
 from ..fast_dataclass import dataclass
 from ..persistent_cache import kept
-from ..steps import ANALYSIS_STEPS
 from .build import Builder
 from .errors import StrangeCharacter, TooDeep
 from .refused import Refused, Unreadable, place_of
+from .words import grammar
 
 STARTS = ["start", "alone", "alone_law"]
 MAXIMUM_NESTING = 100  # brackets within brackets
@@ -36,14 +35,6 @@ class ParserTable:
 
     data: dict[str, Any]
     memo: dict[int, Any]
-
-
-def grammar() -> str:
-    """Grammar in lark's notation: `grammar.lark`, and a rule of all analysis steps."""
-    rows = {word.upper(): row for word, row in ANALYSIS_STEPS.items()}
-    rule = "analysis: " + " | ".join(f"{name} {row.grammar}" for name, row in rows.items())
-    text = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
-    return "\n".join([text, rule, *(f'{name}: "{row.word}"' for name, row in rows.items()), ""])
 
 
 def make_table(grammar: str) -> ParserTable:

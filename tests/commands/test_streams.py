@@ -37,6 +37,7 @@ CALLS = {
     "compile": ("m.bg", "-o", "out.py"),
     "continue": ("m.bg", "--along", "R=1 ohm .. 2 ohm", "--points", "3"),
     "draw": ("m.bg", "--out", "out.svg"),
+    "editor": ("neovim", "-o", "out.lua"),
     "equations": ("m.bg",),
     "equilibrium": ("m.bg",),
     "explain": ("m.bg", "i"),

@@ -10,7 +10,7 @@ import pytest
 
 from compiler.source import Source
 from compiler.syntax import parse, tree
-from compiler.syntax.grammar import grammar
+from compiler.syntax.words import grammar
 
 GRAMMAR = grammar()
 SKETCHES = sorted((Path(__file__).parent / "sketches").glob("*.bg"))

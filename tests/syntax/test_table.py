@@ -10,7 +10,8 @@ import pytest
 import compiler.persistent_cache as kept_module
 from compiler.source import Source
 from compiler.syntax.build import Builder
-from compiler.syntax.grammar import STARTS, Parser, ParserTable, WordFilter, grammar, make_table
+from compiler.syntax.grammar import STARTS, Parser, ParserTable, WordFilter, make_table
+from compiler.syntax.words import grammar
 from tests.compiling import ROOT
 
 GRAMMAR = grammar()

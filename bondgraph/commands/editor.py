@@ -1,0 +1,53 @@
+"""`bondgraph editor`."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+
+import click
+
+from .error_reporting import harmless
+from .options import check_target
+
+EDITORS = ("vscode", "neovim", "helix", "emacs", "zed", "textmate", "pygments")
+
+
+@click.command("editor")
+@click.argument("editor", type=click.Choice(EDITORS))
+@click.option("-o", "--out", metavar="FILE", help="The file to write; of vscode it ends in .vsix.")
+@click.option(
+    "--command", "words", metavar="COMMAND", help="Start the server so, instead of by the Python that runs this."
+)
+def command(editor: str, out: str | None, words: str | None) -> None:
+    """Write what an editor needs to know the language: an extension, colours, or a configuration that starts `bondgraph lsp`."""
+    from ..files import replacing, write_text
+
+    server = [sys.executable or "python", "-P", "-m", "bondgraph", "lsp"] if words is None else _words(words)
+    if editor == "vscode":
+        from ..editors.extension import write_extension
+
+        if out is None:
+            raise click.UsageError("vscode takes a file: bondgraph editor vscode -o bondgraph.vsix")
+        check_target(out, (".vsix",), "--out")
+        with replacing(out) as stream:
+            write_extension(stream, server)
+        click.echo(f"wrote {harmless(out)}; next: code --install-extension {harmless(out)}")
+        return
+    from ..editors.configurations import CONFIGURATIONS
+
+    text = CONFIGURATIONS[editor](server)
+    if out is None:
+        click.echo(text, nl=False)
+    else:
+        write_text(out, text)
+
+
+def _words(text: str) -> list[str]:
+    try:
+        words = shlex.split(text, posix=sys.platform != "win32")
+    except ValueError as problem:
+        raise click.UsageError(f"--command `{text}` cannot be read: {problem}") from None
+    if not words:
+        raise click.UsageError('--command is empty; for example --command "bondgraph lsp"')
+    return words

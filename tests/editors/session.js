@@ -1,0 +1,68 @@
+// A session of the extension with the real server, over an editor that is made of plain objects. Arguments: extension, command as JSON, file.
+"use strict";
+const Module = require("node:module");
+const fs = require("node:fs");
+const { pathToFileURL } = require("node:url");
+
+const [extension, command, file] = process.argv.slice(2);
+const providers = {};
+const shown = [];
+let told;
+const listeners = {};
+const plain = (...names) => class { constructor(...values) { names.forEach((name, i) => { this[name] = values[i]; }); } };
+const nothing = () => ({ dispose() {} });
+const listening = (name) => (listener) => { listeners[name] = listener; return nothing(); };
+const uri = { toString: () => pathToFileURL(file).href, fsPath: file };
+const text = { uri, languageId: "bondgraph", version: 1, getText: () => fs.readFileSync(file, "utf8") };
+class WorkspaceEdit { constructor() { this.entries = []; } set(where, edits) { this.entries.push([where.text, edits]); } }
+class EventEmitter { constructor() { this.event = nothing; } fire() {} dispose() {} }
+const registering = (_, name) => (...given) => { providers[name] = given.find((g) => typeof g === "object" && !("language" in g)); return nothing(); };
+const vscode = {
+  Position: plain("line", "character"), Range: class { constructor(start, end) { Object.assign(this, { start, end }); } },
+  Location: plain("uri", "range"), TextEdit: plain("range", "newText"), Diagnostic: plain("range", "message", "severity"), Hover: plain("contents", "range"),
+  MarkdownString: plain("value"), CompletionItem: plain("label", "kind"), SnippetString: plain("value"), CodeAction: plain("title", "kind"), WorkspaceEdit, EventEmitter,
+  DocumentSymbol: plain("name", "detail", "kind", "range", "selectionRange"), SemanticTokens: plain("data"), SemanticTokensLegend: plain("types", "modifiers"),
+  FoldingRange: plain("start", "end"), InlayHint: plain("position", "label", "kind"), DocumentHighlight: plain("range"), CodeActionKind: { QuickFix: "quickfix" },
+  SignatureHelp: plain(), SignatureInformation: plain("label", "documentation"), ParameterInformation: plain("label"),
+  DiagnosticRelatedInformation: plain("location", "message"), SymbolInformation: plain("name", "kind", "containerName", "location"),
+  Uri: { parse: (written) => ({ text: written }) },
+  window: { showErrorMessage: (m) => shown.push(m), showWarningMessage: (m) => shown.push(m) },
+  commands: { registerCommand: nothing },
+  workspace: {
+    textDocuments: [text], workspaceFolders: undefined, getConfiguration: () => ({ get: () => JSON.parse(command) }), onDidChangeConfiguration: nothing,
+    onDidOpenTextDocument: listening("open"), onDidSaveTextDocument: nothing, onDidCloseTextDocument: nothing, onDidChangeTextDocument: listening("change"),
+  },
+  languages: new Proxy({ createDiagnosticCollection: () => ({ set: (_, all) => told?.(all), clear() {}, dispose() {} }) },
+    { get: (target, name) => target[name] ?? registering(target, name.replace(/^register|Provider$/g, "")) }),
+};
+const load = Module._load;
+Module._load = (name, ...rest) => (name === "vscode" ? vscode : load(name, ...rest));
+const place = (line, character) => new vscode.Position(line, character);
+const errors = () => new Promise((resolve) => { told = resolve; });
+
+(async () => {
+  const client = require(extension);
+  const first = errors();
+  await client.activate({ subscriptions: [] });
+  if (shown.length) return console.log(JSON.stringify({ shown }));
+  const [mistake] = await first;
+  const [action] = await providers.CodeActions.provideCodeActions(text, mistake.range, { diagnostics: [mistake] });
+  const [edit] = action.edit.entries[0][1];
+  const mended = errors();
+  listeners.change({ document: { ...text, version: 2 }, contentChanges: [{ range: edit.range, text: edit.newText }] });
+  const left = await mended;
+  const answer = {
+    mistake, edit, left, shown,
+    hover: (await providers.Hover.provideHover(text, place(1, 13))).contents.value,
+    definition: (await providers.Definition.provideDefinition(text, place(4, 17))).range,
+    items: (await providers.CompletionItem.provideCompletionItems(text, place(1, 2))).map((i) => i.label),
+    symbols: (await providers.DocumentSymbol.provideDocumentSymbols(text)).map((s) => [s.name, s.children.map((c) => c.name)]),
+    tokens: (await providers.DocumentSemanticTokens.provideDocumentSemanticTokens(text)).data.length,
+    renamed: (await providers.Rename.provideRenameEdits(text, place(1, 12), "stiffness")).entries[0][1].length,
+    formatted: (await providers.DocumentFormattingEdit.provideDocumentFormattingEdits(text, {}))[0].newText,
+    folds: (await providers.FoldingRange.provideFoldingRanges(text)).length,
+    hints: (await providers.InlayHints.provideInlayHints(text, { start: place(0, 0), end: place(9, 0) })).map((h) => h.label),
+  };
+  await client.deactivate();
+  console.log(JSON.stringify(answer));
+})();
