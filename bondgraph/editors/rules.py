@@ -99,7 +99,7 @@ def expression_rules() -> tuple[Rule, ...]:
     alone = r"(?<![.A-Za-z_0-9])"
     return (
         Rule(((number, "number"), (r"[ \t]*", ""), (r"\[[^\]\n]*\]", "unit")), alone),
-        Rule(((number, "number"), (r"[ \t]*", ""), (rf"(?!{infix})(?:{_SYMBOL})", "unit")), alone),
+        Rule(((number, "number"), (r"[ \t]*", ""), (rf"(?!{infix}|[eE][+-]?[0-9])(?:{_SYMBOL})", "unit")), alone),
         Rule(((number, "number"),)),
         Rule((("in", "operator"), _SPACE, (_UNIT, "unit")), alone, _END_OF_UNIT),
         Rule(((":", ""), (r"[ \t]*", ""), (_any(words["domain"]), "domain")), after=r"(?![ \t]*[.=*/+^\-(])"),

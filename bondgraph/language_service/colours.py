@@ -18,7 +18,7 @@ _OF_NAMES = {
     "port": "port", "component": "port", "element": "element", "junction": "element", "part": "element", "instance": "instance", "mechanism": "instance",
     "function": "function", "argument": "parameter", "index": "parameter", "experiment": "function",
 }  # fmt: skip
-_PLAIN = {"comment": "comment", "text": "text", "number": "number", "timing": "keyword"}
+_PLAIN = {"comment": "comment", "text": "text", "number": "number"}
 
 
 def marked_words(workspace: Workspace, path: Path, start: int = 0, end: int | None = None) -> Iterator[MarkedWord]:
@@ -30,12 +30,14 @@ def marked_words(workspace: Workspace, path: Path, start: int = 0, end: int | No
         kind = _OF_NAMES.get(occurrence.name.kind, "") if occurrence.name is not None else _builtin(occurrence.kind)
         if kind and path_of(occurrence.span) == path:
             named[occurrence.span.offset] = (kind, occurrence.is_definition)
-    words = {word: _PLAIN.get(kind, kind) for kind, listed in classes().items() for word in listed}
+    words = {word: kind for kind, listed in classes().items() if kind != "timing" for word in listed}
+    timing = classes()["timing"]
     for match in WORD.finditer(document.text, start, len(document.text) if end is None else end):
         sort = match.lastgroup or ""
         kind, defined = named.get(match.start(), (_PLAIN.get(sort, ""), False))
         if not kind and sort == "name":
-            kind = words.get(match[0], "")
+            is_timing = match[0] in timing and not document.text.startswith("(", match.end())  # `delay(x, 1 ms)` is a signal
+            kind = "keyword" if is_timing else words.get(match[0], "")
         if kind:
             yield MarkedWord(match.start(), match.end(), kind, defined)
 

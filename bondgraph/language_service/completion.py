@@ -155,6 +155,7 @@ def _in_model(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:
         "require",
         "for",
     ):
+        yield from _keywords("sampling") if first == "every" and context.last != first else ()
         yield from _expression(place) if context.last not in (first, ",") else ()
 
 

@@ -37,7 +37,7 @@ _ROWS = (
     Keyword("import", "file", "import ${1:Name} from ${2:library}", "Models of a library, `from electric`, or of a file beside this one, `from \"parts.bg\"`."),
     Keyword("model", "file", "model ${1:Name} {\n  $0\n}", "A model: quantities, elements, bonds, experiments."),
     Keyword("plain", "file", "plain model ${1:Name} {\n  $0\n}", "`plain model` has bare numbers only, without units."),
-    Keyword("parameters", "file", "parameters ${1:Name} {\n  $0\n}", "A named set of values, which an instance takes at once: `Beam b { parameters = Steel }`."),
+    Keyword("parameters", "file", "parameters ${1:Name} {\n  $0\n}", "Named values, which an instance takes at once: `Beam b { parameters = Steel }`."),
     Keyword("constant", "file model", "constant ${1:name} = ${0:1}", "A value that is not to be set from outside."),
     Keyword("function", "file model", "function ${1:f}(${2:x}) = $0", "A name for an expression of its arguments."),
     Keyword("parameter", "model", "parameter ${1:name} = ${0:1}", "A value known before the run, which an instance, an experiment or `--set` may set."),

@@ -2,6 +2,7 @@
 "use strict";
 const Module = require("node:module");
 const fs = require("node:fs");
+const path = require("node:path");
 const { pathToFileURL } = require("node:url");
 
 const [extension, command, file] = process.argv.slice(2);
@@ -13,6 +14,7 @@ const plain = (...names) => class { constructor(...values) { names.forEach((name
 const nothing = () => ({ dispose() {} });
 const listening = (name) => (listener) => { listeners[name] = listener; return nothing(); };
 const uri = { toString: () => pathToFileURL(file).href, fsPath: file };
+const folder = { toString: () => pathToFileURL(path.dirname(file)).href, fsPath: path.dirname(file) };
 const text = { uri, languageId: "bondgraph", version: 1, getText: () => fs.readFileSync(file, "utf8") };
 class WorkspaceEdit { constructor() { this.entries = []; } set(where, edits) { this.entries.push([where.text, edits]); } }
 class EventEmitter { constructor() { this.event = nothing; } fire() {} dispose() {} }
@@ -29,7 +31,7 @@ const vscode = {
   window: { showErrorMessage: (m) => shown.push(m), showWarningMessage: (m) => shown.push(m) },
   commands: { registerCommand: nothing },
   workspace: {
-    textDocuments: [text], workspaceFolders: undefined, getConfiguration: () => ({ get: () => JSON.parse(command) }), onDidChangeConfiguration: nothing,
+    textDocuments: [text], workspaceFolders: [{ uri: folder, name: "models" }], getConfiguration: () => ({ get: () => JSON.parse(command) }), onDidChangeConfiguration: nothing,
     onDidOpenTextDocument: listening("open"), onDidSaveTextDocument: nothing, onDidCloseTextDocument: nothing, onDidChangeTextDocument: listening("change"),
   },
   languages: new Proxy({ createDiagnosticCollection: () => ({ set: (_, all) => told?.(all), clear() {}, dispose() {} }) },
@@ -39,6 +41,8 @@ const load = Module._load;
 Module._load = (name, ...rest) => (name === "vscode" ? vscode : load(name, ...rest));
 const place = (line, character) => new vscode.Position(line, character);
 const errors = () => new Promise((resolve) => { told = resolve; });
+
+process.on("unhandledRejection", (error) => { console.error(error); process.exit(1); });
 
 (async () => {
   const client = require(extension);

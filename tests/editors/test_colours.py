@@ -103,10 +103,12 @@ def test_the_server_agrees() -> None:
                 "start",
             ):  # junctions, and a keyword that is an attribute too
                 continue
+            if word.kind == "function" and shown not in classes()["function"]:  # of the author
+                continue
             count += 1
             if kind != word.kind and (kind, word.kind) != ("unit", "number"):  # a unit of several words is one here
                 differ[shown, kind, word.kind] += 1
-    assert differ.total() < 0.004 * count and count > 1000, differ
+    assert differ.total() < 0.004 * count and count > 500, differ
 
 
 def test_every_word_is_known() -> None:

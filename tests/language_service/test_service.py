@@ -265,6 +265,9 @@ def test_renamed_models_are_the_same_models(workspace: Workspace, tmp_path: Path
         ("  experiment e { simulate 0 .. 5 s { |", ["rtol", "points", "solver"], ["set"]),
         ("  experiment e { simulate 0 .. 5 s { solver = |", ["automatic", "radau", "energy"], ["rtol"]),
         ("  experiment e { response r to position over 1 Hz .. 2 Hz { |", ["points"], ["set"]),
+        ("  experiment e { st|", ["set", "start", "stop"], ["parameter"]),
+        ("  every 1 ms |", ["offset", "delay", "jitter", "seed"], ["simulate"]),
+        ("  output z = 2*|", ["k", "dot", "cross", "norm", "mod", "stairs", "pwm"], ["simulate"]),
         ("  # |", [], ["k"]),
     ],
 )  # fmt: skip
@@ -291,7 +294,7 @@ def test_completion_in_a_mechanism(tmp_path: Path, line: str, first: list[str], 
 
 
 def test_completion_at_the_top(tmp_path: Path) -> None:
-    assert offered(tmp_path, "|", "MARK") == ["import", "model", "plain", "constant", "function"]
+    assert offered(tmp_path, "|", "MARK") == ["import", "model", "plain", "parameters", "constant", "function"]
     assert {"Resistor", "Gear"} <= set(offered(tmp_path, "import |", "MARK"))
     assert {"electric", "mems"} <= set(offered(tmp_path, "import Resistor from |", "MARK"))
     (tmp_path / "parts.bg").write_text("model A { output a = 1 }\n", encoding="utf-8")
@@ -383,3 +386,20 @@ def test_formatting(workspace: Workspace, tmp_path: Path) -> None:
     assert formatted(workspace, path) == "model A {\n  output a = 1\n}\n"
     path, _ = opened(workspace, tmp_path, "model A {\n output   a=\n}\n")
     assert formatted(workspace, path) is None
+
+
+def test_words_that_hold_in_one_place(workspace: Workspace, tmp_path: Path) -> None:
+    """`delay` behind a period is a keyword, in an expression a function; sets, wheels and `stop` have classes and texts."""
+    text = (
+        "parameters Steel { E = 210 GPa }\nmodel A {\n  input u = 0\n  mode y = 0\n  every 1 ms offset 0.2 ms delay 0.1 ms { y = u }\n"
+        "  output late = delay(u, 1 ms)\n  multibody car : planar {\n    body hull { mass = 1 kg, inertia = 1 [kg*m^2] }\n"
+        "    wheel w : hull { radius = 1 m }\n  }\n  experiment e { simulate 0 .. 1 s; stop when y > 1 }\n}\n"
+    )
+    path, _ = opened(workspace, tmp_path, text)
+    kinds = {w.start: w.kind for w in marked_words(workspace, path)}
+    found = {word: [kinds.get(m.start()) for m in re.finditer(rf"\b{word}\b", text)] for word in ("delay", "offset", "wheel", "stop", "when")}
+    assert found == {"delay": ["keyword", "function"], "offset": ["keyword"], "wheel": ["kind"], "stop": ["keyword"], "when": ["keyword"]}
+    assert kinds[0] == "keyword" and kinds[text.index("Steel")] is not None
+    for word, words in (("stop", "Ends the run"), ("offset", "later"), ("parameters", "Named values")):
+        answer = hover(workspace, path, text.index(word) + 1)
+        assert answer is not None and words in answer.text
