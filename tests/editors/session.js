@@ -63,7 +63,7 @@ process.on("unhandledRejection", (error) => { console.error(error); process.exit
     symbols: (await providers.DocumentSymbol.provideDocumentSymbols(text)).map((s) => [s.name, s.children.map((c) => c.name)]),
     tokens: (await providers.DocumentSemanticTokens.provideDocumentSemanticTokens(text)).data.length,
     renamed: (await providers.Rename.provideRenameEdits(text, place(1, 12), "stiffness")).entries[0][1].length,
-    formatted: (await providers.DocumentFormattingEdit.provideDocumentFormattingEdits(text, {}))[0].newText,
+    formatted: (await providers.DocumentFormattingEdit.provideDocumentFormattingEdits(text, { tabSize: 2, insertSpaces: true }))[0].newText,
     folds: (await providers.FoldingRange.provideFoldingRanges(text)).length,
     hints: (await providers.InlayHints.provideInlayHints(text, { start: place(0, 0), end: place(9, 0) })).map((h) => h.label),
   };

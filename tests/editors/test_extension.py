@@ -94,7 +94,7 @@ def session(command: list[str], path: Path) -> dict[str, Any]:
     ]
     path.write_text(TEXT, encoding="utf-8")
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run(script, env=environment, capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(script, env=environment, capture_output=True, text=True, check=True, timeout=120)
     return json.loads(done.stdout)  # type: ignore[no-any-return]
 
 

@@ -225,7 +225,7 @@ class Session {
         provideFoldingRanges: (d, _, c) => ask("foldingRange", document(d), c, (l) => l.map((f) => new vscode.FoldingRange(f.startLine, f.endLine))),
       }),
       languages.registerDocumentFormattingEditProvider(SELECTOR, {
-        provideDocumentFormattingEdits: (d, options, c) => ask("formatting", { ...document(d), options: { ...options } }, c, (l) => l.map(edit)),
+        provideDocumentFormattingEdits: (d, { tabSize, insertSpaces }, c) => ask("formatting", { ...document(d), options: { tabSize, insertSpaces } }, c, (l) => l.map(edit)),
       }),
       languages.registerCodeActionsProvider(SELECTOR, {
         provideCodeActions: (d, r, context, c) => {
