@@ -36,7 +36,9 @@ def marked_words(workspace: Workspace, path: Path, start: int = 0, end: int | No
         sort = match.lastgroup or ""
         kind, defined = named.get(match.start(), (_PLAIN.get(sort, ""), False))
         if not kind and sort == "name":
-            is_timing = match[0] in timing and not document.text.startswith("(", match.end())  # `delay(x, 1 ms)` is a signal
+            is_timing = match[0] in timing and not document.text.startswith(
+                "(", match.end()
+            )  # `delay(x, 1 ms)` is a signal
             kind = "keyword" if is_timing else words.get(match[0], "")
         if kind:
             yield MarkedWord(match.start(), match.end(), kind, defined)
