@@ -26,6 +26,7 @@ from ..language_service.outline import folds, outline
 from ..language_service.problems import problems
 from ..language_service.workspace import Workspace
 from .conversions import TOKEN_MODIFIERS, TOKEN_TYPES, Converter, signature
+from .protocol import AnsweringProtocol
 
 PAUSE = 0.3  # s without a key press after which large models are looked at
 
@@ -35,7 +36,10 @@ class EditorSession:
 
     def __init__(self) -> None:
         self.server = LanguageServer(
-            "bondgraph", _version(), text_document_sync_kind=types.TextDocumentSyncKind.Incremental
+            "bondgraph",
+            _version(),
+            text_document_sync_kind=types.TextDocumentSyncKind.Incremental,
+            protocol_cls=AnsweringProtocol,
         )
         self.workspace = Workspace()
         self.convert = Converter(self.workspace, "utf-16")

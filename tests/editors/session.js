@@ -37,11 +37,18 @@ const vscode = {
   languages: new Proxy({ createDiagnosticCollection: () => ({ set: (_, all) => told?.(all), clear() {}, dispose() {} }) },
     { get: (target, name) => target[name] ?? registering(target, name.replace(/^register|Provider$/g, "")) }),
 };
+const started = [];
+const processes = require("node:child_process");
+const { spawn } = processes;
+processes.spawn = (...words) => { started.push(spawn(...words)); return started.at(-1); };
 const load = Module._load;
 Module._load = (name, ...rest) => (name === "vscode" ? vscode : load(name, ...rest));
 const place = (line, character) => new vscode.Position(line, character);
 const errors = () => new Promise((resolve) => { told = resolve; });
 
+// Nothing waits for ever: after the limit all ends, and no server outlives this process.
+setTimeout(() => { console.error("no answer within the limit"); process.exit(1); }, 60000).unref();
+process.on("exit", () => started.forEach((server) => server.kill()));
 process.on("unhandledRejection", (error) => { console.error(error); process.exit(1); });
 
 (async () => {

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ from tests.compiling import ROOT
 
 pytest.importorskip("pygls")
 
+LIMIT = 60  # s for a session
 TEXT = """model QuarterCar {
   "µ: a letter of two bytes"
   parameter k: N/m = 16e3
@@ -31,12 +33,14 @@ TEXT = """model QuarterCar {
 
 
 class Editor:
-    """A client: requests wait for their answers; notifications are kept."""
+    """A client: requests wait for their answers, at most until `LIMIT`, when the server is ended; notifications are kept."""
 
     def __init__(self, folder: Path) -> None:
         self.process = subprocess.Popen(
             [sys.executable, "-m", "bondgraph", "lsp"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT
         )
+        self.limit = Timer(LIMIT, self.process.kill)
+        self.limit.start()
         self.number = 0
         self.notes: list[dict[str, Any]] = []
         folders = [{"uri": folder.as_uri(), "name": "models"}]
@@ -56,17 +60,30 @@ class Editor:
         while line := self.process.stdout.readline().strip():
             if line.lower().startswith(b"content-length"):
                 length = int(line.partition(b":")[2])
+        assert length, f"the server ended, or gave no answer in {LIMIT} s"
         return json.loads(self.process.stdout.read(length))  # type: ignore[no-any-return]
 
-    def ask(self, method: str, parameters: Any) -> Any:
+    def answer(self, method: str, parameters: Any) -> dict[str, Any]:
         self.number += 1
         self._send(id=self.number, method=method, params=parameters)
         while True:
             message = self._read()
             if message.get("id") == self.number and "method" not in message:
-                assert "error" not in message, message
-                return message["result"]
+                return message
             self.notes.append(message)
+
+    def ask(self, method: str, parameters: Any) -> Any:
+        message = self.answer(method, parameters)
+        assert "error" not in message, message
+        return message["result"]
+
+    def end(self) -> None:
+        self.limit.cancel()
+        self.process.kill()
+        self.process.wait()
+        for stream in (self.process.stdin, self.process.stdout):
+            if stream is not None:
+                stream.close()
 
     def tell(self, method: str, parameters: Any) -> None:
         self._send(method=method, params=parameters)
@@ -84,11 +101,7 @@ class Editor:
 def editor(tmp_path: Path) -> Iterator[Editor]:
     client = Editor(tmp_path)
     yield client
-    client.process.kill()
-    client.process.wait()
-    for stream in (client.process.stdin, client.process.stdout):
-        if stream is not None:
-            stream.close()
+    client.end()
 
 
 def test_a_session(editor: Editor, tmp_path: Path) -> None:
@@ -156,6 +169,12 @@ def test_a_session(editor: Editor, tmp_path: Path) -> None:
         "textDocument/formatting", {"textDocument": document, "options": {"tabSize": 2, "insertSpaces": True}}
     )
     assert "  1 wheel\n" in change["newText"]
+
+    for parameters in ({"textDocument": document}, {}, None, [1], place("mass :") | {"position": "there"}):
+        refused = editor.answer("textDocument/hover", parameters)["error"]
+        assert refused["code"] == -32602 and "textDocument/hover cannot be read" in refused["message"]
+    assert editor.answer("textDocument/nothing", {})["error"]["code"] == -32601
+    assert editor.ask("textDocument/hover", place("mass :")) == hover  # the session goes on
     assert editor.ask("shutdown", None) is None
     editor.tell("exit", None)
     assert editor.process.wait(20) == 0

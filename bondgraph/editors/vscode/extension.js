@@ -4,6 +4,7 @@ const vscode = require("vscode");
 const { spawn } = require("node:child_process");
 
 const SELECTOR = { language: "bondgraph" };
+const PATIENCE = 2000; // ms in which a server must end
 let session;
 
 // ---------------------------------------------------------------- messages
@@ -72,6 +73,15 @@ class Connection {
     cancellation?.onCancellationRequested(() => this.tell("$/cancelRequest", { id }));
     this.send({ id, method, params });
     return result.catch((error) => { if (cancellation?.isCancellationRequested || !this.isOpen) return null; throw error; });
+  }
+
+  // Asks the server to end; a server that does not is ended.
+  async end() {
+    const limit = setTimeout(() => this.process.kill(), PATIENCE);
+    this.process.once("exit", () => clearTimeout(limit));
+    await this.ask("shutdown").catch(() => {});
+    this.tell("exit");
+    this.isOpen = false;
   }
 }
 
@@ -251,9 +261,7 @@ class Session {
   async stop() {
     this.disposables.splice(0).forEach((d) => d.dispose());
     if (!this.server?.isOpen) return;
-    await this.server.ask("shutdown").catch(() => {});
-    this.server.tell("exit");
-    this.server.isOpen = false;
+    await this.server.end();
   }
 }
 
