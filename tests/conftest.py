@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import tempfile
+import zlib
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -25,6 +27,8 @@ settings.load_profile("repeatable")
 _KEPT = tempfile.TemporaryDirectory(prefix="bondgraph-tests-")
 os.environ.setdefault("BONDGRAPH_CACHE", _KEPT.name)
 
+_FROZEN: list[int] = []  # objects that were left out of collections, last
+
 Golden = Callable[[Path, str], None]
 
 
@@ -33,6 +37,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers", "interpreted: asks for the target numpy itself, so that it is the same where there is no LLVM"
     )
+    config.addinivalue_line("markers", "few(number): so many of the test's cases always run, all of them with --long")
     config.addinivalue_line("markers", "machine_code: left out where there is no LLVM, or it is hidden")
 
 
@@ -41,15 +46,42 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         pytest.skip("there is no LLVM, or it is hidden")
 
 
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out cases of tests with a marker `few`, the same in every run; none with `--long` or where a test is named."""
+    if config.getoption("--long") or any("::" in argument for argument in config.args):
+        return
+    cases = defaultdict(list)
+    for item in items:
+        if item.get_closest_marker("few"):
+            cases[item.nodeid.partition("[")[0]].append(item)
+    left_out: set[pytest.Item] = set()
+    for group in cases.values():
+        (number,) = group[0].get_closest_marker("few").args
+        group.sort(key=lambda item: zlib.crc32(item.nodeid.encode()))
+        left_out.update(group[number:])
+    items[:] = [item for item in items if item not in left_out]
+    config.hook.pytest_deselected(items=list(left_out))
+
+
+def pytest_collection_finish() -> None:
+    """Leave thousands of tests and the modules they import out of every later collection."""
+    gc.collect()
+    gc.freeze()
+    _FROZEN.append(gc.get_freeze_count())
+
+
 def pytest_runtest_teardown() -> None:
     """Undo the freezing of a server, which no longer collects what it has compiled: garbage of earlier tests must go."""
-    gc.unfreeze()
+    if gc.get_freeze_count() > _FROZEN[-1]:
+        gc.unfreeze()
+        pytest_collection_finish()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--update-golden", action="store_true", help="write the golden files anew instead of comparing with them"
     )
+    parser.addoption("--long", action="store_true", help="run all cases of the tests that take long")
 
 
 @pytest.fixture

@@ -112,6 +112,7 @@ def test_conditions_within_conditions() -> None:
     assert bondgraph.load(text).simulate(to=1.0).final("v") == pytest.approx(2 * (0.2 + 1.5 * (0.25 - 0.16)), rel=1e-9)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("law", ["u = 1 kohm*i", "u = 1 kohm*i + 1e-9 [ohm/A^2]*i^3"], ids=["exactly", "by steps"])
 @pytest.mark.parametrize("periods", [20, 256, pytest.param(1500, marks=pytest.mark.machine_code)])
 def test_a_square_wave_from_a_sine_misses_no_edge(law: str, periods: int) -> None:
@@ -130,6 +131,7 @@ def test_a_square_wave_from_a_sine_misses_no_edge(law: str, periods: int) -> Non
     assert result.final("u") == pytest.approx(-np.tanh(0.5), abs=2e-5)
 
 
+@pytest.mark.machine_code
 def test_a_condition_that_changes_too_often_is_told() -> None:
     with pytest.raises(RunFailed, match="changes too often"):
         run("2 N if sin(1e9 [1/s]*time) > 0 else 0 N")

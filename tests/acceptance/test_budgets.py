@@ -52,6 +52,7 @@ model Chain {{
 """
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("n", [3, 1000])
 def test_a_law_is_built_and_differentiated_once(n: int) -> None:
     compilation = bondgraph.load(CHAIN.format(n=n)).compilation()

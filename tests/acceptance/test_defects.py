@@ -118,6 +118,7 @@ EDGES = [
 ]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("name", "count", "rtol"), [case(*row, name=f"{row[0]}/{row[2]}") for row in EDGES])
 def test_edges_are_counted(name: str, count: int, rtol: str, tmp_path: Path) -> None:
     """Twice as many edges as steps: phi(2 s) = 628 (1 - exp(-0.2)) turns the encoder 1811.8 times, and it begins on an edge."""
@@ -132,6 +133,7 @@ STOPS = {
 }
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("options", [case(o, name=f"dry_friction_reversal/{n}") for n, o in STOPS.items()])
 def test_the_first_stop_of_dry_friction(options: Sequence[str], tmp_path: Path) -> None:
     """v' = 8 sin(2 t) - 3 x - 2 - exp(-(v/0.01)^2) from where 8 sin(2 t) passes 3 N, until v = 0."""
@@ -162,6 +164,7 @@ def test_a_ball_bounces_for_ever(tmp_path: Path) -> None:
 NAND = {"y1": 4.971088699385777, "y5": 4.970837023296724, "y6": -0.2091214032073855, "y10": -0.2090289583878100}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", [case(n, name=n) for n in ("nand_if_laws_chatter", "nand_slow_look_ahead")])
 def test_a_nand_gate(name: str, tmp_path: Path) -> None:
     """The digits are those of the test set for IVP solvers (Mazzia and Magherini, 2008). One was refused, the other looked ahead for half a minute."""
@@ -172,6 +175,7 @@ def test_a_nand_gate(name: str, tmp_path: Path) -> None:
             assert found[output][-1] == pytest.approx(value, rel=1e-4)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rtol", [1e-3, 1e-8, 1e-9])
 def test_a_nand_gate_at_other_tolerances(rtol: float, tmp_path: Path) -> None:
     """At 1e-8 it was refused as sliding: a look ahead was longer than the time constants of what is at rest at its condition."""
@@ -502,6 +506,7 @@ def test_elements_in_an_array_are_elements(tmp_path: Path) -> None:
     assert told[0]["outputs"]["u_out"] == told[1]["outputs"]["u_out"]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", [case(n, name=n) for n in ("nand_explicit_rtol1e-11", "kite_swing_rtol1e-11")])
 def test_a_very_tight_tolerance(name: str) -> None:
     done = in_time("run", file_of(name), "--rtol", "1e-11", "--json")

@@ -38,6 +38,7 @@ def deviations(scenario: str, rtol: float | None) -> dict[str, float]:
     return worst
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_agrees_at_a_tight_tolerance(scenario: str) -> None:
     assert max(deviations(scenario, TIGHT).values()) < 1e-8
@@ -73,6 +74,7 @@ def test_asking_for_energy_changes_no_step() -> None:
     assert np.array_equal(plain.values, audited.values)
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("more", ["", " + 1e-3 [N/m^3]*x^3"], ids=["linear", "nonlinear"])
 def test_asking_for_energy_changes_nothing_where_states_were_left_out(more: str) -> None:
     """Quantities needed only for the balance are computed with the same accuracy, so the steps may differ."""

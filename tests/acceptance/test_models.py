@@ -12,6 +12,7 @@ import bondgraph
 MODELS = sorted(p for p in Path("models").glob("*.bg") if p.name != "mems.bg")
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("path", sorted(Path("models").glob("*.bg")), ids=lambda p: p.stem)
 def test_checks_clean(path: Path) -> None:
     assert bondgraph.check(path) == ()
@@ -79,6 +80,7 @@ def test_quarter_car_rests_before_the_bump() -> None:
     assert bump["lift_off"].max() == (1.0 if bump["force"].min() <= 0 else 0.0)
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize(
     ("load", "world", "body"),
     [

@@ -152,6 +152,7 @@ def test_latex(file: str) -> None:
     assert text.count("\\begin{align*}") == text.count("\\end{align*}") == 1
 
 
+@pytest.mark.machine_code
 def test_pictures(file: str) -> None:
     run("run", file, "--plot", "r.svg")
     root = ElementTree.parse("r.svg").getroot()

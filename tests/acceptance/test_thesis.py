@@ -20,6 +20,7 @@ def test_models_check_clean(path: Path) -> None:
     assert bondgraph.check(path) == ()
 
 
+@pytest.mark.machine_code
 def test_everything_agrees(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     done = CliRunner().invoke(commands, ["reproduce", str(MODELS / "thesis"), "--json", "--page", str(page)])

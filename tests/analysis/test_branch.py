@@ -166,6 +166,7 @@ def test_branches_that_cross() -> None:
     assert all(b["y"] == pytest.approx(b.values, abs=1e-8) for b in found.others)
 
 
+@pytest.mark.machine_code
 def test_command_and_refusals(tmp_path: object) -> None:
     from pathlib import Path
 

@@ -26,6 +26,7 @@ model Many {{
 """
 
 
+@pytest.mark.machine_code
 def test_inverse_rest_and_run_of_random_models_agree() -> None:
     """To 1e-8; where no input moves the output (a leak beside it), that is said."""
     displacements = int(os.environ.get("BONDGRAPH_DISPLACEMENTS", "16"))

@@ -75,6 +75,7 @@ def test_two_masses_on_springs() -> None:
     assert np.abs(found.states["left.x"] - x1).max() < 1e-9
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("r", [3.0, 1e5])
 def test_a_damper_leaves_something_inside(r: float) -> None:
     """Then x takes three derivatives and x1 is internal dynamics with -k/r 1/s, which is integrated independently."""
@@ -236,6 +237,7 @@ def test_a_path_that_begins_in_motion() -> None:
     assert found.start["m.p"] == pytest.approx(2e-3 * 2 * np.pi, rel=1e-12)
 
 
+@pytest.mark.machine_code
 def test_closed_loops(tmp_path: Path) -> None:
     """A torque at the crank of a four-bar leads the rocker: multipliers of the loop are solved along; run, it does."""
     text = (MODELS / "four_bar.bg").read_text(encoding="utf-8")

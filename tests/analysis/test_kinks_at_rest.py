@@ -236,6 +236,7 @@ def test_a_sampled_loop(act: str, law: str) -> None:
     assert bondgraph.load(SAMPLED.format(act="u", law="min(2 [N/m]*(aim - spring.x), 1 N)")).equilibrium().stable
 
 
+@pytest.mark.machine_code
 def test_searches_go_through_kinks() -> None:
     """Inverse problems and branches have their points; a verdict is given where there is one."""
     damped = model(loss=LOSSES[0])

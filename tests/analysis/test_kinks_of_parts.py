@@ -61,6 +61,7 @@ model S {
 """
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize(("place", "stiffness"), [*itertools.product((1.0, -1.0, 2.5, -0.3), (1e3, 1e9))])
 def test_backlash(place: float, stiffness: float, target: str) -> None:
@@ -186,6 +187,7 @@ def test_derivatives_of_an_ideal_diode_at_rest(drive: float) -> None:
     no_run_derivative(model, settings)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize(
     ("drive", "conducting"), [((3.0, 2.0, 1.0), 1), ((-3.0, -2.0, -1.0), 0), ((5.0, -5.0, 0.1), 1)]

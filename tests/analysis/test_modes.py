@@ -88,6 +88,7 @@ class TestClosedForms:
             wanted = abs(math.sin(3 * math.pi * i / (n + 1)) / math.sin(3 * math.pi * 60 / (n + 1)))
             assert ratio == pytest.approx(wanted, rel=1e-8)
 
+    @pytest.mark.machine_code
     def test_a_thousand_masses(self) -> None:
         """1001 springs, 1000 masses, pulled at one end: at rest as the closed form says, all frequencies to 1e-11."""
         n = 1000

@@ -283,6 +283,7 @@ def test_a_displacement_that_is_known_twice() -> None:
 COUNT = {"tried": 0, "made": 0, "dependent": 0}
 
 
+@pytest.mark.machine_code
 @settings(max_examples=120, suppress_health_check=list(HealthCheck))
 @given(examples())
 def test_random_graphs(example: Example) -> None:

@@ -80,6 +80,8 @@ class TestEigenvalues:
 
 
 class TestStability:
+    @pytest.mark.few(2)
+    @pytest.mark.machine_code
     @pytest.mark.parametrize("resistance", ["1 ohm", "10 kohm", "1 Mohm"])
     @pytest.mark.parametrize("gap", ["1 um", "2 um", "5 um"])
     def test_a_plate_is_unstable_from_a_third_of_its_gap_on(self, gap: str, resistance: str) -> None:
@@ -238,6 +240,7 @@ class TestLimits:
         found = bondgraph.load(self.TEXT).continuation("load", 0.0, "100 N")
         assert found["x"][-1] == pytest.approx(0.2, rel=1e-6) and "the end of the rail" in found.ended
 
+    @pytest.mark.machine_code
     def test_points_of_a_study_fail_there(self) -> None:
         """Of loads from 10 N to 30 N half are beyond."""
         model = bondgraph.load(self.TEXT)

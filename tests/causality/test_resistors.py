@@ -54,6 +54,7 @@ def method(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> N
         monkeypatch.setattr(exponential, "linear_form", lambda *_: None)
 
 
+@pytest.mark.few(20)
 @pytest.mark.usefixtures("method")
 @pytest.mark.parametrize("gear", [None, 3.0, 1e-4])
 @pytest.mark.parametrize("dual", [False, True], ids=["in series", "in parallel"])

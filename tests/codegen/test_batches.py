@@ -28,6 +28,7 @@ def close(batch: Any, single: Any) -> None:
     assert np.abs(np.asarray(batch) - single).max(initial=0.0) <= 4e-15 * scale
 
 
+@pytest.mark.few(60)
 @every_model
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_a_batch_is_its_members(path: Path, name: str, function: str) -> None:

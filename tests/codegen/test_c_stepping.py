@@ -104,6 +104,7 @@ PARTS = "import Pid, DiscretePid from control\n"
 STAIRS = "model Stairs { mode a = 0\n every 1 s { a = a + 1 }\n signal x = integral(1 + 2*sin(3*time/1 s), 0 s)\n output y = integral(floor(x/0.3 s), 0 s), n = floor(2*time/1 s) + a }"
 
 
+@pytest.mark.few(3)
 @needs_compiler
 @pytest.mark.parametrize(
     ("text", "step", "end", "tolerance"),

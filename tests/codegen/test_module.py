@@ -79,6 +79,7 @@ def imported(source: str) -> set[str]:
     return found
 
 
+@pytest.mark.few(12)
 @every_model
 def test_it_needs_numpy_alone(path: Path, name: str) -> None:
     source = compiled_model(path, name, free=True).program.source

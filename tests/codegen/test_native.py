@@ -66,6 +66,7 @@ def somewhere(program: Program, shape: tuple[int, ...]) -> dict[str, Any]:
     }
 
 
+@pytest.mark.few(18)
 @pytest.mark.parametrize(("path", "name"), MODELS_OF_FILES, ids=lambda x: x if isinstance(x, str) else x.name)
 def test_models(path: Path, name: str) -> None:
     agree(compiled(path, model=name, experiment="", everything=True))

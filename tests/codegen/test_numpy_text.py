@@ -115,6 +115,7 @@ def values(module: Any, t: float, x: Any, p: Any, u: Any) -> tuple[Any, ...]:
     return (module.derivative(t, x, p, *inputs), outputs, module.jacobian(t, x, p, *inputs)) if n else ((), outputs, ())
 
 
+@pytest.mark.few(14)
 @every_model
 def test_models(path: Path, name: str) -> None:
     agree(compiled_model(path, name, free=True), sizes(path, name))
@@ -125,6 +126,7 @@ def test_tables_and_noise(law: str) -> None:
     agree(compiled(SPRINGS.format(law=LAWS[law], ys="-4, 0, 0.5, 4"), free=("*",)), {}, rtol=1e-11, cancelled=1e-14)
 
 
+@pytest.mark.few(12)
 @every_model
 def test_it_needs_numpy_alone(path: Path, name: str) -> None:
     source = compiled_model(path, name, free=True).text("numpy")

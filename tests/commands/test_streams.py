@@ -127,19 +127,31 @@ KEYS = [
 ]
 
 
+FINE = ["run", "check", "equations", "compile", "new", "modes", "report", "draw"]
+
+
 @pytest.fixture(scope="module")
-def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], End]:
-    """End of each case in each mode: exit code, standard output, errors, files."""
-    asked = json.dumps([(mode, CASES[name], MODEL) for name, mode in KEYS])
+def ends(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], End]:
+    """End of each case that a test of this session asks for: exit code, standard output, errors, files."""
+    parameters = [
+        item.callspec.params
+        for item in request.session.items
+        if isinstance(item, pytest.Function) and hasattr(item, "callspec")
+    ]
+    wanted = {(p["name"], p["mode"]) for p in parameters if p.keys() == {"name", "mode"}}
+    plain = {name for name, _ in wanted} | set(FINE)
+    keys = [key for key in KEYS if key in wanted or (key[1] == "plain" and key[0] in plain)]
+    asked = json.dumps([(mode, CASES[name], MODEL) for name, mode in keys])
     command = [sys.executable, "-c", DRIVER, str(tmp_path_factory.mktemp("streams"))]
     done = subprocess.run(command, cwd=ROOT, input=asked, capture_output=True, text=True, check=True, timeout=300)
-    return dict(zip(KEYS, (tuple(e) for e in json.loads(done.stdout)), strict=True))
+    return dict(zip(keys, (tuple(e) for e in json.loads(done.stdout)), strict=True))
 
 
 def test_every_command_is_tried() -> None:
     assert set(CALLS) == set(COMMANDS)
 
 
+@pytest.mark.few(28)
 @pytest.mark.parametrize(("name", "mode"), KEYS)
 def test_a_stream_ends_no_command(name: str, mode: str, ends: dict[tuple[str, str], End]) -> None:
     plain, (code, _, errors, files) = ends[name, "plain"], ends[name, mode]
@@ -154,7 +166,7 @@ def test_a_stream_ends_no_command(name: str, mode: str, ends: dict[tuple[str, st
         assert errors == ("" if mode.startswith("errors") or mode == "all closed" else plain[2])
 
 
-@pytest.mark.parametrize("name", ["run", "check", "equations", "compile", "new", "modes", "report", "draw"])
+@pytest.mark.parametrize("name", FINE)
 def test_the_plain_case_is_fine(name: str, ends: dict[tuple[str, str], End]) -> None:
     assert ends[name, "plain"][0] == 0, ends[name, "plain"][2]
 

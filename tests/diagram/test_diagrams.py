@@ -47,6 +47,7 @@ def causal(path: Path) -> CausalGraph:
     return loaded(path).compilation(Scene(None, None, free=EVERYTHING)).causal
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_nothing_overlaps(path: Path) -> None:
     assert_clear(drawn(path), CROSSINGS.get(path.stem, 0))

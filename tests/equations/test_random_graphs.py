@@ -86,6 +86,7 @@ ONCE_WRONG = (
 )
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("number", ONCE_WRONG)
 def test_what_was_once_wrong(number: str) -> None:
     before = Counter(KINDS)

@@ -275,6 +275,7 @@ model Cascade {{
     return text, {"C": c, "R": r}, circuit, 0.03, 1e-4, {"u": lambda z: z[:, row - 1], "u1": lambda z: z[:, 3]}
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("seed", range(10))
 def test_freewheeling(seed: int) -> None:
     agree(freewheel(seed))
@@ -300,6 +301,7 @@ def test_h_bridges(seed: int) -> None:
     agree(h_bridge(seed))
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("seed", range(10))
 def test_three_phases(seed: int) -> None:
     agree(three_phase(seed))

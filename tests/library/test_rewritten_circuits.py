@@ -79,6 +79,7 @@ def as_numbered(name: str) -> np.ndarray:
     return stored(circuit, found)
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", CASES)
 def test_one_motion_however_it_is_written(name: str, seed: int) -> None:
@@ -88,6 +89,7 @@ def test_one_motion_however_it_is_written(name: str, seed: int) -> None:
     assert (np.abs(found - plain).max(axis=1) <= 1e-9 * plain.max(axis=1)).all()
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("stages", "seed"), [(2, 0), (2, 1), (3, 2), (3, 3), (4, 4), (5, 5), (6, 6), (7, 7), (8, 8), (10, 9)]
 )

@@ -81,6 +81,7 @@ def test_two_drawings_of_one_load(line: str) -> None:
     assert run("two branches", line) == pytest.approx(run("RC", line), abs=2e-5)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("line", ["L", "RL"])
 def test_the_advice_where_a_drawing_is_refused(line: str) -> None:
     """Resistor and capacitor as branches of their own behind coils: no stroke shows that the rails' equations are one. A resistor from a rail to earth,

@@ -187,6 +187,7 @@ def runs_agree(case: Case, second: Text, changed: Changed, powers: Powers | None
     run_the_same(case, second, columns, by_output)
 
 
+@pytest.mark.few(16)
 @every_case
 @each_seed
 def test_all_at_once(case: Case, seed: int) -> None:
@@ -260,6 +261,7 @@ def test_bonds_turned(case: Case) -> None:
     agree(case, same_names(case, turned(single_bonds(case))))
 
 
+@pytest.mark.few(9)
 @each_case
 @pytest.mark.parametrize("copies", [None, 1, 3], ids=["instance", "array of 1", "array of 3"])
 def test_enclosed(case: Case, copies: int | None) -> None:

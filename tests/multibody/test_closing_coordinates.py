@@ -71,6 +71,7 @@ def written(kind: str, closes: bool) -> str:
     return TEXT % ("\n    ".join(joints), "\n  ".join(lines), outputs)
 
 
+@pytest.mark.few(1)
 @pytest.mark.machine_code
 @pytest.mark.parametrize("kind", JOINTS)
 def test_any_joint_may_be_the_one_that_closes(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

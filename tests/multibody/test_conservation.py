@@ -40,6 +40,7 @@ def moved(tree: RandomTree, values: dict[str, float]) -> tuple[Any, Any]:
     return np.array(q), np.array([values[rate] for _, rate in tree.names()])
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_energy(seed: int) -> None:
     """Of random trees in a field of gravity, counted by the oracle."""
@@ -148,6 +149,7 @@ def ring(seed: int) -> tuple[str, int]:
     return RING.format(bodies="\n    ".join(bodies), joints="\n    ".join(joints), outputs=", ".join(outputs)), count
 
 
+@pytest.mark.few(1)
 @pytest.mark.machine_code
 @pytest.mark.parametrize("seed", range(2))
 def test_rings_that_float_keep_energy_and_momentum(seed: int, tmp_path: Path) -> None:

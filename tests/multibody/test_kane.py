@@ -129,6 +129,7 @@ KINDS = [
 ]  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kinds", KINDS)
 def test_two_bodies(kinds: tuple[str, ...]) -> None:
     """Axes anywhere for the first, along the world's for the others: sympy takes its time."""

@@ -122,6 +122,7 @@ def loaded(folder: Path, text: str) -> Any:
     return bondgraph.load(path)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", SAME)
 def test_massless_links_move_as_what_they_stand_for(name: str, tmp_path: Path) -> None:
     runs = [

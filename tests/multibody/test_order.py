@@ -104,6 +104,7 @@ def floating(order: tuple[str, ...]) -> Result:
     return Model(Source("made.bg", text)).simulate(to=3, points=31, rtol=1e-10)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("order", list(itertools.permutations(FLOATING))[1::2], ids="-".join)
 def test_the_start_of_a_body_that_floats_moves_no_joint(order: tuple[str, ...]) -> None:
     found, first = floating(order), floating(tuple(FLOATING))

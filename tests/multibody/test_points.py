@@ -75,6 +75,7 @@ def read(body: str, size: int) -> list[str]:
     return [f"{body}_{c} = m.{body}.{c}" for c in "xyz"[:size]]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("size", [2, 3])
 @pytest.mark.parametrize("seed", range(5))
 def test_points_on_rods(seed: int, size: int) -> None:

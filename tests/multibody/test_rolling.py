@@ -49,6 +49,7 @@ def sleigh(times: Any) -> tuple[Any, Any, Any]:
     return top * np.tanh(x), fastest / np.cosh(x), fastest / rate * (gudermann(x) - gudermann(begins))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("skates", [ONE, TWO], ids=["one", "two, of which one follows"])
 def test_chaplygin_s_sleigh(target: str, skates: str) -> None:

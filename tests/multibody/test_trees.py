@@ -39,6 +39,7 @@ def test_chains_of_one_kind(kind: str, seed: int) -> None:
     check(RandomTree(2, seed, (kind,)))
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("seed", range(12))
 def test_mixed_trees(seed: int) -> None:
     check(RandomTree(7, 100 + seed), samples=1)

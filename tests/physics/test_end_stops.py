@@ -37,6 +37,7 @@ def smooth(t: float, begin: float, end: float) -> float:
     return m.smoothstep5(t, begin, end)
 
 
+@pytest.mark.machine_code
 def test_two_shuttles_bounce_off_their_stops() -> None:
     def rates(t: float, z: Any) -> Any:
         q, rate = z[:6], z[6:]
@@ -96,6 +97,7 @@ def aside_rates(t: float, z: Any, askew: float, comb: Any) -> Any:
     return np.concatenate([rate, slip, force / P.mass, side / P.shuttle_mass])
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("volts", [1400.0])
 def test_a_shuttle_far_out_goes_aside(volts: float) -> None:
     """The same against scipy; and where it happens the lateral stiffness of (4.3) is what the combs ask for."""

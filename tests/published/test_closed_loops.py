@@ -47,12 +47,14 @@ def fourbars(loops: int, **arguments: Any) -> Any:
     return bondgraph.load(PUBLISHED / "iftomm_A02_N_fourbar.bg").simulate(settings={"N": str(loops)}, **arguments)
 
 
+@pytest.mark.machine_code
 def test_squeezer() -> None:
     found = bondgraph.load(PUBLISHED / "andrews.bg").simulate(rtol=1e-9)
     values = np.array([found.final(f"y{i}") for i in range(1, 15)])
     assert np.abs(values / np.array([float(x) for x in ANDREWS]) - 1).max() < 1e-8
 
 
+@pytest.mark.machine_code
 def test_fourbars_at_a_tight_tolerance() -> None:
     """Ten singular poses in ten seconds."""
     found = fourbars(2, rtol=1e-10, points=41)
@@ -103,6 +105,7 @@ def test_more_loops() -> None:
     assert "2 singular poses" in found.notes[0]
 
 
+@pytest.mark.machine_code
 def test_cost_grows_with_the_number_of_loops() -> None:
     """Operations of the rates, entries of the Jacobian, and lines of all code: with N, not with its square."""
     counts = []
@@ -178,6 +181,7 @@ def test_bars_that_are_almost_equal_have_no_singular_pose(tmp_path: Path) -> Non
     assert not found.notes
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("rank", [1e-7, 1e-9, 1e-10])
 def test_thresholds_of_rank_change_nothing(rank: float, monkeypatch: pytest.MonkeyPatch) -> None:
     from bondgraph.simulation.constraints import constraints, singular
@@ -190,6 +194,7 @@ def test_thresholds_of_rank_change_nothing(rank: float, monkeypatch: pytest.Monk
     assert np.abs(corner(found) - pendulum(2, found.time)).max() < 3e-7
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("order", [("upright[i]", "coupler[i]"), ("coupler[i]", "upright[i]")])
 def test_the_order_of_declarations_changes_nothing(order: tuple[str, str], tmp_path: Path) -> None:
     """Loops are cut elsewhere; the motion is the same."""

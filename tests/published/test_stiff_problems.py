@@ -46,6 +46,7 @@ def error(name: str, rtol: float) -> float:
     return float(np.abs(values / exact - 1).max())
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_ten_digits(name: str) -> None:
     """Measured: 14.2, 12.6, 12.6 and 13.0 digits in some 13700, 9500, 2300 and 14000 steps."""

@@ -48,6 +48,7 @@ def true_error(found: Any) -> float:
     return float(np.abs(found["x"] - np.cos(2 * found.time)).max())
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("solver", ["explicit", "radau", "radau13", "rodas", "energy"])
 @pytest.mark.parametrize("rtol", [1e-4, *(pytest.param(r, marks=pytest.mark.machine_code) for r in (1e-6, 1e-8))])
 def test_the_error_of_a_known_solution(solver: str, rtol: float) -> None:

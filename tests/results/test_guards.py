@@ -41,6 +41,7 @@ ENDS = {
 }  # fmt: skip
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("what", ENDS)
 def test_a_rate_that_ends(what: str, target: str) -> None:

@@ -17,6 +17,7 @@ CASES = {"slider-crank": 15, "four-bar": 4, "five-bar": 3, "Stephenson": 3, "RSS
 EXACT = 1e-9
 
 
+@pytest.mark.few(2)
 @pytest.mark.interpreted
 @pytest.mark.parametrize("name", CASES)
 def test_random_linkages_start_on_the_branch_that_is_drawn(name: str) -> None:

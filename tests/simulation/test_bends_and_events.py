@@ -19,6 +19,7 @@ LAWS = {
 CONDITIONS = {"mass.f < 0": -1, "mass.f <= 0": -1, "0 < mass.f": 1, "one.f > 0": 1}
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("law", LAWS)
 def test_an_event_happens_where_a_law_bends(law: str, condition: str) -> None:

@@ -28,6 +28,7 @@ def pair(ratio: str, extra: str = "") -> str:
     """
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("ratio", "n"),
     [

@@ -62,6 +62,7 @@ def drift(text: str, period: float, periods: float, **settings: Any) -> tuple[fl
     return float(np.abs(change).max()), abs(float(np.polyfit(found.time / found.time[-1], change, 1)[0]))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", LOSSLESS)
 def test_energy_stays(name: str) -> None:
     largest, trend = drift(*LOSSLESS[name], periods=6)

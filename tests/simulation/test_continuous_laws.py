@@ -38,6 +38,7 @@ ROOTS = [  # law of P in Pa, with c, and its exponent
 ]
 
 
+@pytest.mark.few(15)
 @pytest.mark.parametrize("start", [1.0, 1e-3, -0.2])
 @pytest.mark.parametrize(("law", "exponent"), ROOTS, ids=[law for law, _ in ROOTS])
 @pytest.mark.parametrize("target", BOTH)
@@ -101,6 +102,7 @@ def run(law: str, rtol: float, target: str) -> Result:
     return bondgraph.load(text).simulate(to=20, points=41, rtol=rtol, target=target, solver="radau")
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("rtol", [1e-4, 1e-7])
 @pytest.mark.parametrize("forms", FORMS, ids=[f for f, _ in FORMS])
 @pytest.mark.parametrize("target", BOTH)
@@ -165,6 +167,7 @@ def levels(tank: str) -> Any:
     return np.maximum(found.y[0], 0.0)
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("tank", TANKS)
 @pytest.mark.parametrize("law", WRITINGS)
 def test_all_writings_of_a_root_through_zero_are_one_law(law: str, tank: str) -> None:

@@ -33,6 +33,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(step_size_diagnosis, "MANY", 300)
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("solver", ["automatic", "radau"])
 def test_the_mode_is_named_with_its_frequency_and_elements(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
     few(monkeypatch)

@@ -71,6 +71,7 @@ EDGES = {
 }
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("condition", EDGES)
 @pytest.mark.parametrize("bent", ["", " + 1e-30*w^3"], ids=["linear", "nonlinear"])
 @pytest.mark.parametrize("target", BOTH)
@@ -172,6 +173,7 @@ BALL = """model Ball {{
 """
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("target", BOTH)
 @pytest.mark.parametrize("h", [1e-3, 0.1, 1.0, 30.0])
 @pytest.mark.parametrize(("g", "m"), [(10.0, 0.1), (9.81, 5.0), (1.6, 1e-3)])
@@ -257,6 +259,7 @@ def turning_time(push: float, stiff: float, coulomb: float, static: float, narro
     return begin, end.y[0, -1]
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("row", FRICTION, ids=str)
 @pytest.mark.parametrize("target", BOTH)
 def test_the_peak_of_friction_before_a_stop_is_not_stepped_over(row: tuple[Any, ...], target: str) -> None:
@@ -350,6 +353,7 @@ BELLS = [
 ]
 
 
+@pytest.mark.few(30)
 @pytest.mark.parametrize("condition", BELLS)
 @pytest.mark.parametrize("width", [1e-6, 1e-9])
 @pytest.mark.parametrize("target", BOTH)

@@ -57,6 +57,7 @@ RUNS = {
 }
 
 
+@pytest.mark.few(4)
 @pytest.mark.machine_code
 @pytest.mark.parametrize("solver", ["automatic", "radau", "rodas"])
 @pytest.mark.parametrize("name", RUNS)

@@ -151,6 +151,7 @@ def test_machine_code_and_python_agree(text: str) -> None:
     assert found.steps == other.steps and found.evaluations == other.evaluations
 
 
+@pytest.mark.machine_code
 def test_values_set_at_run_time() -> None:
     """Other values give other matrices in one program; each agrees with its own text."""
     model = bondgraph.load(RESISTIVE)

@@ -67,6 +67,7 @@ CART = """model Cart {
 }"""
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("target", BOTH)
 @pytest.mark.parametrize("gravity", [0.0, -9.81])
 @pytest.mark.parametrize("solver", ["automatic", "explicit", "radau"])
@@ -133,6 +134,7 @@ def crank(angle: Any) -> tuple[Any, Any, Any]:
     return r * np.cos(a) + along - 1, slope, inertia
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("target", BOTH)
 @pytest.mark.parametrize("joint", ["main", "bore"])
 def test_a_slider_crank_that_sticks(joint: str, target: str) -> None:

@@ -76,6 +76,7 @@ def whole_and_parts(text: str, to: float, cut: float, way: Path, **given: Any) -
     return whole, bondgraph.load(text).simulate(to=to, points=241, rtol=RTOL, start=way / "part.npz", **given)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("text", "to", "cut", "scale"),
     [

@@ -28,6 +28,7 @@ CLOCK = """plain model Clock {{
 RATES = ["3*on - u^3 - u", "cos(3*u)*(on + 0.5)", "0.1*(on - exp(u))"]
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("share", [0.1, 0.125, 0.25, 0.3125, 0.5, 0.75])
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("target", BOTH)
@@ -98,6 +99,7 @@ SATURATING = "i = lambda/(100 uH) + 1e8 [A/Wb^3]*lambda^3", "lambda = 100 uH*i +
 LOADS = "u = load*i", "i = u/load + 1e-3 [A/V^3]*u^3", "i = 5 W*u/(u^2 + 1 V^2)"
 
 
+@pytest.mark.few(2)
 @pytest.mark.machine_code
 @pytest.mark.parametrize("coil", SATURATING)
 @pytest.mark.parametrize("load", LOADS)

@@ -38,6 +38,7 @@ def model(text: str) -> bondgraph.Model:
     return bondgraph.load(text)
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("text", [TIED, DUAL], ids=["charge", "momentum"])
 @pytest.mark.parametrize("seed", range(10))
 def test_integrals_take_the_impulse_of_curved_storages(text: str, seed: int) -> None:

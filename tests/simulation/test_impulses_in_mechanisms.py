@@ -166,6 +166,7 @@ class PlanarTree:
         return whole
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("seed", range(24))
 def test_random_trees_in_the_plane(seed: int) -> None:
     """Clamps, clutches and ties of joints: momenta balance, and no energy comes in."""
@@ -328,6 +329,7 @@ def crank_slopes(q: float) -> Any:
     return places(q + 1e-30j).imag / 1e-30
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("rod", RODS)
 @pytest.mark.parametrize("bonds", [CAUGHT, COUPLED, FLYWHEEL], ids=["caught", "coupled", "flywheel"])
@@ -408,6 +410,7 @@ def spatial_slopes(q: float) -> tuple[float, float]:
     return float(2e-3 + 0.6 * slope**2 + 0.3 * centre @ centre + 1e-3 * along @ along / 0.09), float(slope)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rate", [0, 3])
 @pytest.mark.parametrize("target", TARGETS)
 def test_spatial_slider_crank_takes_a_flywheel(target: str, rate: float) -> None:

@@ -214,6 +214,7 @@ GATES = """model Gates {
 """
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("way", [w for w in ways() if w.solver != "energy"], ids=lambda way: way.name)
 def test_every_solver_stops_at_them(way: Way) -> None:
     """Momenta that windows of a force leave behind."""
@@ -354,6 +355,7 @@ BUMPS = {
 }
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("law", ["1e-9 [N*s/m]*v", "1e-9 [N*s^2/m^2]*v*abs(v)"], ids=["linear", "nonlinear"])
 @pytest.mark.parametrize(
     "way", [w for w in ways() if w.solver not in ("energy", "exponential")], ids=lambda way: way.name
@@ -371,6 +373,7 @@ def test_a_narrow_signal_is_never_passed_over(way: Way, law: str) -> None:
 BELL, SECANT = "exp(-(sin(pi*{n}*(time - 0.0001 s)/1 s)/1e-6)^2)", "1/cosh(sin(pi*{n}*(time - 0.0001 s)/1 s)/1e-6)"
 
 
+@pytest.mark.few(1)
 @pytest.mark.interpreted
 @pytest.mark.parametrize(("law", "peaks"), [(BELL, 40), (BELL, 90), (SECANT, 90)])
 def test_more_narrow_peaks_than_are_resolved_are_told(law: str, peaks: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -388,6 +391,7 @@ def test_more_narrow_peaks_than_are_resolved_are_told(law: str, peaks: int, monk
             assert all("`drive.F` has more narrow peaks between t = 0 s and 1 s" in note for note in notes)
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("model", ["feed_forward", "inverse_kinematics", "manipulator", "car"])
 def test_smooth_signals_are_looked_at_a_few_times_only(model: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bounds that are loose everywhere, and values that only rounding moves, are no peaks; a repeated run searches nothing."""

@@ -75,6 +75,7 @@ def by_hand(angle: float, side: float, times: Any) -> Any:
     return values - np.array([*values[0, :2], 0.0])
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("angle", "side"), [(0.583, 0.6), (0.9, 0.7), (1.1, 0.8), (0.4, 0.3), (0.9, 0.55)])
 def test_a_kite_folds_at_tight_tolerances(angle: float, side: float) -> None:
     """It ran at 1e-10 and was refused at 1e-11: rounding grows as crossings of the pose get shorter, and these got ever shorter."""

@@ -93,6 +93,7 @@ def test_only_solutions_that_stand_alone_are_others() -> None:
     assert _regular(loop([[1.0, 1.0], [1.0, 1.0 + 1e-9]]), place)
 
 
+@pytest.mark.machine_code
 def test_no_solution_is_told_with_the_loop() -> None:
     text = "plain model A {\n  Se s : e = -2\n  1 j\n  R a : e = f^2 + f^4\n  R b : e = 0*f + f^6\n  s -> j -> a, b\n  output y = j.f\n}\n"
     with pytest.raises(RunFailed, match="could be found"):
@@ -155,6 +156,7 @@ def rectified(volts: float) -> bondgraph.Result:
     return bondgraph.load(MAINS).simulate(settings={"V": volts}, to=0.1, rtol=1e-8, solver="rodas")
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("target", ["numpy", pytest.param("native", marks=pytest.mark.machine_code)])
 @pytest.mark.parametrize(
     ("volts", "rtol"),

@@ -104,6 +104,8 @@ def _network(seed: int, kinds: Sequence[str] = SMOOTH) -> tuple[str, list[Law], 
 BENT_SEEDS = (1, 5, 6, 8, 11, 22)
 
 
+@pytest.mark.few(4)
+@pytest.mark.machine_code
 @pytest.mark.parametrize("seed", [4, 8, 15, 18, 19, 36, 39, 53, 60, 63, 127])
 def test_a_random_network_fulfils_its_laws_and_balances(seed: int) -> None:
     """If Newton's method from the last instant fails, the loop is solved from afar; the equations themselves are the witness."""
@@ -111,6 +113,7 @@ def test_a_random_network_fulfils_its_laws_and_balances(seed: int) -> None:
     _is_solved(bondgraph.load(text).simulate(), laws, edges, at)
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("seed", BENT_SEEDS)
 def test_a_random_network_with_laws_of_pieces_fulfils_its_laws_and_balances(seed: int) -> None:
     """Without states, the sides of an `if` change where their condition does, and each reported instant has the side that holds there."""

@@ -39,6 +39,8 @@ STOPS = [
 ]
 
 
+@pytest.mark.few(6)
+@pytest.mark.machine_code
 @pytest.mark.parametrize("condition", ["spring.q > {level}", "{level} < spring.q and mass.p > -1000"])
 @pytest.mark.parametrize(("rebound", "push", "stiff", "level"), STOPS)
 def test_bounces_that_end_nowhere_are_told(

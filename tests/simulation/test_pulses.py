@@ -28,6 +28,7 @@ SHAPES = {
 }
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("width", [5e-2, 1e-2, 1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_narrow_pulse_gives_its_momentum(shape: str, width: float) -> None:

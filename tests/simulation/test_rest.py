@@ -155,6 +155,7 @@ class TestLargeModels:
         with pytest.raises(RunFailed, match="no equilibrium was found"):
             bondgraph.load(text).operating_point()
 
+    @pytest.mark.machine_code
     def test_unknowns_of_loops_follow(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Capacitors behind a resistor and a diode in line, each with a load: in the end all current goes through the load."""
         text = """

@@ -133,6 +133,7 @@ RUNNING = (
 )  # fmt: skip
 
 
+@pytest.mark.few(3)
 @pytest.mark.machine_code
 @pytest.mark.parametrize("name", RUNNING)
 def test_both_back_ends_take_the_same_steps(name: str, monkeypatch: pytest.MonkeyPatch) -> None:

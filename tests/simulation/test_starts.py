@@ -133,6 +133,7 @@ class TestMechanisms:
         with pytest.raises(RunFailed, match=r"`m\.gap\.x`.*line 7.*`m\.first\.x`.*`m\.second\.x`"):
             bondgraph.load(CHAIN).simulate("never")
 
+    @pytest.mark.machine_code
     def test_a_frame_at_the_end_of_an_arm_that_was_drawn_stretched_out(self) -> None:
         """Angles from the law of cosines; the straight pose, where nothing moves the tip inwards, is no obstacle."""
         x, y, vx, vy, pin, elbow = at_start(ARM, "reach", "x", "y", "vx", "vy", "pin", "elbow")
@@ -142,6 +143,7 @@ class TestMechanisms:
         aim = math.atan2(1.2, 0.5) - math.atan2(math.sin(elbow), 1.5 + math.cos(elbow))
         assert pin == pytest.approx(aim, rel=1e-10)
 
+    @pytest.mark.machine_code
     def test_out_of_reach(self) -> None:
         with pytest.raises(RunFailed, match=r"the start of .*`m\.tip\.y`"):
             bondgraph.load(ARM).simulate("too_far")

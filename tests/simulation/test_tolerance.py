@@ -91,6 +91,7 @@ LARGE = [
 ]
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("text", [*NETWORKS, *(pytest.param(t, marks=pytest.mark.machine_code) for t in LARGE)])
 def test_networks_of_diodes_from_rest_hold_their_tolerance(text: str) -> None:
     """All charges are zero at the start, and those behind the first diodes stay many decades below the others."""
@@ -101,6 +102,7 @@ def test_networks_of_diodes_from_rest_hold_their_tolerance(text: str) -> None:
         assert not result.warnings and largest_error(result, reference) < 30 * rtol
 
 
+@pytest.mark.machine_code
 def test_a_chain_of_diodes_against_scipy() -> None:
     """The same equations by hand, integrated by scipy's Radau."""
     nodes, amperes = 20, 1e-3
@@ -156,6 +158,7 @@ NAMINGS = {
 }
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("naming", NAMINGS)
 @pytest.mark.parametrize("rtol", [1e-4, 1e-7])
 def test_names_and_arrays_change_no_bit(naming: str, rtol: float) -> None:
@@ -165,6 +168,7 @@ def test_names_and_arrays_change_no_bit(naming: str, rtol: float) -> None:
     assert np.array_equal(plain.values, other.values)
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("order", [[0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]])
 @pytest.mark.parametrize("naming", ["one array", "arrays by branch"])
 def test_the_order_of_declarations_changes_no_step(naming: str, order: list[int]) -> None:
@@ -219,6 +223,7 @@ def test_nothing_is_absolute_in_time(made: Any, solver: str) -> None:
         np.testing.assert_allclose(other.values, results[0].values, rtol=1e-10, atol=1e-14)
 
 
+@pytest.mark.machine_code
 # ---------------------------------------------------------------- bare numbers
 @pytest.mark.parametrize("size", [10.0**k for k in (-18, -15, -12, -9, -6, 0, 6, 12)])
 def test_bare_numbers_may_be_small(size: float) -> None:

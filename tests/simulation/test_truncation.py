@@ -84,6 +84,7 @@ def test_what_decays_is_followed() -> None:
         assert found["heat"][-1] == pytest.approx(joules, rel=1e-2)
 
 
+@pytest.mark.machine_code
 def test_a_decay_that_gets_faster_than_the_bandwidth() -> None:
     """A filter whose rate crosses the bandwidth does not change the report on a ringing elsewhere."""
     plain, filtered = (bondgraph.load(text).simulate().truncation for text in (PUSHED, FILTERED))
@@ -135,6 +136,7 @@ GROWS = """model Grows {
 }"""
 
 
+@pytest.mark.machine_code
 def test_modes_that_get_faster_beside_it() -> None:
     """The report on a ringing is not smaller if further modes become faster than the bandwidth later."""
     plain, beside = (bondgraph.load(text).simulate().truncation for text in (PUSHED, BESIDE))

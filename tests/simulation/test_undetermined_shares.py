@@ -103,6 +103,7 @@ def speed(case: Case, times: np.ndarray) -> np.ndarray:
     return np.where(times > begin, steady - at_begin * np.exp(-c * (times - begin) / 2), 0.0)
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("name", CASES)
 def test_it_rests_until_no_shares_are_admissible(name: str, target: str) -> None:

@@ -113,6 +113,7 @@ LAWS = {
 }
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("lines", LAWS.values(), ids=list(LAWS))
 def test_what_is_joined_by_signals_or_vanishes_at_zero_stays_at_rest(lines: str) -> None:
     assert set(SECOND) <= set(unexcited(with_more(lines)))
@@ -136,6 +137,7 @@ EXCITED = {
 }  # fmt: skip
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("lines", EXCITED.values(), ids=list(EXCITED))
 def test_where_something_moves_it_or_may_nothing_is_left_out(lines: str) -> None:
     assert unexcited(with_more(lines)) == ()
@@ -150,6 +152,7 @@ READINGS = {
 }
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("lines", READINGS.values(), ids=list(READINGS))
 def test_what_reads_a_state_at_rest_reads_zero(lines: str) -> None:
     assert unexcited(with_more(lines)) == SECOND

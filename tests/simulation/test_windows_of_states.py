@@ -43,6 +43,8 @@ FORMS = {  # condition: the places that it surrounds
 }
 
 
+@pytest.mark.few(6)
+@pytest.mark.machine_code
 @pytest.mark.parametrize("condition", FORMS)
 def test_no_window_is_passed_over(condition: str) -> None:
     """Along a line, and to and fro on a sine: each passage acts once, by all solvers and both ways of stepping."""
@@ -93,6 +95,8 @@ OF_TWO = [
 ]
 
 
+@pytest.mark.few(5)
+@pytest.mark.machine_code
 @pytest.mark.parametrize("condition", OF_TWO)
 def test_windows_of_two_states(condition: str) -> None:
     """Minima of sums, roots and kinks: each passage acts once, or, within rounding of the threshold, a note says that it is not decided."""

@@ -101,6 +101,7 @@ def one_second_a_look(monkeypatch: pytest.MonkeyPatch) -> None:
 # ---------------------------------------------------------------- sound models
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["dc_motor", "lotka_volterra"])
 def test_nothing_breaks_in_sound_models(name: str) -> None:
     result = bondgraph.load(MODELS / f"{name}.bg").stress(seconds=40)
@@ -109,6 +110,7 @@ def test_nothing_breaks_in_sound_models(name: str) -> None:
     assert {row.kind for row in result.rows if not row.tried} == {*units, "reversed"}, result.summary()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     "text", [RING, SWING, SPRUNG, BALL, RESTING], ids=["ring", "swing", "sprung", "ball", "resting"]
 )

@@ -62,6 +62,7 @@ def test_there_are_models_and_parts() -> None:
     assert {f for f, _, _ in GALLERY} >= {f.name for f in MODELS.glob("*.bg")} - {"mems.bg"}
 
 
+@pytest.mark.few(40)
 @pytest.mark.parametrize(("file", "model", "experiment"), GALLERY)
 def test_every_model_comes_back(file: str, model: str, experiment: str | None) -> None:
     original = compiled(MODELS / file, model=model, experiment=experiment, everything=True)
@@ -127,6 +128,7 @@ def ports(model: tree.ModelSyntax) -> list[tree.PortItem]:
     return [p for s in model.statements if isinstance(s, tree.PortsSyntax) for p in s.items]
 
 
+@pytest.mark.few(50)
 @pytest.mark.parametrize(("library", "name"), PARTS)
 def test_every_part_of_the_library_comes_back(library: str, name: str) -> None:
     """With arrows at its ports as they fit."""
