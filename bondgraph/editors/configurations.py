@@ -17,6 +17,14 @@ vim.lsp.enable("bondgraph")
 vim.api.nvim_create_autocmd("FileType", { pattern = "bondgraph", callback = function()
   vim.bo.commentstring, vim.bo.shiftwidth, vim.bo.expandtab = "# %s", 2, true
 end })
+-- `Run`, `Modes` and `Bode` above experiments: vim.lsp.codelens.refresh() shows them, vim.lsp.codelens.run() runs one.
+vim.lsp.commands["bondgraph.terminal"] = function(lens)
+  vim.cmd.write()
+  local words = { COMMAND }
+  words[#words] = nil
+  vim.cmd.new()
+  vim.fn.jobstart(vim.list_extend(words, lens.arguments), { term = true })
+end
 """
 _HELIX = """\
 # Helix: in languages.toml of its configuration folder.

@@ -14,6 +14,7 @@ from typing import BinaryIO
 from .textmate import textmate_grammar
 
 SOURCES = Path(__file__).with_name("vscode")
+_COPIED = ("extension.js", "diagram.js", "language-configuration.json")
 _TYPES = """<?xml version="1.0" encoding="utf-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
   <Default Extension=".json" ContentType="application/json"/>
@@ -52,7 +53,7 @@ def extension_files(command: Sequence[str]) -> Mapping[str, str]:
         "extension.vsixmanifest": _MANIFEST.format(**named, categories=categories, engine=engine),
         "extension/package.json": json.dumps(package, indent=2),
         "extension/bondgraph.tmLanguage.json": json.dumps(textmate_grammar(), indent=1),
-        **{f"extension/{n}": (SOURCES / n).read_text(encoding="utf-8") for n in ("extension.js", "language-configuration.json")},
+        **{f"extension/{n}": (SOURCES / n).read_text(encoding="utf-8") for n in _COPIED},
     }  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 from lsprotocol import types
 
@@ -11,6 +12,8 @@ from ..language_service.answers import (
     CallUsage,
     Correction,
     InlineHint,
+    Lens,
+    LinkedDiagram,
     MarkedWord,
     OutlineNode,
     Suggestion,
@@ -126,6 +129,17 @@ class Converter:
         return types.InlayHint(
             types.Position(line, column), hint.text, kind, tooltip=hint.why or None, padding_right=not hint.is_unit
         )
+
+    def lens(self, lens: Lens) -> types.CodeLens:
+        """A lens; `bondgraph.terminal` takes words of the command line, `bondgraph.diagram` the file."""
+        name, arguments = ("terminal", lens.words) if lens.words else ("diagram", (self.address(lens.place.path),))
+        command = types.Command(lens.title, f"bondgraph.{name}", arguments=list(arguments))
+        return types.CodeLens(self.range(lens.place), command)
+
+    def diagram(self, drawn: LinkedDiagram) -> dict[str, Any]:
+        """A diagram as `bondgraph/diagram` answers it."""
+        parts = [{"id": i, "locations": [self.location(p) for p in places]} for i, places in drawn.parts.items()]
+        return {"model": drawn.model, "svg": drawn.svg, "parts": parts}
 
     def tokens(self, words: Iterable[MarkedWord], path: Path) -> types.SemanticTokens:
         """Words as differences of lines and columns, five numbers for each."""

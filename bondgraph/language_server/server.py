@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from lsprotocol import types
+from pygls.exceptions import JsonRpcInvalidParams
 from pygls.lsp.server import LanguageServer
 from pygls.uris import to_fs_path
 
@@ -18,9 +19,11 @@ from ..language_service.calls import call_usage
 from ..language_service.colours import marked_words
 from ..language_service.completion import completion
 from ..language_service.corrections import corrections
+from ..language_service.diagram import diagram
 from ..language_service.formatting import formatted
 from ..language_service.hints import inline_hints
 from ..language_service.hover import hover
+from ..language_service.lenses import lenses
 from ..language_service.navigation import definition, references, rename, rename_place, workspace_symbols
 from ..language_service.outline import folds, outline
 from ..language_service.problems import problems
@@ -189,6 +192,17 @@ class EditorSession:
         answer = corrections(self.workspace, path, start, end)
         return [self.convert.correction(c, parameters.context.diagnostics) for c in answer]
 
+    def lenses(self, parameters: types.CodeLensParams) -> list[types.CodeLens]:
+        return [self.convert.lens(lens) for lens in lenses(self.workspace, self.path(parameters.text_document.uri))]
+
+    def diagram(self, parameters: Any) -> dict[str, Any] | None:
+        """Answer `bondgraph/diagram`, a request of our own: `{textDocument}` -> `{model, svg, parts}`, null for a file with errors."""
+        address = getattr(getattr(parameters, "textDocument", None), "uri", None)
+        if not isinstance(address, str):
+            raise JsonRpcInvalidParams("bondgraph/diagram takes {textDocument: {uri}}")
+        drawn = diagram(self.workspace, self.path(address))
+        return None if drawn is None else self.convert.diagram(drawn)
+
 
 def _features(session: EditorSession) -> dict[str, tuple[Callable[..., Any], Any]]:
     """Table of the features: what answers each of them, and its options."""
@@ -219,6 +233,8 @@ def _features(session: EditorSession) -> dict[str, tuple[Callable[..., Any], Any
         types.TEXT_DOCUMENT_SEMANTIC_TOKENS_FULL: (session.tokens, legend),
         types.TEXT_DOCUMENT_INLAY_HINT: (session.hints, None),
         types.TEXT_DOCUMENT_FORMATTING: (session.formatting, None),
+        types.TEXT_DOCUMENT_CODE_LENS: (session.lenses, None),
+        "bondgraph/diagram": (session.diagram, None),
         types.TEXT_DOCUMENT_CODE_ACTION: (session.actions, types.CodeActionOptions([types.CodeActionKind.QuickFix])),
     }
 

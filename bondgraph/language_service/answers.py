@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -104,3 +105,21 @@ class InlineHint:
     text: str
     why: str = ""
     is_unit: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """A command above a line of the text: `words` of the command line, or none for the diagram."""
+
+    place: TextPlace
+    title: str
+    words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class LinkedDiagram:
+    """Diagram beside a text. `parts`: `data-id` of a group in the SVG -> its places, first its own, then those of the instances around it."""
+
+    model: str
+    svg: str
+    parts: Mapping[str, tuple[TextPlace, ...]]

@@ -8,6 +8,10 @@ const { pathToFileURL } = require("node:url");
 const [extension, command, file] = process.argv.slice(2);
 const providers = {};
 const shown = [];
+const commands = {};
+const tasks = [];
+const jumps = [];
+const panel = { webview: { posted: [], onDidReceiveMessage: (take) => { panel.take = take; }, postMessage: (m) => panel.webview.posted.push(m) }, onDidDispose() {}, reveal() {}, dispose() {} };
 let told;
 const listeners = {};
 const plain = (...names) => class { constructor(...values) { names.forEach((name, i) => { this[name] = values[i]; }); } };
@@ -27,9 +31,14 @@ const vscode = {
   FoldingRange: plain("start", "end"), InlayHint: plain("position", "label", "kind"), DocumentHighlight: plain("range"), CodeActionKind: { QuickFix: "quickfix" },
   SignatureHelp: plain(), SignatureInformation: plain("label", "documentation"), ParameterInformation: plain("label"),
   DiagnosticRelatedInformation: plain("location", "message"), SymbolInformation: plain("name", "kind", "containerName", "location"),
-  Uri: { parse: (written) => ({ text: written }) },
-  window: { showErrorMessage: (m) => shown.push(m), showWarningMessage: (m) => shown.push(m) },
-  commands: { registerCommand: nothing },
+  CodeLens: plain("range", "command"), ProcessExecution: plain("program", "words"), Task: plain("definition", "scope", "name", "source", "execution"), TaskScope: {}, ViewColumn: {},
+  Uri: { parse: (written) => ({ text: written, toString: () => written }) },
+  window: {
+    showErrorMessage: (m) => shown.push(m), showWarningMessage: (m) => shown.push(m), visibleTextEditors: [], createWebviewPanel: () => panel,
+    onDidChangeTextEditorSelection: listening("select"), showTextDocument: (_, { selection }) => jumps.push(selection),
+  },
+  commands: { registerCommand: (name, run) => { commands[name] = run; return nothing(); } },
+  tasks: { executeTask: (task) => tasks.push([task.execution.program, ...task.execution.words]) },
   workspace: {
     textDocuments: [text], workspaceFolders: [{ uri: folder, name: "models" }], getConfiguration: () => ({ get: () => JSON.parse(command) }), onDidChangeConfiguration: nothing,
     onDidOpenTextDocument: listening("open"), onDidSaveTextDocument: nothing, onDidCloseTextDocument: nothing, onDidChangeTextDocument: listening("change"),
@@ -74,6 +83,14 @@ process.on("unhandledRejection", (error) => { console.error(error); process.exit
     folds: (await providers.FoldingRange.provideFoldingRanges(text)).length,
     hints: (await providers.InlayHints.provideInlayHints(text, { start: place(0, 0), end: place(9, 0) })).map((h) => h.label),
   };
+  answer.lenses = await providers.CodeLens.provideCodeLenses(text);
+  for (const { command: { command: name, arguments: words } } of answer.lenses) await commands[name](...words);
+  await panel.take({ ready: true });
+  const [{ svg }] = panel.webview.posted;
+  const id = /data-id="(\d+)" data-name="spring"/.exec(svg)[1];
+  await panel.take({ id });
+  listeners.select({ textEditor: vscode.window.visibleTextEditors[0] = { document: text, selection: { active: place(4, 3) } } });
+  Object.assign(answer, { tasks, jumps, script: panel.webview.html, svg, id, lit: panel.webview.posted.at(-1).lit });
   await client.deactivate();
   console.log(JSON.stringify(answer));
 })();

@@ -30,6 +30,7 @@ TEXT = """model Car {
    1   body
   road -> body -> mass, sprin
   output travel = spring.x
+  experiment bump { simulate 0 .. 1 s }
 }
 """
 
@@ -100,7 +101,8 @@ def session(command: list[str], path: Path) -> dict[str, Any]:
 
 def test_a_session(tmp_path: Path) -> None:
     """A mistake is shown and corrected; then everything is asked once."""
-    answer = session([sys.executable, "-P", "-m", "bondgraph", "lsp"], tmp_path / "car.bg")
+    command, path = [sys.executable, "-P", "-m", "bondgraph"], tmp_path / "car.bg"
+    answer = session([*command, "lsp"], path)
     assert answer["mistake"]["code"] == "BG101" and answer["mistake"]["range"]["start"] == {"line": 6, "character": 24}
     assert answer["edit"]["newText"] == "spring" and answer["left"] == [] and answer["shown"] == []
     assert "N/m" in answer["hover"] and answer["definition"]["start"] == {"line": 1, "character": 12}
@@ -109,6 +111,11 @@ def test_a_session(tmp_path: Path) -> None:
     assert answer["tokens"] > 100 and answer["tokens"] % 5 == 0 and answer["renamed"] == 2 and answer["folds"] == 1
     assert "\n  1  body\n" in answer["formatted"] or "\n  1 body\n" in answer["formatted"]
     assert answer["hints"]
+    assert [lens["command"]["title"] for lens in answer["lenses"]] == ["Diagram", "Run", "Modes"]
+    assert answer["tasks"] == [[*command, name, str(path), "-e", "bump"] for name in ("run", "modes")]
+    # The diagram: a part leads to its place, and the line of the cursor to its parts.
+    assert answer["jumps"] == [{"start": {"line": 4, "character": 4}, "end": {"line": 4, "character": 10}}]
+    assert answer["lit"] == [answer["id"]] and "acquireVsCodeApi" in answer["script"]
 
 
 def test_a_server_that_cannot_start_is_told(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 "use strict";
 const vscode = require("vscode");
 const { spawn } = require("node:child_process");
+const { DiagramView } = require("./diagram.js");
 
 const SELECTOR = { language: "bondgraph" };
 const PATIENCE = 2000; // ms in which a server must end
@@ -155,11 +156,12 @@ class Session {
   constructor() {
     this.errors = vscode.languages.createDiagnosticCollection("bondgraph");
     this.hints = new vscode.EventEmitter();
-    this.disposables = [this.errors, this.hints];
+    this.diagram = new DiagramView((uri) => this.server.ask("bondgraph/diagram", { textDocument: { uri } }));
+    this.disposables = [this.errors, this.hints, this.diagram];
   }
 
   async start() {
-    const command = vscode.workspace.getConfiguration("bondgraph").get("command");
+    const command = serverCommand();
     const folders = list(vscode.workspace.workspaceFolders, (f) => ({ uri: f.uri.toString(), name: f.name }));
     const ended = (why) => {
       this.errors.clear();
@@ -180,7 +182,10 @@ class Session {
   }
 
   answer(method, p) {
-    if (method === "textDocument/publishDiagnostics") this.errors.set(vscode.Uri.parse(p.uri), p.diagnostics.map(diagnostic));
+    if (method === "textDocument/publishDiagnostics") {
+      this.errors.set(vscode.Uri.parse(p.uri), p.diagnostics.map(diagnostic));
+      this.diagram.changed();
+    }
     else if (method === "window/showMessage") vscode.window.showWarningMessage(p.message);
     else if (method === "workspace/inlayHint/refresh") this.hints.fire();
   }
@@ -243,6 +248,9 @@ class Session {
           return ask("codeAction", { ...document(d), range: plain(r), context: { diagnostics } }, c, (l) => l.map(action));
         },
       }),
+      languages.registerCodeLensProvider(SELECTOR, {
+        provideCodeLenses: ofFile("codeLens", (l) => l.map((lens) => new vscode.CodeLens(range(lens.range), lens.command))),
+      }),
       languages.registerDocumentSemanticTokensProvider(SELECTOR, {
         provideDocumentSemanticTokens: ofFile("semanticTokens/full", (t) => new vscode.SemanticTokens(new Uint32Array(t.data))),
       }, legend),
@@ -265,6 +273,20 @@ class Session {
   }
 }
 
+const serverCommand = () => vscode.workspace.getConfiguration("bondgraph").get("command");
+
+// Runs a command of the program that has the server, such as `run FILE -e EXPERIMENT`, on the text as it is now.
+async function inTerminal(...words) {
+  const [program, ...before] = serverCommand();
+  if (before.at(-1) !== "lsp") {
+    vscode.window.showErrorMessage(`The setting bondgraph.command (${[program, ...before].join(" ")}) does not end in lsp, so it names no program for \`${words[0]}\`.`);
+    return;
+  }
+  await vscode.workspace.textDocuments.find((d) => d.uri.fsPath === words[1] && d.isDirty)?.save();
+  const execution = new vscode.ProcessExecution(program, [...before.slice(0, -1), ...words]);
+  await vscode.tasks.executeTask(new vscode.Task({ type: "bondgraph" }, vscode.TaskScope.Workspace, words.join(" "), "bondgraph", execution));
+}
+
 async function activate(context) {
   const start = async () => {
     await session?.stop();
@@ -272,7 +294,13 @@ async function activate(context) {
     await session.start();
   };
   const changed = (event) => event.affectsConfiguration("bondgraph.command") && start();
-  context.subscriptions.push(vscode.commands.registerCommand("bondgraph.restart", start), vscode.workspace.onDidChangeConfiguration(changed));
+  const here = () => vscode.window.activeTextEditor?.document.uri.toString();
+  context.subscriptions.push(
+    vscode.commands.registerCommand("bondgraph.restart", start),
+    vscode.commands.registerCommand("bondgraph.terminal", inTerminal),
+    vscode.commands.registerCommand("bondgraph.diagram", (uri = here()) => uri && session?.diagram.show(vscode.Uri.parse(uri).toString())),
+    vscode.workspace.onDidChangeConfiguration(changed),
+  );
   await start();
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ from ..diagram.compose import compose
 from ..diagram.diagram_model import diagram_model_of
 from ..diagram.frames import place_framed
 from ..diagram.svg import svg_text
+from ..diagram.text_links import text_links
 from ..text.tables import end_name, visible
 from .markup import Html
 
@@ -40,17 +41,14 @@ def picture_of(compilation: Compilation, sources: Sequence[Source]) -> Picture:
     diagram_model = diagram_model_of(compilation)
     named, layout, frames = place_framed(diagram_model)
     files = {source.name: number for number, source in enumerate(sources)}
-    linked = _Links(compilation.whole_graph.stands, files)
+    node_places, line_places = text_links(compilation, named)
     nodes = [
-        {
-            "name": visible(node.name),
-            "at": list(linked.of(*((graph.nodes[m].name, graph.nodes[m].span) for m in node.members))),
-        }
-        for node in named.nodes
+        {"name": visible(node.name), "at": _lines_of(places, files)}
+        for node, places in zip(named.nodes, node_places, strict=True)
     ]
     lines = [
-        {"bonds": line.bonds, "at": list(linked.of(*(("", graph.bonds[b].span) for b in line.bonds)))}
-        for line in named.lines
+        {"bonds": line.bonds, "at": _lines_of(places, files)}
+        for line, places in zip(named.lines, line_places, strict=True)
     ]
     drawing = svg_text(compose(named, layout, frames), rules=False)
     return Picture(
@@ -74,19 +72,7 @@ def _unit(dimension: object) -> str:
     return "" if words == "1" else words
 
 
-@dataclass(frozen=True, slots=True)
-class _Links:
-    """Places of declarations: in their own definition, and those of the instances that contain them."""
-
-    stands: Mapping[str, Span]
-    files: Mapping[str, int]
-
-    def of(self, *named: tuple[str, Span]) -> Iterator[str]:
-        found: dict[str, None] = {}
-        for name, span in named:
-            parts = name.partition("(")[0].split(".")
-            owners = [".".join(parts[:i]) for i in range(1, len(parts))]
-            for place in (span, *(self.stands[o] for o in owners if o in self.stands)):
-                if place.source.name in self.files:
-                    found[f"{self.files[place.source.name]}:{place.line}"] = None
-        yield from found
+def _lines_of(places: Iterable[Span], files: Mapping[str, int]) -> list[str]:
+    """Return the lines of places, as `file:line`, without those in other files."""
+    named = (f"{files[place.source.name]}:{place.line}" for place in places if place.source.name in files)
+    return list(dict.fromkeys(named))
