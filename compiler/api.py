@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .codegen.llvm.library import LibraryModule, library_module
     from .codegen.errors import NotInUnit
     from .codegen.lowered import Lowered
-    from .codegen.program import EventNote, Hybrid, LimitNote, Program, TimeFunction, TimeFunctions
+    from .codegen.program import EventNote, Hybrid, LimitNote, Program, SettingNote, TimeFunction, TimeFunctions
     from .codegen.ranges import Ranges
     from .codegen.series import TaylorSeries
     from .codegen.structure import ProgramStructure, structure_of

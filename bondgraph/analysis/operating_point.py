@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from ..results.records import LimitLeft
     from ..simulation.constraints.constraints import Constraints
-    from ..simulation.events.events import Events
+    from ..simulation.events.indicators import EventIndicators
     from .following import Follower
 
 JUMP = 1e-9  # relative to the terms of a rate: a smaller change at a condition is rounding
@@ -298,17 +298,17 @@ class OperatingPoint:
         state = self.state + side * departure(size, distance, way)
         if self.program.hybrid is None or not self.program.hybrid.conditions:
             return state, self.mode
-        from ..simulation.events.events import HybridState
+        from ..simulation.events.indicators import HybridState
 
         return state, self.conditions(size).guess(HybridState(self.time, state, self.mode))
 
-    def conditions(self, size: Array) -> Events:
+    def conditions(self, size: Array) -> EventIndicators:
         """Conditions of the model at the values of this point, made once for all points of the program."""
-        from ..simulation.events.events import Events
+        from ..simulation.events.indicators import EventIndicators
 
-        first: Events | None = self.made.kept.get("conditions")
+        first: EventIndicators | None = self.made.kept.get("conditions")
         if first is None:
-            first = self.made.kept["conditions"] = Events(self.constraints, size, AHEAD)
+            first = self.made.kept["conditions"] = EventIndicators(self.constraints, size, AHEAD)
         return first.with_values(self.constraints, size)
 
     def _without_slope(self, name: str) -> RunFailed:
@@ -411,7 +411,7 @@ class OperatingPoint:
         """Events that are exactly at their thresholds here."""
         if self.program.hybrid is None:
             return Thresholds()
-        from ..simulation.events.events import HybridState
+        from ..simulation.events.indicators import HybridState
 
         size = np.minimum(magnitudes(self.constraints, self.state), known_magnitudes(self.program, self.state))
         return thresholds(self.conditions(size), HybridState(self.time, self.state, self.mode), size)

@@ -225,7 +225,7 @@ def _given(leg: Phase, given: Mapping[str, float], time: float, mode: Array) -> 
     state = loops.solve(time, leg.constraints.project(time, state, mode), mode)
     if leg.events is None:
         return state, mode
-    from ..simulation.events.events import HybridState
+    from ..simulation.events.indicators import HybridState
 
     leg.events.measure(nonzero(np.abs(state)))
     after = leg.events.happen(HybridState(time, state, leg.events.guess(HybridState(time, state, mode))))

@@ -17,7 +17,7 @@ from compiler.api import Array, IntArray
 from .singular_slopes import FAR, SIGNS, departure
 
 if TYPE_CHECKING:
-    from ..simulation.events.events import Events, HybridState
+    from ..simulation.events.indicators import EventIndicators, HybridState
 
 StateFunction = Callable[[float, Array, Array, Array, Array], Array]
 SHARE = 1e-7  # relative step of inputs and parameters, for the rounding of a condition
@@ -34,7 +34,7 @@ class Thresholds:
     outputs: tuple[str, ...] = ()
 
 
-def thresholds(events: Events, at: HybridState, size: Array) -> Thresholds:
+def thresholds(events: EventIndicators, at: HybridState, size: Array) -> Thresholds:
     """Return the events that are exactly at their thresholds at a hybrid state, and change something there. `size`: magnitudes of states and unknowns."""
     hybrid = events.hybrid
     if not any(not e.sampled for e in hybrid.events) and not hybrid.junctions:
@@ -44,7 +44,7 @@ def thresholds(events: Events, at: HybridState, size: Array) -> Thresholds:
 
 @dataclass(frozen=True, slots=True)
 class _Neighbourhood:
-    events: Events
+    events: EventIndicators
     at: HybridState
     size: Array
 
@@ -65,7 +65,7 @@ class _Neighbourhood:
 
     def _doubtful(self) -> IntArray:
         """Return the indices of the conditions within rounding of their thresholds."""
-        from ..simulation.events.events import NOISE
+        from ..simulation.events.indicators import NOISE
 
         events, at = self.events, self.at
         roots = events.roots(at.time, at.state, at.mode)
@@ -91,12 +91,14 @@ class _Neighbourhood:
 
     def _effect(self, base: Array, other: Array, event: int) -> tuple[bool, set[str]]:
         """Return True if an event changes states, junctions, rates or slopes at or beside the point, and the outputs that it changes."""
+        from ..simulation.events.resets import reset
+
         jumping, count, places = set[str](), self.events.count, self.events.places
         step = np.abs(departure(self.size, FAR))[:count]
         for state in self._states():
             after, acting = replace(self.at, state=state, mode=other), [event]
             for _ in range(CHAIN):
-                before, after = after.mode, self.events.set(after, acting)
+                before, after = after.mode, reset(self.events, after, acting)
                 acting = self._rising(before, after.mode)
                 if not acting:
                     break

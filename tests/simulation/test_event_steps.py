@@ -155,7 +155,7 @@ def test_an_interrupted_run_with_events_goes_on(target: str, monkeypatch: pytest
     from bondgraph.simulation.integration.event_integrator import EventIntegrator
 
     whole = run(SAW, 60.5, target=target, points=122)
-    for home, name in ((EventIntegrator, "follow"), (Events, "happen"), (Events, "settled")):
+    for home, name in ((EventIntegrator, "follow"), (Events, "happen"), (Events, "just_after")):
         original, left = getattr(home, name), [True]
 
         def interrupted(

@@ -20,8 +20,10 @@ from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment, with_discrete_variables
 from ..segments.transition import PhaseTransition
 from .complementarity import Companion, Instant
-from .events import Events, HybridState, conditions_of
+from .events import Events
 from .impulse import StorageJump, after_impulse
+from .indicators import EventIndicators, HybridState, conditions_of
+from .mode_iteration import settled
 
 if TYPE_CHECKING:
     from compiler.api import RunMetadata, Scene
@@ -85,16 +87,16 @@ def with_modes(program: Program, first: Segment, modes: Mapping[str, float]) -> 
 
 def with_mode(space: CompiledScene, constraints: Constraints, state: Array, first: Segment, horizon: float) -> Segment:
     """Return the first segment with the mode that fits the consistent initial state. Raises `RunFailed` if there is none."""
-    events = Events(constraints, nonzero(np.abs(state)), horizon)
-    mode = events.guess(HybridState(first.start, state, first.mode))
+    indicators = EventIndicators(constraints, nonzero(np.abs(state)), horizon)
+    mode = indicators.guess(HybridState(first.start, state, first.mode))
     seen = set()
     for _ in range(MOST_MODES):
         first = replace(first, mode=mode)
         full, _ = consistent_start(
             constraints.program, space, constraints.constants, constraints.inputs, state, first, constraints
         )
-        events.measure(nonzero(np.abs(full)))
-        found = events.settled(HybridState(first.start, full, mode)).mode
+        indicators.measure(nonzero(np.abs(full)))
+        found = settled(indicators, HybridState(first.start, full, mode)).mode
         if (found == mode).all():
             return first
         mode = found
@@ -108,7 +110,8 @@ def with_mode(space: CompiledScene, constraints: Constraints, state: Array, firs
 
 def off_in(constraints: Constraints, full: Array, first: Segment) -> tuple[str, ...]:
     """Return the junctions that are off before any event acts."""
-    return Events(constraints, nonzero(np.abs(full)), 1.0).actives(HybridState(first.start, full, first.mode))
+    indicators = EventIndicators(constraints, nonzero(np.abs(full)), 1.0)
+    return indicators.actives(HybridState(first.start, full, first.mode))
 
 
 def begun(

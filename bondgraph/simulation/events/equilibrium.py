@@ -22,7 +22,8 @@ from ..equilibrium.dense import EquilibriumSearch
 from ..equilibrium.search import equilibrium, found_by
 from ..segments.sampling import sampling_of
 from ..segments.timeline import Segment
-from .events import Events, HybridState
+from .events import Events
+from .indicators import HybridState
 
 MOST_MODES = 30  # most modes in which an equilibrium is searched
 SAME = 1e-9  # relative to the magnitudes: change of a state or sampled value by an event that counts as none

@@ -19,7 +19,9 @@ from compiler.api import Array, BoolArray, IntArray
 from ...errors import RunFailed
 from ...numerics.indicators import EXACT, FINER, LEFT, ON_GRID, SHARES, Interpolants
 from ...numerics.roots import narrowed
-from .events import Events, HybridState
+from .bounds import Overlooked
+from .events import Events
+from .indicators import HybridState
 
 WIDTH = 4  # units in the last place of a time: end of the narrowing
 LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defined
@@ -53,14 +55,10 @@ def first_flip(
     """
     if not len(events.places):
         return None
-    said = np.asarray(mode)[events.places] == 1.0
-    smallest = max(SMALLEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
-    least = max(NARROWEST * (stop - start), 64 * float(np.spacing(max(abs(start), abs(stop)))))
-    waiting: list[tuple[float, float, Any]] = [
-        (low, high, None) for low, high in _first_parts(start, stop, events.spacing)
-    ]
-    count = halved = 0
-    rounding: Any = None  # rounding of the indicators: smaller changes are ignored
+    said, step = np.asarray(mode)[events.places] == 1.0, _Step(events, mode, state_at, roots)
+    resolved = 64 * float(np.spacing(max(abs(start), abs(stop))))
+    smallest, least = (max(share * (stop - start), resolved) for share in (SMALLEST, NARROWEST))
+    waiting, count, halved = _first_parts(start, stop, events.spacing), 0, 0
     while waiting:
         low, high, widths = waiting.pop()
         times = low + (high - low) * SHARES
@@ -70,11 +68,9 @@ def first_flip(
         near = ~seen.far(events.floor) | wrong[1:].any(axis=0)
         if low == start and wrong[0].any():
             near &= ~_returns(events, seen.values, wrong[0])
-        hidden, moves, bounded = np.zeros_like(near), np.zeros_like(near), None
-        if events.bounds is not None:
-            bounded = events.bounds.over((low, high), times, state_at(times, False), mode, events.floor, widths)
-            events.reach = np.maximum(events.reach, np.where(np.isfinite(bounded.reach), bounded.reach, 0.0))
-            moves = np.asarray(bounded.zero, dtype=bool) & ~(bounded.reach <= CONSTANT * events.reach)
+        bounded, moves = step.bounds((low, high), times, widths)
+        hidden = np.zeros_like(near)
+        if bounded is not None:
             hidden, widths = moves & (bounded.unseen | ~seen.converged), bounded.widths
             if halved > MOST_HIDDEN:
                 events.crowded |= hidden
@@ -90,8 +86,7 @@ def first_flip(
             hidden |= moves & dips.any(axis=0) & ~_wrong(events, on_grid, said).any(axis=0)
         unsure = near & (~seen.converged | (dips.any(axis=0) & (seen.error > EXACT * seen.variation)))
         if (unsure.any() and high - low > smallest) or hidden.any():
-            if rounding is None:
-                rounding = events.noise(HybridState(high, state_at(np.array([high]), False)[0], mode), seen.values[-1])
+            rounding = step.rounding(high, seen)
             unsure &= seen.variation > rounding
             if bounded is not None:
                 hidden &= bounded.reach > rounding
@@ -101,31 +96,64 @@ def first_flip(
             waiting += [(middle, high, widths), (low, middle, widths)]
             continue
         times = _suspects(events, on_grid, wrong, _wrong(events, on_grid, said) & seen.converged, (low, high))
-        clear = near & ~wrong.any(axis=0)
-        brackets = [
-            (FINER[p], FINER[p + 2], j) for p, j in zip(*np.nonzero(dips[1:-1] & clear & seen.converged), strict=True)
-        ]
-        brackets += [(0.0, 1.0, j) for j in np.flatnonzero(clear & ~seen.converged)]
-        if brackets:
-            if rounding is None:
-                rounding = events.noise(HybridState(high, state_at(np.array([high]), False)[0], mode), seen.values[-1])
-            bottoms = [
-                _bottom(events, (low + (high - low) * a, low + (high - low) * b), j, said, roots)
-                for a, b, j in brackets
-                if seen.variation[j] > rounding[j]
-            ]
-            times = np.union1d(times, bottoms)
+        minima = step.minima((low, high), seen, dips, near & ~wrong.any(axis=0), said)
+        times = np.union1d(times, minima) if minima else times
         found = _in_part(events, (low, high), times, said, roots)
         if found is not None:
             events.spacing = high - low
-            at = np.array([found])
-            return Flip(found, state_at(at, True)[0], _wrong(events, roots(at, True), said)[0])
+            there = np.array([found])
+            return Flip(found, state_at(there, True)[0], _wrong(events, roots(there, True), said)[0])
     events.spacing = np.inf
     return None
 
 
-def _first_parts(start: float, stop: float, spacing: float) -> list[tuple[float, float]]:
+@dataclass(slots=True)
+class _Step:
+    """Step that is searched: conditions, and their states and roots along it."""
+
+    events: Events
+    mode: Any
+    state_at: StateAt
+    roots: Callable[[Any, bool], Any]
+    noise: Any = None  # rounding of the indicators, found on use
+
+    def rounding(self, time: float, seen: Interpolants) -> Any:
+        """Return the rounding of the indicators, at the end of the first part that needs it: smaller changes are ignored."""
+        if self.noise is None:
+            at = HybridState(time, self.state_at(np.array([time]), False)[0], self.mode)
+            self.noise = self.events.noise(at, seen.values[-1])
+        return self.noise
+
+    def bounds(self, part: tuple[float, float], times: Array, widths: Array | None) -> tuple[Overlooked | None, Any]:
+        """Return bounds on narrow conditions over a part, and a mask of those that may have a zero there and are not constant but for rounding."""
+        events = self.events
+        if events.bounds is None:
+            return None, None
+        bounded = events.bounds.over(part, times, self.state_at(times, False), self.mode, events.floor, widths)
+        events.reach = np.maximum(events.reach, np.where(np.isfinite(bounded.reach), bounded.reach, 0.0))
+        return bounded, np.asarray(bounded.zero, dtype=bool) & ~(bounded.reach <= CONSTANT * events.reach)
+
+    def minima(
+        self, part: tuple[float, float], seen: Interpolants, dips: BoolArray, clear: BoolArray, said: BoolArray
+    ) -> list[float]:
+        """Return the instants of a part at which indicators are nearest to zero; `clear`: those that no place shows behind their zero crossing."""
+        brackets = [
+            (FINER[p], FINER[p + 2], j) for p, j in zip(*np.nonzero(dips[1:-1] & clear & seen.converged), strict=True)
+        ]
+        brackets += [(0.0, 1.0, j) for j in np.flatnonzero(clear & ~seen.converged)]
+        if not brackets:
+            return []
+        (low, high), rounding = part, self.rounding(part[1], seen)
+        return [
+            _bottom(self.events, (low + (high - low) * a, low + (high - low) * b), j, said, self.roots)
+            for a, b, j in brackets
+            if seen.variation[j] > rounding[j]
+        ]
+
+
+def _first_parts(start: float, stop: float, spacing: float) -> list[tuple[float, float, Any]]:
     """Return the parts of an interval that are searched first, the last one first: from `spacing` on each twice as long as that before.
+    The third item of a part is `widths` of the part that it is half of, or None.
 
     After many crossings in a step, the next one is probably as close: parts of that size need not be found by halving the whole step.
     """
@@ -133,7 +161,7 @@ def _first_parts(start: float, stop: float, spacing: float) -> list[tuple[float,
     while spacing < 0.5 * (stop - ends[-1]):
         ends.append(ends[-1] + spacing)
         spacing *= 2
-    return list(pairwise([*ends, stop]))[::-1]
+    return [(low, high, None) for low, high in pairwise([*ends, stop])][::-1]
 
 
 def _suspects(events: Events, on_grid: Array, shown: BoolArray, wrong: BoolArray, part: tuple[float, float]) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from compiler.api import Array, BoolArray
 
 from ...errors import RunFailed, StepsCollapsed
-from ..events.events import HybridState
+from ..events.indicators import HybridState
 from ..events.locate import Flip, RootsAt, StateAt, first_flip
 from ..monitors.validity import ValidityMonitor
 from ..segments.timeline import Segment, discrete_variables, mode_after, with_time_of
