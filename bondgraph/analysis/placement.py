@@ -136,7 +136,8 @@ class _Start:
 
     def phase(self) -> Phase:
         """Return the phase. Raises `RunFailed` where there is none, and `UsageError` where an impulse passes at the start."""
-        from ..simulation.phase import Phase, SwitchedStart, no_rest
+        from ..simulation.phase import Phase, SwitchedStart
+        from ..simulation.phases.start import no_rest
 
         plan, compiled, modes = self.options.plan, self.prepare(self.scene, True), dict[str, float]()
         span, tried = np.array([plan.start, plan.start + AHEAD]), set[SwitchedStart]()

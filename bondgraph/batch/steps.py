@@ -19,7 +19,7 @@ from ..simulation.integrators.methods import EXPLICIT, METHODS, RADAU
 from ..simulation.integrators.outcomes import FAILURES, FINISHED, MORE, STIFF
 from ..simulation.integrators.workspace import IntegratorWorkspace
 from ..simulation.monitors.step_size_diagnosis import BEYOND, MANY
-from ..simulation.phase import ROUNDED
+from ..simulation.phases.notes import ROUNDED
 from ..simulation.segments.context import SegmentContext
 from ..simulation.segments.timeline import Segment, Signals, signals_on
 from ..simulation.segments.trajectory import Tolerances

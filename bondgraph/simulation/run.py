@@ -22,7 +22,8 @@ from ..results.records import EnergyBalance, EventRecord, LimitLeft
 from ..results.result import Result
 from .integrators.methods import chosen_solver
 from .monitors.state_selection import WORST
-from .phase import Phase, PhaseOptions, SwitchedStart, no_rest
+from .phase import Phase, PhaseOptions, SwitchedStart
+from .phases.start import no_rest
 from .segments.transition import PhaseTransition
 from .settings import Settings, refused_with_values, settle
 

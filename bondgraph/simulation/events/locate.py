@@ -55,7 +55,7 @@ def first_flip(
     """
     if not len(events.places):
         return None
-    said, step = np.asarray(mode)[events.places] == 1.0, _Step(events, mode, state_at, roots)
+    said, step = np.asarray(mode)[events.places] == 1.0, _SearchedStep(events, mode, state_at, roots)
     resolved = 64 * float(np.spacing(max(abs(start), abs(stop))))
     smallest, least = (max(share * (stop - start), resolved) for share in (SMALLEST, NARROWEST))
     waiting, count, halved = _first_parts(start, stop, events.spacing), 0, 0
@@ -108,7 +108,7 @@ def first_flip(
 
 
 @dataclass(slots=True)
-class _Step:
+class _SearchedStep:
     """Step that is searched: conditions, and their states and roots along it."""
 
     events: Events

@@ -1,0 +1,1 @@
+"""Parts of a phase: its start, its tolerances, its solution, its failures."""

@@ -1,0 +1,49 @@
+"""Notes of a phase, and doubts about its tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ...results.records import ToleranceDoubt
+from .solution import PhaseSolution
+
+if TYPE_CHECKING:
+    from ..constraints.constraints import Assembled
+    from ..events.events import Events
+
+ROUNDED = 3.0  # tolerances of rounding in a step from which a run warns
+
+
+def phase_notes(
+    solution: PhaseSolution, timed: Sequence[str], events: Events | None, undetermined: Sequence[str], assembled: Assembled | None
+) -> tuple[str, ...]:  # fmt: skip
+    """Return the notes of an integrated phase. `timed`: on its segments; `undetermined`: on its program; `assembled`: of the first phase."""
+    constraints, trajectory = solution.constraints, solution.trajectory
+    resolutions = {id(s.resolution): s.resolution for s in solution.planned if s.resolution is not None}
+    notes = [*list(dict.fromkeys(trajectory.notes))[:1], *timed, *(n for r in resolutions.values() for n in r.notes)]
+    if events is not None:
+        from ..events.bounds import notes_on_conditions
+
+        notes += (*notes_on_conditions(constraints.program, events.crowded, events.touches), *undetermined)
+    if constraints and len(trajectory.states):
+        from ..constraints.singular import told_of
+
+        notes += told_of(assembled, trajectory.poses)
+    return tuple(notes)
+
+
+def phase_doubts(solution: PhaseSolution, rtol: float) -> tuple[ToleranceDoubt, ...]:
+    """Return the warnings that steps were accepted with many tolerances of rounding, and those of singular poses."""
+    trajectory, doubts = solution.trajectory, list[ToleranceDoubt]()
+    if trajectory.rounded > ROUNDED:
+        text = (
+            f"rtol = {rtol:g} is below what rounding leaves: steps were accepted with {trajectory.rounded:.2g} tolerances of rounding; "
+            f"rtol = {rtol * trajectory.rounded:.1g} is about the tightest that can be held"
+        )
+        doubts.append(ToleranceDoubt(float(solution.instants[0]), "", "tolerance below rounding", text, (), ""))
+    if solution.constraints and len(trajectory.states):
+        from ..constraints.singular import doubts_of
+
+        doubts += doubts_of(trajectory.poses)
+    return tuple(doubts)

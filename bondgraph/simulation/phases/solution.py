@@ -1,0 +1,134 @@
+"""Solution of a phase: states at the reported instants, with the outputs, the powers and the energy balance that follow from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...results.records import EnergyBalance
+from ..constraints.constraints import Constraints
+from ..monitors.validity import ValidityMonitor
+from ..segments.timeline import Segment, mode_after
+from ..segments.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from compiler.api import Array, StateSpace
+
+    from ..truncation.mode_truncation import Removal
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseSolution:
+    """Trajectory of a phase at its reported instants. `constraints`: with the program and its values; `planned`: the segments of the phase."""
+
+    constraints: Constraints
+    instants: Any
+    trajectory: Trajectory
+    planned: Sequence[Segment]
+
+    @property
+    def segments(self) -> Sequence[Segment]:
+        """Segments with their modes, as they were integrated."""
+        return self.trajectory.pieces or self.planned
+
+    def outputs(self, watch: ValidityMonitor) -> Any:
+        """Return the outputs, shape (points, outputs). `watch` looks at the last instant, whose mode no segment has."""
+        instants, states, program = self.instants, self.trajectory.states, self.constraints.program
+        values = np.empty((len(instants), len(program.outputs.names)))
+        for segment in self.segments:
+            part = self._within(segment)
+            if part.start < part.stop:
+                values[part] = self._output(instants[part], states[part], segment.mode)
+        if self.trajectory.handover is not None or not len(instants):
+            return values
+        last = self.segments[-1]
+        if instants[-1] < last.stop:
+            return values
+        if instants[-1] < self.planned[-1].stop or last.start == last.stop:  # at first: cut off at a reported instant
+            mode = last.mode
+        else:
+            mode = mode_after(program, self.constraints.constants, last.stop, last)
+        final = states[-1:]
+        watch.look(instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
+        values[-1] = self._output(instants[-1], states[-1], mode)
+        return values
+
+    def _within(self, segment: Segment) -> slice:
+        """Return the slice of the reported instants that lie in a segment."""
+        return slice(*self.instants.searchsorted((segment.start, segment.stop)).tolist())
+
+    def _output(self, times: Array | float, states: Array, mode: Array) -> Any:
+        return self.constraints.program.output(times, states, self.constraints.inputs, self.constraints.constants, mode)
+
+    def powers(self, times: Array | float, states: Array, mode: Array) -> Any:
+        """Return the powers at all ports, and the stored quantities."""
+        return self.constraints.program.powers(times, states, self.constraints.inputs, self.constraints.constants, mode)
+
+    def reported_powers(self) -> list[Any]:
+        """Return the powers at the reported instants, segment by segment."""
+        parts = ((self._within(segment), segment.mode) for segment in self.segments)
+        instants, states = self.instants, self.trajectory.states
+        return [self.powers(instants[p], states[p], mode) for p, mode in parts if p.start < p.stop]
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseEnergy:
+    """Energy balance of a phase, what it holds at its end, and notes on laws that create energy."""
+
+    balance: EnergyBalance
+    held: Mapping[str, Any]
+    notes: tuple[str, ...]
+
+
+def phase_energy(
+    solution: PhaseSolution, space: StateSpace, start: Array, removals: Sequence[Removal], held: Mapping[str, Any] | None, rtol: float
+) -> PhaseEnergy:  # fmt: skip
+    """Return the energies of a phase. `start`: its first state; `removals`: of fast modes; `held`: stored quantities at the end of the phase before."""
+    from ..monitors.energy import added, energy_balance, held_in, impulse_loss
+
+    trajectory, segments = solution.trajectory, solution.segments
+    first, stop = segments[0], segments[-1].stop if trajectory.handover is None else trajectory.handover.time
+    last = next((s for s in segments if s.start < stop <= s.stop), segments[-1])
+    before = solution.powers(first.start, start, first.mode)
+    after = solution.powers(stop, trajectory.final, last.mode)
+    work = trajectory.work if trajectory.work is not None else np.zeros(len(before))
+    arguments = _arguments(solution.constraints, space)
+    left = [
+        (solution.powers(r.time, r.before, r.mode), solution.powers(r.time, r.after, r.mode)) for r in removals
+    ]  # fmt: skip
+    balance = energy_balance(space, work, before, after, arguments, trajectory.jumps, left)
+    own = slice(len(space.ports), len(space.ports) + len(space.stored))  # mechanisms: energy exchanged within
+    notes = _audit(solution, space, balance, float(np.abs([before[own], after[own]]).sum()), rtol)
+    passed = None if held is None else impulse_loss(space, held, before, arguments)
+    whole = balance if passed is None else added([passed, balance]) or balance
+    return PhaseEnergy(whole, held_in(space, after), notes)
+
+
+def _audit(
+    solution: PhaseSolution, space: StateSpace, balance: EnergyBalance, within: float, rtol: float
+) -> tuple[str, ...]:
+    """Name the laws that create energy: resistors that deliver power, storages whose work differs from their stored energy."""
+    from ..monitors.energy import givers, unexplained
+
+    turnover = within + sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in balance.elements)
+    notes, powers = unexplained(balance, turnover, rtol), solution.reported_powers()
+    if powers:
+        watts = np.concatenate(powers)
+        notes = givers(space, solution.instants[: len(watts)], watts, turnover) + notes
+    return tuple(notes)
+
+
+def _arguments(constraints: Constraints, space: StateSpace) -> dict[int, float]:
+    """Return the values of the storages' parameters."""
+    from compiler.api import Assignment, evaluate
+
+    known = dict(zip(constraints.program.parameters.names, constraints.parameters, strict=True))
+    parameters = [(i, v) for i, v in enumerate(space.variables) if v.role == "parameter"]
+    values: dict[Any, float] = {i: known.get(v.name, v.value or 0.0) for i, v in parameters}
+    for step in space.steps:
+        if isinstance(step, Assignment) and all(isinstance(a, float) or a in values for a in step.arguments):
+            values[step.target] = evaluate(step.expression, values.__getitem__)
+    return values

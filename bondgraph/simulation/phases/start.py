@@ -1,0 +1,197 @@
+"""Start of a phase: consistent, at rest where that is required, and after the events at its first instant; or carried over from the phase before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import RunFailed
+from ...numerics.scales import nonzero
+from ..constraints.constraints import Constraints
+from ..initialization.consistent_start import consistent_start
+from ..segments.timeline import Segment
+from ..segments.transition import PhaseTransition
+
+if TYPE_CHECKING:
+    from compiler.api import Array, Plan, Program
+
+    from ...compiled_scene import CompiledScene
+    from ..events.complementarity import Companion
+    from ..events.events import Events
+    from ..events.history import History
+    from ..events.impulse import StorageJump
+
+DIVERGED = 1e6  # growth of the change from one iteration to the next after which these do not converge
+MOST_SETTLING = 400  # most iterations between delayed signals and an initialization that reads them
+SETTLED = 1e-14  # relative change of delayed signals that counts as rounding
+
+
+def no_rest() -> RunFailed:
+    """Return the failure where ideal diodes or switches turn on or off at an equilibrium that was computed in another mode."""
+    return RunFailed(
+        "BR732", "no equilibrium was found: ideal diodes or switches do not stay as they are where the model would rest;",
+        "start it nearer to its rest, or give them resistances",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class StartOfPhase:
+    """State with the unknowns of loops, the first segment with its mode, notes, events and jumps of stored quantities.
+
+    `begins_without`, `goes_on_without`: junctions that are off before any event acts, and after those at the start.
+    """
+
+    state: Any
+    first: Segment
+    begins_without: tuple[str, ...]
+    goes_on_without: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    events: Events | None = None
+    jumps: tuple[StorageJump, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseInitialization:
+    """Program of a phase with all that decides its start. `modes`: of the ideal valves; `off`: junctions that are off in the program."""
+
+    compilation: CompiledScene
+    constraints: Constraints
+    plan: Plan
+    off: tuple[str, ...]
+    begin: PhaseTransition | None
+    companion: Companion | None
+    modes: Mapping[str, float]
+
+    @property
+    def program(self) -> Program:
+        """Program of the phase, which reads delayed signals of this run."""
+        return self.constraints.program
+
+    def start(self, first: Segment, horizon: float) -> StartOfPhase:
+        """Return the start of a phase; `first`: its first segment, `horizon`: length of the run. Raises `RunFailed`."""
+        program = self.program
+        state = np.asarray(program.start(self.constraints.constants), dtype=float)
+        names = program.states.names
+        if not np.isfinite(state).all():
+            bad = [n for n, x in zip(names, state, strict=False) if not np.isfinite(x)]
+            raise RunFailed(
+                "BR731", f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so"
+            )
+        if self.begin is not None:
+            return self._continued(self.begin, state, first, horizon)
+        found = self._consistent(state, first, horizon)
+        return found if program.hybrid is None else self._after_events(found, horizon)
+
+    def _continued(self, begin: PhaseTransition, state: Array, first: Segment, horizon: float) -> StartOfPhase:
+        """Return the start where the phase before ends. `state`: the start of the program."""
+        constraints = self.constraints
+        if self.program.hybrid is None:
+            from ..events.begin import carried_over
+
+            full = carried_over(constraints, state, first, begin)
+            full = constraints.loops(np.ones(len(state))).solve(first.start, full, first.mode)
+            return StartOfPhase(full, first, self.off, self.off)
+        from ..events.begin import continued
+        from ..events.impulse import refuse_jumps_of_mechanisms
+
+        events, at, jumps = continued(constraints, state, first, begin, horizon, self.companion)
+        if self.companion is not None and self.companion.valves:
+            refuse_jumps_of_mechanisms(jumps, self.compilation.facts.mechanisms, first.start)
+        return StartOfPhase(at.state, replace(first, mode=at.mode), self.off, self.off, (), events, jumps)
+
+    def _after_events(self, before: StartOfPhase, horizon: float) -> StartOfPhase:
+        """Return the start after all events at the first instant."""
+        from ..events.begin import begun, off_in
+
+        constraints, full, first = self.constraints, before.state, before.first
+        without = off_in(constraints, full, first)
+        if before.events is not None:
+            return replace(before, begins_without=without)
+        events, at = begun(constraints, full, first, horizon, self.companion)
+        goes_on_without = events.actives(at)
+        if self.plan.equilibrium and goes_on_without == without:
+            _check_rest(events, at.state, full, at.mode, first.mode)
+        return StartOfPhase(at.state, replace(first, mode=at.mode), without, goes_on_without, before.notes, events)
+
+    def _consistent(self, state: Array, first: Segment, horizon: float) -> StartOfPhase:
+        """Return the consistent start before any event acts, with the mode that fits it. Raises `RunFailed`."""
+        program, constraints, compilation = self.program, self.constraints, self.compilation
+
+        def find() -> tuple[StartOfPhase, Any, Any]:
+            segment = first
+            if program.hybrid is not None:
+                from ..events.begin import with_mode, with_modes
+
+                segment = with_modes(program, segment, self.modes)
+                segment = with_mode(compilation, constraints, state, segment, horizon)
+            fixed = constraints.constants, constraints.inputs, state
+            full, notes = consistent_start(program, compilation, *fixed, segment, constraints)
+            start = StartOfPhase(full, segment, self.off, self.off, notes)
+            if self.plan.equilibrium:
+                start = self._at_rest(start, horizon)
+            return start, constraints.assembled, constraints.taking
+
+        if self.plan.equilibrium and program.hybrid is not None:  # its search prepares the events of this run
+            return find()[0]
+        key = *first.key, horizon, *sorted(self.modes.items()), self.plan.equilibrium
+        start: StartOfPhase
+        start, constraints.assembled, taking = constraints.recall("start", key, find)
+        if not np.array_equal(taking, constraints.taking):
+            constraints.leave_out(taking)
+        return replace(start, state=start.state.copy())
+
+    def _at_rest(self, start: StartOfPhase, horizon: float) -> StartOfPhase:
+        """Return the equilibrium reached from a consistent state, with the mode that holds there. Raises `RunFailed`."""
+        from ..equilibrium.search import equilibrium
+        from ..equilibrium.steady import check_steady, steady_rates
+
+        program, constraints = self.program, self.constraints
+        inputs = constraints.inputs
+        if program.hybrid is None or self.companion is not None:
+            start = replace(start, state=equilibrium(program, constraints, inputs, start.state, start.first))
+        else:
+            from ..events.equilibrium import rest_with_events
+            from ..events.events import Events
+
+            events = Events(constraints, nonzero(np.abs(start.state)), horizon)
+            at = rest_with_events(constraints, start.state, start.first, events)
+            start = replace(start, state=at.state, first=replace(start.first, mode=at.mode), events=events)
+        first = start.first
+        rates = steady_rates(program, constraints, first.start, start.state, inputs, first.mode)
+        check_steady(self.compilation, program, rates)
+        return start
+
+
+def _check_rest(events: Events, state: Array, rest: Array, mode: Array, assumed: Array) -> None:
+    """Raise `RunFailed` where ideal diodes or switches turn on or off at an equilibrium that was computed in another mode."""
+    changed = np.asarray(mode) != assumed
+    changed[events.places[~events.steers]] = False  # those that only events read
+    if changed.any() or not np.allclose(state, rest, rtol=1e-9, atol=0.0):
+        raise no_rest()
+
+
+def settled_with_history(
+    start: StartOfPhase, history: History, inputs: Array, again: Callable[[], StartOfPhase]
+) -> StartOfPhase:
+    """Return the start at which the initial state and the delayed signals agree: before it each delayed signal has its value at the start.
+
+    `again`: the start with the signals as they are. Raises `RunFailed` if iterations do not converge.
+    """
+    time, least = start.first.start, np.inf
+    for _ in range(MOST_SETTLING):
+        before = np.array(history.first)
+        history.begin(time, start.state, inputs, start.first.mode)
+        change = np.abs(history.first - before)
+        if (change <= SETTLED * np.maximum(np.abs(history.first), np.abs(before))).all():
+            return start
+        least = min(least, float(change.max()))
+        if change.max() > DIVERGED * least:
+            break
+        start = again()
+    raise RunFailed(
+        "BR733", f"at t = {time:.9g} s what is delayed and the state at the start do not settle on each other: each makes the other larger, or goes to "
+        "and fro;", "give the start itself instead of `equilibrium`, or delay what does not read itself",
+    )  # fmt: skip

@@ -1,0 +1,102 @@
+"""Tolerances of a phase: those of the experiment, and the magnitudes of its states, from the phase before or from pilot runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import UsageError
+from ...results.records import ToleranceDoubt
+from ..constraints.constraints import Constraints
+from ..magnitudes.nominal_magnitudes import Magnitudes, nominal_magnitudes, of_what_moved, rounding_levels
+from ..magnitudes.pilot_run import PilotObservation
+from ..monitors.state_selection import Choice
+from ..segments.timeline import Segment
+
+if TYPE_CHECKING:
+    from compiler.api import Array, Plan, Program, RunMetadata
+
+    from ..events.events import Events
+
+
+def given_tolerances(plan: Plan, program: Program, facts: RunMetadata) -> dict[int, float]:
+    """Return the absolute tolerances that the experiment gives, by index of the state or unknown. Raises `UsageError`."""
+    result: dict[int, float] = {}
+    if not plan.tolerances:
+        return result
+    variables = {n: i for i, n in enumerate(program.variables.names)}
+    for name, value in plan.tolerances.items():
+        index = variables.get(name, facts.shown.get(name))
+        if index is None:
+            index, factor = facts.following.get(name, (-1, None))
+            if factor is None:
+                told = f" (it follows `{program.states.names[index]}`)" if index >= 0 else ""
+                raise UsageError(
+                    "BR719", f"the tolerance of `{name}` cannot be held: it is no state of this run{told}; states are {', '.join(variables)}",
+                )  # fmt: skip
+            value /= abs(factor)
+        result[index] = min(value, result.get(index, value))
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseMagnitudes:
+    """Magnitudes of all states and unknowns, doubts about them, and all that are known by name."""
+
+    values: Any
+    doubts: tuple[ToleranceDoubt, ...] | None  # None: nothing was searched
+    known: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class MagnitudeSearch:
+    """Search of the magnitudes of a phase.
+
+    `state`: where pilot runs start; `known`: magnitudes by name; `peaks`: largest absolute values before this phase; `choice`: a monitor of the
+    state selection; `coarse`: the largest values of a coarse run through the events, with the magnitudes up to the first.
+    """
+
+    constraints: Constraints
+    mechanisms: Sequence[str]
+    state: Any
+    stretches: Sequence[Segment]
+    known: Mapping[str, float]
+    peaks: Any
+    choice: Callable[[], Choice]
+    coarse: Callable[[Array], Array]
+
+    def magnitudes(self, events: Events | None) -> PhaseMagnitudes:
+        """Return the magnitudes; `events` are measured by them."""
+        if events is not None:
+            return self._with_events(events)
+        names = self.constraints.program.variables.names
+        if all(n in self.known for n in names):
+            return PhaseMagnitudes(np.array([self.known[n] for n in names]), None, self.known)
+        found = self._nominal(self.choice(), self.peaks)
+        return PhaseMagnitudes(found.values, found.doubts, self.known)
+
+    def _nominal(self, observation: PilotObservation, largest: Array | float = 0.0) -> Magnitudes:
+        return nominal_magnitudes(
+            self.constraints, self.mechanisms, self.state, self.stretches, observation, largest
+        )  # fmt: skip
+
+    def _with_events(self, events: Events) -> PhaseMagnitudes:
+        """Return magnitudes from a pilot run up to the first event, then from a coarse run through the events."""
+        from ..events.begin import UntilEvent
+
+        program, known = self.constraints.program, self.known
+        names, doubts = program.variables.names, None
+        if known and self.mechanisms:
+            levels = rounding_levels(program, self.mechanisms, self.constraints, self.state, self.stretches[0])
+            known = of_what_moved(known, program, levels)
+        if not all(n in known for n in names):
+            events.measure(self._nominal(UntilEvent(events, self.choice())).values)
+            largest = self.coarse(events.magnitude)
+            found = self._nominal(UntilEvent(events, self.choice()), np.maximum(largest, self.peaks))
+            doubts = found.doubts
+            known = dict(zip(names, map(float, found.values), strict=True)) | dict(known)
+        events.measure(np.array([known[n] for n in names]))
+        return PhaseMagnitudes(events.magnitude.copy(), doubts, known)
