@@ -17,6 +17,7 @@ import pytest
 from compiler.jit.machine import object_code
 from compiler.linking.elf_library import SharedLibrary, link
 from compiler.linking.elf_object import LinkError, read_object
+from compiler.linking.machines import AARCH64, PatchPlace
 
 pytestmark = pytest.mark.machine_code
 here = pytest.mark.skipif(
@@ -142,6 +143,22 @@ def test_addresses_in_instructions_of_arm() -> None:
     shift = 3 if near & 0x3B000000 == 0x39000000 else 0
     at = page + ((near >> 10 & 0xFFF) << shift)
     assert 5.0 in struct.unpack_from("<3d", data, at)
+
+
+@pytest.mark.parametrize(("kind", "unit", "reach", "field"), [(283, 4, 1 << 27, 26), (275, 4096, 1 << 32, 21)])
+def test_reach_of_instructions_of_arm(kind: int, unit: int, reach: int, field: int) -> None:
+    """`bl` holds 26 bits of words, so 128 MiB either way; `adrp` 21 bits of pages, 4 GiB either way. One unit more is refused, and no other bit changes."""
+    empty = {283: 0x94000000, 275: 0x90000010}[kind]
+    for distance in (-reach, -unit, 0, unit, reach - unit):
+        image = bytearray(struct.pack("<I", empty))
+        AARCH64.direct[kind](PatchPlace(image, 0, distance))
+        (word,) = struct.unpack("<I", image)
+        bits = word & 0x3FFFFFF if kind == 283 else (word >> 29 & 3) | (word >> 5 & 0x7FFFF) << 2
+        assert (bits - (bits >> field - 1 << field)) * unit == distance
+        assert word & ~(0x3FFFFFF if kind == 283 else 0x60FFFFE0) == empty
+    for distance in (-reach - unit, reach):
+        with pytest.raises(LinkError, match="out of reach"):
+            AARCH64.direct[kind](PatchPlace(bytearray(4), 0, distance))
 
 
 def _symbol(data: bytes, name: str) -> tuple[int, int]:

@@ -6,6 +6,7 @@ import ast
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 OPERATORS: dict[type[ast.AST], tuple[str, tuple[str, ...]]] = {
@@ -42,7 +43,6 @@ class Mutant:
     end: int
     before: str
     after: str
-    statement: int  # first line of its statement, the one that `coverage` counts
 
     def applied(self, text: str) -> str:
         return text[: self.start] + self.after + text[self.end :]
@@ -147,31 +147,35 @@ def places(tree: ast.Module, text: Text) -> Iterator[tuple[int, int, int, tuple[
                 yield left.lineno, *where, replacements
 
 
+def candidates(root: Path, path: Path) -> list[Mutant]:
+    """Changes of one file, Python or not."""
+    source = path.read_text(encoding="utf-8")
+    text, name = Text(source), str(path.relative_to(root))
+    return [
+        Mutant(name, line, start, end, source[start:end], after)
+        for line, start, end, replacements in places(ast.parse(source), text)
+        for after in replacements
+    ]
+
+
+def is_python(mutant: Mutant, source: str) -> bool:
+    try:
+        compile(mutant.applied(source), mutant.path, "exec")
+    except (SyntaxError, ValueError):
+        return False
+    return True
+
+
 def mutants_of(root: Path, path: Path) -> list[Mutant]:
     """All mutants of one file that are Python still."""
     source = path.read_text(encoding="utf-8")
-    text, name = Text(source), str(path.relative_to(root))
-    found = []
-    tree = ast.parse(source)
-    statements = {
-        line: node.lineno  # inner statements come later, and win
-        for node in ast.walk(tree)
-        if isinstance(node, ast.stmt)
-        for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
-    }
-    for line, start, end, replacements in places(tree, text):
-        for after in replacements:
-            mutant = Mutant(name, line, start, end, source[start:end], after, statements.get(line, line))
-            try:
-                compile(mutant.applied(source), name, "exec")
-            except (SyntaxError, ValueError):
-                continue
-            found.append(mutant)
-    return found
+    return [m for m in candidates(root, path) if is_python(m, source)]
 
 
 def chosen(root: Path, folders: tuple[str, ...], number: int, seed: int) -> list[Mutant]:
-    """A random sample of the mutants of all files below some folders: each place is as likely as any other."""
+    """A random sample of the mutants of all files below some folders, in random order: each place is as likely as any other."""
     paths = sorted(p for folder in folders for p in (root / folder).rglob("*.py"))
-    everything = [m for path in paths for m in mutants_of(root, path)]
-    return random.Random(seed).sample(everything, min(number, len(everything)))
+    everything = [m for path in paths for m in candidates(root, path)]
+    random.Random(seed).shuffle(everything)
+    python = (m for m in everything if is_python(m, (root / m.path).read_text(encoding="utf-8")))
+    return list(islice(python, number))

@@ -43,6 +43,7 @@ def test_units_and_medians() -> None:
         ("gauss(1 m, 2 m)", "no distribution; there are normal"), ("normal(1 m)", "normal takes 2 numbers: mean, standard deviation"),
         ("normal(1 kg, 2 m)", "`1 kg` is no quantity in m"), ("normal(1 m, 0 m)", "larger than zero"), ("normal(1 m, -1 m)", "larger than zero"),
         ("uniform(2 m, 1 m)", "is not below"), ("triangular(1 m, 3 m, 2 m)", "by the most likely"), ("lognormal(-1 m, 1 m)", "a mean above zero"),
+        ("lognormal(0 m, 1 m)", "a mean above zero"), ("uniform(1 m, 1 m)", "is not below"),
         ("truncated(normal(0 m, 1 m), 50 m, 60 m)", "nothing of the distribution"), ("truncated(normal(0 m, 1 m), 1 m)", "low and high"),
         ("truncated(uniform(0 m, 1 m), 1 m, 0 m)", "is not below"), ("__import__('os')", "no distribution"), ("", "no distribution"),
     ],
