@@ -9,7 +9,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _RENDERERS: dict[tuple[str, str], str] = {}  # (name of a class, kind of picture or text) -> "module:function"
 
@@ -22,8 +25,9 @@ def install(renderers: Mapping[tuple[str, str], str]) -> None:
 
 
 def renderer(subject: object, kind: str) -> Callable[..., Any]:
-    """Return the function that makes pictures or texts of this kind for the class of `subject`."""
-    module, _, function = _RENDERERS[type(subject).__name__, kind].partition(":")
+    """Return the function that makes pictures or texts of this kind for the class of `subject`, or for one of its bases."""
+    key = next(key for c in type(subject).__mro__ if (key := (c.__name__, kind)) in _RENDERERS)
+    module, _, function = _RENDERERS[key].partition(":")
     found: Callable[..., Any] = getattr(import_module(module), function)
     return found
 
@@ -34,15 +38,23 @@ def text_of(subject: object, kind: str = "summary", *options: object) -> str:
     return text
 
 
-def draw(subject: object, path: str | os.PathLike[str], kind: str = "plot", *options: object) -> None:
-    """Draw a result into a file. Raises `UsageError` for an unknown ending, `MissingPackage` without matplotlib, OSError."""
-    renderer(subject, kind)(subject, path, *options)
+def draw(subject: object, path: str | os.PathLike[str] | None = None, kind: str = "plot", *options: object) -> Figure:
+    """Draw a result, into a file if there is a path. Raises `UsageError` for an unknown ending, `MissingPackage` without matplotlib, OSError."""
+    figure: Figure = renderer(subject, kind)(subject, path, *options)
+    return figure
 
 
 class Summarised:
-    """Result with a renderer for terminals."""
+    """Result with a renderer for terminals, which is also what an interpreter and a notebook show of it."""
 
     __slots__ = ()
+
+    def __repr__(self) -> str:
+        return self.summary()
+
+    def _repr_html_(self) -> str:
+        """Return the tables, and the picture where there is one and matplotlib can draw it."""
+        return text_of(self, "html")
 
     def summary(self) -> str:
         """Return the result as tables for terminals."""
@@ -54,6 +66,6 @@ class Plotted:
 
     __slots__ = ()
 
-    def plot(self, path: str | os.PathLike[str]) -> None:
-        """Plot the result into a .png, .svg or .pdf file. Raises `UsageError` for another ending, `MissingPackage` without matplotlib, OSError."""
-        draw(self, path)
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Plot the result; also into a .png, .svg or .pdf file. Raises `UsageError` for another ending, `MissingPackage` without matplotlib, OSError."""
+        return draw(self, path)

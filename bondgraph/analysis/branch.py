@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from ..rendering import Summarised, draw
 from .branch_steps import BranchFollower, BranchLine, BranchPlace
 from .json_values import arrays_with_units, head, named, with_units
 from .operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SCHEMA = "bondgraph-branch/1"
 
@@ -41,7 +44,7 @@ class Special:
     outputs: Mapping[str, float]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Branch(Summarised):
     """Equilibria along a branch: `values` (n,) of the parameter, `states` and `outputs` name -> (n,), `stable` and `unstable` (n,), all in SI."""
 
@@ -91,9 +94,9 @@ class Branch(Summarised):
         entries |= {"stable": verdicts, "special": special}
         return {**entries, "others": [b.to_json() for b in self.others]} if self.others else entries
 
-    def plot(self, path: str | os.PathLike[str], names: Sequence[str] = ()) -> None:
-        """Plot outputs (or `names`) over the parameter, into a .png, .svg or .pdf file. Raises as `Result.plot`."""
-        draw(self, path, "plot", names)
+    def plot(self, path: str | os.PathLike[str] | None = None, names: Sequence[str] = ()) -> Figure:
+        """Plot outputs (or `names`) over the parameter, also into a .png, .svg or .pdf file. Raises as `Result.plot`."""
+        return draw(self, path, "plot", names)
 
 
 def follow(first: OperatingPoint, name: str, low: float, high: float, points: int, most: int, branches: bool = False) -> Branch:  # fmt: skip

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 SCHEMA = "bondgraph-equilibrium/1"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Equilibrium(Summarised):
     """States, unknowns of loops and outputs by name, in SI, with all rates zero at `time` (s).
 

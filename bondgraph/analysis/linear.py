@@ -20,7 +20,7 @@ from .pulses import refuse_moving_pulses
 SCHEMA = "bondgraph-linearization/1"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Linearization(Summarised):
     """Matrices A (n, n), B (n, k), C (m, n), D (m, k), in SI, for `states`, `inputs` and `outputs` by the author's names.
 

@@ -28,7 +28,7 @@ SCHEMA = "bondgraph-response-sensitivity/1"
 ON = 1e-9  # relative distance at which an end of the range lies on an undamped mode
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ResponseSensitivity(Summarised):
     """Derivatives `slopes` (f, m, k, q) of `response.values` by `parameters` (q), with values `at`, in SI; `units` of the parameters."""
 

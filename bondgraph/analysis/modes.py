@@ -103,7 +103,7 @@ class Mode:
         }  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Modes(Sequence[Mode], Summarised):
     """Modes at a point, slowest first; `units` of states and outputs.
 

@@ -99,7 +99,7 @@ class Point:
         return told
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Outcome(Sequence[Point], Summarised, Plotted, Exported):
     """Points of an experiment in order, the last swept name running fastest; one without a sweep has a single point."""
 

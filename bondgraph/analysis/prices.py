@@ -32,7 +32,7 @@ class Price:
         return {"states": self.states, "rates": self.rates, "jacobian": self.jacobian}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Prices(Summarised):
     """Prices of a run: of the `whole`, of each of its `outputs` alone, and of the whole where a parameter or input is zero (`zeros`, if that saves anything).
 

@@ -28,7 +28,7 @@ BEYOND = 1e-9  # relative distance from an undamped resonance within which there
 AT_ONCE = 4_000_000  # most numbers in the matrices that are solved together
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Response(Summarised, Plotted):
     """Response `values` (f, m, k) at `frequencies` (f,) in Hz, from `inputs` (k) to `outputs` (m), in SI units of the output over those of the input.
 

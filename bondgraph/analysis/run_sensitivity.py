@@ -36,7 +36,7 @@ SAME_INSTANT = 1e-12  # relative difference of equal instants
 TIED = 1e-9  # relative to the derivatives at a start: remainder under the constraints of loop joints
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RunSensitivity(Summarised):
     """Values `values` (t, m) of `outputs` over `time` (t,), and `slopes` (t, m, k), their derivatives by `parameters` (k), in SI."""
 

@@ -37,7 +37,7 @@ LOST = 1e-9  # relative to the effect of a parameter: part that no state can bal
 NEAR = 1e-6  # relative distance of two eigenvalues that count as equal
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sensitivity(Summarised):
     """Derivatives `slopes` (m, k) of `quantities` (m) by `parameters` (k), in SI, with the values of both.
 

@@ -27,11 +27,13 @@ RENDERERS = {
     ("ResponseSensitivity", "summary"): "bondgraph.presentation.text.analyses:response_sensitivity_text",
     ("Result", "html"): "bondgraph.presentation.page.notebook:result_html",
     ("Result", "plot"): "bondgraph.presentation.plots.over_time:plot_result",
+    ("Result", "plot into"): "bondgraph.presentation.plots.over_time:plot_into",
     ("Result", "plot over"): "bondgraph.presentation.plots.phase:plot_phase",
     ("Result", "summary"): "bondgraph.presentation.text.tables:summary",
     ("RunSensitivity", "summary"): "bondgraph.presentation.text.studies:run_sensitivity_text",
     ("Sensitivity", "summary"): "bondgraph.presentation.text.analyses:sensitivity_text",
     ("StressTest", "summary"): "bondgraph.presentation.text.stressed:stress_text",
+    ("Summarised", "html"): "bondgraph.presentation.page.notebook:summary_html",
     ("WorkPrecision", "plot"): "bondgraph.presentation.plots.work_precision:plot_work_precision",
     ("WorkPrecision", "summary"): "bondgraph.presentation.text.work_precision:work_precision_text",
 }

@@ -16,6 +16,7 @@ from ..errors import MissingPackage, UsageError
 from ..files import replacing
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 ENDINGS = (".csv", ".npz", ".nc", ".mat")
@@ -53,6 +54,10 @@ class Exported:
     def to_xarray(self) -> xarray.Dataset:
         """Return the arrays with their coordinates and `units`, in SI and Hz. Raises `MissingPackage` without xarray."""
         return dataset(self._arrays())
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the arrays as columns over their coordinates, in SI and Hz. Raises `MissingPackage` without xarray, which needs pandas."""
+        return self.to_xarray().to_dataframe()
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the arrays into a .csv (of one dimension), .npz, .nc (NetCDF) or .mat (MATLAB) file; completely or not at all. Raises OSError, UsageError."""

@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 from compiler.api import Reported
 
-from ..errors import MissingPackage, UnknownOutput
+from ..errors import MissingPackage, UnknownOutput, UsageError
 from ..rendering import draw, text_of
 from .exports import Arrays, Exported, write_npz, write_rows
 from .records import Column, EnergyBalance, EventRecord, LimitLeft, finite
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from compiler.api import Array, Certificate
@@ -263,15 +265,18 @@ class Result(Exported):
             told["energy"] = self.energy.to_json()
         return told
 
-    def plot(self, path: str | os.PathLike[str], over: str | None = None) -> None:
-        """Draw the outputs over time, or `over` one of them, into a .png, .svg or .pdf file.
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, over: str | None = None, ax: Axes | None = None
+    ) -> Figure:
+        """Draw the outputs over time, or `over` one of them, also into a .png, .svg or .pdf file; or over time into axes of the caller.
 
-        Raises MissingPackage without matplotlib, UsageError for another ending, OSError.
+        Raises MissingPackage without matplotlib, UsageError for another ending and for axes with outputs of several units or with another option, OSError.
         """
-        if over is None:
-            draw(self, path)
-        else:
-            draw(self, path, "plot over", over)
+        if ax is not None:
+            if path is not None or over is not None:
+                raise UsageError("BR941", "a plot into axes is over time, and is written by its owner: give `ax` alone")
+            return draw(self, None, "plot into", ax)
+        return draw(self, path) if over is None else draw(self, path, "plot over", over)
 
     def summary(self, sparks: bool = False) -> str:
         """Return a table for terminals: the outputs in the units of the report, the solver's work, the energy if requested."""

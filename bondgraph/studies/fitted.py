@@ -15,6 +15,8 @@ from ..errors import UsageError
 from ..rendering import Summarised, draw
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from .identify import Direction, Explanation
     from .measured import Series
 
@@ -35,7 +37,7 @@ class Fitted:
     high: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit(Summarised):
     """Result of a fit; `found["d"]` is a fitted value in SI.
 
@@ -123,6 +125,6 @@ class Fit(Summarised):
         names = {f"series {i}": f"{s.name} [{s.unit}] of {s.file}" for i, s in enumerate(self.series, 1)}
         write_columns(path, columns, dict.fromkeys(columns, "1"), "datum", {"model": self.model, **names})
 
-    def plot(self, path: str | os.PathLike[str]) -> None:
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Plot computed over measured values, one panel for each quantity. Raises as `Result.plot`."""
-        draw(self, path)
+        return draw(self, path)

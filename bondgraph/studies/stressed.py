@@ -47,7 +47,7 @@ class StressRow:
         }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class StressTest(Summarised):
     """Stress test of an experiment: a row for each kind of change, and the breaks.
 

@@ -18,6 +18,8 @@ from ..rendering import Summarised, draw
 from ..results.exports import Arrays, Exported
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from .indices import Indices
 
 
@@ -35,7 +37,7 @@ class Swing:
     ends: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MonteCarlo(Summarised, Exported):
     """Sample `samples` (n, k) of `parameters`, `values` (n, m) of `quantities`, in SI and Hz; NaN for failed points, with reasons in `failures`.
 
@@ -135,10 +137,10 @@ class MonteCarlo(Summarised, Exported):
             }  # fmt: skip
         return told
 
-    def plot(self, path: str | os.PathLike[str]) -> None:
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Plot histograms of the quantities. Raises as `Result.plot`."""
-        draw(self, path)
+        return draw(self, path)
 
-    def plot_tornado(self, path: str | os.PathLike[str]) -> None:
+    def plot_tornado(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Plot the swing of each quantity by each parameter, the strongest on top. Raises as `Result.plot`."""
-        draw(self, path, "tornado")
+        return draw(self, path, "tornado")

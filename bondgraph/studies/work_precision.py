@@ -42,7 +42,7 @@ class WorkPoint:
         }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class WorkPrecision(Summarised, Plotted):
     """Work and precision of all solvers that can run an experiment, each at tolerances from 1e-3 to 1e-12.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import bondgraph
 from bondgraph import Graph
@@ -83,3 +84,48 @@ def test_a_bond_graph() -> None:
     long = "\n".join(f"  1 a{i} : translation; R r{i} : F = {i + 1} [N*s/m]*v; a{i} -> r{i}" for i in range(100))
     graph = bondgraph.load(f"model M {{\n{long}\n}}").compilation().whole_graph
     assert "and 40 more" in graph._repr_html_() and len(graph._repr_html_()) < 12_000
+
+
+RC = """model Rc {
+  parameter U = 1 V
+  Se source : u = U
+  1  loop   : electric
+  R  r      : u = 1 ohm*i
+  C  c      : q = 1 F*u
+  source -> loop -> r, c
+  output a = c.u, b = r.u, i = loop.i
+  experiment go { simulate 0 .. 3 s { points = 7 } }
+}
+"""
+
+
+def test_what_an_analysis_shows_is_its_table_and_its_picture() -> None:
+    model = bondgraph.load(RC)
+    modes, sweep = model.modes(), model.sweep({"U": ["1 V", "2 V"]}, of="equilibrium")
+    assert repr(modes) == modes.summary()
+    assert read(modes._repr_html_()).tags.count("img") == 0
+    assert 'src="data:image/png;base64,' in sweep._repr_html_()
+
+
+def test_plots_are_figures_and_go_into_axes() -> None:
+    from matplotlib.figure import Figure
+
+    result = bondgraph.load(RC).simulate()
+    figure = result.plot()
+    assert [panel.get_ylabel() for panel in figure.axes] == ["[V]", "i [A]"]
+    panel = Figure().subplots()
+    with pytest.raises(bondgraph.UsageError, match=r"one unit, and the run shows \[V\], \[A\]"):
+        result.plot(ax=panel)
+    with pytest.raises(bondgraph.UsageError, match="give `ax` alone"):
+        result.plot(over="a", ax=panel)
+    alone = bondgraph.load(RC.replace(", i = loop.i", "")).simulate()
+    assert alone.plot(ax=panel) is panel.figure
+    np.testing.assert_array_equal(panel.lines[1].get_ydata(), alone["b"])
+
+
+def test_studies_are_tables_of_pandas() -> None:
+    model = bondgraph.load(RC)
+    table = model.sweep({"U": ["1 V", "2 V"]}, of="equilibrium").to_pandas()
+    assert list(table["a"]) == [1.0, 2.0] and list(table.index) == [1.0, 2.0]
+    runs = model.simulate_many([{"U": 1.0}, {"U": 2.0}]).to_pandas()
+    np.testing.assert_allclose(runs.loc[(1.0, 3.0), "a"], 2 * runs.loc[(0.0, 3.0), "a"], rtol=1e-12)

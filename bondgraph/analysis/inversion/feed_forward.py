@@ -23,7 +23,7 @@ NEAR = 1e-12  # relative to the largest of its unit: difference of a start that 
 MOST_ROWS = 10_000  # most rows of a file of columns
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FeedForward(Summarised, Plotted):
     """The `inputs` with which `outputs` follow the path `wanted`, at `time` (N,), name -> (N,) in SI.
 

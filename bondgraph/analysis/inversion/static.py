@@ -36,7 +36,7 @@ ENOUGH = 1e-9
 STAGES = 64  # most stages from the first equilibrium to the targets
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Inversion(Summarised):
     """The `inputs` that hold `outputs` at equilibrium, in SI by name; `missed`: the largest relative error of a target.
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Mapping
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 from compiler.api import Array, CompilationFailed, Scene
@@ -15,6 +17,7 @@ from .markup import Html, tag
 
 if TYPE_CHECKING:
     from ...analysed_model import AnalysedModel
+    from ...rendering import Summarised
     from ...results.result import Result
 
 NODES = 150  # most nodes of a picture that is drawn without a request
@@ -60,6 +63,25 @@ def _names(model: AnalysedModel) -> Html:
         if names
     ]
     return tag("details", tag("summary", "what can be set and seen"), tag("table", *rows))
+
+
+def summary_html(found: Summarised) -> Html:
+    """Return the tables of a result, and below them its picture where it has one and matplotlib is there."""
+    return tag("div", tag("pre", found.summary()), _plotted(found))
+
+
+def _plotted(found: object) -> Html:
+    from importlib.util import find_spec
+
+    if not hasattr(found, "plot") or find_spec("matplotlib") is None:
+        return Html("")
+    try:
+        figure = found.plot()
+    except UsageError:  # a study without anything to draw
+        return Html("")
+    stream = BytesIO()
+    figure.savefig(stream, format="png", dpi=110)
+    return Html(f'<img src="data:image/png;base64,{b64encode(stream.getvalue()).decode()}" alt="plot">')
 
 
 def result_html(result: Result) -> Html:

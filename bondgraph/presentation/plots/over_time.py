@@ -9,6 +9,7 @@ import numpy as np
 
 from compiler.api import Array
 
+from ...errors import UsageError
 from ..text.tables import short, time_unit, visible
 from .sheet import PANELS, curve_style, heading, legend, picture, stack, tell_omitted
 
@@ -46,6 +47,21 @@ def plot_result(result: Result) -> Figure:
         panels[-1].set_xlim(result.time[0] * factor, result.time[-1] * factor)
     if omitted:
         tell_omitted(figure, omitted, color="#555555")
+    return figure
+
+
+def plot_into(result: Result, path: None, panel: Axes) -> Figure:
+    """Draw the outputs into axes of the caller; return their figure. Raises UsageError if the outputs have several units."""
+    groups = group_by_unit(result)
+    if len(groups) != 1:
+        units = ", ".join(f"[{unit}]" for unit in groups) or "none"
+        raise UsageError(
+            "BR942", f"axes take outputs of one unit, and the run shows {units}: say which with `report` or `outputs`"
+        )
+    ((unit, curves),) = groups.items()
+    figure = panel.get_figure(root=True)
+    assert figure is not None, "axes belong to a figure"
+    _over_time(figure, [panel], result.time, [(f"[{visible(unit)}]", curves)])
     return figure
 
 

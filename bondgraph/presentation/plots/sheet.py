@@ -44,11 +44,11 @@ STYLE = {
 }
 
 
-def check_picture(path: StrPath) -> None:
+def check_picture(path: StrPath | None) -> None:
     """Raise `UsageError` for a file name with an unknown ending, or `MissingPackage` without matplotlib."""
     from importlib.util import find_spec
 
-    if Path(path).suffix.lower() not in ENDINGS:
+    if path is not None and Path(path).suffix.lower() not in ENDINGS:
         raise UsageError("BR927", f"a plot is written to a file that ends in {', '.join(ENDINGS)}, not to `{path}`")
     if find_spec("matplotlib") is None:
         raise MissingPackage("BR928", "a plot needs matplotlib:", 'pip install "bondgraph-lang[plot]"')
@@ -56,25 +56,27 @@ def check_picture(path: StrPath) -> None:
 
 def picture(
     figure_of: Callable[Concatenate[Subject, Options], Figure],
-) -> Callable[Concatenate[Subject, StrPath, Options], None]:
-    """Return a function that writes a figure of a result into the file `path` in our style; completely or not at all.
+) -> Callable[Concatenate[Subject, StrPath | None, Options], Figure]:
+    """Return a function that makes a figure of a result in our style, and writes it into the file `path` if there is one: completely or not at all.
 
     It raises UsageError, MissingPackage, OSError.
     """
 
     @wraps(figure_of)
-    def write(subject: Subject, path: StrPath, /, *options: Options.args, **named: Options.kwargs) -> None:
+    def drawn(subject: Subject, path: StrPath | None, /, *options: Options.args, **named: Options.kwargs) -> Figure:
         check_picture(path)
         import matplotlib
 
-        kind = Path(path).suffix.lower()[1:]
         with matplotlib.rc_context(STYLE):
             figure = figure_of(subject, *options, **named)
-            undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)  # equal results, equal files
-            with replacing(path) as stream:
-                figure.savefig(stream, format=kind, dpi=160, metadata=undated)
+            if path is not None:
+                kind = Path(path).suffix.lower()[1:]
+                undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)  # equal results, equal files
+                with replacing(path) as stream:
+                    figure.savefig(stream, format=kind, dpi=160, metadata=undated)
+        return figure
 
-    return write
+    return drawn
 
 
 def sheet(title: str, width: float, height: float) -> Figure:

@@ -18,12 +18,11 @@ if TYPE_CHECKING:
 CONTOURS, COLOUR_MAP = 12, "cividis"  # even in grey, and for colour-blind readers
 
 
-def plot_outcome(found: Outcome, path: StrPath) -> None:
-    """Draw into `path`; completely or not at all. Raises UsageError, MissingPackage, OSError."""
+def plot_outcome(found: Outcome, path: StrPath | None) -> Figure:
+    """Draw, also into `path` if there is one; completely or not at all. Raises UsageError, MissingPackage, OSError."""
     check_picture(path)
     if found.swept:
-        _plot_swept(found, path)
-        return
+        return _plot_swept(found, path)
     (point,) = found.points
     drawable = (result for _, result in point.analyses if hasattr(result, "plot"))
     pictured = next((p for p in (*point.responses, *drawable, point.run) if p is not None), None)
@@ -31,7 +30,8 @@ def plot_outcome(found: Outcome, path: StrPath) -> None:
         raise UsageError(
             "BR934", "there is nothing to draw: the experiment has neither a sweep nor a response nor another step that makes a picture",
         )  # fmt: skip
-    pictured.plot(path)
+    figure: Figure = pictured.plot(path)
+    return figure
 
 
 @picture
