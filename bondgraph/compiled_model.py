@@ -119,6 +119,14 @@ class CompiledModel:
         return tuple(self.compilation().whole_graph.outputs)
 
     @cached_property
+    def experiments(self) -> tuple[str, ...]:
+        """Experiments of the model, in the order of the text."""
+        from compiler.api import Experiment
+
+        statements = self.compilation().tree.models[self.name].statements
+        return tuple(dict.fromkeys(s.name for s in statements if isinstance(s, Experiment)))
+
+    @cached_property
     def states(self) -> tuple[str, ...]:
         """All states, whatever the outputs need."""
         space = self.compilation(everything=True).state_space

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gc
 import sys
+from difflib import get_close_matches
 from importlib import import_module
 from typing import Any
 
@@ -14,10 +15,49 @@ import click
 
 from .error_reporting import INTERRUPTED, problems_told
 
-COMMANDS = (
-    "benchmark", "bode", "causality", "certificate", "check", "compile", "continue", "draw", "editor", "equations", "equilibrium", "explain", "fit", "fmt",
-    "invert", "library", "linearize", "lsp", "modes", "montecarlo", "new", "report", "reproduce", "run", "sensitivity", "serve", "show", "stress", "sweep",
-)  # fmt: skip
+# Commands by what they are for, each with an example of its options.
+GROUPS = {
+    "Write and read models": {
+        "new": "first.bg",
+        "check": "models/oscillator.bg models/rlc.bg",
+        "fmt": "models/oscillator.bg",
+        "draw": "models/manipulator.bg -o manipulator.svg",
+        "report": "models/oscillator.bg -o oscillator.html",
+        "serve": "models/oscillator.bg",
+        "library": "diode bridge",
+    },
+    "Stages and reasons": {
+        "causality": "models/crane.bg",
+        "certificate": "models/four_bar.bg",
+        "equations": "models/rlc.bg",
+        "explain": "models/manipulator.bg",
+        "show": "models/rlc.bg --stage state_equations",
+        "compile": "models/rlc.bg -o rlc.py",
+    },
+    "Runs": {
+        "run": 'models/manipulator.bg --set "a=171 um" --to "20 ms" --plot x.png',
+        "benchmark": "models/van_der_pol.bg --error 1e-6",
+        "stress": 'models/rlc.bg --for "10 s"',
+    },
+    "Analyses": {
+        "equilibrium": "models/crane.bg",
+        "continue": 'models/plates.bg --along "volt = 0 V .. 5 V"',
+        "linearize": "models/rlc.bg",
+        "modes": "models/chain.bg",
+        "bode": "models/active_filter.bg --plot bode.svg",
+        "sensitivity": "models/rlc.bg --by R",
+        "invert": 'models/manipulator.bg --want "x=8 um" --by push1/pull1',
+    },
+    "Many runs": {
+        "sweep": 'models/oscillator.bg --over "k = 50 N/m .. 200 N/m : 4"',
+        "montecarlo": 'models/oscillator.bg --vary "k = normal(100 N/m, 5 N/m)"',
+        "fit": 'models/oscillator.bg --data measured.csv --parameter "k = 50 N/m .. 200 N/m"',
+        "reproduce": "models/thesis",
+    },
+    "Editors": {"editor": "vscode -o bondgraph.vsix", "lsp": ""},
+}
+EXAMPLES = {name: example for commands in GROUPS.values() for name, example in commands.items()}
+COMMANDS = tuple(sorted(EXAMPLES))
 STAGES = ("causality", "certificate", "compile", "equations", "explain", "show")  # commands of `stages.py`
 
 
@@ -33,7 +73,27 @@ class Commands(click.Group):
         module, function = ("stages", name) if name in STAGES else (name, "command")
         command = getattr(import_module(f"{__name__}.{module}"), function)
         assert isinstance(command, click.Command)
+        command.epilog = f"Example: bondgraph {name} {EXAMPLES[name]}"
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command; for a name that none has, tell those that are near it."""
+        if args[0] not in COMMANDS and not args[0].startswith("-"):
+            near = get_close_matches(args[0], COMMANDS, n=2)
+            hint = f"did you mean `{'` or `'.join(near)}`?" if near else "`bondgraph --help` lists the commands"
+            ctx.fail(f"there is no command `{args[0]}`: {hint}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands by what they are for."""
+        width = max(map(len, COMMANDS))
+        for title, examples in GROUPS.items():
+            with formatter.section(title):
+                limit = formatter.width - 6 - width
+                found = [(name, self.get_command(ctx, name)) for name in examples]
+                formatter.write_dl([(name.ljust(width), c.get_short_help_str(limit)) for name, c in found if c])
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; its errors become a message and an exit code."""

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.core import ParameterSource
 
+from . import completion
+
 if TYPE_CHECKING:
     from .. import Model
     from ..studies.workers import Workers
@@ -24,9 +26,10 @@ Command = Callable[..., None]
 Noun = TypeVar("Noun")
 
 model_option = click.option("--model", metavar="NAME", help="The model to use, if the file has several.")
-file_argument = click.argument("file", metavar="FILE")
+file_argument = click.argument("file", metavar="FILE", shell_complete=completion.files)
 outputs_option = click.option(
-    "--output", "outputs", multiple=True, metavar="NAME", help="Only this output (several times: these); what they do not need is left out."
+    "--output", "outputs", multiple=True, metavar="NAME", shell_complete=completion.outputs,
+    help="Only this output (several times: these); what they do not need is left out.",
 )  # fmt: skip
 
 
@@ -38,17 +41,24 @@ def _a_name(context: click.Context, parameter: click.Parameter, value: str) -> s
 
 
 experiment_option = click.option(
-    "-e", "--experiment", default="", callback=_a_name, metavar="NAME", help="Which experiment (`none` for none); the first if left out."
+    "-e", "--experiment", default="", callback=_a_name, metavar="NAME", shell_complete=completion.experiments,
+    help="Which experiment (`none` for none); the first if left out.",
 )  # fmt: skip
 analysed_option = click.option(
-    "-e", "--experiment", default="none", callback=_a_name, metavar="NAME", help="With what this experiment sets and starts; none if left out."
+    "-e", "--experiment", default="none", callback=_a_name, metavar="NAME", shell_complete=completion.experiments,
+    help="With what this experiment sets and starts; none if left out.",
 )  # fmt: skip
 settings_option = click.option(
-    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Set a parameter (`a=171 um`) or an input."
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    shell_complete=completion.settings,
+    help="Set a parameter (`a=171 um`) or an input.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print it as JSON, in SI and Hz.")
 inputs_option = click.option(
-    "--input", "inputs", multiple=True, metavar="NAME", help="From this input, parameter or signal (several times: these)."
+    "--input", "inputs", multiple=True, metavar="NAME", shell_complete=completion.inputs, help="From this input, parameter or signal (several times: these)."
 )  # fmt: skip
 state_option = click.option(
     "--at", "state", default="equilibrium", type=click.Choice(["equilibrium", "start"]), help="At rest, or at the start."

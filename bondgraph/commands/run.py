@@ -13,6 +13,7 @@ import click
 
 from compiler.api import SOLVERS
 
+from . import completion
 from .error_reporting import FAILED, harmless, problems_told
 from .options import (
     TABLES,
@@ -42,7 +43,8 @@ if TYPE_CHECKING:
 @outputs_option
 @model_option
 @click.option(
-    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Set a parameter (`a=171 um`) or an input (any expression of time)."
+    "--set", "settings", multiple=True, metavar="NAME=VALUE", shell_complete=completion.settings,
+    help="Set a parameter (`a=171 um`) or an input (any expression of time).",
 )  # fmt: skip
 @click.option("--to", metavar="TIME", help="Where the run ends: `20 ms`, or a number of seconds.")
 @click.option("--points", type=int, metavar="N", help="How many equally spaced instants to report, both ends included (501).")  # fmt: skip
@@ -63,7 +65,9 @@ if TYPE_CHECKING:
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
 @click.option("--out", metavar="R.csv|.npz|.nc|.mat", help="Write all values.")
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
-@click.option("--over", metavar="NAME", help="Draw them over this output instead of over time.")
+@click.option(
+    "--over", metavar="NAME", shell_complete=completion.outputs, help="Draw them over this output instead of over time."
+)
 @click.option("--plot-energy", metavar="E.png", help="Draw energy over time, and that of the largest elements.")
 @jobs_option
 @journal_option

@@ -12,7 +12,7 @@ from ...errors import RunFailed, UsageError
 from ..text.tables import visible
 from .certificate import causality_markup, certificate_markup
 from .equations import equations_markup
-from .experiments import PROBLEMS, experiment_data, experiment_names
+from .experiments import PROBLEMS, experiment_data
 from .markup import Html, joined, tag
 from .picture import picture_of
 from .runs import PageModel
@@ -40,7 +40,7 @@ def document_of(model: AnalysedModel, live: bool = False) -> Document:
     compilation = model.compilation(Scene(model.model, None, free=frozenset({"*"})))
     sources = _sources(model)
     picture = picture_of(compilation, sources)
-    names = experiment_names(watched)
+    names = watched.model.experiments
     shown = [{"name": n, "kind": "asked"} if live else experiment_data(watched, n) for n in names]
     modes, trouble = ([], "") if live else _modes(watched)
     data = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import CompilationFailed, Experiment
+from compiler.api import CompilationFailed
 
 from ...compiled_scene import many_runs
 from ...errors import MissingPackage, RunFailed, UsageError
@@ -22,12 +22,6 @@ if TYPE_CHECKING:
     from ...results.result import Result
 
 PROBLEMS = (CompilationFailed, UsageError, RunFailed, MissingPackage)
-
-
-def experiment_names(watched: PageModel) -> tuple[str, ...]:
-    """Return the experiments of the model, in the order of the text."""
-    model = watched.model.compilation().tree.models[watched.graph.name]
-    return tuple(dict.fromkeys(s.name for s in model.statements if isinstance(s, Experiment)))
 
 
 def one_run(watched: PageModel, name: str) -> bool:

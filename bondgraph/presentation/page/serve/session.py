@@ -19,7 +19,7 @@ from ....analysed_model import AnalysedModel
 from ....errors import UsageError
 from ..certificate import problems_markup
 from ..document import Document, document_of
-from ..experiments import PROBLEMS, experiment_data, experiment_names, one_run
+from ..experiments import PROBLEMS, experiment_data, one_run
 from ..markup import Html, tag
 from ..runs import PageModel, run_data
 from ..shapes import modes_data
@@ -158,7 +158,7 @@ class Session:
     def _checked(self, experiment: str, settings: Mapping[str, float]) -> Loaded:
         if self.loaded is None:
             raise UsageError("BR921", "there is no model yet")
-        if experiment not in experiment_names(self.loaded.watched):
+        if experiment not in self.loaded.watched.model.experiments:
             raise UsageError("BR922", "there is no such experiment")
         known = {p["name"] for p in self.loaded.document.data["parameters"]}
         if not set(settings) <= known:

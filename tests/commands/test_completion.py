@@ -1,0 +1,62 @@
+"""Completion of the command line, the list of commands, and the examples of the help texts."""
+
+from __future__ import annotations
+
+import shlex
+
+import pytest
+from click.shell_completion import ShellComplete
+from click.testing import CliRunner
+
+from bondgraph.commands import COMMANDS, EXAMPLES, commands
+
+COMPLETER = ShellComplete(commands, {}, "bondgraph", "_BONDGRAPH_COMPLETE")
+MODEL = """model Rc {
+  parameter R = 1 ohm
+  input U = 0 V
+  MSe source : u = U
+  1  loop   : electric
+  R  r      : u = R*i
+  C  c      : q = 1 F*u
+  source -> loop -> r, c
+  output charge = c.q, current = loop.i
+  experiment step { simulate 0 .. 3 s; set U = 1 V }
+  experiment swing { simulate 0 .. 3 s; set U = 1 V*sin(1 [rad/s]*time) }
+}
+"""
+
+
+def completed(*words: str, typed: str = "") -> list[str]:
+    return [item.value for item in COMPLETER.get_completions(list(words), typed)]
+
+
+def test_names_of_the_model_in_the_file(tmp_path_factory: pytest.TempPathFactory) -> None:
+    file = tmp_path_factory.mktemp("models") / "rc.bg"
+    file.write_text(MODEL)
+    assert completed("run", str(file), "-e") == ["step", "swing"]
+    assert completed("modes", str(file), "-e", typed="sw") == ["swing"]
+    assert completed("run", str(file), "--set") == ["R=", "U="]
+    assert completed("run", "-e", "step", str(file), "--output", typed="c") == ["charge", "current"]
+    assert completed("bode", str(file), "--input") == ["U"]
+    assert completed("run", str(file.with_name("missing.bg")), "-e") == []
+    file.write_text("model Rc {")
+    assert completed("run", str(file), "-e") == []
+
+
+def test_commands_near_a_wrong_one() -> None:
+    assert completed(typed="ru") == ["run"]
+    found = CliRunner().invoke(commands, ["rum"])
+    assert found.exit_code == 2 and "there is no command `rum`: did you mean `run`?" in found.output
+
+
+def test_the_list_has_every_command() -> None:
+    listed = CliRunner().invoke(commands, ["--help"]).output
+    assert all(f"\n  {name} " in listed for name in COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_an_example_of_the_help_is_a_command_line(name: str) -> None:
+    command = commands.get_command(commands.make_context("bondgraph", [name]), name)
+    assert command is not None and EXAMPLES[name] in (command.epilog or "")
+    arguments = shlex.split(EXAMPLES[name])
+    assert command.make_context(name, arguments).params  # raises for what the command does not take
