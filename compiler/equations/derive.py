@@ -33,6 +33,7 @@ from .fields import without_energy
 from .laws import GIVEN, paired, ratio, solved, total_residual
 from .naming import letter_of, port_name, unit_of
 from .sharing import share_states
+from .storage_jumps import storage_jumps
 from .system import Argument, Assignment, Claim, Derivative, EquationSystem, PowerPort, State, Storage, Variable
 
 INTEGRATED = {"q": "f", "p": "e"}  # the variable that a storage integrates
@@ -234,6 +235,9 @@ class _Nodes:
         rates = [variables[INTEGRATED[s]][b] for s, b in zip(node.stored, bonds, strict=True)]
         integral = [BondEnd(number, p) not in self.causal.derivative for p in ports]
         wanted = tuple(PortVariable(p, GIVEN[s] if integral[p] else s) for p, s in enumerate(node.stored))
+        if (jump := storage_jumps(node, self.graph, wanted)) is not None:
+            self.to.diagnostics.append(jump)
+            return
         if not self._apply_law(node, wanted, own, [own[w] for w in wanted]):
             return
         for port in ports:

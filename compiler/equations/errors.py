@@ -50,6 +50,32 @@ class NotConservative(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class EnergyJumps(Diagnostic):
+    """BG420."""
+
+    code = "BG420"
+    title = (
+        "The energy of `{element}` jumps by {height} J at {place}, and no effort gives back what it takes to pass there"
+    )
+    advice = "Write an energy that is continuous, or the law itself as an equation, `F = …`, which may jump."
+    element: str
+    place: str
+    height: str
+
+
+@dataclass(frozen=True, slots=True)
+class StoredJumps(Diagnostic):
+    """BG421."""
+
+    code = "BG421"
+    title = "Causality asks for the rate of `{variable}`, but by its law it jumps by {height} (SI) at {place}: the rate would be an impulse"
+    advice = "Write a law without the jump, or put a resistor between the storage and what decides over it."
+    variable: str
+    place: str
+    height: str
+
+
+@dataclass(frozen=True, slots=True)
 class NothingLeft(Diagnostic):
     """BG406."""
 
