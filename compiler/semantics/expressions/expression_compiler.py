@@ -414,7 +414,10 @@ class ExpressionCompiler:
         if len(node.arguments) != count:
             raise Wrong(WrongArguments(node.span, node.function, _arguments(count), len(node.arguments), usage))
         arguments = [self.scalar(a) for a in node.arguments]
-        return build(node, arguments)
+        value = build(node, arguments)
+        if node.function in tables.LENGTHS:
+            tables.settle_length(self.checks, node, arguments[1])
+        return value
 
     def _function(self, name: str) -> tuple[tree.FunctionSyntax, Scope | None] | None:
         """The author's function of that name, and its scope. A function of the file cannot call functions of the model."""

@@ -95,7 +95,9 @@ def _pwm(node: tree.Call, arguments: list[Typed]) -> Typed:
         what = f"The duty of `pwm` is a bare number between 0 and 1, but `{node.arguments[2].span.text}` is {describe(duty.dimension)}"
         hint = "Write `pwm(time, 1 ms, 0.3)`, or divide what is on by the period."
         raise Wrong(DimensionMismatch(node.arguments[2].span, what, hint))
-    turns = divide(x.expression, period.expression)
+    turns = divide(
+        x.expression, call("max", period.expression, ZERO)
+    )  # one that is not positive in a run divides by zero
     share = call("min", call("max", duty.expression, ZERO), NUMBER_ONE)
     return Typed(call("floor", turns) - call("floor", turns - share), ONE)
 

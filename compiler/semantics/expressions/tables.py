@@ -28,6 +28,7 @@ USAGE = {
     "column": 'column("curve.csv", "force")',
     "noise": "noise(time, 10 ms, 1)",
 }
+LENGTHS = {"mod": "length", "stairs": "tread", "pwm": "period"}  # second arguments, which must not be zero
 _COUNTS = {**dict.fromkeys(KINDS, 3), "column": 2, "noise": 3}
 
 
@@ -136,16 +137,37 @@ def _settle(arguments: Arguments, check: Check) -> bool:
 
 
 def check_static(check: Check, value: Callable[[Expression], float | None]) -> None:
-    """Raise `Wrong` unless the places increase, or for a noise the period is positive and the seed whole, as far as they are known.
+    """Raise `Wrong` unless the places increase, for stairs the length is not zero, for a noise the period is positive and the seed whole, if known.
 
     `value` returns a number, or None if it has none yet; it raises for a quantity that changes during a run.
     """
     places, values = ([value(x) for x in part] for part in (check.places, check.values))
     known = [x for x in places if x is not None]
-    if check.function == "noise":
+    if check.function in LENGTHS:
+        _check_length(check, known)
+    elif check.function == "noise":
         _check_noise(check, known, [x for x in values if x is not None])
     elif len(known) == len(places):
         _check_rising(check, known)
+
+
+def settle_length(checks: list[Check], node: tree.Call, length: Typed) -> None:
+    """Check the length of the stairs of a function in `LENGTHS`, or leave that to each instance."""
+    check = Check(node.function, node.arguments[1].span, (length.expression,), ())
+    if isinstance(length.expression, Number):
+        _check_length(check, [length.expression.value])
+    else:
+        checks.append(check)
+
+
+def _check_length(check: Check, lengths: Sequence[float]) -> None:
+    """Raise `Wrong` for a length of zero, and for a period that is not positive."""
+    positive = check.function == "pwm"
+    if any(x == 0 or (positive and x < 0) for x in lengths):
+        hint = "A period is positive." if positive else "Give it another value."
+        raise Wrong(
+            WrongTable(check.span, f"The {LENGTHS[check.function]} of `{check.function}` is {lengths[0]:g}", hint)
+        )
 
 
 def _check_noise(check: Check, periods: Sequence[float], seeds: Sequence[float]) -> None:

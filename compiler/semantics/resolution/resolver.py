@@ -25,7 +25,7 @@ from ...source import Span
 from ...syntax import tree
 from ..expressions.expression_compiler import ExpressionCompiler
 from ..expressions.scales import scale_of
-from ..expressions.tables import check_static
+from ..expressions.tables import LENGTHS, check_static
 from ..expressions.template import Check, Readable, Slot, Template, Typed, bind_template
 from ..names.errors import (
     NO_NAMES,
@@ -237,18 +237,22 @@ class Resolver(ABC):
             check_static(check, lambda x, check=check: self._point(x, check, slots, scope))  # type: ignore[misc]
 
     def _point(self, x: Expression, check: Check, slots: Sequence[Slot], scope: Scope) -> float | None:
-        """Value of a point of a table; None if it has none yet. Raises `Wrong` if it changes during a run."""
-        bound = bind(x)
+        """Value of a point of a table, or of a length; None if it has none yet. Raises `Wrong` for a point that changes during a run."""
+        bound, length = bind(x), check.function in LENGTHS
         arguments = []
         what = "The seed or period of a noise" if check.function == "noise" else "A point of a table"
         for key in bound.arguments:
             if not isinstance(key, int):
+                if length:
+                    return None
                 raise Wrong(NotStatic(check.span, what, f"{check.function}(…)"))
             found = self.scalar_at(slots[key], scope)
             if found.role not in STATIC_ROLES:
+                if length:
+                    return None
                 raise Wrong(NotStatic(slots[key].path.span, what, slots[key].words))
             arguments.append(found.reference)
-        return self.value_of(Bound(bound.formula, tuple(arguments)), check.span)
+        return self.value_of(Bound(bound.formula, tuple(arguments)), check.span, decides=not length)
 
     def scalar_at(self, slot: Slot, scope: Scope) -> Scalar:
         """Quantity that a slot reads in this scope."""
