@@ -268,3 +268,34 @@ def test_bounces_in_closed_form(tmp_path: Path) -> None:
     impacts = first * (1 + 2 * np.cumsum([0, *(0.8**k for k in range(1, 12))]))
     expected = np.searchsorted(impacts, found["time"])
     np.testing.assert_array_equal(found["n"], expected)
+
+
+GROWING = "model Growing {{ signal x = integral(1 [m/s]*{law}, 0 m)\n output y = x }}"
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    "law", ["(1 + floor(x/1 m))", "(1 if x < 1 m else 2 if x < 2 m else 3 if x < 3 m else 4 if x < 4 m else 5)"]
+)
+def test_jumps_of_states_without_events(law: str, tmp_path: Path) -> None:
+    """A rate that grows by one at each metre: x is n where t is the sum of 1/k up to n, and goes straight between, at any step."""
+    found = stepped(bondgraph.load(GROWING.format(law=law)).compile("c"), 0.2, 2.2, tmp_path)
+    harmonic = np.cumsum([0, 1, 1 / 2, 1 / 3, 1 / 4, 1 / 5])
+    np.testing.assert_allclose(found["y"], np.interp(found["time"], harmonic, np.arange(6.0)), rtol=1e-12, atol=1e-12)
+
+
+@needs_compiler
+def test_friction_that_is_a_jump_ends_at_rest(tmp_path: Path) -> None:
+    """1 kg at 1 m/s under 1 N stands after 1 s: a sliding mode, which a run refuses too, stops with events without end."""
+    text = "model Stop { I m : p = 1 kg*v { start v = 1 [m/s] }\n R f : F = 1 N if v > 0 [m/s] else -1 N\n 1(m) -> f\n output v = m.v }"
+    found = stepped(bondgraph.load(text).compile("c"), 0.3, 2.0, tmp_path, status=1)
+    np.testing.assert_allclose(found["v"], 1 - found["time"], atol=1e-15)
+    assert len(found["v"]) == 4
+
+
+def test_jumps_beside_what_has_no_loop() -> None:
+    """Functions without the loop have a comment that names the laws that jump."""
+    text = "model A {\n signal z = exp(-z - x)\n signal x = integral((z + sign(x - 1))/1 s, 0)\n output y = x }"
+    code = bondgraph.load(text).compile("c")
+    assert "A_step" not in code and "a step must end there: x (line 3)." in code
+    assert "a step must end there" not in bondgraph.load(text.replace("sign(", "sin(")).compile("c")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import re
 import subprocess
 import sys
@@ -220,6 +221,15 @@ BALL = """model Ball {
   output h = height, v = mass.v, n = bounces
 }
 """
+
+
+def test_jumps_are_indicators() -> None:
+    """Of `sign` its argument, of `floor` a sine that is zero where it jumps; the recipe says to end steps there."""
+    text = "plain model A { signal x = integral(sign(x - 1) + floor(x/2) + ceil(3*x), 0.5); output y = x }"
+    module = module_of(compiled(text))
+    found = module.indicators(0.0, np.array([4.0 + 1 / 3]), module.Parameters())
+    np.testing.assert_allclose(sorted(found), sorted([10 / 3, math.sin(math.pi / 6), 0.0]), atol=1e-13)
+    assert "end the steps there" in (module.__doc__ or "")
 
 
 def test_events() -> None:

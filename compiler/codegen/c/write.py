@@ -36,9 +36,12 @@ static inline double sign(double x) { return x > 0 ? 1.0 : x < 0 ? -1.0 : x == 0
 """
 
 
-def write_c(lowered: Lowered) -> str:
-    """Return the text of a file, with a loop over fixed steps unless the model has something for which that has no method."""
-    return _File(lowered, ()).text()
+def write_c(lowered: Lowered, jumps: Sequence[str] = ()) -> str:
+    """Return the text of a file, with a loop over fixed steps unless the model has something for which that has no method.
+
+    `jumps`: places of conditions on states that are no items of the mode, for a comment.
+    """
+    return _File(lowered, (), jumps).text()
 
 
 def write_library_c(lowered: Lowered) -> tuple[str, str]:
@@ -50,8 +53,10 @@ def write_library_c(lowered: Lowered) -> tuple[str, str]:
 class _File:
     """Writer of the file."""
 
-    def __init__(self, lowered: Lowered, more: Sequence[tuple[ProgramFunction, Sequence[Expression]]]) -> None:
-        self.lowered, self.writer = lowered, Writer(lowered, more)
+    def __init__(
+        self, lowered: Lowered, more: Sequence[tuple[ProgramFunction, Sequence[Expression]]], jumps: Sequence[str] = ()
+    ) -> None:
+        self.lowered, self.writer, self.jumps = lowered, Writer(lowered, more), jumps
         self.prefix = re.sub(r"\W", "_", lowered.space.name, flags=re.ASCII)
         self.called: set[str] = set()
         self.arrays: dict[tuple[float, ...], str] = {}
@@ -99,12 +104,17 @@ class _File:
             ("int", "columns", [*(str(p[1]) for p in places), "-1"]),
         )
         data = [f"const {kind} {name}_{word}[] = {{{', '.join(items)}}};" for kind, word, items in lists]
+        jumps = (
+            f"\n   Rates jump or bend where a condition on states changes; a step must end there: {_comment(', '.join(self.jumps))}."
+            if self.jumps
+            else ""
+        )
         comment = (
             f"/* {_comment(self.lowered.space.name)}: generated from a bond graph; C11, no dependencies. All quantities are in SI.\n\n"
             f"   {name}_constants(0, 0, 0, {name}_defaults, 0, c); {name}_start(0, 0, 0, c, 0, x); {name}_switches(t, 0, 0, c, 0, mode);\n"
             f"   {name}_derivative(t, x, {name}_input_defaults, c, mode, rates). The entries of the Jacobian lie at {name}_rows,\n"
             f"   {name}_columns. How many values a function writes is NAME_count. Compile without contraction of operations\n"
-            "   (-ffp-contract=off) to get the numbers of other targets. */\n"
+            f"   (-ffp-contract=off) to get the numbers of other targets.{jumps} */\n"
         )
         return "\n".join(
             [

@@ -31,6 +31,8 @@ from .state_equations import (
 )
 
 COMPARISONS = frozenset({"less", "less_equal", "equal"})
+WHOLE = ("floor", "ceil")  # they jump where the sine of pi times their argument is zero
+JUMPS = (*WHOLE, "sign")
 SMALL = 12  # operations up to which an unnamed intermediate result stands in the equation that uses it
 _NAMED = re.compile(r"[^\W\d]\w*(\[[\d, ]*\])?(\.\w+(\[[\d, ]*\])?)*")  # what an author can name
 
@@ -180,10 +182,13 @@ class _Formulation:
             if not isinstance(step, Assignment) or step.target not in behind or step.target in self.constant:
                 continue
             for node in operations(step.expression):
-                if node.operator not in COMPARISONS or node in seen or not self._changes(node):
+                if node.operator not in (*COMPARISONS, *JUMPS) or node in seen or not self._changes(node):
                     continue
                 seen.add(node)
-                left, right = (as_written(o, self.symbol) for o in node.operands)
+                left, *rest = (as_written(o, self.symbol) for o in node.operands)
+                if node.operator in WHOLE:
+                    left = sympy.sin(sympy.Mul(sympy.pi.evalf(17), left, evaluate=False))
+                right = rest[0] if rest else 0
                 difference = sympy.Add(left, sympy.Mul(-1, right, evaluate=False), evaluate=False)
                 yield Indicator(left if right == 0 else -right if left == 0 else difference, step.owner, step.span)
 

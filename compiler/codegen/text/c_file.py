@@ -16,11 +16,17 @@ from .target import TextTarget
 
 
 def write(space: StateSpace, descriptions: Mapping[str, str]) -> str:
-    """Text of the file. Raises `CompilationFailed` for a model with events for which a loop over fixed steps has no method."""
-    lowered = lower(space, located=is_hybrid(space))
-    if is_hybrid(space) and (what := obstacle(lowered)) is not None:
+    """Text of the file. Raises `CompilationFailed` for a model with events for which a loop over fixed steps has no method.
+
+    A model without events for which it has none is written without the loop: its conditions are then evaluated where they stand, and a comment names them.
+    """
+    lowered = lower(space)
+    if (what := obstacle(lowered)) is None:
+        return write_c(with_shared_products(lowered))
+    if is_hybrid(space):
         raise CompilationFailed([NoSteps(_place(space), what)])
-    return write_c(with_shared_products(lowered))
+    jumps = dict.fromkeys(f"{c.note.owner} (line {c.note.span.line})" for c in lowered.events.located)
+    return write_c(with_shared_products(lower(space, located=False)), tuple(jumps))
 
 
 def refuse_hybrid(space: StateSpace, target: str) -> None:

@@ -104,7 +104,12 @@ class _CasadiModule:
         return (
             f'"""{e.name}: state equations of a bond graph as functions of CasADi, in SI units.\n\n'
             "    rates = derivative(t, x, …), with the arguments in the order of `arguments`; `jacobian` has the slopes of rates and residuals\n"
-            "    run = ca.integrator('run', 'idas' if 'alg' in dae else 'cvodes', dae, 0.0, 1.0)(x0=START, p=DEFAULTS + INPUT_DEFAULTS)\n"
+            + (
+                "    Rates may jump where a condition changes (`if`, `sign`, `floor`): an integrator that steps across depends on its steps there.\n"
+                if e.indicators
+                else ""
+            )
+            + "    run = ca.integrator('run', 'idas' if 'alg' in dae else 'cvodes', dae, 0.0, 1.0)(x0=START, p=DEFAULTS + INPUT_DEFAULTS)\n"
             '"""\n\nimport casadi as ca'
         )
 

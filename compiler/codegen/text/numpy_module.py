@@ -94,6 +94,10 @@ class _NumpyModule:
             ]
         else:
             recipe.append(f"y = outputs(0.0, (), {m}p)")
+        if e.states and e.indicators:
+            recipe.append(
+                "# Rates may jump where an item of `indicators` is zero: end the steps there (`events=`), or results are those of the step size."
+            )
         imports = [
             "from dataclasses import dataclass",
             *(["from types import SimpleNamespace"] if self.constant else []),
