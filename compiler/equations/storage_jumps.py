@@ -79,7 +79,7 @@ def _heights(
 
     def at(x: Expression, place: float) -> float:
         try:
-            return evaluate(x, (others | {key: place}).__getitem__)
+            return evaluate(x, {**others, key: place}.__getitem__)
         except (ArithmeticError, ValueError):
             return math.nan
 
