@@ -20,6 +20,7 @@ from .json_values import finite, head
 from .outcome_numbers import numbers_of
 
 if TYPE_CHECKING:
+    from ..results.records import LimitLeft
     from ..results.result import Result
     from .equilibrium import Equilibrium
     from .modes import Modes
@@ -123,6 +124,11 @@ class Outcome(Sequence[Point], Summarised, Plotted, Exported):
     def failures(self) -> dict[int, str]:
         """Index of each failed point, and the reason."""
         return {i: p.failure for i, p in enumerate(self.points) if p.failure}
+
+    @property
+    def warnings(self) -> dict[int, tuple[LimitLeft, ...]]:
+        """Index of each point whose run has warnings, and these."""
+        return {i: p.run.warnings for i, p in enumerate(self.points) if p.run is not None and p.run.warnings}
 
     @property
     def units(self) -> dict[str, str]:

@@ -46,7 +46,9 @@ class BatchCourse:
 
 
 def grouped(scene: BatchScene, parameters: Array) -> Iterator[tuple[Runs, BatchCourse]]:
-    """Yield runs with equal segments and signals, and the segments. Runs without a finite start are left out, and those with other conditions."""
+    """Yield runs with equal segments and signals, and the segments. Runs without a finite start are left out, those with other conditions, and those
+    with parameters that the model does not allow.
+    """
     program = scene.program
     constants = np.asarray(program.constants(parameters))
     state = np.asarray(program.start(constants))
@@ -61,7 +63,10 @@ def grouped(scene: BatchScene, parameters: Array) -> Iterator[tuple[Runs, BatchC
         runs = every.those(np.array(members))
         cuts = timeline(program, runs.constants[0], float(scene.instants[0]), float(scene.instants[-1]))
         course = BatchCourse(tuple(cuts.segments), cuts.notes, runs.constants[0])
-        yield runs.those(_has_conditions(program, runs, course)), course
+        first = cuts.segments[0]
+        runs = runs.those(_has_conditions(program, runs, course))
+        holds = program.holds(first.start, runs.state, scene.inputs, runs.constants, first.mode)
+        yield runs.those((holds == 1.0).all(axis=1)), course
 
 
 def _constants_of_time(program: Program) -> list[int]:

@@ -66,7 +66,7 @@ def _has_only_steps(compiled_scene: CompiledScene) -> bool:
         return False
     with_events = program.hybrid is not None or program.delays is not None or facts.valves or facts.integrals
     with_loops = program.unknowns.names or program.invariants.names or facts.claims
-    watched = program.limits or len(program.sensitivity_pattern[0])
+    watched = program.watched or len(program.sensitivity_pattern[0])
     functions = program.time_functions
     narrow = functions is not None and functions.narrow
     fits = 0 < len(program.states.names) <= LARGEST and not is_sparse(program)

@@ -95,7 +95,8 @@ def _solver(program: Program, counts: Mapping[str, int], values: StartValues) ->
     at_start = given_at(context, NOW, values.state, np.inf, signals)
     room = room_of(program, EXPLICIT, 0, counts.get("bends", 0))
     mode = {"mode": np.zeros(counts["switches"])}
-    return room | at_start | mode | {"closed": {}, "redundant": 0, "pattern": {"n": len(values.state)}}
+    checked = {"limit_count": len(program.limits)}  # those of parameters alone too: whoever holds the unit may set them
+    return room | at_start | mode | checked | {"closed": {}, "redundant": 0, "pattern": {"n": len(values.state)}}
 
 
 def _whole(count: int) -> Any:

@@ -73,11 +73,16 @@ def ranges(
         yield Limit(select(holds, ONE, ZERO), values, note)
 
 
-def requirement(limit: Validity, entry: Callable[[Argument], Expression]) -> Limit:
-    """A requirement of the author as a limit, with its quantities."""
+def requirement(
+    limit: Validity, entry: Callable[[Argument], Expression], is_fixed: Callable[[Expression], bool]
+) -> Limit:
+    """A requirement of the author as a limit, with its quantities; `is_fixed`: True for an expression of parameters alone."""
+    condition = entry(limit.condition)
     values = tuple(LimitValue(name, unit, entry(value)) for name, value, unit in limit.values)
-    note = LimitNote("require", limit.owner, limit.words, limit.text, limit.span, limit.stands, _shown(values))
-    return Limit(entry(limit.condition), values, note)
+    note = LimitNote(
+        "require", limit.owner, limit.words, limit.text, limit.span, limit.stands, _shown(values), is_fixed(condition)
+    )
+    return Limit(condition, values, note)
 
 
 def _shown(values: Sequence[LimitValue]) -> tuple[tuple[str, str], ...]:

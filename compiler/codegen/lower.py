@@ -104,7 +104,10 @@ def lower(
     result.solved = solve_multipliers(result) if whole else None
     if conserving:
         result.energy = stored_energy(result, slopes)
-    result.limits += [requirement(limit, lambda entry: _entry(result, entry)) for limit in space.limits]
+    result.limits += [
+        requirement(limit, lambda x: _entry(result, x), lambda x: not result.dependence(x) & ~PARAMETER)
+        for limit in space.limits
+    ]
     _lower_events(result)
     result.lags = tuple(_entry(result, d.lag) for d in space.delays)
     result.delayed = tuple(result.values[d.value] for d in space.delays)

@@ -33,6 +33,7 @@ class LimitNote:
     span: Span
     stands: Span | None  # declaration of the instance
     values: tuple[tuple[str, str], ...]  # names and SI units of its quantities
+    fixed: bool = False  # True if it reads parameters alone, so that a run checks it once
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,6 +282,11 @@ class Program:
     functions: Mapping[str, Callable[..., Array]] = field(default_factory=dict)
     kept: dict[object, Any] = field(init=False, default_factory=dict, repr=False)
     # results of runs that depend on the program alone, computed once; never those that depend on a run's values
+
+    @property
+    def watched(self) -> bool:
+        """True if a run has limits to check along its way, not at its start alone."""
+        return not all(note.fixed for note in self.limits)
 
     @property
     def variables(self) -> NameTable:

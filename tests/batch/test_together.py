@@ -213,3 +213,13 @@ def test_many_runs_and_sweeps_step_together(workers: int) -> None:
         many[0].final("position"),
         many[1].final("position"),
     ]
+
+
+def test_what_parameters_alone_break_is_told_by_runs_alone() -> None:
+    """A limit on parameters costs no run its steps together with others; only the run that breaks it is made alone, with its warning."""
+    text = DUFFING.replace("  experiment", '  require r >= 0 "damping takes power"\n  experiment')
+    settings: list[Mapping[str, str | float]] = [{"r": r} for r in (0.5, 0.1, -0.5, 1.0)]
+    results = together(text, settings)
+    assert [r is None for r in results] == [False, False, True, False]
+    (told,) = simulate(CompiledModel(bondgraph.load(text).source), "", settings[2], None, RunOptions()).warnings
+    assert told.condition == "r >= 0" and told.values == (("r", -0.5, "N*s/m"),)

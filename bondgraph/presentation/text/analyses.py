@@ -187,7 +187,7 @@ def outcome_text(found: Outcome) -> str:
         (point,) = found.points
         made = (point.equilibrium, point.modes, *point.responses, *(found for _, found in point.analyses), point.run)
         parts = [p.summary() for p in made if p is not None]
-        return "\n\n".join(parts)
+        return "\n\n".join([*parts, *(f"warning: {visible(str(w))}" for w in found.warnings.get(0, ()))])
     names = found.names[:WIDEST]
     units = [_column_unit(found, n) for n in names]
     rows: list[tuple[str, ...]] = [tuple(short(n, 24) for n in names), tuple(units)]
@@ -201,6 +201,12 @@ def outcome_text(found: Outcome) -> str:
     if failures:
         first = next(iter(failures))
         text += f"\n\n{len(failures)} of {len(found)} points failed; point {first + 1}: {visible(failures[first])}"
+    warned = found.warnings
+    if warned:
+        first = next(iter(warned))
+        text += (
+            f"\n\nwarnings at {len(warned)} of {len(found)} points; point {first + 1}: {visible(str(warned[first][0]))}"
+        )
     return "\n\n".join([text, *map(visible, found.notes)])
 
 

@@ -27,7 +27,7 @@ def exactly(stepper: IntegrationState, stretch: Segment, x: Array) -> Any | None
         return None
     form.share(stepper.exponentials)
     known = len(form.known)
-    looked_at = stepper.powers is not None or bool(stepper.program.limits)
+    looked_at = stepper.powers is not None or stepper.watch.moves
     longest = exponential.fastest(form) if looked_at else np.inf
     while True:
         cut = exponential.intervals(form, stepper.instants[stepper.position :], longest)
@@ -94,7 +94,7 @@ def _look(
     stepper: IntegrationState, form: exponential.Linear, cut: exponential.Intervals, states: Array, stretch: Segment
 ) -> None:
     """Check the limits of the model at the ends of the intervals and at the places of a quadrature between them."""
-    if stepper.program.limits:
+    if stepper.watch.moves:
         inner, _ = exponential.between(form, cut, states, PLACES)
         times = np.unique(np.concatenate([cut.starts, inner.reshape(-1), [stretch.stop]]))
         stepper.watch.look(times, stretch.mode, exponential.at(form, cut, states))

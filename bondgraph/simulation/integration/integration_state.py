@@ -294,7 +294,7 @@ class IntegrationState:
         self, start: float, stop: float, reported: Array, sample: Callable[[Any], Any], stretch: Segment,
         inner: Sequence[float] = INNER,
     ) -> None:  # fmt: skip
-        if self.program.limits:
+        if self.watch.moves:
             times = np.unique(np.concatenate([[start], start + np.array(inner) * (stop - start), [stop], reported]))
             self.watch.look(times, stretch.mode, lambda t: self.held_all(t, sample(t), stretch.mode))
 

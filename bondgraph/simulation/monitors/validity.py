@@ -1,6 +1,7 @@
 """Limits of a model in a run: ranges of tables, and requirements of the model.
 
-They are checked where the run is accepted: at the stages and ends of the integrator's steps and at every reported instant. The first instant
+They are checked where the run is accepted: at the stages and ends of the integrator's steps and at every reported instant; those of parameters alone
+at its start. The first instant
 of a violation is found by bisection on the dense output.
 """
 
@@ -29,6 +30,7 @@ class ValidityMonitor:
     def __init__(self, program: Program, constants: Array, inputs: Array, rtol: float) -> None:
         self.program, self.fixed, self.rtol = program, (inputs, constants), rtol
         self.left: dict[int, LimitLeft] = {}
+        self.moves, self.begun = program.watched, False
         ends = accumulate((len(note.values) for note in program.limits), initial=0)
         self.places = [slice(a, b) for a, b in pairwise(ends)]
 
@@ -42,8 +44,9 @@ class ValidityMonitor:
 
         `tables`: True to check the ranges of tables too. Raises `RunFailed` for a table that is read outside its range.
         """
-        if not self.program.limits:
+        if not self.program.limits or (self.begun and not self.moves):
             return
+        self.begun = True
         truth = self._holds(times, state_at(times), mode)
         found = []
         for number in np.flatnonzero(~truth.all(axis=0)):

@@ -84,7 +84,7 @@ class Leaving:
             self.restart(after)
             stepper.look_anew()
         self.removals.append(Removal(stretch.start, stretch.mode, x, after, found, 2 * np.pi * self.bandwidth))
-        if any(note.kind != "table" for note in stepper.program.limits):
+        if any(note.kind != "table" and not note.fixed for note in stepper.program.limits):
             _ask(stepper, self.flow.magnitude, self.removals[-1])
         return after
 

@@ -123,7 +123,7 @@ class CompiledMethod:
 
         self.values = record_for(IntegratorWorkspace, program, method, room, given, self.native)
         if not self.native:  # Python examines many instants at once
-            self.values.put({"root_narrow": 1, "always": int(len(program.limits) > 0)})
+            self.values.put({"root_narrow": 1, "always": int(program.watched)})
         self.fixed_size: float | None = None  # size of all steps, for a method with equal steps
         self._mode: Any = None  # the mode set last
         self._begun = False
