@@ -97,6 +97,10 @@ class Elements:
         """Add a resistor that turns power into heat; its last port delivers the loss of the others."""
         return self.element("RS", name, law, **given)
 
+    def MRS(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
+        """Add a modulated resistor that turns power into heat, whose law reads other variables."""
+        return self.element("MRS", name, law, **given)
+
     def TF(self, name: str, law: str, **given: Unpack[ElementOptions]) -> Part:
         """Add a transformer: `TF("gear", "omega1 = 20*omega2")`. The bond into it reaches side 1, the bond out of it leaves side 2."""
         return self.element("TF", name, law, **given)

@@ -86,7 +86,7 @@ _ROWS = (
     ),
     ElementKind(
         "RS", Kind.RESISTOR, "loss", "ef", "e = …", least_ports=2, ports_advice="An RS has a port for what it loses: `RS pad(shaft, heat)`.",
-        gives_heat=True, receives=False,
+        gives_heat=True, modulated=True, receives=False,
     ),
     ElementKind(
         "Mem", Kind.RESISTOR, "loss", "ef", "u = (R_0 + a*q)*i", "effort and flow, and its own displacement or momentum",

@@ -237,8 +237,6 @@ class _LawReader:
                     f"A storage depends on its own {self.row.stored_words} and on parameters. What moves it is one of its ports: "
                     f"`{self.kind} {self.name}(…, …)` with a port for `{role.name}`."
                 )
-            elif f"M{self.kind}" not in ELEMENTS:
-                hint = "It reads its own ports and parameters. An MR reads others, and an MSf gives what it loses as heat: `S_dot = loss.u*loss.i/heat.T`."
             elif self.row.remembered:
                 hint = "Its law reads its own variables and parameters. An MR reads others, also a signal `integral(rate, start)`."
             raise Wrong(ForeignVariable(slot.path.span, self.name, slot.words, hint))
