@@ -65,7 +65,7 @@ def energies(
 ) -> Energies:  # fmt: skip
     """Return the energies of a run of an experiment ("": the first, None: none), from t = 0. Raises as `Model.simulate`."""
     from ..simulation.repetition import simulate
-    from ..simulation.run import RunOptions
+    from ..simulation.run_options import RunOptions
 
     made = model.compilation(model.scene(experiment, settings))
     plan = made.plan

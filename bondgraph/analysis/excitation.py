@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import UsageError
 from ..simulation.repetition import simulate
-from ..simulation.run import RunOptions
+from ..simulation.run_options import RunOptions
 from .linear import linearization
 from .operating_point import AnalysisRequest
 from .placement import operating_point

@@ -79,7 +79,7 @@ def run_sensitivity(
     `instants` may also be the time at which the run ends (None: that of the experiment) and the number of instants.
     `moved`: values of the parameters, as for `operating_point`. Raises `CompilationFailed`, `UsageError` for models that jump with states, `RunFailed`.
     """
-    from ..simulation.run import _stop
+    from ..simulation.run_options import end_of
     from ..simulation.settings import settle
 
     by, fixed = independent(model, parameters, asked.experiment, asked.settings or {})
@@ -88,7 +88,7 @@ def run_sensitivity(
     plan = made.plan
     if isinstance(instants, tuple):
         to, points = instants
-        instants = np.linspace(plan.start, _stop(plan, to), points)
+        instants = np.linspace(plan.start, end_of(plan, to), points)
     if instants[0] < plan.start:
         raise UsageError("BR238", f"a run begins at {plan.start:g} s: nothing is known of t = {instants[0]:g} s")
     asked = replace(asked, settings=fixed, by=by)

@@ -14,7 +14,7 @@ from ..simulation.integration.method import LARGEST
 from ..simulation.integrators.compiled.fields import is_sparse
 from ..simulation.integrators.compiled.run import obstacle
 from ..simulation.phase import PhaseOptions
-from ..simulation.run import RunOptions, planned
+from ..simulation.run_options import RunOptions, planned
 
 if TYPE_CHECKING:
     from compiler.api import Program, Scene

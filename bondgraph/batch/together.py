@@ -15,7 +15,7 @@ from ..compiled_scene import chosen_target
 from ..numerics.threads import one_thread
 from ..results.checkpoint import Checkpoint
 from ..results.result import Result
-from ..simulation.run import RunOptions
+from ..simulation.run_options import RunOptions
 from ..simulation.segments.timeline import mode_after
 from ..simulation.settings import settle_all
 from .magnitudes import batch_magnitudes

@@ -187,7 +187,7 @@ def named(experiment: str) -> str | None:
 def seconds_of(time: str | None) -> float | None:
     if time is None:
         return None
-    from ..simulation.run import seconds
+    from ..simulation.run_options import seconds
 
     return seconds(time)
 

@@ -19,7 +19,7 @@ from .options import settings_by_name, show_progress
 @click.option("--to", metavar="TIME", help="Where the run ends.")
 def command(asked: AnalysisCall, duration: str, vary: Sequence[str], seed: int, to: str | None) -> None:
     """Try a model with changes that must keep its results; exit code 3 if one of them does not."""
-    from ..simulation.run import seconds
+    from ..simulation.run_options import seconds
 
     ranges = settings_by_name(vary, "--vary", "k=1 N/m .. 2 N/m")
     test = asked.model.stress(

@@ -13,7 +13,7 @@ from compiler.api import CompilationFailed, NotInUnit
 from ..errors import RunFailed
 from ..simulation.integrators.compiled.fields import is_sparse
 from ..simulation.phase import Phase, PhaseOptions
-from ..simulation.run import DEFAULT_RTOL
+from ..simulation.run_options import DEFAULT_RTOL
 
 if TYPE_CHECKING:
     from compiler.api import Array, Compilation, Plan

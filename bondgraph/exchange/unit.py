@@ -19,7 +19,7 @@ from .. import cache
 from ..compiled_scene import chosen_target
 from ..errors import UsageError
 from ..native import compiled_for, kernel
-from ..simulation.run import DEFAULT_POINTS
+from ..simulation.run_options import DEFAULT_POINTS
 from .functions import exported, sources
 from .image import FUNCTIONS, ModelImage, image_of, llvm_data
 from .interface import llvm_interface

@@ -118,7 +118,7 @@ class Model(Shown, AnalysedModel):
         solvers of scipy, SUNDIALS and CasADi, where they can run the same equations. `outputs`: only these. `progress` is called with what is being run. Raises
         as `simulate`.
         """
-        from ..simulation.run import RunOptions
+        from ..simulation.run_options import RunOptions
         from ..studies.benchmark import BenchmarkRequest, benchmark
 
         check_keywords(self.benchmark, options, BenchmarkKeywords.__optional_keys__)
@@ -137,7 +137,7 @@ class Model(Shown, AnalysedModel):
         energy balance. `vary`: ranges by name, as texts (`1 N/m .. 2 N/m`), at whose corners other solvers run, too. `seed` of what is drawn. `out`: a folder
         for small files that show what broke. `outputs`: only these. `progress` is called with what is being tried. Raises as `simulate`, and OSError.
         """
-        from ..simulation.run import RunOptions
+        from ..simulation.run_options import RunOptions
         from ..studies.stress import StressRequest, stress
 
         check_keywords(self.stress, options, StressKeywords.__optional_keys__)

@@ -127,7 +127,7 @@ def taken(point: Point, name: str, entry: Mapping[str, Any], final: float) -> fl
     take = entry.get("take", "final")
     if take == "final" or point.run is None or name not in point.run:
         return final
-    from ..simulation.run import seconds
+    from ..simulation.run_options import seconds
 
     run = point.run
     values = run[name][run.time >= seconds(str(entry.get("after", "0 s")))]

@@ -19,7 +19,7 @@ from compiler.api import AUTOMATIC, SOLVERS, Array
 from ..errors import RunFailed, RunInterrupted, UsageError
 from ..results.run_check import FACTOR, ErrorEstimate, OutputDifference, RunCheck
 from . import run
-from .run import LEAST_RTOL, RunOptions
+from .run_options import LEAST_RTOL, RunOptions
 
 if TYPE_CHECKING:
     from typing import Any

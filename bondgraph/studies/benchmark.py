@@ -15,7 +15,8 @@ from compiler.api import AUTOMATIC, SOLVERS, CompilationFailed
 from ..errors import RunFailed, UsageError
 from ..results.run_check import ErrorEstimate
 from ..simulation.repetition import compare
-from ..simulation.run import LEAST_RTOL, RunOptions, simulate_once
+from ..simulation.run import simulate_once
+from ..simulation.run_options import LEAST_RTOL, RunOptions
 from .peers import peers_of
 from .time_limit import TooLong, within
 from .work_precision import WorkPoint, WorkPrecision

@@ -11,7 +11,7 @@ from compiler.api import Analysis, Differentiating, MonteCarloRequest, Study
 from ..analysis.outcome import Point
 from ..batch.together import is_together, simulate_together
 from ..simulation.repetition import simulate
-from ..simulation.run import RunOptions
+from ..simulation.run_options import RunOptions
 from .scalar_study import STEPS, ScalarStudy
 from .steps import RESULTS, differentiated, varied
 from .workers import ALONE, Workers

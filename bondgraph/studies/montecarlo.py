@@ -15,7 +15,7 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import RunFailed, UsageError
-from ..simulation.run import DEFAULT_RTOL, check_run_options
+from ..simulation.run_options import DEFAULT_RTOL, check_run_options
 from ..simulation.settings import Settings
 from .distributions import Distribution, checked, distribution
 from .indices import Indices, indices, mixed

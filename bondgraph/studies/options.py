@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from ..simulation.run import RunOptions
+from ..simulation.run_options import RunOptions
 
 
 @dataclass(frozen=True, slots=True)

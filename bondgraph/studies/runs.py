@@ -10,7 +10,7 @@ from ..batch.together import is_together, simulate_together
 from ..results.ensemble import Ensemble
 from ..results.result import Result
 from ..simulation.repetition import simulate
-from ..simulation.run import RunOptions, check_run_options
+from ..simulation.run_options import RunOptions, check_run_options
 from .point_failure import check_some_stand
 from .workers import Workers, answers
 

@@ -17,7 +17,7 @@ from ..analysis.placement import operating_point
 from ..batch.together import is_together, simulate_together
 from ..errors import RunFailed, UsageError
 from ..simulation.repetition import simulate
-from ..simulation.run import RunOptions
+from ..simulation.run_options import RunOptions
 from ..simulation.settings import Settings, compiled_in
 from .point_failure import kept, why
 

@@ -14,7 +14,7 @@ from compiler.api import TEXT_CHANGES, CompilationFailed, Inapplicable, TextScen
 from ..compiled_model import CompiledModel
 from ..errors import RunFailed, UsageError
 from ..files import write_text
-from ..simulation.run import RunOptions
+from ..simulation.run_options import RunOptions
 from .stress_bench import StressBench
 from .stress_runs import (
     Attempts,

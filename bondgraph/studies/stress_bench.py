@@ -18,7 +18,7 @@ from ..quantities import behind
 from ..results.result import Result
 from ..results.run_check import FACTOR, ErrorEstimate
 from ..simulation.repetition import compare, simulate
-from ..simulation.run import RunOptions
+from ..simulation.run_options import RunOptions
 from ..simulation.settings import settle
 
 POINTS = 488  # in 487 equal parts, a prime number: no instant but the ends is where a source may jump

@@ -30,6 +30,7 @@ from .builder import EquationBuilder
 from .errors import NotInvertible
 from .events import event_equations
 from .fields import without_energy
+from .integrals import FlowIntegrals
 from .laws import GIVEN, paired, ratio, solved, total_residual
 from .naming import letter_of, port_name, unit_of
 from .sharing import share_states
@@ -75,6 +76,7 @@ class _Nodes:
     def __init__(self, causal: CausalGraph, to: EquationBuilder) -> None:
         self.causal, self.graph, self.to = causal, causal.graph, to
         self.efforts, self.flows, self.bond_of = to.efforts, to.flows, to.bond_of
+        self.integrals = FlowIntegrals(to, frozenset((*to.efforts, *to.flows)))
         # For each law once, for any number of elements: its solution in a direction, and its energy.
         self.formulas: dict[tuple[Law, tuple[PortVariable, ...]], tuple[tuple[Bound, ...], bool, Bound | None]] = {}
         self.energies: dict[tuple[Law, tuple[str, ...]], tuple[Expression | None, tuple[Expression, ...]] | None] = {}
@@ -269,7 +271,7 @@ class _Nodes:
         """Add a state; if the geometry determines the displacement already, a sum of coordinates instead."""
         start, given = self._start(node, port, own)
         if node.stored[port] == "q" and not self.graph.switches:  # tied now, perhaps free before
-            known = self.to.integral(rate)
+            known = self.integrals.integral(rate)
             if known is not None:
                 offset = Number(start) if isinstance(start, float) else Symbol(start)
                 self.to.assign(quantity, add(Symbol(known), offset), node.span, node.name)
@@ -358,7 +360,7 @@ class _Nodes:
             else:
                 self.to.assign(self.flows[bond], motion.flow, node.span, owner)
             if motion.displacement is not None:
-                self.to.knows_integral(self.to.root(self.flows[bond]), motion.displacement)
+                self.integrals.know(self.flows[bond], motion.displacement)
         for name, motion in result.motions.items():
             self._readings_of_port(node, name, motion, efforts.get(name, result.efforts.get(name, ZERO)))
         for name, expression in result.readings.items():

@@ -16,7 +16,7 @@ from bondgraph.batch.together import is_together, simulate_together
 from bondgraph.compiled_model import CompiledModel
 from bondgraph.results.result import Result
 from bondgraph.simulation.repetition import simulate
-from bondgraph.simulation.run import RunOptions
+from bondgraph.simulation.run_options import RunOptions
 from compiler.api import native_available
 
 pytestmark = pytest.mark.skipif(not native_available(), reason="there is no machine code")

@@ -17,7 +17,7 @@ from bondgraph.results.records import Column, EventRecord
 from bondgraph.results.result import Result
 from bondgraph.simulation import repetition
 from bondgraph.simulation.repetition import compare, with_error
-from bondgraph.simulation.run import RunOptions
+from bondgraph.simulation.run_options import RunOptions
 from tests.compiling import MODELS
 
 SWING = """model Swing {

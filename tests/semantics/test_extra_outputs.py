@@ -8,7 +8,7 @@ import pytest
 import bondgraph
 from bondgraph.compiled_model import CompiledModel, source_of
 from bondgraph.simulation.repetition import simulate
-from bondgraph.simulation.run import RunOptions
+from bondgraph.simulation.run_options import RunOptions
 
 TEXT = """
 model A {{

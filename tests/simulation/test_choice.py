@@ -52,20 +52,20 @@ def test_two_capacitors(ratio: str, n: object) -> None:
 
 def test_who_is_the_state_changes() -> None:
     """At the start a is the state; once n has left its decades behind, b is: seen by the legs that a run has."""
-    from bondgraph.simulation import run
+    from bondgraph.simulation.phase import Phase
 
     begun: list[tuple[str, ...]] = []
-    original = run.Phase.go
+    original = Phase.go
 
-    def go(leg: run.Phase) -> None:
+    def go(leg: Phase) -> None:
         begun.append(leg.program.states.names)
         original(leg)
 
-    run.Phase.go = go  # type: ignore[method-assign]
+    Phase.go = go  # type: ignore[method-assign]
     try:
         bondgraph.load(pair("exp(12*sin(time/1 s))")).simulate(to=6, points=7)
     finally:
-        run.Phase.go = original  # type: ignore[method-assign]
+        Phase.go = original  # type: ignore[method-assign]
     assert {("a.q",), ("b.q",)} <= set(begun) and 2 <= len(begun) <= 6
 
 

@@ -15,7 +15,8 @@ from bondgraph import RunFailed, UsageError
 from bondgraph.compiled_scene import chosen_target
 from bondgraph.model import Model
 from bondgraph.results.result import Result
-from bondgraph.simulation.run import RunOptions, run
+from bondgraph.simulation.run import run
+from bondgraph.simulation.run_options import RunOptions
 from bondgraph.simulation.settings import settle
 from compiler.codegen.cost import cost
 

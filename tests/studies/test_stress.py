@@ -21,7 +21,7 @@ from bondgraph.compiled_scene import CompiledScene
 from bondgraph.errors import UsageError
 from bondgraph.simulation import phase, resume
 from bondgraph.simulation.monitors import energy
-from bondgraph.simulation.run import PhaseSequence
+from bondgraph.simulation.phase_sequence import PhaseSequence
 from bondgraph.studies import stress as driver
 from bondgraph.studies.stressed import StressTest
 from compiler.algebra import derivative

@@ -26,7 +26,7 @@ def inverted(
     model: CompiledModel, targets: Mapping[str, Any], inputs: Sequence[str], asked: AnalysisRequest, to: Quantity | None, along: PathKeywords
 ) -> Inversion | FeedForward:  # fmt: skip
     """Return the same as `Model.invert`."""
-    from ...simulation.run import seconds
+    from ...simulation.run_options import seconds
 
     drives = drives_of(inputs)
     names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)

@@ -42,7 +42,7 @@ def mechanism_of(model: CompiledModel, name: str | None, experiment: str | None,
     if at is None:
         return draw_mechanism(mechanism_geometry_of(graph, mechanisms_of(graph)[place]))
     from ...simulation.repetition import simulate
-    from ...simulation.run import RunOptions
+    from ...simulation.run_options import RunOptions
 
     posed = posed_model(model, experiment)
     run = simulate(posed.model, None, {}, posed.names, RunOptions(at, 2))

@@ -64,7 +64,7 @@ class PageModel:
     ) -> Result:  # fmt: skip
         """Run an experiment. Raises as `Model.simulate`."""
         from ...simulation.repetition import simulate
-        from ...simulation.run import RunOptions
+        from ...simulation.run_options import RunOptions
 
         options = RunOptions(energy=energy, error=error)
         return simulate(self.model, experiment, settings or {}, self.names(experiment), options)

@@ -1,0 +1,256 @@
+"""Sequence of the phases of a run: the beginning of each from the end of the one before, and all as one result."""
+
+from __future__ import annotations
+
+import time as clock
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from compiler.api import CompilationFailed
+
+from ..errors import RunFailed
+from ..quantities import behind
+from ..results.records import EnergyBalance, EventRecord, LimitLeft
+from ..results.result import Result
+from .monitors.state_selection import WORST
+from .phase import Phase, PhaseOptions, SwitchedStart
+from .phases.start import no_rest
+from .segments.transition import PhaseTransition
+
+if TYPE_CHECKING:
+    from compiler.api import Array, Program, Scene
+
+    from ..compiled_scene import CompiledScene
+    from ..results.truncation import TruncationReport
+    from .events.complementarity import Companion
+    from .events.impulse import StorageJump
+    from .segments.timeline import Timeline
+
+MOST_CHOICES = 1000  # changes of the state selection in one run
+MOST_AT_ONCE = 100  # phases that begin at one instant
+RECENT = 4  # phases back within which one of the same program decides the method that goes on
+
+
+class PhaseSequence:
+    """One run: its phases so far, and the beginning of the next one."""
+
+    def __init__(
+        self, made: Callable[[Scene, bool], CompiledScene], scene: Scene, options: PhaseOptions, instants: Array, began: float
+    ) -> None:  # fmt: skip
+        self.made, self.scene, self.options, self.began = made, scene, options, began
+        self.plan, self.values, self.energy = options.plan, options.values, options.energy
+        self.instants, self.stop = instants, float(instants[-1])
+        self.legs: list[Phase] = []
+        self.leg: Phase | None = None  # the phase that is being integrated
+        self.begin: PhaseTransition | None = None
+        self.begins_now: PhaseTransition | None = None  # transition into the next phase
+        self.accuracy: float | None = None
+        self.before: Result | None = None  # the result from which this run goes on
+
+    def go(self) -> None:
+        """Integrate all phases, to the end. Raises `RunFailed`."""
+        wishes, tried = dict(self.scene.preferences), set[SwitchedStart]()
+        begin, left, legs = self.begin, self.instants, self.legs
+        companion, modes = self._companion(), dict[str, float]()
+        smooth: dict[Program, Timeline] = {}  # the segments of programs used before
+        while not legs or begin is not None:
+            self.leg = None
+            preferences = tuple(sorted(wishes.items()))
+            chosen = (
+                self.scene if preferences == self.scene.preferences else replace(self.scene, preferences=preferences)
+            )
+            try:
+                leg = Phase(
+                    self.made(chosen, self.energy), left, self.options, begin, companion, modes, smooth
+                )  # fmt: skip
+            except RunFailed:
+                if legs or modes or begin is not None or companion is None or not companion.valves:
+                    raise
+                # with the valves blocked as written, the start values may be impossible
+                from .events.begin import conducting_at_start
+
+                modes, off = conducting_at_start(self.made(self.scene, self.energy), companion, self.plan.start)
+                self.scene = replace(self.scene, off=off)
+                continue
+            again = None if legs else leg.begins_again(self.plan.equilibrium)
+            if again is not None and again not in tried:  # the first guess was wrong: start again
+                tried.add(again)
+                self.scene, modes = replace(self.scene, off=again[0]), dict(again[1])
+                continue
+            if again is not None and self.plan.equilibrium:
+                raise no_rest()
+            leg.held = legs[-1].held if legs else None
+            alike = (other.trajectory.settled for other in reversed(legs[-RECENT:]) if other.program is leg.program)
+            leg.trajectory.settled = next(alike, None)
+            self.leg = leg
+            leg.go()
+            legs.append(leg)
+            before, begin, left = begin, leg.trajectory.handover, left[len(leg.values) :]
+            if begin is None:
+                break
+            if begin.dependent:
+                wishes |= {begin.dependent: "integral", begin.state: "derivative"}
+                _check_choice(self.made, self.scene, wishes, begin, len(legs))
+            self.begins_now = begin
+            if begin.off is not None:
+                self.scene = replace(self.scene, off=begin.off)
+            self._check_progress(begin)
+            begin = _with_earlier(begin, before, leg)
+
+    def _check_progress(self, begin: PhaseTransition) -> None:
+        """Raise `RunFailed` where junctions go on and off without end at one instant."""
+        last = self.legs[-MOST_AT_ONCE:]
+        if len(last) == MOST_AT_ONCE and last[0].stretches[0].start == begin.time:
+            names = ", ".join(f"`{n}`" for n in sorted({*(begin.off or ())} | {n for leg in last for n in leg.off}))
+            raise RunFailed(
+                "BR707", f"at t = {begin.time:.9g} s junctions go on and off without end ({names}): no set of them agrees with its own conditions;",
+                "give them a hysteresis, or put a resistor or a storage beside them",
+            )  # fmt: skip
+
+    def _companion(self) -> Companion | None:
+        """Return the companion model of the switched junctions, if valves or integrals need it."""
+        facts = self.made(self.scene, self.energy).facts
+        if not facts.valves and not facts.integrals:
+            return None
+        from .events.begin import companion_of
+
+        return companion_of(self.made, self.scene, facts, self.values, (self.plan.start, self.stop))
+
+    def cut(self, why: str) -> Result | None:
+        """Return the certain part of a run that broke off; None if it had not begun."""
+        leg = self.leg
+        if leg is not None and (not self.legs or self.legs[-1] is not leg):
+            try:
+                with np.errstate(all="ignore"):
+                    leg.cut()
+            except RunFailed:
+                leg.values = None
+            if leg.values is not None:
+                self.legs.append(leg)
+        return self.result(why) if self.legs else None
+
+    @property
+    def reached(self) -> float:
+        """Time that the run has reached."""
+        kept = self.legs[-1].trajectory.kept if self.legs else None
+        return self.plan.start if kept is None else kept.time
+
+    def result(self, stopped: str) -> Result:
+        """Return all phases as one result, joined with the result from which the run went on."""
+        legs, plan = self.legs, self.plan
+        program = legs[0].program
+        columns = legs[0].compilation.columns
+        evaluations: Counter[str] = Counter()
+        for leg in legs:
+            evaluations.update(leg.trajectory.evaluations)
+        values = legs[0].values if len(legs) == 1 else np.concatenate([leg.values for leg in legs])
+        with np.errstate(all="ignore"):  # a run may end where a quantity has no value
+            end = legs[-1].end(self.stop)
+        time, halted = self.instants[: len(values)], legs[-1].trajectory.stopped
+        if halted is not None:
+            time = np.append(time[:-1], halted)
+        if 2 * len(time) < len(self.instants):  # the run broke off: do not keep the memory of the others
+            time = time.copy()
+        balance = None
+        if self.energy:
+            from .monitors.energy import added
+
+            balance = added([leg.balance for leg in legs if leg.balance is not None])
+        lacking, acted = _left_out(legs, balance), tuple(o for leg in legs for o in leg.occurrences)
+        told = () if lacking is None else (lacking.sentence({column.name: column.unit for column in columns}),)
+        found = Result(
+            program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
+            sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.options.rtol, clock.perf_counter() - self.began,
+            balance, _warnings(legs), legs[0].compilation.certificate,
+            tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs), *_halts(acted)])),
+            acted, stopped, end, lacking, accuracy=self.accuracy,
+        )  # fmt: skip
+        if self.before is None:
+            return found
+        from .resume import joined
+
+        return joined(self.before, found)
+
+
+def _halts(acted: Sequence[EventRecord]) -> Iterator[str]:
+    """Yield a note on each condition that ended the run."""
+    for event in acted:
+        if event.stops:
+            yield f"at t = {event.time:.9g} s `stop when {event.condition}` ({event.place}) ended the run"
+
+
+def _left_out(legs: Sequence[Phase], balance: EnergyBalance | None) -> TruncationReport | None:
+    """Return the joined truncation report of all phases, with the removed energy; None if nothing was truncated."""
+    from ..results.truncation import joined
+
+    found = None
+    for leg in legs:
+        found = joined(found, leg.left_out)
+    if found is None or balance is None:
+        return found
+    from .monitors.energy import LEFT_OUT
+
+    return replace(found, energy=sum(e.dissipated for e in balance.elements if e.name == LEFT_OUT))
+
+
+def _with_earlier(begin: PhaseTransition, before: PhaseTransition | None, leg: Phase) -> PhaseTransition:
+    """Return a handover completed by data of earlier programs: a state that is constant in one program may move in the next."""
+    begin = replace(begin, stored={**dict.fromkeys(leg.compilation.certificate.unexcited, 0.0), **begin.stored})
+    if before is not None:
+        begin = replace(begin, stored={**before.stored, **begin.stored}, peaks={**before.peaks, **begin.peaks})
+    past = None if leg.history is None else leg.history.past()
+    return replace(begin, magnitudes=leg.known, past=past)
+
+
+def _impulses(legs: Sequence[Phase]) -> Iterator[str]:
+    """Yield a note on each stored quantity that jumped where junctions went on or off, at its first instant."""
+    told: dict[str, tuple[StorageJump, float, int]] = {}
+    for leg in legs:
+        for jump in leg.jumps:
+            first, time, count = told.get(jump.name, (jump, leg.stretches[0].start, 0))
+            told[jump.name] = first, time, count + 1
+    for jump, time, count in told.values():
+        often = f" ({count} times in all)" if count > 1 else ""
+        unit = behind(jump.unit)
+        yield (
+            f"at t = {time:.9g} s an impulse takes `{jump.name}` from {jump.before:.6g}{unit} to {jump.after:.6g}{unit}"
+            f"{often}: a junction that goes on or off ties it to other storages, or holds it"
+        )
+
+
+def _check_choice(
+    made: Callable[[Scene, bool], CompiledScene],
+    scene: Scene,
+    wishes: Mapping[str, str],
+    begin: PhaseTransition,
+    times: int,
+) -> None:
+    """Raise `RunFailed` if the other state selection is not possible."""
+    try:
+        chosen = made(replace(scene, preferences=tuple(sorted(wishes.items()))), False)
+        possible = times <= MOST_CHOICES and begin.dependent not in chosen.state_space.dependent
+    except CompilationFailed:
+        possible = False
+    if not possible:
+        raise RunFailed(
+            "BR708", f"at t = {begin.time:.9g} s `{begin.dependent}` follows from `{begin.state}` so steeply that its error would be {WORST:g} times "
+            f"that of `{begin.state}`, and no other choice of states is possible there",
+        )  # fmt: skip
+
+
+def _warnings(legs: Sequence[Phase]) -> tuple[LimitLeft, ...]:
+    """Return each violated limit once, at its first instant, and the first doubt about tolerances."""
+    first: dict[tuple[str, str, str], LimitLeft] = {}
+    for item in (w for leg in legs for w in (*leg.doubts, *leg.watch.warnings)):
+        first.setdefault((item.owner, item.condition, item.place), item)
+    return tuple(first.values())
+
+
+def _solver(program: Program, legs: Sequence[Phase]) -> str:
+    if program.states.names:
+        return " and ".join(dict.fromkeys(name for leg in legs for name in leg.trajectory.solvers))
+    return "Newton" if program.unknowns.names else "none"
