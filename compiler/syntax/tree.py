@@ -66,13 +66,9 @@ class PathSyntax(ExpressionSyntax):
     def words(self) -> str:
         """The path as written, without spaces."""
         text = self.head
-        if not self.steps:
-            return text
         for step in self.steps:
-            if isinstance(step, Member):
-                text += f".{step.name}"
-            else:
-                text += f"[{','.join([_without_spaces(i.span) for i in step.items])}]"
+            items = "" if isinstance(step, Member) else ",".join([_without_spaces(i.span) for i in step.items])
+            text += f".{step.name}" if isinstance(step, Member) else f"[{items}]"
         return text
 
 

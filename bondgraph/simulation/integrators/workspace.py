@@ -1,4 +1,7 @@
-"""Workspace of the native integrator. All arrays belong to the caller; nothing is allocated, nothing is global."""
+"""Workspace of the native integrator. All arrays belong to the caller; nothing is allocated, nothing is global.
+
+One record with many fields, in groups that comments name: see the README for the reason.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +25,7 @@ Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], N
 class IntegratorWorkspace(Record):
     """Data of an integration over one smooth segment. n states and unknowns; sizes of arrays after the names."""
 
+    # functions of the program
     derivative: Function
     entries: Function
     signals: Function
@@ -32,6 +36,7 @@ class IntegratorWorkspace(Record):
     bends: Function
     stored_energy: Function
     roots: Function
+    # values of the run, sizes, and the pattern of the Jacobian
     inputs: Floats
     constants: Floats
     mode: Floats
@@ -41,6 +46,7 @@ class IntegratorWorkspace(Record):
     entry_count: int
     rows: Ints  # entry_count
     columns: Ints  # entry_count
+    # units of states and rates
     magnitude: Floats  # n
     per_unit: Floats  # n: one over the units of the rates
     ratio: Floats  # entry_count
@@ -92,6 +98,7 @@ class IntegratorWorkspace(Record):
     contraction: float  # contraction of the last Newton iteration
     rounded: float  # largest rounding, in tolerances, with which a step was accepted
     stages: Floats  # stages n, relative to the start of the last step
+    # Jacobian and the matrices that it gives
     current: int  # 1 if the Jacobian belongs to this state
     known: int  # 1 if there is a Jacobian
     factorised: int
@@ -100,9 +107,10 @@ class IntegratorWorkspace(Record):
     jacobian: Floats  # entry_count
     inner_jacobian: Floats  # entry_count: at an instant within a step
     inner: Factors
+    steepness: Floats  # n: step size times the sum of the absolute values in a row of the Jacobian
+    # polynomials of the last step
     apart: Ints  # n: how the two polynomials of the last step agree, see `polynomials.py`
     differs: int  # the largest of them
-    steepness: Floats  # n: step size times the sum of the absolute values in a row of it
     # factorised matrices: sparse on a pattern, or dense
     sparse: int
     pattern: Pattern
@@ -110,6 +118,7 @@ class IntegratorWorkspace(Record):
     complex: ComplexFactors
     second: ComplexFactors  # of methods with more than three stages
     third: ComplexFactors
+    # order of Radau's method
     stage_count: int  # of the next step
     smoothed_contraction: float
     since_order: int  # number of steps with this many stages
@@ -122,7 +131,8 @@ class IntegratorWorkspace(Record):
     nodes: Floats  # 6
     coefficients: Floats  # 6 n: coefficients of the polynomial through them
     node_count: int  # 0: not yet computed
-    exponentials: ExponentialTables  # of the matrix exponential
+    # matrix exponential
+    exponentials: ExponentialTables
     # energy-conserving method
     energy: float  # energy to be conserved
     energies: Floats  # 1 + n: energy of a state, and its gradient
@@ -131,6 +141,7 @@ class IntegratorWorkspace(Record):
     slope: Floats  # 16 n: rates of the stages
     dense: Floats  # 7 n: coefficients of the dense output of the last step
     dense_known: int
+    # search for the fastest mode
     automatic: int  # 1: where only stability limits the steps, another method goes on
     fastest: float  # the rate of the fastest mode, 1/s; 0: not known
     direction: Floats  # n: direction of the fastest mode
