@@ -32,15 +32,20 @@ def banded_matrix(count: int, lower: int, upper: int, seed: int = 1) -> np.ndarr
     return full
 
 
-def banded(full: np.ndarray, right: np.ndarray, lower: int, upper: int) -> np.ndarray:
-    """`runtime.solve` of the band, as plain Python."""
+def stored(full: np.ndarray, right: np.ndarray, lower: int, upper: int) -> np.ndarray:
+    """The band row by row, then the right side."""
     count, width = len(full), lower + upper + 1
     entries = np.zeros(count * width + count)
     for i in range(count):
         for j in range(max(0, i - lower), min(count, i + upper + 1)):
             entries[i * width + j - i + lower] = full[i, j]
     entries[count * width :] = right
-    out = np.zeros(count)
+    return entries
+
+
+def banded(full: np.ndarray, right: np.ndarray, lower: int, upper: int) -> np.ndarray:
+    """`runtime.solve` of the band, as plain Python."""
+    count, entries, out = len(full), stored(full, right, lower, upper), np.zeros(len(full))
     with np.errstate(all="ignore"):
         runtime.solve(count, lower, upper, 1, entries, np.zeros(runtime.room(count, lower, upper, 1)), out)
     return out
@@ -60,6 +65,19 @@ def test_the_same_as_all_of_it(lower: int, upper: int) -> None:
     expected = np.linalg.solve(full, right)
     assert np.allclose(banded(full, right, lower, upper), expected, rtol=1e-9)
     assert np.array_equal(banded(full, right, lower, upper), dense(full, right))  # one after the other, bit by bit
+
+
+@pytest.mark.parametrize("lower, upper", [(1, 1), (2, 3), (0, 2), (4, 0)])
+def test_a_band_is_scaled_as_the_whole(lower: int, upper: int) -> None:
+    """Rows and columns of many magnitudes: each sees its own entries alone, and what is left of them is near 1 in the mean."""
+    full = banded_matrix(9, lower, upper) * 10.0 ** np.random.default_rng(2).integers(-6, 7, size=9)
+    of_band, of_all = np.zeros(9 * (lower + upper + 1) + 18), np.zeros(9 * 9 + 18)
+    runtime.balance(9, lower, upper, 1, stored(full, np.zeros(9), lower, upper), of_band)
+    runtime.balance(9, 8, 8, 0, full.ravel(), of_all)
+    np.testing.assert_array_equal(of_band[-18:], of_all[-18:])
+    rows, columns = np.split(of_all[-18:], 2)
+    sizes = np.where(full != 0, np.log2(np.abs(full) + (full == 0)) - np.log2(rows)[:, None] - np.log2(columns), np.nan)
+    assert np.abs(np.nanmean(sizes, axis=0)).max() < 1.1 and np.abs(np.nanmean(sizes, axis=1)).max() < 2.1
 
 
 def test_units_do_not_make_it_singular() -> None:

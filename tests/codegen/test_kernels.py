@@ -13,6 +13,7 @@ from compiler.codegen.program_image import ProgramImage
 from compiler.compilation import Compilation
 from compiler.jit.machine import object_code
 from tests.benchmarks import large_models
+from tests.codegen.test_banded import row_of_resistors
 from tests.compiling import MODELS, compiled
 
 FUNCTIONS = (
@@ -63,11 +64,12 @@ TEXTS = {
     "mesh": lambda n: large_models.network(large_models.mesh_edges(round(n**0.5)), round(n**0.5) ** 2),
     "star": lambda n: large_models.network(large_models.star_edges(n), n + 1),
     "random": lambda n: large_models.network(large_models.random_edges(n, n // 2), n),
+    "band": lambda n: row_of_resistors(n),
 }
 
 
 @pytest.mark.machine_code
-@pytest.mark.parametrize("kind", ["mesh", "star", "random", "coils"])
+@pytest.mark.parametrize("kind", ["mesh", "star", "random", "coils", "band"])
 def test_of_large_networks_too(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     made = compiled(TEXTS[kind](64), everything=True)
     for one, other in zip(*map(values, by_lines_and_by_kernels(made, monkeypatch)), strict=True):

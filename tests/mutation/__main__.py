@@ -123,15 +123,15 @@ class Sample:
         """Find the mutants that each test passes, then try each mutant by these tests."""
         programs = os.environ["BONDGRAPH_CACHE"] = str(self.folder / "programs")
         at_import = trials.installed.switch.passed & set(numbers)
-        inside = [n for n in numbers if n not in at_import]
+        inside, began = [n for n in numbers if n not in at_import], processor()
 
         def enough(found: list[Passing]) -> bool:
             counts = Counter(n for entry in found if entry["sound"] for n in entry["mutants"])
-            searched = sum(entry["seconds"] for entry in found) > self.search
+            searched = processor() - began > self.search
             return searched or (all(counts[n] >= self.enough for n in inside) and len(found) >= self.enough)
 
         modules = {Path(self.mutants[n].path).stem for n in inside}
-        found = trials.passing(items, self.folder / f"passing_{room.label}.json", modules, enough)
+        found = trials.passing(items, self.folder / f"passing{'_interpreted' * room.interpreted}.json", modules, enough)
         sound = {entry["test"]: entry["seconds"] for entry in found if entry["sound"]}
         alone: set[str] = set()  # tests that pass alone
         (self.folder / f"import_{room.label}.json").write_text(json.dumps([sorted(at_import), sound]), encoding="utf-8")

@@ -7,6 +7,12 @@ import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.simulation.integrators.linear_algebra.exponentials import (
+    MATRICES,
+    propagate,
+    room_for_tables,
+    use_matrix,
+)
 
 SECOND_ORDER = """
 model A {
@@ -161,3 +167,18 @@ def test_an_absolute_tolerance_is_a_positive_number(target: str, atol: float) ->
     """With none at all the first step had no length, and machine code went on for ever."""
     with pytest.raises(bondgraph.UsageError, match=r"^atol = "):
         bondgraph.load(SECOND_ORDER).simulate(to=1.0, atol=atol, target=target)
+
+
+def test_tables_of_more_matrices_than_there_is_room_for() -> None:
+    """x' = -a x from 1: exp(-a t), for seven a in turn; tables that are still there are used again, even if they have one length."""
+    tables, place = room_for_tables(1, 1), np.array([0])
+    for a in range(1, 8):
+        for _ in range(2):
+            use_matrix(tables, place, place, np.array([-float(a)]))
+            assert tables.used == tables.newest == a % MATRICES
+        x, tables.rate[0] = np.ones(1), -a
+        propagate(tables, place, place, 0.3, x)
+        assert x[0] == pytest.approx(np.exp(-0.3 * a), rel=1e-13)
+    for a in range(8 - MATRICES, 8):
+        use_matrix(tables, place, place, np.array([-float(a)]))
+        assert (tables.used, tables.newest) == (a % MATRICES, 7 % MATRICES)
