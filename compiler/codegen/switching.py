@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import pi
+from itertools import product
+from math import pi, prod
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import (
@@ -38,6 +39,7 @@ from .lowered import Lowered
 from .program import ConditionNote
 
 HALF = Number(0.5)
+MOST_PIECES = 8  # of a function of time that is affine in pieces
 
 
 def _is_smooth(operator: str) -> bool:
@@ -282,6 +284,24 @@ class Switching:
             known[x] = linear and all(self._is_affine(o, known) for o in moving)
         return known[x]
 
+    def _pieces(self, x: Expression, known: dict[Expression, tuple[Expression, ...]]) -> tuple[Expression, ...]:
+        """Affine functions of time of which an expression is one at each instant, as `max(time/T, 0) - 1` is; empty if it is another, or of too many."""
+        if not isinstance(x, Apply) or not self.result.dependence(x) & TIME or self._is_affine(x, {}):
+            return (x,)
+        if x not in known:
+            choices = [self._pieces(o, known) for o in x.operands]
+            moving = [o for o in x.operands if self.result.dependence(o) & TIME]
+            linear = x.operator == "add" or (x.operator == "multiply" and len(moving) == 1)
+            every: list[Expression] = []
+            if x.operator in ("min", "max") and all(choices):
+                every = [piece for pieces in choices for piece in pieces]
+            elif (linear or (x.operator == "divide" and moving == [x.operands[0]])) and prod(
+                map(len, choices)
+            ) <= MOST_PIECES:
+                every = [_rebuilt(x.operator, operands) for operands in product(*choices)]
+            known[x] = tuple(dict.fromkeys(every)) if len(every) <= MOST_PIECES else ()
+        return known[x]
+
     def _opened(self, symbol: Symbol) -> Expression:
         """Condition behind an item of the mode: the mode can then be computed from time alone."""
         leaf: Leaf = symbol.key
@@ -311,6 +331,10 @@ class Switching:
         if g in self.bends or not self.result.dependence(g) & TIME:
             return
         self.bends.add(g)
+        if not condition and not self.result.dependence(g) & MODE and len(pieces := self._pieces(g, {})) > 1:
+            for piece in pieces:
+                self._instant(piece)
+            return
         time = Symbol(Leaf("time", 0))
         slope = derivative(g, time)
         formula = not (self.result.dependence(slope) & TIME or self.result.dependence(g) & MODE)

@@ -180,6 +180,10 @@ def test_a_noise_whose_rate_changes_with_time_is_refused_unless_states_change_it
         (call("abs", add(T, Number(-2.0))), [2.0], 0),
         (call("min", multiply(Number(3.0), T), Number(6.0)), [2.0], 0),
         (call("max", multiply(T, T), T), [0.0], 1),
+        (call("min", call("max", T, Number(1.0)), Number(3.0)), [1.0, 3.0], 0),
+        (call("max", Number(0.0), call("min", Number(2.0), multiply(Number(0.5), T))), [4.0, 0.0], 0),
+        (call("abs", add(call("max", multiply(Number(2.0), T), T), Number(-4.0))), [0.0, 2.0, 4.0], 0),
+        (call("min", call("max", multiply(T, T), Number(4.0)), Number(9.0)), [0.0], 2),
         (call("abs", X), [], 0),
         (call("exp", multiply(Number(-1.0), add(T, Number(-2.0)), add(T, Number(-2.0)))), [2.0], 0),
         (call("exp", multiply(Number(-1.0), T, L)), [0.0], 0),
@@ -193,3 +197,16 @@ def test_kinks_and_centres_of_pulses_are_instants(x: Expression, instants: list[
     assert [evaluate(i, lambda _: 0.0) for i in found.result.instants] == instants
     assert len(found.result.crossings) == crossings
     assert found.result.bends == ([X] if x == call("abs", X) else [])
+
+
+def test_a_function_of_many_pieces_is_searched() -> None:
+    """A sum of thirty clips has 2^30 pieces, and thirty levels that read the level below twice as many: neither is written out."""
+    wide = add(*(call("max", T, Number(float(i))) for i in range(30)))
+    deep: Expression = T
+    for i in range(30):
+        deep = call("min", add(deep, T), multiply(Number(2.0 + i), deep))
+    for x, instants in ((wide, 30), (deep, 4)):
+        found = switching()
+        found.replaced(call("abs", add(x, Number(-0.5))))
+        assert len(found.result.crossings) > 0
+        assert len(found.result.instants) == instants
