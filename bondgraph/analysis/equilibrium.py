@@ -11,6 +11,7 @@ from ..errors import UsageError
 from ..rendering import Summarised
 from .json_values import finite, head, named, pair, with_units
 from .operating_point import OperatingPoint
+from .pulses import held_note
 from .sampled import is_sampled, sampled_verdict
 from .verdict import Verdict, verdict
 
@@ -38,6 +39,7 @@ class Equilibrium(Summarised):
     verdict: Verdict
     report: Sequence[Reported] = ()  # units in which the experiment shows outputs
     steady: Mapping[str, float] = field(default_factory=dict)
+    note: str = ""  # of a model that time moves
 
     @property
     def growth(self) -> float:
@@ -61,7 +63,7 @@ class Equilibrium(Summarised):
         """Return JSON values by the schema `bondgraph-equilibrium/1`.
 
         {schema, model, experiment, time, states, unknowns, outputs, growth, stable (null: not decided)}, and where there are some, `bound` of the growth,
-        `undecided` eigenvalues, `undamped` ones, and `steady` rates.
+        `undecided` eigenvalues, `undamped` ones, `steady` rates, and a `note` where time moves the model.
         """
         parts = {word: with_units(getattr(self, word), self.units) for word in ("states", "unknowns", "outputs")}
         entries = {**head(SCHEMA, self), "time": self.time, **parts}
@@ -70,6 +72,7 @@ class Equilibrium(Summarised):
             entries |= {"bound": finite(self.verdict.bound), "undecided": [pair(v) for v in self.verdict.undecided]}
         if self.verdict.undamped:
             entries["undamped"] = [pair(v) for v in self.verdict.undamped]
+        entries |= {"note": self.note} if self.note else {}
         if self.steady:
             entries["steady"] = with_units(self.steady, dict.fromkeys(self.steady, "1/s"))
         return entries
@@ -82,6 +85,7 @@ def equilibrium(point: OperatingPoint) -> Equilibrium:
     return Equilibrium(
         program.name, point.made.plan.experiment, point.time, point.stored(point.state),
         named(program.unknowns.names, point.state[n:]), outputs, units_of(point), _verdict(point), point.made.plan.report, point.steady,
+        held_note(point),
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from ..quantities import listed
 from ..rendering import Summarised
 from .json_values import head, named, rows_of, with_units
 from .operating_point import OperatingPoint
-from .pulses import refuse_moving_pulses
+from .pulses import held_note, refuse_moving_pulses
 
 SCHEMA = "bondgraph-linearization/1"
 
@@ -44,11 +44,12 @@ class Linearization(Summarised):
     y: Array
     rates: Array
     unneeded: tuple[str, ...] = ()
+    held: str = ""  # note on a model that time moves
 
     @property
     def note(self) -> str:
-        """Note on the states that are left out; empty for the whole model."""
-        return part_note(self.unneeded)
+        """Note on the states that are left out, and on a model that time moves; empty for the whole of one that it does not."""
+        return "; ".join(filter(None, (part_note(self.unneeded), self.held)))
 
     def to_scipy(self) -> Any:
         """Return a continuous `scipy.signal.StateSpace`. Raises ValueError without an input or output, as that has no such form."""
@@ -102,6 +103,7 @@ def linearization(point: OperatingPoint, partial: bool = False) -> Linearization
         program.name, point.made.plan.experiment, point.time, tuple(program.states.names[i] for i in chosen), point.by,
         program.outputs.names, linear_units(point), state_slopes, by_slopes, output_slopes, through, point.state[chosen],
         point.values_of(point.by), point.outputs, point.rates[chosen], point.unneeded,
+        held_note(point, linear=True),
     )  # fmt: skip
 
 

@@ -165,7 +165,7 @@ def modes(point: OperatingPoint) -> Modes:
         Mode(complex(v), names_of_all, shapes[:, i], amplitudes[:, i], shares[:, i]) for i, v in enumerate(values)
     )  # fmt: skip
     part = part_note(linear.unneeded, "; their own modes are not shown, and shapes and energies are those of the rest")
-    note = "; ".join(filter(None, (_note(linear), part)))
+    note = "; ".join(filter(None, (_note(linear), part, linear.held)))
     return Modes(linear.model, linear.experiment, point.time, made, units, note, linear.unneeded)
 
 

@@ -1,6 +1,7 @@
-"""Stairs of time whose instants move with a state or an input: pulses of a width that something decides.
+"""Time in the equations of an analysis of one instant: a note on what is held there, and pulses whose instants move.
 
-Their value at one instant has no slope, while their mean has: a linear model of one instant would say that nothing follows.
+Stairs of time whose instants move with a state or an input have no slope at one instant, while their mean has: a linear model of one instant would
+say that nothing follows.
 """
 
 from __future__ import annotations
@@ -20,6 +21,25 @@ if TYPE_CHECKING:
 TIME = Symbol(Leaf("time", 0))
 STAIRS = ("floor", "ceil")
 COMPARISONS = ("less", "less_equal")
+
+
+def held_note(point: OperatingPoint, linear: bool = False) -> str:
+    """Return the note on a result that would be another at another instant, as time moves the rates (`linear`: their slopes). Empty if it would not."""
+    lowered = point.lowered
+    moving = {TIME, *(Symbol(Leaf("mode", place)) for place in lowered.events.timed)}
+    rates = [*lowered.rates, *(item.root for item in lowered.events.located)]
+    if not any(s in moving for root in rates for s in symbols(root)):
+        return ""
+    bent = {Symbol(Leaf("state", i)) for i in range(point.all)} | moving
+    if linear and not any(s in bent for slope in lowered.jacobian.values() for s in symbols(slope)):
+        return ""
+    instant = f"t = {point.time:.6g} s"
+    what = (
+        f"slopes are those of {instant}"
+        if linear
+        else f"it would rest here if all that time moves kept its values of {instant}"
+    )
+    return f"time moves the equations: {what}; write means for pulses and oscillations, or simulate"
 
 
 def refuse_moving_pulses(point: OperatingPoint) -> None:
