@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import bondgraph
 from bondgraph.model import Model
@@ -313,3 +314,21 @@ def test_every_method_tells_a_tolerance_below_rounding(name: str, to: float | No
     assert isinstance(warning, ToleranceDoubt) and "is below what rounding leaves" in str(warning)
     for output in held.names:
         assert np.abs(held[output] - below[output]).max() < 3e-8 * np.abs(held[output]).max()
+
+
+@pytest.mark.parametrize("solver", ["radau", "rodas"])
+@pytest.mark.parametrize(("volts", "start"), [(0.3, 0.0), (5.0, 0.0), (5.0, 0.7)])
+def test_a_diode_over_very_many_time_constants(volts: float, start: float, solver: str) -> None:
+    """A millionth of the run ahead of the start, where a first step is estimated, its exponential has no value."""
+    text = f"""model Junction {{
+  Se bias : u = {volts} V
+  R lead : u = 1 ohm*i
+  C store : q = 1 pF*u {{ start u = {start} V }}
+  R diode : i = 1e-9*1 A*(exp(u/26 mV) - 1)
+  bias -> 1(lead) -> 0(store, diode)
+  output u = diode.u
+}}"""
+    found = model(text).simulate(to=1e-2, points=3, solver=solver, target="numpy")
+    assert found["u"][0] == start and not found.warnings
+    rest = brentq(lambda u: volts - u - 1e-9 * np.expm1(u / 0.026), 0.0, 2.0, xtol=1e-15)
+    np.testing.assert_allclose(found["u"][1:], rest, rtol=1e-6)

@@ -40,6 +40,7 @@ MOST_PIVOTS = 1000
 PATIENCE = 4  # block pivots without progress before one valve at a time changes
 SETTLED = 1e-6  # relative to the waves: end of the iteration for nonlinear laws
 NEWTON = 30  # iterations for networks with nonlinear laws
+LEAST_WAVE = 1e-6  # in the unit of efforts: differences over less are the rounding of the unknowns of loops
 IMPEDANCES = 6  # rounds in which the impedance of the waves is chosen
 STEP, IMPEDANCE = "step of the companion", "impedance of the valves"  # its inputs, besides the waves
 # of stored quantities: an input where a law is nonlinear, and an output
@@ -100,25 +101,36 @@ class Companion:
         self.networks: dict[tuple[str, ...], CompanionNetwork] = {}
         self.instants: list[float] = []  # the start, and the switching instants of valves
         self.stored: dict[str, float] = {}  # by name: last known values of stored quantities
-        self.against: tuple[float, frozenset[bytes]] = (np.nan, frozenset())  # sets refuted at an instant
+        # sets refuted at an instant, each with the problem in which it was
+        self.against: tuple[float, frozenset[tuple[bytes, tuple[object, ...]]]] = (np.nan, frozenset())
         self.decided: tuple[object, ...] = ()  # the last problem, and the set that solves it
 
     # ------------------------------------------------------------ valves
     def another(self, at: Instant, guess: BoolArray) -> Any:
         """Return a conducting set for a longer or shorter step, where this set was refuted by its own program; None if all steps lead to refuted sets."""
-        self.against = at.time, self._refused(at.time) | {guess.tobytes()}
-        return self._not_refused(at, guess)
+        before = self.against[1] if self.against[0] == at.time else frozenset()
+        self.against = at.time, before | {(guess.tobytes(), self._problem(at))}
+        return self._not_refused(at, guess, self._refused(at.time))
+
+    def again(self, at: Instant, guess: BoolArray) -> Any:
+        """Return a conducting set that was not refuted with these stored quantities: an impulse may have changed them since it was.
+
+        Raises `RunFailed` if there is none.
+        """
+        problem = self._problem(at)
+        found = self._not_refused(at, guess, self._refused(at.time, problem))
+        if found is None:
+            raise self.without_a_set(at.time)
+        return found
 
     def conducting(self, at: Instant, guess: BoolArray) -> Any:
-        """Return a mask of the valves that conduct just after an instant. Raises `RunFailed`."""
-        conducting = self._not_refused(at, guess)
-        if conducting is None:
-            raise self.without_a_set(at.time)
-        return conducting
+        """Return a mask of the valves that conduct just after an instant; `guess`: those that do now. Raises `RunFailed`."""
+        found = self._not_refused(at, guess, self._refused(at.time))
+        return self.again(at, guess) if found is None else found
 
-    def _not_refused(self, at: Instant, guess: BoolArray) -> Any:
-        """Return the first conducting set, over the steps to try, that was not refuted at this instant; None if there is none."""
-        refused, problem = self._refused(at.time), self._problem(at)
+    def _not_refused(self, at: Instant, guess: BoolArray, refused: frozenset[bytes]) -> Any:
+        """Return the first conducting set, over the steps to try, that is not among refuted ones; None if there is none."""
+        problem = self._problem(at)
         if self.decided == (*problem, guess.tobytes()) and guess.tobytes() not in refused:
             return guess  # the program of this set asks again
         solved = (self._solved(at, guess, step) for step in self.steps(at.time))
@@ -141,13 +153,14 @@ class Companion:
             "and every flow at or above zero;", "look for a source that works against another through valves, or put a resistor in line with one of them",
         )  # fmt: skip
 
-    def _refused(self, time: float) -> frozenset[bytes]:
-        """Return the sets that were refuted at an instant."""
-        return self.against[1] if self.against[0] == time else frozenset()
+    def _refused(self, time: float, problem: tuple[object, ...] | None = None) -> frozenset[bytes]:
+        """Return the sets that were refuted at an instant; `problem`: only those that were refuted in it."""
+        pairs = self.against[1] if self.against[0] == time else frozenset()
+        return frozenset(on for on, refuted_in in pairs if problem in (None, refuted_in))
 
     def begin(self, time: float, off: tuple[str, ...]) -> dict[str, float]:
         """Return the modes of the valves at the beginning of a run, as far as the written start values decide them. `off`: other junctions that are off."""
-        on = self.conducting(Instant(time, {}, {}, off), np.zeros(len(self.valves), dtype=bool))
+        on = self.again(Instant(time, {}, {}, off), np.zeros(len(self.valves), dtype=bool))
         return {v.mode: v.conducting if c else 1.0 - v.conducting for v, c in zip(self.valves, on, strict=True)}
 
     def step(self, share: float, time: float) -> float:
@@ -303,7 +316,7 @@ class Companion:
             before, waves, on = waves, self.signs * found[1], found[0]
             if network.linear or np.abs(waves - before).max(initial=0.0) <= SETTLED * np.abs(waves).max(initial=0.0):
                 break
-            size = 1e-4 * max(float(np.abs(waves).max()), 1e-300)
+            size = 1e-4 * max(float(np.abs(waves).max()), LEAST_WAVE)
         return on[: len(self.valves)], lambda: self._outputs(network, at, where, (step, z, waves[None]))[0]
 
     def _outputs(self, network: CompanionNetwork, at: Instant, where: tuple[Any, Any], values: tuple[float, float, Any]) -> Any:  # fmt: skip

@@ -42,12 +42,10 @@ class ValveSwitching:
             if self.indicators.actives(at) != self.indicators.actives(before) or not self._contradicted(at):
                 return at, []
             other = companion.another(instant, said)
-            if other is None:
-                if not self._upheld(at):
-                    raise companion.without_a_set(at.time)
+            if other is None and self._upheld(at):
                 companion.against = at.time, frozenset()
                 return at, []
-            found = other
+            found = companion.again(instant, said) if other is None else other
         companion.switched(at.time)
         mode = at.mode.copy()
         mode[self.modes] = np.where(found, self.conducts, 1.0 - self.conducts)

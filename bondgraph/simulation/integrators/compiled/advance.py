@@ -93,15 +93,23 @@ def put_first_size(s: IntegratorWorkspace) -> None:
     d1 = sqrt(d1) / sqrt(float(s.n))
     h0 = 1e-6 * span if d0 < 1e-5 or d1 * span < 1e-5 else 0.01 * max(d0, 1.0) / d1
     h0 = min(h0, span) if isfinite(h0) and h0 > 0.0 else 1e-6 * span
-    for i in range(s.n):
-        s.new[i] = s.state[i] + h0 * s.rate[i] if i < s.differential else s.state[i]
-    rates(s, s.time + h0, s.new, s.f)
-    d2 = 0.0
-    for i in range(s.differential):
-        if isfinite(s.scale[i]):
-            d2 += (s.f[i] - s.rate[i]) / s.scale[i] * ((s.f[i] - s.rate[i]) / s.scale[i])
-    d2 = sqrt(d2) / sqrt(float(s.n)) / h0
+    d2 = curvature(s, h0)
+    if not isfinite(d2) and d1 > 0.0:  # a law has no value that far ahead
+        h0 = min(h0, 0.01 * max(d0, 1.0) / d1)
+        d2 = curvature(s, h0)
     h1 = first_length(d1, d2, 1.0 / float(ESTIMATES[s.method]))
-    if not isfinite(h1):
+    if not (isfinite(h1) and isfinite(d2)):
         h1 = h0
     s.size = min(max(min(100.0 * h0, h1), FIRST_ULPS * ulp(s.time)), span)
+
+
+def curvature(s: IntegratorWorkspace, length: float) -> float:
+    """Return the norm of the second derivative, by the rates at the end of an explicit step; not finite where they have no value there."""
+    for i in range(s.n):
+        s.new[i] = s.state[i] + length * s.rate[i] if i < s.differential else s.state[i]
+    rates(s, s.time + length, s.new, s.f)
+    total = 0.0
+    for i in range(s.differential):
+        if isfinite(s.scale[i]):
+            total += (s.f[i] - s.rate[i]) / s.scale[i] * ((s.f[i] - s.rate[i]) / s.scale[i])
+    return sqrt(total) / sqrt(float(s.n)) / length

@@ -196,6 +196,9 @@ def moved_share(e: Euler) -> float:
         e.reached[e.rows[k]] = max(
             e.reached[e.rows[k]], abs(e.size * e.jacobian[k]) * abs(e.x[column] + e.slope[column])
         )
+    for k in range(e.entry_count):  # a stiff state follows the terms of its rate, and their rounding moves it less
+        if e.rows[k] == e.columns[k]:
+            e.reached[e.rows[k]] /= 1.0 + abs(e.size * e.jacobian[k])
     result = 0.0
     for i in range(e.differential):
         whole = max(max(e.largest[i], ROUNDING * e.reached[i]), max(abs(e.x[i]), abs(e.x[i] + e.slope[i])))
