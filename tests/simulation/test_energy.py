@@ -60,3 +60,5 @@ def test_what_a_law_does_not_explain_is_told() -> None:
     balance = EnergyBalance(elements, 3.0, 0.0, 0.0, -0.25)
     (told,) = unexplained(balance, 3.0, 1e-6)
     assert told.startswith("`field` creates 0.25 J that its law does not explain")
+    still = EnergyBalance((ElementEnergy("field", "C", 0.0, 0.0, 0.0, 0.0),), 0.0, 0.0, 0.0, 0.0)
+    assert unexplained(still, 0.0, 1e-6) == []
