@@ -238,6 +238,8 @@ def test_tables_keep_together_when_something_grows() -> None:
     assert body("Se push : F=1\nI  mass : p=m*v   # one\nC  s    : F=k*x   # two") == (
         "Se push : F = 1\nI  mass : p = m*v   # one\nC  s    : F = k*x   # two"
     )
+    first = "model A{ }     # one\nmodel BBB { }  # two\n"  # from the first line on
+    assert formatted(first) == "model A {}    # one\nmodel BBB {}  # two\n"
 
 
 def test_what_is_no_table_is_tidied() -> None:
