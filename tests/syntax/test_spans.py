@@ -89,6 +89,12 @@ def test_spans_of_the_sketches(path: Path) -> None:
     assert count > 20
 
 
+@pytest.mark.parametrize("text", ["a, b -> c", "a -> b, c", "a, b.x -> 1(r, s) -> c, d[1]"])
+def test_bonds_go_from_their_first_place_to_their_last(text: str) -> None:
+    statements = parse(Source("t.bg", f"model A {{ {text} }}")).statements
+    assert [n.span.text for n in nodes(statements) if isinstance(n, tree.Bonds)] == [text]
+
+
 def expression_texts(text: str) -> set[str]:
     statements = parse(Source("t.bg", f"model A {{ signal s = {text} }}")).statements
     return {n.span.text for n in nodes(statements) if isinstance(n, tree.ExpressionSyntax)}
