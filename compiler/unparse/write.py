@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from ..algebra.expression import Symbol
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..graph.domains import DOMAINS
 from ..graph.elements import TRANSDUCERS
-from ..graph.network import BondEnd, BondGraph, Event, Junction, MechanismNode, Named, Node, Requirement
+from ..graph.network import BondEnd, BondGraph, Delay, Event, Junction, MechanismNode, Named, Node, Requirement
 from ..graph.units import ONE, SECOND
 from .element import element_line
 from .errors import UnwrittenDomain
@@ -37,6 +38,12 @@ def _is_plain(graph: BondGraph) -> bool:
     return domains == {"untyped"} and all(n.unit == "1" for n in named)
 
 
+def _delay_of(named: Named, graph: BondGraph) -> Delay | None:
+    """Delay that a quantity reads and nothing else; None for any other."""
+    read = None if named.definition is None else named.definition.expression
+    return graph.delays.get(getattr(read.key, "name", "")) if isinstance(read, Symbol) else None
+
+
 class _Writer:
     """Writer of one graph."""
 
@@ -49,12 +56,16 @@ class _Writer:
         self.names = choose_names(graph, self.shared, separate, self.plain)
         self.words = Words(graph, self.names, self.plain)
         self.mistakes: list[Diagnostic] = []
+        # signals and outputs that are a delay and nothing else, by name: the text needs no second name for it
+        entries = (*graph.quantities.values(), *graph.outputs.values())
+        self.delayed = {n.name: d for n in entries if (d := _delay_of(n, graph)) is not None}
 
     def text(self) -> str:
         """The whole text."""
         graph = self.graph
         nodes = [n for n in graph.nodes if n.name not in self.shared]
-        inner = [q for n, q in graph.quantities.items() if not self._is_output(n)]
+        unneeded = {d.name for d in self.delayed.values()}
+        inner = [q for n, q in graph.quantities.items() if not self._is_output(n) and n not in unneeded]
         parts = [line for n in nodes for line in self._told(n, self._node(n))]
         quantities = [line for q in inner for line in self._told(q, self._quantity(q))]
         quantities += [f"constant {name} = {number_text(value)}" for value, name in self.words.constants.items()]
@@ -122,8 +133,7 @@ class _Writer:
                 self.words.bound(integral.start, dimension),
             )
             value = f"integral({rate}, {start})"
-        elif named.name in self.graph.delays:
-            delay = self.graph.delays[named.name]
+        elif (delay := self.graph.delays.get(named.name) or self.delayed.get(named.name)) is not None:
             lag = self.words.bound(delay.lag, ONE if self.plain else SECOND)
             value = f"delay({self.words.bound(delay.value, dimension)}, {lag})"
         elif named.definition is not None:

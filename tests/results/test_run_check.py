@@ -98,3 +98,10 @@ def test_what_goes_on_from_a_result_is_not_checked() -> None:
     model = bondgraph.load(OSCILLATOR)
     with pytest.raises(UsageError, match="cannot be checked"):
         model.simulate(start=model.simulate(to=1), to=2, check=True)
+
+
+def test_a_run_that_ends_at_its_start_is_repeated_without_steps() -> None:
+    model = bondgraph.load(
+        "model N { signal x = integral(1 [1/s], 0)\n output y = x\n experiment e { simulate 0 .. 2 s; stop when x > -1 } }"
+    )
+    assert "repeated with no steps, rtol" in model.simulate("e", check=True).summary()

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -137,3 +138,17 @@ def test_chains_and_fans_are_the_same_bonds(bonds: list[tuple[str, str, str]]) -
             assert len(tails) == 1 or len(heads) == 1
             found += [(t.words, arrow, h.words) for t in tails for h in heads]  # type: ignore[union-attr]
     assert found == wanted
+
+
+def test_a_delay_has_one_name() -> None:
+    """A delay within an expression gets a name once; a signal that is a delay keeps its own; neither gains another in the text of the text."""
+    text = (
+        "model M {\n signal a = delay(time, 1 s), b = a\n output y = a, z = delay(a, 0.5 s), w = floor(delay(time, 0.3 s)/0.25 s)\n"
+        " experiment e { simulate 0 .. 2 s } }"
+    )
+    first = bondgraph.load(text)
+    second = bondgraph.load(first.text())
+    assert second.text() == bondgraph.load(second.text()).text()
+    assert "signal a: s = delay(time, 1 s)" in second.text() and second.text().count("delay(") == 3
+    found = second.simulate(to="2 s", points=9)
+    np.testing.assert_allclose(found["z"], np.maximum(found.time - 1.5, 0), atol=1e-12)

@@ -112,7 +112,7 @@ def _check(check: RunCheck) -> str:
     """Return the comparison of the run with its repetition: output by output, and the conclusion."""
     if check.failure:
         return visible(check.sentence)
-    head = f"check: repeated with {check.solver}, rtol {check.rtol:g}, in {check.parts} parts"
+    head = f"check: repeated with {check.solver or 'no steps'}, rtol {check.rtol:g}, in {check.parts} parts"
     heads = ("", "difference", "of magnitude", "covered", "unit")
     rows = [
         (short(r.name), *(f"{v:.3g}" for v in (r.difference, r.share, r.promised)), "" if r.unit == "1" else r.unit)
