@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.analysis.response import first_harmonic
 from bondgraph.errors import UsageError
 from tests.compiling import MODELS
 
@@ -24,6 +25,14 @@ model A {
 }
 """
 DRIVEN = OSCILLATOR.replace("body -> mass", "input f = 3 N\n  MSe push : F = f\n  push -> body -> mass")
+
+
+def test_a_first_harmonic_and_what_moves_beside_it() -> None:
+    """Im((3 + 4i) exp(i w t)) has an amplitude of 5; a tone of 0.5 beside it is a tenth."""
+    time = np.arange(600) / 200.0
+    values = 3 * np.sin(4 * np.pi * time) + 4 * np.cos(4 * np.pi * time) + 0.5 * np.sin(12 * np.pi * time) + 7
+    value, share = first_harmonic(time, values, 2.0)
+    assert (value, share) == (pytest.approx(3 + 4j, rel=1e-12), pytest.approx(0.1, rel=1e-12))
 
 
 def test_oscillator() -> None:

@@ -125,6 +125,9 @@ class TestResponse:
         found = bondgraph.load(loop(2.0, 1e-3)).response(["w"], ["y"])
         assert abs(found.of("w", "y")[0]) == pytest.approx(2 / 3, rel=1e-4)
         assert found.frequencies[-1] == pytest.approx(500.0) and "sampled" in found.summary()
+        slow = bondgraph.load(loop(0.5, 1e-3, tau=0.1)).response(["w"], ["y"])  # from a tenth of its slowest pole on
+        a = math.exp(-0.01)
+        assert slow.frequencies[0] == pytest.approx(-math.log(a - 0.5 * (1 - a)) / 1e-3 / (20 * math.pi), rel=1e-9)
 
     def test_refused(self) -> None:
         model = bondgraph.load(loop(2.0, 1e-3))

@@ -10,6 +10,8 @@ from scipy.special import lambertw
 
 import bondgraph
 from bondgraph.errors import RunFailed
+from compiler.algebra.expression import Symbol
+from compiler.reduction.round_trips import Sums
 from compiler.reduction.state_space import LinearLoop
 from tests.compiling import Running, compiled, mistake, mistakes
 
@@ -247,3 +249,12 @@ def test_a_gyrator_that_gives_back_what_it_takes(kind: str, ratio: str) -> None:
     # All of the push goes into the gyrator, whose flow is what the other loop carries round.
     assert result["e"] == pytest.approx(7.0)
     assert result["taken"] == pytest.approx(7 * (2 + np.sin(result.time)), rel=1e-9)
+
+
+def test_terms_that_return_cancel_and_small_ones_stay() -> None:
+    """s = x + 2 y: in s - x only 2 y is left; 1e-20 x beside y is no rounding, whatever the units, and 1e-16 x that remains of x is."""
+    x, y, s = Symbol("x"), Symbol("y"), Symbol("s")
+    sums = Sums({"s": x + 2.0 * y})
+    assert sums.open(s - x) == ({y: 2.0}, True)
+    assert sums.open(1e-20 * x + y) == ({x: 1e-20, y: 1.0}, False)
+    assert sums.open(s - (1.0 - 2e-16) * x) == ({y: 2.0}, True)
