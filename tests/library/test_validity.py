@@ -121,3 +121,17 @@ def test_a_resistor_that_would_become_negative() -> None:
     """
     (item,) = left("thermal", "HeatedResistor", body, 1.69)
     assert item.time == pytest.approx(100 / 60, rel=1e-6) and item.text == "a resistance"
+
+
+@pytest.mark.parametrize(("library", "part", "body", "empty"), [
+    ("hydraulic", "Tank", "Tank part { area = 2 [m^2], level_0 = 1 m }\n Sf out : Q = -1 [m^3/s]\n out -> part.bottom\n output x = part.level", 2.0),
+    ("pneumatic", "GasVolume", "GasVolume part { V = 1 L, P_0 = 2 bar }\n Sf out : f = -1 [g/s]\n out -> part.line\n output x = part.mass",
+     2e5 * 1e-3 / (287.06 * 293.15) / 1e-3),
+    ("mems", "ParallelPlate", "Se u : u = 0\n ParallelPlate part\n Sf move : v = 1 [um/s]\n u -> part.pins\n part.plate -> move\n output x = part.way", 2.0),
+    ("mems", "CombCapacitor", "Se u : u = 0\n CombCapacitor part\n Sf move : v = -10 [um/s]\n u -> part.pins\n part.shuttle -> move\n output x = part.way", 2.0),
+])  # fmt: skip
+def test_nothing_is_left(library: str, part: str, body: str, empty: float) -> None:
+    """An empty tank, an empty vessel, plates that touch, fingers that have left each other: at instants that are known."""
+    assert left(library, part, body, 0.99 * empty) == ()
+    (item,) = left(library, part, body, 1.2 * empty)
+    assert item.owner == "part" and item.time == pytest.approx(empty, rel=1e-4)
