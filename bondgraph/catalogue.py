@@ -64,7 +64,7 @@ class PartQuantity:
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """Everything of a part that its surroundings see; `limits` are the texts of its `require`s."""
+    """Everything of a part that its surroundings see; `limits` are its `require`s, each condition with its text."""
 
     ports: tuple[PartPort, ...]
     quantities: tuple[PartQuantity, ...]
@@ -125,7 +125,11 @@ def interface_of(part: LibraryPart) -> Interface:
     """Return ports, quantities and limits of a part. Raises `CompilationFailed` if its text cannot be parsed."""
     model = next(iter(api.parse(api.Source(part.library, part.text)).models.values()))
     quantities = [q for role in ("parameter", "input", "output") for q in _quantities(model, role)]
-    limits = [s.text for s in model.statements if isinstance(s, api.RequirementSyntax)]
+    limits = [
+        f"{s.condition.span.text}{f' ({s.text})' * bool(s.text)}"
+        for s in model.statements
+        if isinstance(s, api.RequirementSyntax)
+    ]
     return Interface(tuple(_ports(model)), tuple(quantities), tuple(limits))
 
 

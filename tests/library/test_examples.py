@@ -95,7 +95,7 @@ def test_a_page_has_everything() -> None:
         "Pipe, of hydraulic",
         "128 μ l",
         "Hagen 1839",
-        "laminar flow",
+        "abs(reynolds) < 2300 (laminar flow)",
         "a  hydraulic  arrow in",
         "b  hydraulic  arrow out",
         "viscosity",
