@@ -85,6 +85,7 @@ class Phase:
         course = self._timeline(program, (start, float(instants[-1])), {} if smooth is None else smooth)
         self.stretches, self.timed = course.segments, course.notes
         found = self._start()
+        self.constants = self.constraints.constants  # a start finds redundant constraints and leaves them out
         self.stretches[0] = found.first
         self.state, self.start_notes, self.events, self.jumps = found.state, found.notes, found.events, found.jumps
         self.begins_without, self.goes_on_without = found.begins_without, found.goes_on_without

@@ -61,6 +61,7 @@ def test_chaplygin_s_sleigh(target: str, skates: str) -> None:
     assert abs(run.energy.residual) < 1e-8
     followed = [note for note in run.notes if "follow" in note and "mobility 2" in note]
     assert bool(followed) is (skates is TWO)
+    assert all("a `reaction` reads 0 there" in note for note in followed)
     a, rate = 0.3, -2.0 * 0.3 * u * w / (0.5 + 2.0 * 0.3**2)
     if skates is ONE:  # force across the blade, in world axes
         np.testing.assert_allclose(run["F"], 2.0 * (u * w + a * rate) * np.cos(phi), atol=1e-7)

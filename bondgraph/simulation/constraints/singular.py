@@ -281,7 +281,8 @@ def told_of(assembled: Assembled | None, poses: list[SingularPose]) -> tuple[str
         count = len(assembled.redundant)
         notes.append(
             f"{count} constraint{'s' * (count != 1)} of closing joints follow{'s' * (count == 1)} from the others and take{'s' * (count == 1)} "
-            f"no part ({names}); mobility {assembled.mobility}"
+            f"no part ({names}); mobility {assembled.mobility}. Nothing determines which force would act along {'it' if count == 1 else 'each'}: a `reaction` "
+            "reads 0 there, and the whole force at the joints that hold the same"
         )
     if poses:
         times = ", ".join(f"{p.time:.6g} s" for p in poses[:SHOWN]) + (", …" if len(poses) > SHOWN else "")
