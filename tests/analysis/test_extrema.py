@@ -85,6 +85,32 @@ def test_peaks_and_an_antiresonance(points: int) -> None:
     assert at_x[1].frequency == pytest.approx(3 / (2 * math.pi), rel=1e-8) and at_x[1].magnitude < 1e-9
 
 
+NEIGHBOURS = """model Neighbours {
+  input f = 1 N
+  MSe s : F = f
+  I a, b : p = 1 kg*v
+  C c, d : F = 1 [N/m]*x
+  R q, r : F = 1e-5 [N*s/m]*v
+  C weak : F = 1e-3 [N/m]*x
+  1 one, two
+  0 gap : translation
+  s -> one -> a, c, q
+  two -> b, d, r
+  one -> gap -> two
+  gap -> weak
+  output x = c.x
+}"""
+
+
+def test_peaks_that_are_close_together() -> None:
+    """Equal oscillators, weakly joined: x is half the sum of two peaks, at 1 and sqrt(1 + 2 k) rad/s, and turns near sqrt(1 + k) between them."""
+    extrema = bondgraph.load(NEIGHBOURS).response(["f"], ["x"], 0.01, 1.0, 20).extrema
+    assert [e.kind for e in extrema] == ["peak", "dip", "peak"]
+    expected = np.sqrt([1.0, 1.001, 1.002]) / (2 * np.pi)
+    assert [e.frequency for e in extrema] == pytest.approx(expected, rel=1e-6)
+    assert extrema[0].magnitude == pytest.approx(0.5e5, rel=1e-3)
+
+
 def test_a_mode_that_an_output_does_not_see_is_no_peak() -> None:
     """Two oscillators beside each other, one of which is driven."""
     text = oscillator(0.1).replace(
