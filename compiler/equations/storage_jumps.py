@@ -35,10 +35,10 @@ def storage_jumps(element: Element, graph: BondGraph, wanted: tuple[PortVariable
     forms = dict(zip(wanted, solved(law, wanted) or (), strict=False)) if derived else {}
     for of, x in ((None, law.energy), *((w, forms.get(w)) for w in derived)):
         values = decisive_values(element, graph) if x is not None and any(True for _ in _steps(x)) else None
-        found = None if x is None or values is None else _jump(x, values)
-        if found is None:
+        jump = None if x is None or values is None else _jump(x, values)
+        if jump is None:
             continue
-        variable, place, size = found
+        variable, place, size = jump
         where = f"`{port_name(element, variable.port, variable.variable)}` = {place:.4g}", f"{size:.4g}"
         if of is None:
             return EnergyJumps(element.span, name, *where)
@@ -60,13 +60,13 @@ def _jump(x: Expression, values: tuple[float, ...]) -> tuple[PortVariable, float
     """A variable of a storage, its value at the jump nearest to zero, and the height of that; None if none was found."""
     energy = substitute(x, lambda s: Number(values[s.key]) if isinstance(s.key, int) else s)
     choose = random.Random(0)
-    own, found = _own(energy), list[tuple[PortVariable, float, float]]()
+    own, jumps = _own(energy), list[tuple[PortVariable, float, float]]()
     for step in _steps(energy):
         for key in _own(step):
             for _ in range(TRIALS if len(own) > 1 else 1):
                 others = {k: choose.uniform(0.2, 1.0) * choose.choice((-1, 1)) for k in own}
-                found += ((key, *jump) for jump in _heights(energy, step, key, others))
-    return min(found, key=lambda jump: abs(jump[1]), default=None)
+                jumps += ((key, *jump) for jump in _heights(energy, step, key, others))
+    return min(jumps, key=lambda jump: abs(jump[1]), default=None)
 
 
 def _heights(
@@ -109,11 +109,11 @@ def _threshold(root: Callable[[float], float], low: float, high: float) -> float
 
 def _with(x: Expression, node: Apply, value: float) -> Expression:
     """The expression with a number in the place of one of its operations."""
-    known: dict[Expression, Expression] = {node: Number(value)}
+    replaced: dict[Expression, Expression] = {node: Number(value)}
 
     def walk(y: Expression) -> Expression:
-        if isinstance(y, Apply) and y not in known:
-            known[y] = Apply(y.operator, tuple(map(walk, y.operands)))
-        return known.get(y, y)
+        if isinstance(y, Apply) and y not in replaced:
+            replaced[y] = Apply(y.operator, tuple(map(walk, y.operands)))
+        return replaced.get(y, y)
 
     return walk(x)

@@ -54,8 +54,8 @@ def equilibrium_text(found: Equilibrium) -> str:
             rows.append((f"  {short(name)}", f"{number:.9g}", shown_unit(unit)))
     turning = [f"`{short(n)}` turns steadily, by {rate:.9g} 1/s" for n, rate in found.steady.items()]
     parts = [title(found.model, found.experiment, f"at rest at t = {found.time:.6g} s"), aligned(rows, "<><")]
-    held = [f"note: {visible(found.note)}"] if found.note else []
-    return "\n\n".join([*parts, *turning, stability_text(found.verdict), *held])
+    notes = [f"note: {visible(found.note)}"] if found.note else []
+    return "\n\n".join([*parts, *turning, stability_text(found.verdict), *notes])
 
 
 def stability_text(found: Verdict) -> str:

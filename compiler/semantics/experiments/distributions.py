@@ -51,6 +51,9 @@ def _drawn(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> Rand
     name = settable(elaborator, given, root, "What varies is one that can be set")
     scalar = elaborator.lookup(given.path, root)
     assert isinstance(scalar, Scalar) and given.value is not None
+    if scalar.choices:
+        hint = f"Compare its words: `sweep {name} = {', '.join(scalar.choices)}`."
+        raise Wrong(WrongExperiment(given.path.span, f"`{name}` is a choice, and words have no distribution", hint))
     return _distribution(elaborator, given.value, root, name, scalar.dimension or ONE)
 
 
