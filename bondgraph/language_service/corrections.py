@@ -1,34 +1,22 @@
 """Corrections of errors: edits made of their advice, of which those are offered that leave the file without the error.
 
-Each rule reads the advice, which names what to write, and yields edits; the text with an edit is then checked as any other. An edit that leaves the
-error, or brings another, is not offered, so that no rule has to know when it holds.
+The rules (`correction_rules.py`) yield edits; the text with an edit is then checked as any other. An edit that leaves the error, or brings another, is
+not offered, so that no rule has to know when it holds.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from compiler.api import UNITS, Diagnostic, Project
+from compiler.api import Diagnostic, Project
 
-from .answers import Correction, TextEdit, TextPlace
-from .libraries import import_edits
+from .answers import Correction
+from .correction_rules import MEANT, RULES, Candidate
 from .navigation import edited
-from .vocabulary import classes
 from .workspace import Workspace, place_of
 
 MOST_TRIED = 12
 MOST_CHECKED = 10_000  # characters of a text whose equations are looked at after each try
-Candidate = tuple[str, tuple[TextEdit, ...]]
-_LANGUAGE = (
-    frozenset(word for listed in classes().values() for word in listed if len(word) > 1)
-    | {u for u in UNITS if len(u) > 1}
-    | {"s", "K", "e", "f"}
-)
-_QUOTED = re.compile(r"`([^`]+)`")
-_MEANT = re.compile(r"Did you mean (.+)\?")
-_UNIT = re.compile(r"(?:as|several symbols:|number needs its unit,) `2 (\[[^]]+\])`")
 
 
 def corrections(workspace: Workspace, path: Path, start: int, end: int) -> list[Correction]:
@@ -50,18 +38,18 @@ def corrections_of(workspace: Workspace, path: Path, diagnostic: Diagnostic, err
     """Return the corrections of one error of a file that has so many."""
     document = workspace.project.document(path)
     tried: dict[str, Candidate] = {}
-    for rule in _RULES:
+    for rule in RULES:
         for title, edits in rule(workspace, path, document.text, diagnostic):
             tried.setdefault(edited(document.text, list(edits), path), (title, edits))
     tried.pop(document.text, None)
     offered: list[Correction] = []
     for text, (title, edits) in list(tried.items())[:MOST_TRIED]:
-        if title not in {c.title for c in offered} and _mends(workspace, path, text, diagnostic, errors):
+        if title not in {c.title for c in offered} and _mends(workspace, path, text, title, diagnostic, errors):
             offered.append(Correction(title, diagnostic.code, edits))
     return offered
 
 
-def _mends(workspace: Workspace, path: Path, text: str, diagnostic: Diagnostic, errors: int) -> bool:
+def _mends(workspace: Workspace, path: Path, text: str, title: str, diagnostic: Diagnostic, errors: int) -> bool:
     """Return True if a text is without the error, and has fewer than before: more only of the equations, or where a syntax error or a wrong name hid them."""
     after = Project(workspace.project.library, {**workspace.project.open_texts, path: text})
     left = after.survey(path, diagnostic.code > "BG3" or len(text) < MOST_CHECKED).diagnostics
@@ -69,252 +57,11 @@ def _mends(workspace: Workspace, path: Path, text: str, diagnostic: Diagnostic, 
     if any((d.code, d.sentence, d.span.line) == (diagnostic.code, diagnostic.sentence, line) for d in left):
         return False
     on_line = any(d.span.line == line and d.span.source.path == path for d in left)
+    before = {(d.code, d.sentence) for d in workspace.survey(path, True).diagnostics}
+    if title == "Leave it out" and any((d.code, d.sentence) not in before for d in left):  # something refers to it
+        return False
     if diagnostic.code == "BG121" and on_line:  # another arrow may be the wrong one
         return False
     early = [d for d in left if diagnostic.code > "BG3" or d.code < "BG3"]
     hid = diagnostic.code < "BG1" and not on_line
-    return len(early) < errors or hid or _MEANT.search(diagnostic.help) is not None
-
-
-# ---------------------------------------------------------------- rules
-
-
-def _line(text: str, at: int) -> tuple[int, int]:
-    """First character of the line at a place, and the one behind its last."""
-    start = text.rfind("\n", 0, at) + 1
-    end = text.find("\n", at)
-    return start, len(text) if end < 0 else end
-
-
-def _replace(path: Path, start: int, end: int, new: str, title: str = "") -> Candidate:
-    return title or (f"Write `{new.strip()}`" if new else "Remove it"), (TextEdit(TextPlace(path, start, end), new),)
-
-
-def _meant_words(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
-    """The name that is close to a misspelled one: in the last place of the span that has it."""
-    meant = _MEANT.search(item.help)
-    wrong = _QUOTED.search(item.sentence)
-    if meant is None or wrong is None:
-        return
-    place = place_of(item.span)
-    old = getattr(item, "name", "") or getattr(item, "kind", "") or wrong[1]
-    for word in (old, old.rpartition(".")[2]):
-        uses = list(re.finditer(rf"(?<![\w]){re.escape(word)}(?![\w])", text[place.start : place.end]))
-        for new in _QUOTED.findall(meant[1]) if uses else ():
-            start = place.start + uses[-1].start()
-            yield _replace(path, start, start + len(word), new)
-
-
-def _units(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
-    """The unit that a number needs, behind each bare number of the span, or in place of its unit."""
-    unit = _UNIT.search(item.help)
-    if unit is None or item.code != "BG103":
-        return
-    place = place_of(item.span)
-    symbol = unit[1][1:-1]
-    new = f" {symbol}" if symbol.isidentifier() else f" {unit[1]}"
-    for match in re.finditer(
-        r"(?<![\w.^])\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(\s*\[[^]]*\]|\s*[A-Za-z%]\w*(?:[*/^][\w^]+)*)?",
-        text[place.start : place.end],
-    ):
-        number = match[0][: len(match[0]) - len(match[1] or "")]
-        start = place.start + match.start()
-        yield _replace(path, start, start + len(match[0]), f"{number}{new}")
-
-
-_TO_WRITE = re.compile(
-    r"(?:[Ww]rite|[Uu]se|Put|as|or|and|is|meant|mean|written|variables:|ports:|letters:|unit:|components:|alone:"
-    r"|number:|equation:|separators:|plane:|,) `([^`]+)`"
-)
-_TOKEN = re.compile(r"[A-Za-z_]\w*", re.ASCII)
-
-
-def _quoted_words(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
-    """Words that the advice says to write: in place of the span, of the same word in other letters, or of the statement."""
-    if _MEANT.search(item.help):
-        return
-    place = place_of(item.span)
-    start, end = _line(text, place.start)
-    statement = text[start:end].partition("#")[0]
-    first = start + len(statement) - len(statement.lstrip())
-    last = start + len(statement.rstrip())
-    old = text[place.start : place.end]
-    written = _TO_WRITE.findall(item.help) if item.code != "BG134" else []
-    for new in dict.fromkeys([*written, *(q for q in _QUOTED.findall(item.help) if item.code < "BG1")]):
-        if not _is_made_of(new, statement, old) or (item.code > "BG103" and _numbers_change(new, statement)):
-            continue
-        is_word, was_word = (_TOKEN.fullmatch(w) is not None for w in (new, old))
-        if (is_word == was_word and (is_word or item.code > "BG1")) or new.startswith(f"{old}."):
-            yield _replace(path, place.start, place.end, new)
-        if " " in new:
-            if item.code < "BG1" or set(_TOKEN.findall(statement)) <= set(_TOKEN.findall(new)):
-                yield _replace(path, first, last, new)
-            continue
-        word = re.compile(rf"\b{re.escape(new)}\b", re.IGNORECASE).search(text, start, end)
-        if word is not None:
-            yield _replace(path, *word.span(), new)
-
-
-def _numbers_change(new: str, statement: str) -> bool:
-    """Return True if a number of the statement would have another unit."""
-    quantities = re.findall(r"\d[\w.]*\s*[A-Za-z\[][^\s,;)}]*", new)
-    return any(q not in statement for q in quantities)
-
-
-def _is_made_of(new: str, statement: str, old: str) -> bool:
-    """Return True if a text has no number and no name but those of the statement that it replaces, and words of the language.
-
-    An example in an advice has others: it says how to write something, not what the author meant.
-    """
-    if "…" in new or new.startswith(".") or not re.search(r"\w|->|=>", new):
-        return False
-    digits = "".join(re.findall(r"\d", statement))
-    if "".join(re.findall(r"\d", new)) not in digits:
-        return False
-    if new.startswith(f"{old}."):
-        return True
-    own = {*_TOKEN.findall(statement)}
-    small = {word.lower() for word in own}
-    return all(w in own or w in _LANGUAGE or w.lower() in small for w in _TOKEN.findall(new))
-
-
-# Signs of other languages on the line of an error: pattern, what stands for it, and words of the advice that it follows.
-_SIGNS: tuple[tuple[str, str, str], ...] = (
-    (r"\*\*", "^", "A power is written"),
-    (r"²", "^2", "A power is written"),
-    (r"³", "^3", "A power is written"),
-    (r":=", "=", "is written `=`"),
-    (r"(?<![=<>!])=(?![=])", "==", "A comparison is written"),
-    (r"&&", " and ", "`and`"),
-    (r"\|\|", " or ", "`or`"),
-    (r"\s*°\s*C\b", " degC", "`deg"),
-    (r"\s*°", " deg", "`deg`"),
-    (r"//|%|/\*", "#", "`#`"),
-    (r"(?<![\w.])\.(?=\d)", "0.", "digits on both sides"),
-    (r"(?<=\d)\.(?!\d)(?!\.)", ".0", "digits on both sides"),
-    (r"(?<=\d),(?=\d)", ".", "`1.5`"),
-    (r"(?<=\d)_(?=\d)", "", "without separators"),
-    (r"'([^']*)'", r'"\1"', "double quotation marks"),
-    (r'"([^"\n]*)$', r'"\1"', "second quotation mark"),
-    (r"(?<=\d)(?=[A-Za-z_(])", "*", "*"),
-    (r"\bto\b", "..", ".."),
-    (r"\bplot\b", "report", "`report"),
-    (r"\brun\b", "simulate", "`simulate"),
-    (r"\bas\b", "in", "in "),
-    (r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]", "", "It cannot be seen"),
-)
-
-
-def _signs(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
-    start, end = _line(text, place_of(item.span).start)
-    line = text[start:end]
-    for pattern, new, advice in _SIGNS:
-        if advice in item.help and item.code < "BG103":
-            uses = list(re.finditer(pattern, line))
-            for match in uses:
-                yield _replace(path, start + match.start(), start + match.end(), match.expand(new))
-            if len(uses) > 1:
-                yield _replace(path, start, end, re.sub(pattern, new, line), f"Write `{new}` throughout")
-
-
-_SEVERAL = re.compile(r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s+([A-Za-z]\w*)((?:\s+[A-Za-z]\w*)+)")
-
-
-def _brackets(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
-    """A unit of several symbols in brackets; a bracket that is never closed; a unit that is a product."""
-    place = place_of(item.span)
-    start, end = _line(text, place.start)
-    if "stands in brackets" in item.help:
-        for match in _SEVERAL.finditer(text, start, end):
-            unit = "*".join([match[2], *match[3].split()])
-            yield _replace(path, *match.span(), f"{match[1]} [{unit}]")
-    if item.code == "BG102" and "in brackets: `[" in item.help:
-        yield _replace(path, place.start, place.end, item.help.partition("`")[2].partition("`")[0])
-    if item.code == "BG007":
-        partner = item.help.partition("`")[2][:1]
-        if partner == "}":
-            at = _end_of_block(text, start)
-            indent = re.match(r"[ \t]*", text[start:end])
-            line_break = "" if text[:at].endswith("\n") else "\n"
-            yield _replace(path, at, at, f"{line_break}{indent[0] if indent else ''}}}\n", "Close it with `}`")
-        last = start + len(text[start:end].partition("#")[0].rstrip())
-        yield _replace(path, last, last, partner, f"Close it with `{partner}`")
-
-
-def _end_of_block(text: str, start: int) -> int:
-    """The line behind a block, by its indentation."""
-    lines = text[start:].splitlines(keepends=True)
-    own = len(lines[0]) - len(lines[0].lstrip())
-    at = start + len(lines[0])
-    for line in lines[1:]:
-        if line.strip() and len(line) - len(line.lstrip()) <= own:
-            break
-        at += len(line)
-    return at
-
-
-def _imports(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
-    """The import of a part of the library that the advice names, or of one that has the name of an unknown kind."""
-    named = re.search(r"import (\w+) from (\w+)", item.help)
-    document = workspace.project.document(path)
-    place = place_of(item.span)
-    if named is not None:
-        edits = import_edits(document, named[1], named[2])
-        yield f"Import `{named[1]}` from {named[2]}", edits
-        word = re.match(r"\w+", text[place.start :])
-        if word is not None and word[0] != named[1]:
-            spelled = TextEdit(TextPlace(path, place.start, place.start + len(word[0])), named[1])
-            yield f"Import `{named[1]}` from {named[2]}", (*edits, spelled)
-    if "outside of models" in item.help and text[_line(text, place.start)[0] :].lstrip().startswith("import"):
-        start, end = _line(text, place.start)
-        moved = TextEdit(TextPlace(path, 0, 0), text[start:end].strip() + "\n")
-        yield (
-            "Move the import to the top of the file",
-            (moved, TextEdit(TextPlace(path, start, min(end + 1, len(text))), "")),
-        )
-
-
-def _names(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
-    """Another name where one is taken or reserved; a kind without its M; an attribute that is left out."""
-    place = place_of(item.span)
-    word = re.match(r"[A-Za-z_]\w*", text[place.start : place.end])
-    if item.code in ("BG104", "BG134") and word is not None:
-        new = f"{word[0]}_2"
-        yield _replace(path, place.start, place.start + len(word[0]), new, f"Rename it to `{new}`")
-    if item.code in ("BG117", "BG118") and word is not None:
-        kinds = re.findall(r"`(M?[A-Z][A-Za-z]*)\b", item.help)
-        statement = _line(text, place.start)[0]
-        first = re.compile(r"\s*([A-Za-z]+)\b").match(text, statement)
-        for new in kinds if first is not None else ():
-            assert first is not None
-            yield _replace(path, *first.span(1), new)
-    required = re.search(r"[Ll]eave out (?:the|its) `(require|prefer)` of `([\w.]+)`|remove its `(require)`", item.help)
-    if required is not None:
-        attribute, owner = required[1] or required[3], (required[2] or "").rpartition(".")[2]
-        for match in re.finditer(
-            rf"\s*\{{\s*{attribute}\s*=\s*\w+\s*\}}|,\s*{attribute}\s*=\s*\w+|{attribute}\s*=\s*\w+\s*,\s*", text
-        ):
-            start, _ = _line(text, match.end())
-            if not owner or re.search(rf"\b{owner}\b", text[start : match.start()]):
-                yield _replace(path, *match.span(), "", f"Leave out `{attribute}`")
-
-
-def _arrows(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
-    """A bond with its ends exchanged; a multibond's arrow."""
-    if item.code != "BG121" or not re.search(r"\b(?:[Tt]urn|[Aa]rrow|=>|multibond)", f"{item.sentence} {item.help}"):
-        return
-    start, end = _line(text, place_of(item.span).start)
-    line = text[start:end]
-    for match in re.finditer(r"([\w.\[\]]+)(\s*->\s*)([\w.\[\]]+)", line):
-        yield _replace(
-            path, start + match.start(), start + match.end(), f"{match[3]}{match[2]}{match[1]}", "Turn the arrow"
-        )
-    if "`=>`" in item.help or "`->`" in item.help:
-        for old, new in (("->", "=>"), ("=>", "->")):
-            if old in line:
-                yield _replace(path, start, end, line.replace(old, new), f"Write `{new}`")
-
-
-_RULES: tuple[Callable[[Workspace, Path, str, Diagnostic], Iterator[Candidate]], ...] = (
-    _meant_words, _units, _signs, _brackets, _imports, _names, _arrows, _quoted_words,
-)  # fmt: skip
+    return len(early) < errors or hid or MEANT.search(diagnostic.help) is not None

@@ -19,7 +19,9 @@ from tests.errors.test_foreign_words import CASES as FOREIGN
 from tests.errors.test_foreign_words import MODEL
 
 # Codes whose errors have corrections, with at least one case among the wrong files.
-CORRECTED = "001 002 007 101 102 103 104 105 109 111 116 117 118 120 121 122 131 134 150 152 301 504"
+CORRECTED = (
+    "001 002 007 101 102 103 104 105 106 109 111 116 117 118 119 120 121 122 131 134 140 150 152 172 175 301 504"
+)
 CASES = sorted((ROOT / "tests/errors/cases").glob("*.bg"))
 
 
@@ -80,6 +82,12 @@ def test_lines_of_other_languages_become_what_their_authors_meant() -> None:
         ("  spring -> body", "  body -> spring"),
         ("  output y = (1 + 2", "  output y = (1 + 2)"),
         ("  output y = sinus(1)", "  output y = sin(1)"),
+        ("  output y = spring.u", "  output y = spring.x"),
+        ("  parameter y = spring.x", "  signal y = spring.x"),
+        ("  output y = 1 if 1 < m/(1 kg) < 2 else 0", "  output y = 1 if 1 < m/(1 kg) and m/(1 kg) < 2 else 0"),
+        ("  R idle : F = 1 [N*s/m]*v", "}"),
+        ("  R other : F = 1 [N*s/m]*v, v = 1 [m/(N*s)]*F", "  R other : F = 1 [N*s/m]*v"),
+        ("  I other : p = m*v { start p = 1 [N*s], colour = 3 }", "  I other : p = m*v { start p = 1 [N*s] }"),
     ],
 )
 def test_a_mistake_of_each_sort(tmp_path: Path, line: str, wanted: str) -> None:
@@ -93,6 +101,24 @@ def test_a_mistake_of_each_sort(tmp_path: Path, line: str, wanted: str) -> None:
         edited(text, list(c.edits), path).split("\n")[6] for c in corrections(workspace, path, at, at + len(line))
     ]
     assert wanted in options
+
+
+def test_nothing_is_left_out_that_is_referred_to(tmp_path: Path) -> None:
+    text = (
+        "model A {\n  Se u : u = 1 V\n  R idle : u = 1 ohm*i\n  R r : u = 1 ohm*i\n  u -> r\n  output i = idle.i\n}\n"
+    )
+    workspace, path = Workspace(), tmp_path / "a.bg"
+    workspace.open(path, text)
+    at = text.index("idle")
+    assert workspace.survey(path, True).diagnostics and corrections(workspace, path, at, at) == []
+
+
+def test_a_statement_outside_of_models_moves_into_one(tmp_path: Path) -> None:
+    text = "parameter a = 2\nmodel A {\n  output y = a\n}\n"
+    workspace, path = Workspace(), tmp_path / "a.bg"
+    workspace.open(path, text)
+    (option,) = corrections(workspace, path, 0, 1)
+    assert edited(text, list(option.edits), path) == "model A {\n  parameter a = 2\n  output y = a\n}\n"
 
 
 def test_a_part_is_imported_from_the_library(tmp_path: Path) -> None:

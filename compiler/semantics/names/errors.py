@@ -79,6 +79,12 @@ class NotStatic(Diagnostic):
     what: str
     name: str
 
+    @property
+    def help(self) -> str:
+        """Advice; a quantity may be a signal instead, other places may not."""
+        is_declared = self.what.startswith(("The parameter `", "The constant `"))
+        return f"{self.advice[:-1]}, or declare it as `signal`." if is_declared else self.advice
+
 
 @dataclass(frozen=True, slots=True)
 class Cycle(Diagnostic):
