@@ -306,6 +306,8 @@ def _experiment(place: CursorPlace) -> Iterator[Suggestion]:
         yield from _names(place, ("element", "instance", "mechanism", "mode", "signal"))
     elif context.first == "report" and context.last in ("report", ","):
         yield from _names(place, ("output", "element", "junction", "instance", "mechanism", "signal", "input"))
+    elif context.last == "simulate":
+        yield Suggestion("0 .. 1 s", "keyword", "from .. to", "", "0 .. ${0:1 s}", True)
     elif context.first in ANALYSIS_STEPS and context.last != "=":
         yield from _names(place, ("parameter", "input", "output", "signal", "instance"))
         yield from (Suggestion(w, "keyword") for w in ("to", "over"))
@@ -455,6 +457,8 @@ def _wanted_dimension(place: CursorPlace) -> Dimension | None:
         return _letter_dimension(place, words[1], names[-1].text)
     if context.first in ("parameter", "constant", "input", "signal", "output"):
         comma = max((i for i, word in enumerate(words[:equals]) if word == ","), default=0)
+        if ":" not in words[comma:equals]:  # the unit of its value is its own
+            return None
         return _dimension_of_words(place, context.statement[comma + 1 : comma + 2])
     return _dimension_of_words(place, context.statement[:equals])
 

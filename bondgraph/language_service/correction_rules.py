@@ -56,15 +56,25 @@ def _units(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Ite
     if unit is None or item.code != "BG103":
         return
     place = place_of(item.span)
-    symbol = unit[1][1:-1]
-    new = f" {symbol}" if symbol.isidentifier() else f" {unit[1]}"
     for match in re.finditer(
         r"(?<![\w.^])\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(\s*\[[^]]*\]|\s*[A-Za-z%]\w*(?:[*/^][\w^]+)*)?",
         text[place.start : place.end],
     ):
         number = match[0][: len(match[0]) - len(match[1] or "")]
-        start = place.start + match.start()
-        yield _replace(path, start, start + len(match[0]), f"{number}{new}")
+        start, symbol = place.start + match.start(), _with_prefixes(unit[1][1:-1], match[1] or "")
+        if symbol:
+            new = symbol if symbol.isidentifier() else f"[{symbol}]"
+            yield _replace(path, start, start + len(match[0]), f"{number} {new}")
+
+
+def _with_prefixes(wanted: str, written: str) -> str:
+    """The wanted unit with the author's symbols of equal dimension: `kN` for N/m gives kN/m. Empty if another prefix would be lost, which changes the value."""
+    own = {UNITS[s].dimension: s for s in _TOKEN.findall(written) if s in UNITS}
+    used = [own[UNITS[s].dimension] for s in _TOKEN.findall(wanted) if s in UNITS and UNITS[s].dimension in own]
+    lost = [s for s in own.values() if s not in used and (UNITS[s].number != 1 or UNITS[s].offset)]
+    if lost:
+        return ""
+    return _TOKEN.sub(lambda m: own.get(UNITS[m[0]].dimension, m[0]) if m[0] in UNITS else m[0], wanted)
 
 
 _TO_WRITE = re.compile(

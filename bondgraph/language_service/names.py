@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 from compiler.api import ELEMENT_KINDS, FileScope, ModelDefinition, Span, tree
@@ -44,7 +45,13 @@ def name_span(span: Span, name: str) -> Span:
 
 def path_of(span: Span) -> Path:
     """File of a span."""
-    return (span.source.path or Path(span.source.name)).resolve()
+    return _resolved(span.source.path or Path(span.source.name))
+
+
+@lru_cache(1024)
+def _resolved(path: Path) -> Path:
+    """The path without links; each name of a file asks for it, and the disk is slow."""
+    return path.resolve()
 
 
 _tables: dict[int, tuple[tree.SyntaxNode, NameTable]] = {}  # by identity: equal nodes of other places have other names

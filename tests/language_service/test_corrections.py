@@ -83,6 +83,8 @@ def test_lines_of_other_languages_become_what_their_authors_meant() -> None:
         ("  output y = (1 + 2", "  output y = (1 + 2)"),
         ("  output y = sinus(1)", "  output y = sin(1)"),
         ("  output y = spring.u", "  output y = spring.x"),
+        ("  parameter k: N/m = 16 kN", "  parameter k: N/m = 16 [kN/m]"),
+        ("  parameter k: N/m = 16 N", "  parameter k: N/m = 16 [N/m]"),
         ("  parameter y = spring.x", "  signal y = spring.x"),
         ("  output y = 1 if 1 < m/(1 kg) < 2 else 0", "  output y = 1 if 1 < m/(1 kg) and m/(1 kg) < 2 else 0"),
         ("  R idle : F = 1 [N*s/m]*v", "}"),
@@ -101,6 +103,14 @@ def test_a_mistake_of_each_sort(tmp_path: Path, line: str, wanted: str) -> None:
         edited(text, list(c.edits), path).split("\n")[6] for c in corrections(workspace, path, at, at + len(line))
     ]
     assert wanted in options
+
+
+@pytest.mark.parametrize(("unit", "number"), [("N/m", "16 ms"), ("kg", "16 [kN/m]"), ("m", "16 degC")])
+def test_a_prefix_is_not_lost(tmp_path: Path, unit: str, number: str) -> None:
+    """Another unit without the author's prefix would be another value."""
+    workspace, path = Workspace(), tmp_path / "a.bg"
+    workspace.open(path, f"model A {{\n  parameter k: {unit} = {number}\n  output y = k\n}}\n")
+    assert workspace.survey(path, True).diagnostics and corrections(workspace, path, 12, 12) == []
 
 
 def test_nothing_is_left_out_that_is_referred_to(tmp_path: Path) -> None:
