@@ -124,6 +124,9 @@ def _keywords(where: str) -> Iterator[Suggestion]:
 # ---------------------------------------------------------------- models
 
 
+_WITH_EXPRESSIONS = ("parameter", "constant", "input", "signal", "output", "mode", "function", "when", "every", "require", "for")  # fmt: skip
+
+
 def _in_model(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:
     context = place.context
     first = context.first
@@ -142,21 +145,10 @@ def _in_model(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:
     elif first in ELEMENTS and _behind_colon(context):
         yield from _law(place)
         yield from _expression(place)
-    elif first in (
-        "parameter",
-        "constant",
-        "input",
-        "signal",
-        "output",
-        "mode",
-        "function",
-        "when",
-        "every",
-        "require",
-        "for",
-    ):
+    elif first in _WITH_EXPRESSIONS:
         yield from _keywords("sampling") if first == "every" and context.last != first else ()
-        yield from _expression(place) if context.last not in (first, ",") else ()
+        named = context.last == first or (context.last == "," and not context.brackets)  # a new name
+        yield from () if named else _expression(place)
 
 
 def _is_declaration(place: CursorPlace) -> bool:
@@ -166,7 +158,8 @@ def _is_declaration(place: CursorPlace) -> bool:
 
 def _is_bond(context: Context) -> bool:
     arrows = [w.text in ("->", "=>") for w in context.statement]
-    return any(arrows) or (context.last in (",", "(") and context.first not in ELEMENTS and len(context.statement) > 0)
+    others = (*ELEMENTS, *_WITH_EXPRESSIONS)
+    return any(arrows) or (context.last in (",", "(") and context.first not in others and len(context.statement) > 0)
 
 
 def context_colon(context: Context) -> int:
@@ -381,6 +374,11 @@ def _attributes(place: CursorPlace) -> Iterator[Suggestion]:
         if context.last == ","
         else context.statement
     )
+    if context.last in ("start", "nominal") and context.head in ELEMENTS:
+        name = place.names.get(context.blocks[-1][1].text)
+        known = list(_readable(place, name, place.home)) if name is not None else []
+        yield from known or _letters_of_law(context)
+        return
     if "=" in [w.text for w in words]:
         yield from _expression(place)
         yield from (Suggestion(w, "keyword") for w in ("integral", "derivative", "effort", "flow"))
@@ -401,6 +399,15 @@ def _attributes(place: CursorPlace) -> Iterator[Suggestion]:
         )
     elif context.head in ELEMENTS:
         yield from _keywords("attribute")
+
+
+def _letters_of_law(context: Context) -> Iterator[Suggestion]:
+    """Letters of an element whose line cannot be read yet, in the domain that has most of those that it uses."""
+    words = {w.text for w in context.blocks[-1]}
+    domain = max((d for d in DOMAINS.values() if d.typed), key=lambda d: len(words.intersection(d.letters)))
+    for variable in ELEMENTS[context.head].readable:
+        if domain.letter(variable) in words:
+            yield Suggestion(domain.letter(variable), "variable", f"in {domain.dimension(variable)}")
 
 
 # ---------------------------------------------------------------- units
