@@ -376,8 +376,8 @@ def _attributes(place: CursorPlace) -> Iterator[Suggestion]:
     )
     if context.last in ("start", "nominal") and context.head in ELEMENTS:
         name = place.names.get(context.blocks[-1][1].text)
-        known = list(_readable(place, name, place.home)) if name is not None else []
-        yield from known or _letters_of_law(context)
+        readable = list(_readable(place, name, place.home)) if name is not None else []
+        yield from readable or _letters_of_law(context)
         return
     if "=" in [w.text for w in words]:
         yield from _expression(place)

@@ -67,14 +67,14 @@ def _units(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Ite
             yield _replace(path, start, start + len(match[0]), f"{number} {new}")
 
 
-def _with_prefixes(wanted: str, written: str) -> str:
+def _with_prefixes(target: str, written: str) -> str:
     """The wanted unit with the author's symbols of equal dimension: `kN` for N/m gives kN/m. Empty if another prefix would be lost, which changes the value."""
     own = {UNITS[s].dimension: s for s in _TOKEN.findall(written) if s in UNITS}
-    used = [own[UNITS[s].dimension] for s in _TOKEN.findall(wanted) if s in UNITS and UNITS[s].dimension in own]
+    used = [own[UNITS[s].dimension] for s in _TOKEN.findall(target) if s in UNITS and UNITS[s].dimension in own]
     lost = [s for s in own.values() if s not in used and (UNITS[s].number != 1 or UNITS[s].offset)]
     if lost:
         return ""
-    return _TOKEN.sub(lambda m: own.get(UNITS[m[0]].dimension, m[0]) if m[0] in UNITS else m[0], wanted)
+    return _TOKEN.sub(lambda m: own.get(UNITS[m[0]].dimension, m[0]) if m[0] in UNITS else m[0], target)
 
 
 _TO_WRITE = re.compile(
