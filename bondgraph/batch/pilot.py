@@ -1,4 +1,4 @@
-"""Pilot runs of a batch: the steps of `simulation/magnitudes/pilot_run.py` for all runs, in the cases in which none of them fails."""
+"""Pilot runs of a batch and their magnitudes: the steps of `magnitudes/pilot_run.py` for all runs, in the cases in which none of them fails."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..simulation.integrators.compiled.run import Ordered
 from ..simulation.integrators.linear_algebra.sparse import FINE
 from ..simulation.integrators.pilot.schedule import CAREFUL, MOST_STEPS, NOTES
 from ..simulation.magnitudes.free_response import FreeResponse, free_responses, is_bounded
+from ..simulation.magnitudes.nominal_magnitudes import raised
 from ..simulation.magnitudes.pilot_horizon import goes_astray
 from ..simulation.magnitudes.pilot_run import COARSE, SMALLEST_STEP, STEPS, STIFFER, smallest_angles
 from ..simulation.segments.timeline import Segment, always, follower, signals_on
@@ -137,3 +138,12 @@ def _records(scene: BatchScene, runs: Runs, reach: FreeReach, first: Segment) ->
         "until": np.zeros((count, NOTES * n)), "begun": first.start, "noted": 0,
     })  # fmt: skip
     return loop, steps
+
+
+def batch_magnitudes(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[Any, Any]:
+    """Return the magnitudes of the states, shape (runs, n), and a mask of the runs for which they are certain."""
+    program, mechanisms = scene.program, scene.compiled_scene.facts.mechanisms
+    largest, sound = largest_values(scene, runs, course)
+    nominal, peak = program.nominal(runs.constants), np.maximum(np.abs(runs.state), largest)
+    result = raised(program, mechanisms, np.where(nominal > 0, nominal, peak), smallest_angles(program, mechanisms))
+    return result, sound & ((result > 0) & np.isfinite(result)).all(axis=1)

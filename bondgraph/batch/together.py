@@ -18,7 +18,7 @@ from ..results.result import Result
 from ..simulation.run_options import RunOptions
 from ..simulation.segments.timeline import mode_after
 from ..simulation.settings import settle_all
-from .magnitudes import batch_magnitudes
+from .pilot import batch_magnitudes
 from .runs import BatchCourse, Runs, grouped
 from .scope import BatchScene, batch_scene
 from .steps import EVALUATIONS, BatchIntegrator, BatchTrajectories, names_of

@@ -14,8 +14,8 @@ from ..errors import NotLossless, RateNotFinite, StepsCollapsed
 from ..results.checkpoint import Checkpoint
 from ..results.records import EnergyBalance, EventRecord, ToleranceDoubt
 from .constraints.constraints import Constraints
-from .integration.integrate import integrate
 from .integration.integration_state import PhaseProblem
+from .integration.segment_integrator import SegmentIntegrator
 from .magnitudes.nominal_magnitudes import least_tolerances
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor
@@ -80,15 +80,15 @@ class Phase:
         self.inputs = values.inputs
         size = np.ones(len(program.states.names))
         self.constraints = Constraints(program, values.parameters, self.inputs, size, values)
-        self.parameters, self.constants = self.constraints.parameters, self.constraints.constants
-        start = instants[0] if begin is None else begin.time
-        course = self._timeline(program, (start, float(instants[-1])), {} if smooth is None else smooth)
+        ends = instants[0] if begin is None else begin.time, float(instants[-1])
+        course = self._timeline(program, ends, {} if smooth is None else smooth)
         self.stretches, self.timed = course.segments, course.notes
-        found = self._start()
-        self.constants = self.constraints.constants  # a start finds redundant constraints and leaves them out
-        self.stretches[0] = found.first
-        self.state, self.start_notes, self.events, self.jumps = found.state, found.notes, found.events, found.jumps
-        self.begins_without, self.goes_on_without = found.begins_without, found.goes_on_without
+        start = self._start()
+        # a start finds redundant constraints and leaves them out
+        self.parameters, self.constants = self.constraints.parameters, self.constraints.constants
+        self.stretches[0] = start.first
+        self.state, self.start_notes, self.events, self.jumps = start.state, start.notes, start.events, start.jumps
+        self.begins_without, self.goes_on_without = start.begins_without, start.goes_on_without
         self.known: Mapping[str, float] = dict(begin.magnitudes) if begin is not None else {}  # magnitudes by name
         self.looked_from = self.state  # state from which a pilot run starts
         self.leaving: Leaving | None = None  # modal truncation at the bandwidth
@@ -121,7 +121,7 @@ class Phase:
     def _timeline(self, program: Program, ends: tuple[float, float], known: dict[Program, Timeline]) -> Timeline:
         """Return the segments of this phase; for a program used before in the run, its remaining segments. `known`: timelines of all programs of the run."""
         if self.history is not None or program not in known:
-            constants, parts = self.constants, self.options.parts
+            constants, parts = self.constraints.constants, self.options.parts
             known[program] = self.constraints.recall(
                 "timeline",
                 (*ends, parts),
@@ -143,7 +143,7 @@ class Phase:
 
         def again() -> StartOfPhase:
             ends = (first.start, float(self.instants[-1]))
-            course = timeline_in_parts(self.program, self.constants, ends, self.options.parts)
+            course = timeline_in_parts(self.program, self.constraints.constants, ends, self.options.parts)
             self.stretches = aligned(course.segments, self.instants)
             return problem.start(self.stretches[0], self.stretches[-1].stop - plan.start)
 
@@ -241,7 +241,8 @@ class Phase:
             self.trajectory.stopped = self.stretches[0].start
         self.leaving = self._leaving()
         try:
-            integrate(self._problem(self.events, self.choice), self.state, self.stretches, self.trajectory)
+            problem = self._problem(self.events, self.choice)
+            self._integrator()(problem, self.trajectory).through(self.state, self.stretches)
         except (RateNotFinite, StepsCollapsed, NotLossless) as failed:
             raise explained(failed, self.constraints, self.compilation.state_space) from None
         self._end_where_stopped()
@@ -255,6 +256,13 @@ class Phase:
             check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
         if self.options.energy:
             self._find_energy()
+
+    def _integrator(self) -> type[SegmentIntegrator]:
+        if self.events is None:
+            return SegmentIntegrator
+        from .integration.event_integrator import EventIntegrator
+
+        return EventIntegrator
 
     def _end_where_stopped(self) -> None:
         """Report the instant at which a condition has ended the run, in the place of all later ones."""

@@ -82,8 +82,8 @@ class PhaseInitialization:
             )
         if self.begin is not None:
             return self._continued(self.begin, state, first, horizon)
-        found = self._consistent(state, first, horizon)
-        return found if program.hybrid is None else self._after_events(found, horizon)
+        start = self._consistent(state, first, horizon)
+        return start if program.hybrid is None else self._after_events(start, horizon)
 
     def _continued(self, begin: PhaseTransition, state: Array, first: Segment, horizon: float) -> StartOfPhase:
         """Return the start where the phase before ends. `state`: the start of the program."""

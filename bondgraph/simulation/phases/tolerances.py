@@ -33,9 +33,9 @@ def given_tolerances(plan: Plan, program: Program, facts: RunMetadata) -> dict[i
         if index is None:
             index, factor = facts.following.get(name, (-1, None))
             if factor is None:
-                told = f" (it follows `{program.states.names[index]}`)" if index >= 0 else ""
+                behind = f" (it follows `{program.states.names[index]}`)" if index >= 0 else ""
                 raise UsageError(
-                    "BR719", f"the tolerance of `{name}` cannot be held: it is no state of this run{told}; states are {', '.join(variables)}",
+                    "BR719", f"the tolerance of `{name}` cannot be held: it is no state of this run{behind}; states are {', '.join(variables)}",
                 )  # fmt: skip
             value /= abs(factor)
         result[index] = min(value, result.get(index, value))
@@ -75,8 +75,8 @@ class MagnitudeSearch:
         names = self.constraints.program.variables.names
         if all(n in self.known for n in names):
             return PhaseMagnitudes(np.array([self.known[n] for n in names]), None, self.known)
-        found = self._nominal(self.choice(), self.peaks)
-        return PhaseMagnitudes(found.values, found.doubts, self.known)
+        nominal = self._nominal(self.choice(), self.peaks)
+        return PhaseMagnitudes(nominal.values, nominal.doubts, self.known)
 
     def _nominal(self, observation: PilotObservation, largest: Array | float = 0.0) -> Magnitudes:
         return nominal_magnitudes(
@@ -95,8 +95,8 @@ class MagnitudeSearch:
         if not all(n in known for n in names):
             events.measure(self._nominal(UntilEvent(events, self.choice())).values)
             largest = self.coarse(events.magnitude)
-            found = self._nominal(UntilEvent(events, self.choice()), np.maximum(largest, self.peaks))
-            doubts = found.doubts
-            known = dict(zip(names, map(float, found.values), strict=True)) | dict(known)
+            nominal = self._nominal(UntilEvent(events, self.choice()), np.maximum(largest, self.peaks))
+            doubts = nominal.doubts
+            known = dict(zip(names, map(float, nominal.values), strict=True)) | dict(known)
         events.measure(np.array([known[n] for n in names]))
         return PhaseMagnitudes(events.magnitude.copy(), doubts, known)

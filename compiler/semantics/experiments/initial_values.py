@@ -12,7 +12,6 @@ from typing import TypeVar
 
 from ...algebra.formula import Bound
 from ...fast_dataclass import dataclass
-from ...graph.domains import DOMAINS
 from ...graph.mechanism import Body, Frame, Joint
 from ...graph.network import Element, Integral, MechanismNode, Named, Node, Quantity, Reading
 from ...graph.units import ONE
@@ -23,7 +22,7 @@ from ..names.errors import WrongExperiment, WrongType
 from ..names.scope import Items, Scalar, Scope
 from ..names.statement_errors import Wrong
 from ..network.elaborate import Elaborator
-from ..network.events import STORED_BY
+from ..network.events import storage_advice
 from ..network.values import read_value
 
 Given = tuple[str, Bound]
@@ -125,7 +124,8 @@ def _read(
             _once(step, (node, path), result)
             result.parts[node, path] = bound
         case Reading(node, port, variable):
-            _check_storage(step, elements.get(node), port, variable)
+            if advice := storage_advice(elements.get(node), port, variable, "start", "`start {} = …`"):
+                raise Wrong(_no_start(step, advice))
             _once(step, (node, port), result)
             result.elements[node, port] = variable, bound
         case _:
@@ -151,19 +151,6 @@ def _read_attitude(elaborator: Elaborator, step: tree.Set, root: Scope, found: I
         assert isinstance(item.reference, Reading)
         _once(step, item.reference[:2], result)
         result.parts[item.reference[:2]] = bound
-
-
-def _check_storage(step: tree.Set, element: Element | None, port: str, variable: str) -> None:
-    """Raise `Wrong` unless the element's port stores something and the variable determines it."""
-    if element is None or not element.stored:
-        raise Wrong(_no_start(step, "It stores nothing: start the storages that are tied to it."))
-    number = next(i for i, p in enumerate(element.ports) if p.name == port)
-    allowed = STORED_BY[element.stored[number]]
-    if variable not in allowed:
-        domain = DOMAINS[element.ports[number].domain]
-        prefix = f"{element.name}.{port}" if port else element.name
-        names = " or ".join(f"`start {prefix}.{domain.letter(v)} = …`" for v in allowed)
-        raise Wrong(_no_start(step, f"Write {names}."))
 
 
 def _no_start(step: tree.Set, hint: str) -> WrongExperiment:

@@ -77,35 +77,32 @@ def _action(elaborator: Elaborator, scope: Scope, reset: tree.Reset, elements: d
     found = elaborator.lookup(reset.target, scope)
     if not isinstance(found, Scalar):
         raise Wrong(WrongType(reset.target.span, "One quantity", "a list", f"Set its items: `{words}[1] = …`."))
-    target = found.reference
+    target, hint = found.reference, ""
     match target:
         case Quantity(name):
             if found.role != "mode" and not elaborator.is_integral(name):
                 hint = "Events set what is stored, `mode`s and signals that are `integral(…)`; all else follows from those."
-                raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", hint))
         case Reading(node, _, variable) if node in elaborator.mechanism_parts:
             if variable not in "qf":
                 hint = "Of a part of a mechanism events set a coordinate, `x` or `phi`, or a rate, `x.v`."
-                raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", hint))
         case Reading(node, port, variable):
-            _check_storage(reset, elements.get(node), port, variable)
+            hint = storage_advice(elements.get(node), port, variable, "set", "`{}`")
         case _:
             hint = "Events set what is stored, `mode`s and signals that are `integral(…)`."
-            raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", hint))
+    if hint:
+        raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", hint))
     assert not isinstance(target, float)
     return Action(target, read_value(elaborator, reset.value, scope, found, f"`{words}`"), words, reset.span)
 
 
-def _check_storage(reset: tree.Reset, element: Element | None, port: str, variable: str) -> None:
-    """Raise `Wrong` unless the element's port stores something and the variable determines it."""
-    words = reset.target.words
+def storage_advice(element: Element | None, port: str, variable: str, verb: str, example: str) -> str:
+    """Return the advice where a variable does not determine what an element's port stores; empty where it does. `example`: of a statement that does."""
     if element is None or not element.stored:
-        hint = "It stores nothing: set the storages that are tied to it."
-        raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", hint))
+        return f"It stores nothing: {verb} the storages that are tied to it."
     number = next(i for i, p in enumerate(element.ports) if p.name == port)
     allowed = STORED_BY[element.stored[number]]
-    if variable not in allowed:
-        domain = DOMAINS[element.ports[number].domain]
-        prefix = f"{element.name}.{port}" if port else element.name
-        names = " or ".join(f"`{prefix}.{domain.letter(v)}`" for v in allowed)
-        raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", f"Set {names}."))
+    if variable in allowed:
+        return ""
+    domain, prefix = DOMAINS[element.ports[number].domain], f"{element.name}.{port}" if port else element.name
+    names = " or ".join(example.format(f"{prefix}.{domain.letter(v)}") for v in allowed)
+    return f"{'Set' if verb == 'set' else 'Write'} {names}."
