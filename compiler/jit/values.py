@@ -34,7 +34,7 @@ _INTRINSICS = {
     "floor": "llvm.floor.f64",
     "copysign": "llvm.copysign.f64",
 }
-_LIBRARY = {"exp": 1, "log": 1, "sin": 1, "cos": 1, "pow": 2}
+_LIBRARY = frozenset(("exp", "log", "sin", "cos", "pow"))
 _FLOAT_SIGNS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 # Whole numbers have 64 bits and no overflow: `&` with 64 ones, as Python needs it, keeps what is there. `>>` brings zeros.
 _INT_SIGNS = {
