@@ -106,6 +106,11 @@ def follow(first: OperatingPoint, name: str, low: float, high: float, points: in
     """
     if not points >= 2 or low == high:
         raise UsageError("BR201", "a branch goes from one value to another, in 2 steps or more")
+    if first.lowered.events.counts:
+        raise UsageError(
+            "BR270", "a branch cannot pass the jumps of a law: `floor`, `ceil`, `mod`, `stairs` or `pwm` of states stands behind the rates;",
+            "find rests at single values, with `equilibrium` and `sweep`",
+        )  # fmt: skip
     first = first.one_sided()  # rests at kinks are followed, their stability is not decided
     follower = BranchFollower(first, name, low, high)
     towards = np.zeros(first.count + 1)

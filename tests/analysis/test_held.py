@@ -40,3 +40,11 @@ def test_slopes_that_time_moves() -> None:
     for found in (bent.linearize(outputs=("i",)), bent.modes()):
         assert "slopes are those of t = 0 s" in found.note
     assert "time moves" not in switched.modes().note  # the coil and its resistor are behind the switch
+
+
+def test_a_branch_does_not_pass_teeth() -> None:
+    """With F = x + mod(x, 1)/2 the rest at F = 1.8 is on the second tooth, x = (F + 1/2)/1.5; a branch would stay on the first, and is refused."""
+    text = "model T { parameter F = 0.5\n signal x = integral((F - x - 0.5*mod(x, 1))/1 s, 0)\n output y = x }"
+    model = bondgraph.load(text)
+    with pytest.raises(bondgraph.errors.UsageError, match="cannot pass the jumps of a law"):
+        model.continuation("F", 0.1, 5)
