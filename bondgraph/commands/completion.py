@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from click import Context, Parameter
@@ -23,15 +24,14 @@ def names_in_model(names_of: Callable[[Model], Iterable[str]], ending: str = "")
     """Complete names of the model in the file of the command line; nothing where there is no file yet, or none that can be read."""
 
     def complete(context: Context, parameter: Parameter, typed: str) -> list[CompletionItem]:
-        from .. import BondgraphError, CompilationFailed
-        from .options import load
+        from .. import BondgraphError, CompilationFailed, load
 
         # An option without its value ends the reading of the line: then the file is among what is left.
         file = context.params.get("file") or next((a for a in context.args if not a.startswith("-")), None)
         if file is None:
             return []
         try:
-            names = list(names_of(load(file, context.params.get("model"))))
+            names = list(names_of(load(Path(file), context.params.get("model"))))
         except (BondgraphError, CompilationFailed, OSError):
             return []
         return [CompletionItem(name + ending) for name in names if name.startswith(typed)]
