@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+from typing import cast
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import bondgraph
+from bondgraph.analysis.branch_steps import BranchFollower, BranchPlace, _verified
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
 from tests.compiling import MODELS
@@ -187,3 +189,10 @@ def test_command_and_refusals(tmp_path: object) -> None:
         bondgraph.load(PLATE).continuation("x", 0.0, 1.0)
     with pytest.raises(UsageError, match="is no quantity in V"):
         bondgraph.load(PLATE).continuation("volt", "0 V", "1 m")
+
+
+def test_a_test_function_that_is_zero_at_an_end_changes_no_sign() -> None:
+    """Nothing is followed then: the follower, None, is not asked."""
+    here, found = cast("BranchPlace", 0.0), cast("BranchPlace", 1.0)
+    for zero in (here, found):
+        assert not _verified("branch", cast("BranchFollower", None), here, found, 1.0, lambda p, z=zero: float(p != z))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.analysis.sensitivity import balanced_step
 from bondgraph.errors import UsageError
 from tests.compiling import MODELS
 
@@ -115,3 +116,12 @@ def test_refused() -> None:
         bondgraph.load(PLATE).sensitivity("x")
     with pytest.raises(UsageError, match="there is no `mass`"):
         bondgraph.load(PLATE).sensitivity("g").of("mass", "g")
+
+
+def test_what_is_conserved_stays_in_its_own_units() -> None:
+    """Rates in any ratio of sizes: x1' = -a x1 + b x2 + 1, x2' = -r x1', so that r x1 + x2 stays."""
+    for ratio in (1e-6, 1.0, 1e6):
+        A, B = np.array([[-1.0, 2.0], [ratio, -2.0 * ratio]]), np.array([[1.0], [-ratio]])
+        found, left = balanced_step(A, B)
+        assert found[:, 0] == pytest.approx([1 / (1 + 2 * ratio), -ratio / (1 + 2 * ratio)], rel=1e-12)
+        assert left.max() < 1e-12

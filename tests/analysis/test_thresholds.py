@@ -74,6 +74,17 @@ def test_within_rounding_of_a_threshold(start: str) -> None:
     assert drags == [1.0, 2.0]
 
 
+def test_within_rounding_of_an_input() -> None:
+    """The input's own rounding counts, in whatever unit its size is."""
+    for place, refuses in (("0.3 m", True), ("0.3 m*(1 + 1e-9)", False)):
+        text = OSCILLATOR.format(event="when spring.x > place { n = 1 }", x="0.1 m + 0.2 m", v="0 [m/s]", mode=0)
+        model = bondgraph.load(text.replace("input push", f"input place = {place}\n  input push"))
+        if refuses:
+            refused(model, "when spring.x >", "start")
+        else:
+            assert -model.linearize(state="start").A.diagonal().sum() == 1.0
+
+
 def test_what_changes_nothing_is_no_kink() -> None:
     """A counter, a mode that is set to what it is, an instant, a reset of what is held."""
     for event in (

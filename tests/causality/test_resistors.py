@@ -139,6 +139,13 @@ class TestRule:
         assert decided(text.replace("{}", "0.2")) == {"x": "effort", "y": "flow"}
         assert decided(text.replace("{}", "0.05")) == {"x": "flow", "y": "effort"}
 
+    @pytest.mark.parametrize("law", ["1e200*e1 = 1e-200*e2", "1e-200*e1 = 1e200*e2"])
+    def test_through_a_ratio_without_a_logarithm_none_is_compared(self, law: str) -> None:
+        """It rounds to 0 or to infinity: the smaller resistance decides as the larger one."""
+        text = "plain model A {\n  Se s : e = 1\n  1 a, b\n  TF g : LAW\n  R x : e = 10*f\n  R y : e = {}*f\n  s -> a -> x, g\n  g -> b -> y\n  output o = x.f\n}\n"
+        found = [decided(text.replace("LAW", law).replace("{}", y)) for y in ("0.2", "0.05")]
+        assert found[0] == found[1]
+
     def test_why_is_told(self) -> None:
         causal = compiled(SERIES, everything=True).causal
         assert {r.because for r in causal.reasons} == {

@@ -209,3 +209,11 @@ def test_a_manipulator_in_space_that_moves_in_a_plane(axes: str) -> None:
         assert value == pytest.approx(expected[0][names.get(name, name)], rel=1e-12)
     for name, value in found[1].items():
         assert value == pytest.approx(expected[1][name.replace("rz", "phi")], rel=1e-12, abs=1e-30)
+
+
+def test_a_push_on_a_body_that_floats_needs_no_rotation() -> None:
+    """At its centre of mass: three quotients by the mass and their sum with the gravity."""
+    drawn = Drawing(gravity=(0.0, 0.0, -9.81))
+    drawn.body("b", 2.0, (0.3, 0.4, 0.5, 0.01, 0.02, -0.03))
+    free, pushed = (operations(drawn.compiled(efforts=ports)) for ports in ((), ("b.x", "b.y", "b.z")))
+    assert (pushed[0] - free[0], pushed[1] - free[1]) == (3, 1)

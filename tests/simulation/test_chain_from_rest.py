@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import pytest
 
 from bondgraph.simulation.magnitudes.nominal_magnitudes import nominal_magnitudes
 from bondgraph.simulation.segments.timeline import segments
-from tests.compiling import Running, compiled
+from tests.compiling import Running, compiled, magnitudes
 
 TEXT = """model Plates {
   "Plates far below pull-in, on a voltage that rises slowly: the charge moves first, then the force, then the place."
@@ -62,3 +65,13 @@ def test_what_the_first_look_ahead_did_not_see_is_told() -> None:
         assert len(found.doubts) == len(unknown)
         if unknown:  # a displacement of 1 m in the run, of which it is a small share
             assert "`second.x`" in str(found.doubts[0]) and found.values[1] < 1e-3
+
+
+@pytest.mark.parametrize(("force", "grown"), [("", True), (" + 1 uN*sin(1 [1/s]*time)", False)])
+def test_a_motion_that_grows_on_its_own_has_the_size_of_its_beginning(force: str, grown: bool) -> None:
+    """sinh(w t) for 60/w: where nothing drives it, a coarse run to the end is no measure; where a signal of time does, that run counts."""
+    text = f"model A {{ Se u : F = 1 uN{force}; I m : p = 1 kg*v; C c : F = -1 [N/m]*x; u -> 1(m, c); output x = c.x }}"
+    running = Running(compiled(text))
+    size = magnitudes(running, segments(running.program, running.constants, 0.0, 60.0))
+    end = 1e-6 * math.exp(60) / 4
+    assert (size < 1e-6 * end).all() if grown else (size > end).all()

@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import linprog
 
 import bondgraph
+from bondgraph.numerics.indicators import DEGREES, GRID, ON_GRID
+from bondgraph.simulation.events.bounds import BEYOND
 from bondgraph.simulation.segments import resolution
-from bondgraph.simulation.segments.timeline import segments, timeline
+from bondgraph.simulation.segments.timeline import Signals, follower, segments, timeline
 from compiler.codegen.ranges import Ranges
-from tests.compiling import MODELS, compiled
+from tests.compiling import MODELS, Running, compiled
 from tests.stress.ways import Way, ways
 
 CLOSE = 1e-11  # of a duration: what rounding of an instant leaves
@@ -454,3 +457,21 @@ def test_thousands_of_narrow_peaks_are_all_met(kinks: int) -> None:
     )
     found = bondgraph.load(text).simulate(to=1.0, points=2)
     assert found.final("p") == pytest.approx(1.0005 * w / math.sqrt(math.pi), rel=3e-4)
+
+
+@pytest.mark.parametrize("crest", [0.09, 0.35, 0.5, 0.8])
+def test_a_step_looks_between_all_its_nodes(crest: float) -> None:
+    """A pulse between two nodes of a step, 0, 0.155, 0.645 and 1: the looks alone, without known places of the signal, tell that it is missed."""
+    pulse = f"exp(-((time - {crest} s)/0.06 s)^2)"
+    running = Running(compiled(f"model A {{ Se a : F = 1 N*{pulse}; I m : p = 1 kg*v; a -> 1(m); output v = m.v }}"))
+    stretch = segments(running.program, running.constants, 0.0, 1.0)[0].up_to(0.0, 1.0)
+    unknown = Signals(np.array([0.1]), np.empty(0), np.empty((0, 1)), False)
+    follows = follower(running.program, running.inputs, running.constants, stretch, unknown)
+    assert not follows(0.0, 1.0) and follows(crest - 0.02, crest + 0.02)
+
+
+def test_what_a_polynomial_reaches_between_the_places_of_its_grid() -> None:
+    """The largest of all polynomials of the degree, between places 17 and 18, by linear programming: the bound is above, and hardly."""
+    there, within = np.cos(17.5 * np.pi / GRID * DEGREES), np.vstack([ON_GRID, -ON_GRID])
+    most = -linprog(-there, within, np.ones(len(within)), bounds=(None, None)).fun
+    assert most == pytest.approx(1.06549, abs=1e-5) and most <= 1 + BEYOND <= 1.005 * most

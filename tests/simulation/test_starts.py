@@ -148,6 +148,19 @@ class TestMechanisms:
         with pytest.raises(RunFailed, match=r"the start of .*`m\.tip\.y`"):
             bondgraph.load(ARM).simulate("too_far")
 
+    def test_a_single_constraint_holds_at_the_start(self) -> None:
+        """A bob on a rod of 1 m, drawn at 3 : 4 and started at 4 : 3."""
+        text = "model A {\n  multibody m : planar { body bob { mass = 1 kg, at = (0.8 m, -0.6 m), start x = 0.6 m }; frame pin : ground { at = (0, 0) }; rod line : pin to bob }\n  output x = m.bob.x, y = m.bob.y\n  experiment e { simulate 0 .. 1 ms }\n}\n"
+        assert at_start(text, "e", "x", "y") == pytest.approx([0.6, -0.8], rel=1e-12)
+
+    def test_many_contradictions_have_four_numbers(self) -> None:
+        frames = "; ".join(f"frame f{i} : a {{ at = (0, 0), start x = {i} mm }}" for i in range(7))
+        text = "model A {\n  multibody m : planar { body a { mass = 1 kg, inertia = 1 [kg*m^2] }; slide rail : ground to a { along = 0 deg }; FRAMES }\n  output x = m.a.x\n}\n"
+        with pytest.raises(RunFailed, match="cannot hold together") as caught:
+            bondgraph.load(text.replace("FRAMES", frames)).simulate(to="1 ms")
+        told = str(caught.value)
+        assert told.count("` = ") == 4 and all(f"`m.f{i}.x`" in told for i in range(7))
+
     def test_a_direction_in_which_nothing_can_move(self) -> None:
         text = "model A {\n  multibody m : planar {\n    body a { mass = 1 kg, inertia = 1 [kg*m^2], start y = 2 mm }\n    slide rail : ground to a { along = 0 deg }\n  }\n  output x = m.a.x\n  experiment e { simulate 0 .. 1 ms }\n}\n"
         with pytest.raises(RunFailed, match=r"`m\.a\.y` \(line 3\) cannot hold"):

@@ -12,6 +12,7 @@ import pytest
 
 import bondgraph
 from bondgraph.results.archive import read_result
+from bondgraph.simulation.truncation.spectrum_split import Split, split
 
 # A heavy and a light mass (506 Hz) with what a damper between them dissipates.
 HEAT = """model Heat {
@@ -316,3 +317,18 @@ def test_a_ringing_that_goes_on_where_something_else_is_left_out() -> None:
     assert told is not None and any(1.64 < t < 1.66 for t in told.instants)
     lacks = np.abs(full["s"] - found["s"]).max()
     assert lacks / 1.5 < told.outputs["s"] < 1.5 * lacks
+
+
+def test_each_eigenvalue_belongs_to_one_part() -> None:
+    """Two oscillations and two decays, one of each on either side of the rate."""
+    matrix = np.zeros((6, 6))
+    matrix[:2, :2], matrix[2:4, 2:4] = [[-1, 1000], [-1000, -1]], [[-0.1, 2], [-2, -0.1]]
+    matrix[4, 4], matrix[5, 5] = -500, -1
+    (found,) = split(matrix[None], 100.0)
+    assert isinstance(found, Split)
+    parts = [
+        sorted(part.tolist(), key=lambda v: (v.real, v.imag)) for part in (found.values, found.others, found.decays)
+    ]
+    wanted = [[-1 - 1000j, -1 + 1000j], [-1, -0.1 - 2j, -0.1 + 2j], [-500]]
+    for part, values in zip(parts, wanted, strict=True):
+        np.testing.assert_allclose(part, values, rtol=1e-12)

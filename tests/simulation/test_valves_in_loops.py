@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import bondgraph
+from bondgraph.simulation.events.complementarity import Companion, Instant
 from bondgraph.simulation.loops.loops import LoopSolver
 
 # a diode behind a resistance with an exponential and a cubic law; its current obeys u = i + i^3 + ln(1 + i)
@@ -32,3 +36,18 @@ def test_nonlinear_loops_of_valves_begin_at_their_last_solution(target: str, mon
     exact = [0.0 if u < 1e-9 else brentq(lambda i, u=u: i + i**3 + np.log1p(i) - u, 0, 10, xtol=1e-15) for u in volts]
     np.testing.assert_allclose(found["i"], exact, atol=1e-8)
     assert len(found.events) >= 10 and len(calls) <= 2
+
+
+def test_a_refuted_set_of_valves_is_not_asked_again_at_its_instant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps of two sizes lead to two sets: the other one after the first is refuted, then none; at another instant the first again."""
+    first, second = np.array([True, False]), np.array([False, True])
+    facts = SimpleNamespace(valves=(), gaps=(), integrals=(), mechanisms=())
+    companion = Companion(cast("Any", facts), cast("Any", None), {}, 1.0, cast("Any", None))
+    monkeypatch.setattr(Companion, "_problem", lambda self, at: (at.time,))
+    monkeypatch.setattr(
+        Companion, "_solved", lambda self, at, guess, step: (first if step == next(self.steps(at.time)) else second,)
+    )
+    now, later = (Instant(time, {}, {}, ()) for time in (1.0, 2.0))
+    assert companion.another(now, first).tolist() == second.tolist()
+    assert companion.another(now, second) is None
+    assert companion.conducting(later, first).tolist() == first.tolist()
