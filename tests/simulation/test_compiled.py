@@ -18,7 +18,6 @@ import bondgraph
 from bondgraph.compiled_scene import HIDDEN
 from bondgraph.errors import RunFailed, UsageError
 from bondgraph.results.result import Result
-from bondgraph.simulation import phase
 from bondgraph.simulation.integrators import exponential
 from bondgraph.simulation.integrators.compiled import fields, pilot_run
 from bondgraph.simulation.integrators.compiled import run as compiled
@@ -27,6 +26,7 @@ from bondgraph.simulation.integrators.compiled.plain import functions_of
 from bondgraph.simulation.integrators.linear_algebra.sparse import FINE, Pattern, real_back, real_factors
 from bondgraph.simulation.integrators.projection.projection import ProjectionWorkspace
 from bondgraph.simulation.integrators.workspace import IntegratorWorkspace
+from bondgraph.simulation.phases import tolerances
 from tests.codegen.test_module import MODELS_OF_FILES
 from tests.compiling import MODELS
 
@@ -154,8 +154,8 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
 def test_magnitudes_are_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The coarse run takes its steps in machine code too."""
     found = []
-    original = phase.nominal_magnitudes
-    monkeypatch.setattr(phase, "nominal_magnitudes", lambda *a: found.append(original(*a)) or found[-1])
+    original = tolerances.nominal_magnitudes
+    monkeypatch.setattr(tolerances, "nominal_magnitudes", lambda *a: found.append(original(*a)) or found[-1])
     both(MODELS / name, points=2)
     np.testing.assert_allclose(found[0].values, found[1].values, rtol=1e-9)
     assert (found[0].stopped, found[0].unknown) == (found[1].stopped, found[1].unknown)

@@ -13,7 +13,6 @@ import pytest
 pytest.importorskip("llvmlite")
 
 import bondgraph
-from bondgraph.simulation import phase
 from bondgraph.simulation.integration import method
 from bondgraph.simulation.integrators import exponential
 from bondgraph.simulation.integrators.compiled import run as compiled
@@ -23,6 +22,7 @@ from bondgraph.simulation.integrators.compiled.record_layout import RecordArray,
 from bondgraph.simulation.integrators.linear_algebra.sparse import Pattern
 from bondgraph.simulation.magnitudes.free_response import balance
 from bondgraph.simulation.magnitudes.pilot_run import PilotRun
+from bondgraph.simulation.phases import start
 from tests.benchmarks import large_models
 from tests.compiling import MODELS
 
@@ -80,7 +80,7 @@ def test_a_second_call_finds_nothing_again(name: str, monkeypatch: pytest.Monkey
 
         monkeypatch.setattr(owner, function, counted)
 
-    for owner, function in ((PilotRun, "peak"), (phase, "consistent_start"), (method, "_examined")):
+    for owner, function in ((PilotRun, "peak"), (start, "consistent_start"), (method, "_examined")):
         count(owner, function)
     model = bondgraph.load(MODELS / f"{name}.bg")
     first = model.simulate()
