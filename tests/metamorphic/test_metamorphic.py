@@ -23,8 +23,10 @@ from compiler.metamorphosis.bonds import exploded, turned
 from compiler.metamorphosis.changing import Changed, Rename, Statements, parsed, permuted
 from compiler.metamorphosis.enclosing import enclosed
 from compiler.metamorphosis.printing import text_of
+from compiler.metamorphosis.reductions import smallest
 from compiler.metamorphosis.renaming import bundled
 from compiler.metamorphosis.scaling import Powers
+from compiler.metamorphosis.text_changes import TextScene
 from compiler.source import Source
 from compiler.syntax.format import format_text
 from tests.metamorphic.observing import CIRCUITS, Case, Text, cases, difference, first_cases, order
@@ -345,3 +347,17 @@ def test_the_comparison_sees_a_change() -> None:
         assert old in text
         with pytest.raises(AssertionError):
             agree(case, Changed(text.replace(old, new), case.model or "", case.experiment))
+
+
+def test_the_smallest_text_has_one_quantity_of_three() -> None:
+    """Each name of a list goes alone; a piece that is no smaller would be tried for ever."""
+    tries: list[str] = []
+
+    def holds(scene: TextScene) -> bool:
+        tries.append(text_of(scene.statements))
+        assert len(tries) < 100
+        return "b = 2" in tries[-1]
+
+    text = "model A { parameter a = 1, b = 2, c = 3; output x = b }"
+    found = smallest(TextScene(parsed(text), "A", None, ("x",)), holds)
+    assert " ".join(text_of(found.statements).split()) == "model A { parameter b = 2 }"

@@ -18,6 +18,7 @@ import bondgraph
 from bondgraph.numerics.indicators import DEGREES, GRID, ON_GRID
 from bondgraph.simulation.events.bounds import BEYOND
 from bondgraph.simulation.segments import resolution
+from bondgraph.simulation.segments import timeline as segment_search
 from bondgraph.simulation.segments.timeline import Signals, follower, segments, timeline
 from compiler.codegen.ranges import Ranges
 from tests.compiling import MODELS, Running, compiled
@@ -475,3 +476,14 @@ def test_what_a_polynomial_reaches_between_the_places_of_its_grid() -> None:
     there, within = np.cos(17.5 * np.pi / GRID * DEGREES), np.vstack([ON_GRID, -ON_GRID])
     most = -linprog(-there, within, np.ones(len(within)), bounds=(None, None)).fun
     assert most == pytest.approx(1.06549, abs=1e-5) and most <= 1 + BEYOND <= 1.005 * most
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_zero_at_a_sampled_place_is_a_crossing_between_two_signs(
+    side: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for other, zeros in ((-side, [1.0]), (side, [])):
+        values = np.array([[side], [0.0], [other]])
+        monkeypatch.setattr(segment_search, "_looked_at", lambda *_, values=values: (np.arange(3.0), values))
+        found, _ = segment_search._sampled(None, None, 0, np.array([0.0, 2.0]))  # type: ignore[arg-type]
+        assert found == zeros
