@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 import bondgraph
+from compiler.reduction.slopes import slopes_at_start
 from tests.compiling import compiled, mistake, mistakes, refused
 
 RING = "plain model A {\n  parameter n = 2, k = 0.5\n  Se s : e = 1\n  1 a, b\n  R r : e = 3*f\n  R t : e = 2*f\n  TF one : e1 = n*e2\n  TF two : e1 = k*e2\n  s -> a -> r\n  a -> one -> b -> t\n  b -> two -> a\n  output o = r.f\n}\n"
@@ -87,3 +88,14 @@ def test_a_gain_that_cancels_now_and_then_is_no_mistake_of_the_graph() -> None:
 def test_a_parameter_that_cancels_whatever_its_value() -> None:
     ring = MODULATED + "  TF one : e1 = n*e2\n  TF two : e2 = n*e1\n}\n"
     assert refused(compiled(ring, free=("n",)), "BG502")
+
+
+def test_slopes_of_a_series_circuit_at_the_start() -> None:
+    """q' = 4 p, p' = 1 - 2*4 p - 3 q, by hand."""
+    text = "plain model A { Se u : e = 1; R r : e = 2*f; C c : e = 3*q; I m : f = 4*p; 1 j; u -> j; j -> r, c, m; output x = c.q }"
+    space = compiled(text).state_space
+    names = [space.variables[s.variable].name for s in space.states]
+    found = slopes_at_start(space, [s.rate for s in space.states], space.states)
+    assert found is not None
+    by_name = [{space.variables[v].name: x for v, x in row.items()} for row in found]
+    assert dict(zip(names, by_name, strict=True)) == {"c.q": {"m.p": 4.0}, "m.p": {"m.p": -8.0, "c.q": -3.0}}
