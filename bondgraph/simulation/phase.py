@@ -182,7 +182,9 @@ class Phase:
         key = *first.key, last.stop, self.options.parts, self.looked_from.tobytes(), self.state.tobytes(), on
         values = self._with_doubts(self.constraints.recall("magnitudes", key, self._searched_magnitudes))
         if self.events is not None:
-            self.events.measure(values.copy())
+            from .events.indicators import HybridState
+
+            self.events.measure_anew(values.copy(), HybridState(first.start, self.state, first.mode))
         return values.copy()
 
     def _with_doubts(self, found: PhaseMagnitudes) -> Any:

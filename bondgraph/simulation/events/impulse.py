@@ -53,7 +53,11 @@ def after_impulse(
     # momenta follow from positions and rates, and may be small differences of large terms
     compared = slice(len(names) - program.hybrid.momenta)
     jumping = np.array(program.hybrid.jumping, dtype=int)
-    contents = _Held(constraints, constraints.loops(np.ones(len(full))), time, full, mode, jumping, size[jumping])
+    known = [peaks.get(n, 0.0) for n in program.variables.names]
+    loops = constraints.loops(
+        nonzero(np.maximum(np.abs(full), known))
+    )  # in units of 1, small unknowns would end rounded
+    contents = _Held(constraints, loops, time, full, mode, jumping, size[jumping])
     y = full[jumping] / contents.scale
     here = contents.stored(y)
     # quantities that no program computed before start at their computed values

@@ -64,6 +64,17 @@ class EventIndicators:
         # of the last hybrid state: itself, then its roots, their rounding and its flow
         self.last: tuple[object, tuple[Any, Any, tuple[Any, float] | None]] | None = None
 
+    def measure_anew(self, magnitude: Array, at: HybridState) -> None:
+        """Set better magnitudes, and what counts as rounding of the roots at this hybrid state by them: where nothing was known, a magnitude was 1."""
+        if not self.floor.any() or (magnitude == self.magnitude).all():
+            self.measure(magnitude)
+            return
+        roots = self.roots(at.time, at.state, at.mode)
+        before = self.noise(at, roots)
+        self.measure(magnitude)
+        share = np.minimum(self.noise(at, roots) / nonzero(before), 1.0)
+        self.floor = np.maximum(share * self.floor, np.minimum(self.floor, 2 * np.abs(roots)))
+
     def with_values(self, constraints: Constraints, magnitude: Array) -> EventIndicators:
         """Return the same conditions for other inputs, parameters and magnitudes: for `guess`, not for a search, whose bounds stay those of the first."""
         found = copy(self)

@@ -86,17 +86,19 @@ class MagnitudeSearch:
     def _with_events(self, events: Events) -> PhaseMagnitudes:
         """Return magnitudes from a pilot run up to the first event, then from a coarse run through the events."""
         from ..events.begin import UntilEvent
+        from ..events.indicators import HybridState
 
-        program, known = self.constraints.program, self.known
+        program, known, first = self.constraints.program, self.known, self.stretches[0]
+        at = HybridState(first.start, self.state, first.mode)
         names, doubts = program.variables.names, None
         if known and self.mechanisms:
             levels = rounding_levels(program, self.mechanisms, self.constraints, self.state, self.stretches[0])
             known = of_what_moved(known, program, levels)
         if not all(n in known for n in names):
-            events.measure(self._nominal(UntilEvent(events, self.choice())).values)
+            events.measure_anew(self._nominal(UntilEvent(events, self.choice())).values, at)
             largest = self.coarse(events.magnitude)
             nominal = self._nominal(UntilEvent(events, self.choice()), np.maximum(largest, self.peaks))
             doubts = nominal.doubts
             known = dict(zip(names, map(float, nominal.values), strict=True)) | dict(known)
-        events.measure(np.array([known[n] for n in names]))
+        events.measure_anew(np.array([known[n] for n in names]), at)
         return PhaseMagnitudes(events.magnitude.copy(), doubts, known)
