@@ -54,9 +54,8 @@ def after_impulse(
     compared = slice(len(names) - program.hybrid.momenta)
     jumping = np.array(program.hybrid.jumping, dtype=int)
     known = [peaks.get(n, 0.0) for n in program.variables.names]
-    loops = constraints.loops(
-        nonzero(np.maximum(np.abs(full), known))
-    )  # in units of 1, small unknowns would end rounded
+    # in units of 1, small unknowns would end rounded
+    loops = constraints.loops(nonzero(np.maximum(np.abs(full), known)))
     contents = _Held(constraints, loops, time, full, mode, jumping, size[jumping])
     y = full[jumping] / contents.scale
     here = contents.stored(y)

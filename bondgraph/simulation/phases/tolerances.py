@@ -88,8 +88,8 @@ class MagnitudeSearch:
         from ..events.begin import UntilEvent
         from ..events.indicators import HybridState
 
-        program, known, first = self.constraints.program, self.known, self.stretches[0]
-        at = HybridState(first.start, self.state, first.mode)
+        program, known, segment = self.constraints.program, self.known, self.stretches[0]
+        at = HybridState(segment.start, self.state, segment.mode)
         names, doubts = program.variables.names, None
         if known and self.mechanisms:
             levels = rounding_levels(program, self.mechanisms, self.constraints, self.state, self.stretches[0])
