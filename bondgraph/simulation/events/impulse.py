@@ -53,9 +53,9 @@ def after_impulse(
     # momenta follow from positions and rates, and may be small differences of large terms
     compared = slice(len(names) - program.hybrid.momenta)
     jumping = np.array(program.hybrid.jumping, dtype=int)
-    known = [peaks.get(n, 0.0) for n in program.variables.names]
+    largest = [peaks.get(n, 0.0) for n in program.variables.names]
     # in units of 1, small unknowns would end rounded
-    loops = constraints.loops(nonzero(np.maximum(np.abs(full), known)))
+    loops = constraints.loops(nonzero(np.maximum(np.abs(full), largest)))
     contents = _Held(constraints, loops, time, full, mode, jumping, size[jumping])
     y = full[jumping] / contents.scale
     here = contents.stored(y)
