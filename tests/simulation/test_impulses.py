@@ -169,3 +169,26 @@ def test_what_an_event_sets_passes_through_no_bond() -> None:
     np.testing.assert_allclose(found["own"][-1], -lost - 3 + float(last.y[0, -1]), atol=1e-8)
     np.testing.assert_allclose(found["through"], -found["own"], atol=1e-8)
     np.testing.assert_allclose(found["q"][10], 3, atol=1e-8)
+
+
+TIED_CAPACITORS = """model Two {{
+  parameter near_size = {near}, far_size = {far}
+  C near : u = q/near_size {{ start u = 5 V }}
+  C far  : u = q/far_size
+  1 tie  : electric {{ active = time > 1 ms }}
+  0 one  : electric
+  0 other : electric
+  one -> near
+  one -> tie -> other -> far
+  output u = near.u, w = far.u
+}}
+"""
+
+
+@pytest.mark.parametrize(("near", "far"), [("10 pF", "20 pF"), ("0.1 fF", "0.2 fF"), ("1 F", "2 F"), ("2 pF", "1 F")])
+def test_small_charges_are_shared_as_large_ones(near: str, far: str) -> None:
+    """What holds nothing yet has the size of what it is tied to: a charge of 5e-11 C passed into nothing, and the voltage stayed."""
+    run = bondgraph.load(TIED_CAPACITORS.format(near=near, far=far)).simulate(to="2 ms", points=3)
+    sizes = [float(text.split()[0]) * {"pF": 1e-12, "fF": 1e-15, "F": 1.0}[text.split()[1]] for text in (near, far)]
+    shared = 5 * sizes[0] / sum(sizes)
+    assert run.final("u") == pytest.approx(shared, rel=1e-9) and run.final("w") == pytest.approx(shared, rel=1e-9)

@@ -26,6 +26,7 @@ ITERATIONS = 100
 HALVES = 20  # of a step that leaves the domain of a law
 CLOSE = 1e-12  # relative to the magnitudes: end of the iteration
 AFFINE = 1e-13  # relative to the values: rounding error of an affine function
+LEAST = 1e-6  # relative to the largest of its unit: magnitude of a stored quantity that is smaller
 SEEN = 1e-9  # relative to the magnitudes: least change that counts as a jump
 
 
@@ -49,16 +50,21 @@ def after_impulse(
     units = (*program.states.units, *program.dependents.units)
     old = np.array([stored.get(n, np.nan) for n in names])
     size = np.array([max(abs(stored.get(n, 0.0)), peaks.get(n, 0.0)) for n in names])
-    size = nonzero(size)
+    size[: constraints.count] = np.maximum(size[: constraints.count], np.abs(full[: constraints.count]))
+    groups = group_numbers(units)
+    # what holds nothing yet takes from what holds something: it has the size of that
+    scale = nonzero(np.where(size > 0, size, largest_of_group(size, groups)))
     # momenta follow from positions and rates, and may be small differences of large terms
     compared = slice(len(names) - program.hybrid.momenta)
     jumping = np.array(program.hybrid.jumping, dtype=int)
     largest = [peaks.get(n, 0.0) for n in program.variables.names]
     # in units of 1, small unknowns would end rounded
     loops = constraints.loops(nonzero(np.maximum(np.abs(full), largest)))
-    contents = _Held(constraints, loops, time, full, mode, jumping, size[jumping])
+    contents = _Held(constraints, loops, time, full, mode, jumping, scale[jumping])
     y = full[jumping] / contents.scale
     here = contents.stored(y)
+    size = np.maximum(size, np.abs(here))
+    size = nonzero(np.maximum(size, LEAST * largest_of_group(size, groups)))
     # quantities that no program computed before start at their computed values
     old = np.where(np.isfinite(old), old, here)
     if (np.abs(here - old) <= SEEN * size)[compared].all():

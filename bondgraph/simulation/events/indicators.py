@@ -73,7 +73,8 @@ class EventIndicators:
         before = self.noise(at, roots)
         self.measure(magnitude)
         share = np.minimum(self.noise(at, roots) / nonzero(before), 1.0)
-        self.floor = np.maximum(share * self.floor, np.minimum(self.floor, 2 * np.abs(roots)))
+        against = self.truth(roots) != at.mode[self.places]  # the mode was decided, and the root has to leave first
+        self.floor = np.maximum(share * self.floor, np.where(against, np.minimum(self.floor, 2 * np.abs(roots)), 0.0))
 
     def with_values(self, constraints: Constraints, magnitude: Array) -> EventIndicators:
         """Return the same conditions for other inputs, parameters and magnitudes: for `guess`, not for a search, whose bounds stay those of the first."""

@@ -59,8 +59,9 @@ def differences(function: Missed, state: Array, places: IntArray, size: Array | 
 def slopes_of(function: Missed, x: Array, movable: BoolArray) -> Any:
     """Return central differences; used at the start only, where an iteration over them converges to round-off."""
     columns = []
+    least = 1e-3 * (min(np.abs(x[movable]).max(initial=0.0), 1.0) or 1.0)
     for i in np.flatnonzero(movable):
-        step = 1e-6 * max(abs(x[i]), 1e-3)
+        step = 1e-6 * max(abs(x[i]), least)
         shift = np.zeros(len(x))
         shift[i] = step
         columns.append((function(x + shift) - function(x - shift)) / (2 * step))
