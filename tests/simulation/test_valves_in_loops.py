@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import bondgraph
@@ -111,3 +112,30 @@ def test_curved_storages_and_their_impulses_have_no_size_of_their_own(start: str
     assert len(small.events) == len(large.events) == 3
     for name in ("u", "i", "v"):
         np.testing.assert_allclose(small[name] / scale, large[name], rtol=1e-7, atol=1e-8)
+
+
+# a coil behind two exponential laws and an ideal diode, whose source falls to zero while the coil drives the current
+DRIVEN = """import IdealDiode from electric
+model Driven {
+  Se s : u = 6 V*pulse(time, 0.35 s, 0.82 s)
+  Se gnd : u = 0 V
+  I coil : lambda = 0.8 H*i
+  R one : i = 0.8 A*(exp(u/0.7 [V]) - 1)
+  R two : i = 0.2 A*(exp(u/1.4 [V]) - 1)
+  IdealDiode d
+  s -> 1(coil, one, two, d.pins) -> gnd
+  output i = coil.i
+}"""
+
+
+def test_laws_that_overflow_within_a_short_step_are_solved_by_waves() -> None:
+    """Over a short step the voltage of the coil is large for each current but the right one, where an exponential has no value."""
+
+    def flux(source: float) -> Any:
+        return lambda _, i: (source - 0.7 * np.log1p(i / 0.8) - 1.4 * np.log1p(i / 0.2)) / 0.8
+
+    exact = [0.0]
+    for source, ends in ((6.0, (0.35, 0.82)), (0.0, (0.82, 1.2))):
+        exact.append(solve_ivp(flux(source), ends, exact[-1:], "DOP853", rtol=1e-12, atol=1e-14).y[0, -1])
+    found = bondgraph.load(DRIVEN).simulate(to=1.2, points=121, rtol=1e-9)
+    np.testing.assert_allclose(found["i"][[35, 82, 120]], exact, rtol=1e-7, atol=1e-12)

@@ -333,9 +333,8 @@ class Companion:
         times = np.full(len(rows), at.time + step)
         if len(program.unknowns.names):
             states[:, count:] = network.last
-            states = LoopSolver(program, constraints.constants, inputs, np.ones(len(state))).solve_all(
-                times, states, mode
-            )
+            loops = LoopSolver(program, constraints.constants, inputs, np.ones(len(state)), constraints.parameters)
+            states = loops.solve_all(times, states, mode)
             network.last = states[0, count:]
         return np.asarray(program.output(times, states, inputs, constraints.constants, mode))
 
