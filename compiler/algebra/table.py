@@ -69,6 +69,12 @@ def curve_slope(node: Apply) -> Expression:
     return call(node.operator, Number(order.value + 1), x, *rest)
 
 
+def counted(node: Apply, x: Expression) -> Expression:
+    """An argument of a curve, counted from point to point: 0 at the first, 1 at the second."""
+    places = domain(node)
+    return table("linear", x, places, [Number(float(i)) for i in range(len(places))])
+
+
 def jumps_at_knots(node: Apply) -> bool:
     """Return True for a derivative of a curve that jumps at its points."""
     order = node.operands[0]
@@ -78,6 +84,11 @@ def jumps_at_knots(node: Apply) -> bool:
 def last_derivative(node: Apply) -> Apply:
     """Derivative of a curve that is constant between its points."""
     return Apply(node.operator, (Number(float(_SMOOTH[node.operator])), *node.operands[1:]))
+
+
+def is_stepped(x: Expression) -> bool:
+    """Return True for a derivative of a curve that is constant between its points."""
+    return isinstance(x, Apply) and x.operator in KINDS and x == last_derivative(x)
 
 
 def turned_round(node: Apply, y: Expression) -> Expression | None:

@@ -26,7 +26,7 @@ from ..algebra.expression import (
 from ..algebra.formula import Formula
 from ..algebra.operators import CONDITIONS, OPERATORS
 from ..algebra.systems import SYSTEMS
-from ..algebra.table import domain, is_table, jumps_at_knots, last_derivative, table
+from ..algebra.table import counted, domain, is_stepped, is_table, jumps_at_knots, last_derivative, table
 from ..equations.system import Assignment
 from ..errors import CompilationFailed
 from ..source import Span
@@ -119,6 +119,8 @@ class Switching:
                 self._instant(self.replaced(x.operands[1] - knot))
             if jumps_at_knots(x):
                 return self._of_segments(x, operands[1])
+        elif self.located and is_stepped(x):
+            return self._between_knots(x, operands[1])
         if x.operator == "noise":
             self._period(x.operands[1], alone, span)
         if alone and x.operator in OPERATORS and OPERATORS[x.operator].narrow:
@@ -159,6 +161,13 @@ class Switching:
         self.next += 1
         return symbol
 
+    def _between_knots(self, x: Apply, place: Expression) -> Expression:
+        """Derivative of a curve of states that is constant between knots, in the middle of the interval of which the number is an item of the mode."""
+        interval = self._count(Apply("floor", (counted(x, x.operands[1]),)), counted(x, place), False)
+        knots = domain(x)
+        middle = table("linear", interval + HALF, [Number(float(i)) for i in range(len(knots))], knots)
+        return _rebuilt(x.operator, (x.operands[0], middle, *x.operands[2:]))
+
     def _integers(self, g: Expression) -> None:
         """Record the instants at which a function of time is an integer."""
         time = Symbol(Leaf("time", 0))
@@ -177,11 +186,7 @@ class Switching:
         elif x.operator in ("min", "max"):
             g = operands[0] - operands[1]
         elif x.operator == "linear" and x.operands[0] == ZERO:
-            # counted from knot to knot, and a sine of the count: one function for any number of knots
-            knots = domain(x)
-            g = call(
-                "sin", Number(pi) * table("linear", operands[1], knots, [Number(float(i)) for i in range(len(knots))])
-            )
+            g = call("sin", Number(pi) * counted(x, operands[1]))  # one function for any number of knots
         else:
             return
         if self.result.dependence(g) & STATE and g not in self.result.bends:
@@ -245,7 +250,7 @@ class Switching:
         The numbers are its last derivative and the remainder at zero. At a knot the value is then that of the side that a run comes from.
         """
         last = self._item(last_derivative(x))
-        if x == last_derivative(x):
+        if is_stepped(x):
             return last
         return add(self._item(x - last_derivative(x) * x.operands[1]), last * place)
 

@@ -16,7 +16,8 @@ enum {
     NAME_rounds = 100, /* most events that cause each other at an instant */
     NAME_halvings = 60
 };
-/* What a function returns: events without end within a step, or at an instant; two events that set one thing at an instant; a limit of the
+/* What a function returns: events without end within a step, among them a law that jumps and on whose jump the motion stays (dry friction
+   under a load: give it a mode that sticks, or a smooth law), or at an instant; two events that set one thing at an instant; a limit of the
    model that does not hold; a step, period, offset, delay or jitter out of its range. */
 enum { NAME_fine = 0, NAME_piled_up, NAME_without_end, NAME_set_twice, NAME_beyond_limit, NAME_wrong_time };
 
@@ -30,6 +31,7 @@ struct NAME_model {
     double number[NAME_n_samples + 1]; /* of the next tick */
     double acted[NAME_n_events + 1]; /* when each event acted last and made its condition false; before the run: never */
     int was_true[NAME_n_events + 1];
+    double rest[NAME_n_conditions + 1]; /* the two sides of each condition count as equal up to this: there the model rests */
 };
 
 @lists@
@@ -70,7 +72,7 @@ static void NAME_look(const struct NAME_model *model, double now, double time, c
     }
     @roots@(time, state, model->inputs, model->constants, model->mode, root);
     for (i = 0; i < NAME_n_conditions; i++) {
-        mode[NAME_places[i]] = (NAME_strict[i] ? root[i] < 0.0 : root[i] <= 0.0) ? 1.0 : 0.0;
+        mode[NAME_places[i]] = (NAME_strict[i] ? root[i] < -model->rest[i] : root[i] <= model->rest[i]) ? 1.0 : 0.0;
     }
     @counts@(time, state, model->inputs, model->constants, mode, count);
     for (i = 0; i < NAME_n_counts; i++) {
@@ -108,19 +110,62 @@ static void NAME_runge_kutta(const struct NAME_model *model, double h, double *s
     }
 }
 
+/* Each of these conditions leads back from both its sides, as dry friction does: rest between them, if nothing else moves the model from there. */
+static void NAME_stand(struct NAME_model *model, const int *flips, double ahead)
+{
+    double before[NAME_n_conditions + 1] = {0}, after[NAME_n_conditions + 1] = {0}, state[NAME_n_states + 1] = {0};
+    double mode[NAME_n_modes + 1] = {0}, moved[NAME_n_conditions + 1] = {0};
+    int i, stands = 1;
+    NAME_runge_kutta(model, ahead, state);
+    @roots@(model->time, model->state, model->inputs, model->constants, model->mode, before);
+    @roots@(model->time + ahead, state, model->inputs, model->constants, model->mode, after);
+    for (i = 0; i < NAME_n_conditions; i++) {
+        moved[i] = flips[i] ? fabs(after[i] - before[i]) : 0.0;
+    }
+    for (i = 0; i < NAME_n_modes; i++) {
+        mode[i] = model->mode[i];
+    }
+    for (i = 0; i < NAME_n_conditions; i++) {
+        model->mode[NAME_places[i]] = flips[i] ? (NAME_strict[i] ? 0.0 : 1.0) : mode[NAME_places[i]];
+    }
+    NAME_runge_kutta(model, ahead, state);
+    @roots@(model->time, model->state, model->inputs, model->constants, model->mode, before);
+    @roots@(model->time + ahead, state, model->inputs, model->constants, model->mode, after);
+    for (i = 0; i < NAME_n_conditions; i++) {
+        stands &= !flips[i] || (fabs(before[i]) <= moved[i] && fabs(after[i] - before[i]) <= 1e-6 * moved[i]);
+    }
+    for (i = 0; i < NAME_n_conditions && stands; i++) {
+        model->rest[i] = flips[i] ? moved[i] : model->rest[i];
+    }
+    for (i = 0; i < NAME_n_modes && !stands; i++) {
+        model->mode[i] = mode[i];
+    }
+}
+
 /* The conditions as they are just after: one may read another. */
 static void NAME_settle(struct NAME_model *model)
 {
     const double ahead = NAME_n_conditions > 0 ? 1e-6 * model->step : 0.0;
     double mode[NAME_n_modes + 1] = {0}, state[NAME_n_states + 1] = {0};
-    int i, round, differs = 1;
-    for (round = 0; round <= NAME_n_modes && differs; round++) {
+    int flips[NAME_n_conditions + 1] = {0};
+    int i, round, differs = 1, leaves = 0;
+    for (round = 0; round <= NAME_n_modes + 1 && differs; round++) {
         NAME_runge_kutta(model, ahead, state);
         NAME_look(model, model->time, model->time + ahead, state, mode);
         differs = NAME_differs(mode, model->mode, NAME_n_modes);
+        for (i = 0; i < NAME_n_conditions; i++) {
+            flips[i] = NAME_differs(mode + NAME_places[i], model->mode + NAME_places[i], 1);
+            leaves |= flips[i] && model->rest[i] > 0.0;
+        }
+        for (i = 0; i < NAME_n_conditions && leaves; i++) {
+            model->rest[i] = 0.0;
+        }
         for (i = 0; i < NAME_n_modes; i++) {
             model->mode[i] = mode[i];
         }
+    }
+    if (differs) {
+        NAME_stand(model, flips, ahead);
     }
 }
 
@@ -257,6 +302,9 @@ int NAME_init(struct NAME_model *model, const double *parameters, double step)
     for (i = 0; i < NAME_n_events; i++) {
         model->was_true[i] = 0;
         model->acted[i] = -2.0 * step;
+    }
+    for (i = 0; i < NAME_n_conditions; i++) {
+        model->rest[i] = 0.0;
     }
 @mode_start@
     @sampling@(0, 0, 0, model->constants, 0, model->sampling);

@@ -11,6 +11,7 @@ from sympy import Basic
 
 from ...algebra.expression import Apply, Expression, Symbol, operations, symbols
 from ...algebra.sympy_form import as_written, number_as_written, quotient
+from ...algebra.table import counted, is_stepped
 from ...equations.system import Assignment, Variable
 from ...reduction import LinearLoop, StateSpace
 from ...reduction.order import needed
@@ -182,11 +183,13 @@ class _Formulation:
             if not isinstance(step, Assignment) or step.target not in behind or step.target in self.constant:
                 continue
             for node in operations(step.expression):
-                if node.operator not in (*COMPARISONS, *JUMPS) or node in seen or not self._changes(node):
+                stepped = is_stepped(node)
+                if not (stepped or node.operator in (*COMPARISONS, *JUMPS)) or node in seen or not self._changes(node):
                     continue
                 seen.add(node)
-                left, *rest = (as_written(o, self.symbol) for o in node.operands)
-                if node.operator in WHOLE:
+                operands = (counted(node, node.operands[1]),) if stepped else node.operands
+                left, *rest = (as_written(o, self.symbol) for o in operands)
+                if stepped or node.operator in WHOLE:
                     left = sympy.sin(sympy.Mul(sympy.pi.evalf(17), left, evaluate=False))
                 right = rest[0] if rest else 0
                 difference = sympy.Add(left, sympy.Mul(-1, right, evaluate=False), evaluate=False)
