@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+import bondgraph
 from compiler.compilation import Compilation
 from compiler.errors import ValuesNeeded
 from compiler.scene import Override, Scene
@@ -170,3 +171,33 @@ def test_a_decision_needs_the_value_and_says_where(length: int) -> None:
     shown = line.replace("  ", " ")
     assert len(shown) == length
     assert needed.value.why == {"count": f"line 3, `{shown[:60]}{'…' if length > 60 else ''}`"}
+
+
+GUARDED = (
+    "model Ways {{ parameter L = {L}, n = {n}, P = {P}\n signal x = integral(1 [m/s], 0.25 m)\n output y = {law} }}"
+)
+
+
+@pytest.mark.parametrize(
+    ("law", "left_out", "taken"),
+    [
+        ("mod(x, L) if L > 0 m else x", 1.25, 0.55), ("x if L == 0 m or x < 0 m else mod(x, L)", 1.25, 0.55),
+        ("2*x if n > 9 else stairs(x, L) if L > 0 m else x", 1.25, 0.7), ("mod(x, 0.8 m/n) if n > 0 else x", 1.25, 0.05),
+        ("x*(pwm(time, P, 0.5) if P > 0 s else 2)", 2.5, 1.25), ("x + (0*noise(time, P, n)*1 m if P > 0 s else 1 m)", 2.25, 1.25),
+        ("x*(log(n) if n > 0 else 1) + sqrt(n - 1)*0 m*x/x if n >= 1 else x", 1.25, 1.25*math.log(2)),
+    ],
+)  # fmt: skip
+def test_what_a_guard_leaves_out_is_not_refused(law: str, left_out: float, taken: float) -> None:
+    """A length of zero in a branch that the parameters never take; with others it is taken."""
+    model = bondgraph.load(GUARDED.format(L="0 m", n="0", P="0 s", law=law))
+    assert model.simulate(to=1).final("y") == pytest.approx(left_out, rel=1e-9)
+    settings = {"L": "0.7 m", "n": 2, "P": "0.45 s"}
+    assert model.simulate(to=1, settings=settings).final("y") == pytest.approx(taken, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "law", ["mod(x, L) if x > 0 m else x", "(mod(x, L) if L > 0 m else x) + mod(x, L)", "mod(x, L) if L < 1 m else x"]
+)
+def test_what_a_guard_may_take_is_refused(law: str) -> None:
+    with pytest.raises(bondgraph.CompilationFailed, match="The length of `mod` is 0"):
+        bondgraph.load(GUARDED.format(L="0 m", n="0", P="0 s", law=law)).simulate(to=1)

@@ -375,13 +375,21 @@ class ExpressionCompiler:
 
     def _choice(self, node: tree.ChoiceSyntax) -> Typed:
         condition = self.condition(node.condition)
-        value, otherwise = self.value(node.value), self.value(node.otherwise)
+        value = self._guarded(node.value, condition)
+        otherwise = self._guarded(node.otherwise, call("not", condition))
         if isinstance(value, tuple) or isinstance(otherwise, tuple):
             raise Wrong(WrongType(node.span, "A single number", "a list", "Choose item by item."))
         dimension = common_dimension(
             [(value, node.value.span), (otherwise, node.otherwise.span)], "Both branches need one unit"
         )
         return Typed(select(condition, value.expression, otherwise.expression), dimension)
+
+    def _guarded(self, node: tree.ExpressionSyntax, condition: Expression) -> Value:
+        """A branch of a choice; what is left to an instance to check there is checked where the condition may hold."""
+        first = len(self.checks)
+        value = self.value(node)
+        self.checks[first:] = [check.under(condition) for check in self.checks[first:]]
+        return value
 
     def _call(self, node: tree.Call) -> Value:
         function = self._function(node.function)

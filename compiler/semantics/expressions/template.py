@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
-from ...algebra.expression import Apply, Expression, Number, Symbol, divide, multiply, negate, substitute, symbols
+from ...algebra.expression import Apply, Expression, Number, Symbol, call, divide, multiply, negate, substitute, symbols
 from ...algebra.formula import Bound, Formula
 from ...fast_dataclass import dataclass
 from ...graph.network import Law, PortVariable, Reference
@@ -54,6 +55,21 @@ class Check:
     places: tuple[Expression, ...]
     values: tuple[Expression, ...]
     cells: tuple[Span, ...] = ()  # places of the numbers in the text
+    guards: tuple[Expression, ...] = ()  # conditions under which it is asked
+
+    def under(self, condition: Expression) -> Check:
+        """Return the check in a branch of a choice, each part of a conjunction alone: one may be known where another is not."""
+        parts, guards = [condition], []
+        while parts:
+            part = parts.pop()
+            negated_part = part.operands[0] if isinstance(part, Apply) and part.operator == "not" else None
+            if isinstance(part, Apply) and part.operator == "and":
+                parts += part.operands
+            elif isinstance(negated_part, Apply) and negated_part.operator == "or":
+                parts += [call("not", p) for p in negated_part.operands]
+            else:
+                guards.append(part)
+        return replace(self, guards=(*self.guards, *guards))
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from typing import Any
 from ...algebra.expression import Expression, Number, evaluate
 from ...algebra.formula import Bound, Formula, bind
 from ...algebra.interpolate import OutsideTable
+from ...algebra.table import KINDS
 from ...errors import CompilationFailed, Diagnostic, ValuesNeeded
 from ...graph.domains import DOMAINS, Domain
 from ...graph.mechanism import domain_of
@@ -234,7 +235,19 @@ class Resolver(ABC):
     def check(self, checks: Iterable[Check], slots: Sequence[Slot], scope: Scope) -> None:
         """Check the points of tables with their values in this scope."""
         for check in checks:
-            check_static(check, lambda x, check=check: self._point(x, check, slots, scope))  # type: ignore[misc]
+            # points are looked at in any branch: what turns a table round needs them
+            if check.function in KINDS or not any(self._fails(guard, check, slots, scope) for guard in check.guards):
+                check_static(check, lambda x, check=check: self._point(x, check, slots, scope))  # type: ignore[misc]
+
+    def _fails(self, guard: Expression, check: Check, slots: Sequence[Slot], scope: Scope) -> bool:
+        """Return True for a condition that is known before the run, and false."""
+        bound = bind(guard)
+        scalars = [self.scalar_at(slots[key], scope) if isinstance(key, int) else None for key in bound.arguments]
+        if any(scalar is None or scalar.role not in STATIC_ROLES for scalar in scalars):
+            return False
+        arguments = tuple(scalar.reference for scalar in scalars if scalar is not None)
+        decides = check.function not in LENGTHS
+        return self.value_of(Bound(bound.formula, arguments), check.span, decides) == 0.0
 
     def _point(self, x: Expression, check: Check, slots: Sequence[Slot], scope: Scope) -> float | None:
         """Value of a point of a table, or of a length; None if it has none yet. Raises `Wrong` for a point that changes during a run."""
