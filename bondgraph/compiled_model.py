@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +22,9 @@ if TYPE_CHECKING:
     from .compiled_scene import CompiledScene
 
 LIBRARY = Path(__file__).with_name("library")
+PARTS = "BONDGRAPH_PARTS"  # environment variable: most instances, elements, junctions, quantities and rounds of a model
 MOST_KEPT = 64  # most scenes whose stages and programs are kept
+MOST_DIGITS = 15  # of that number
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +61,7 @@ class CompiledModel:
         key = (scene, everything)
         compilation = self._compilations.get(key)
         if compilation is None:
-            compilation = api.Compilation(self.source, scene, LIBRARY, everything)
+            compilation = api.Compilation(self.source, scene, LIBRARY, everything, most_parts())
             for other in list(self._compilations.values())[:1]:  # parse the text only once
                 compilation.__dict__["tree"] = other.tree
             like = self._compilations.get((replace(scene, preferences=(), off=None), everything))
@@ -187,7 +190,19 @@ def certify(path_or_text: str | Path, model: str | None = None) -> tuple[tuple[D
         source = source_of(path_or_text)
     except api.CompilationFailed as failed:  # the file is no text
         return failed.diagnostics, None
-    return api.examine(source, model, LIBRARY)
+    return api.examine(source, model, LIBRARY, most_parts())
+
+
+def most_parts() -> int:
+    """Return the limit of parts of a model, which the environment sets. Raises `UsageError`."""
+    setting = os.environ.get(PARTS)
+    if not setting:
+        return api.MAXIMUM_PARTS
+    if not setting.isdecimal() or len(setting) > MOST_DIGITS or int(setting) == 0:
+        raise UsageError(
+            "BR650", f"{PARTS} in the environment is {setting[:40]!r}:", "set it to a whole number from 1 on"
+        )
+    return int(setting)
 
 
 def _override(name: str, value: str | float) -> Override:

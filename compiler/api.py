@@ -75,6 +75,7 @@ if TYPE_CHECKING:
         Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, Reported,
         RunMetadata, Scene, Study,
     )  # fmt: skip
+    from .semantics import MAXIMUM_PARTS
     from .semantics.expressions.expression_compiler import MEMORIES
     from .semantics.expressions.functions import FUNCTIONS
     from .semantics.expressions.scales import scale_of

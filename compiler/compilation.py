@@ -44,7 +44,7 @@ from .reduction.measured import measurement_notes
 from .reduction.unexcited import at_rest, without
 from .reduction.upstream import upstream
 from .scene import Plan, RunMetadata, Scene
-from .semantics import Built, build_graph, open_part
+from .semantics import MAXIMUM_PARTS, Built, build_graph, open_part
 from .semantics.names.compound_units import ambiguous_products, in_one_literal, unit_notes, with_compound_units
 from .semantics.names.errors import TooLongRow
 from .source import Source, Span
@@ -65,6 +65,7 @@ class Compilation:
     scene: Scene
     library: Path | None = None
     everything: bool = False  # all states and powers, as an energy balance needs
+    most_parts: int = MAXIMUM_PARTS
     cancels = False  # True once the equations were reduced without what cancels
 
     @cached_property
@@ -79,7 +80,7 @@ class Compilation:
     @cached_property
     def _built(self) -> Built:
         with uncollected():
-            return build_graph(self.tree, self.scene, self.library)
+            return build_graph(self.tree, self.scene, self.library, self.most_parts)
 
     @property
     def whole_graph(self) -> BondGraph:

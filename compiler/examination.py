@@ -11,7 +11,7 @@ from .errors import CompilationFailed, Diagnostic
 from .garbage_collection import uncollected
 from .reduction import Certificate
 from .scene import Scene
-from .semantics import check_parts
+from .semantics import MAXIMUM_PARTS, check_parts
 from .semantics.names.compound_units import with_compound_units
 from .source import Source
 from .syntax import SyntaxTree, parse_what_can_be_read
@@ -27,15 +27,15 @@ def check(source: Source, model: str | None = None, library: Path | None = None)
 
 
 def examine(
-    source: Source, model: str | None = None, library: Path | None = None
+    source: Source, model: str | None = None, library: Path | None = None, most_parts: int = MAXIMUM_PARTS
 ) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
     """Return the errors of a text; if there are none, also the certificate of the main model, if there is one."""
     with uncollected():
-        return _examine(source, model, library)
+        return _examine(source, model, library, most_parts)
 
 
 def _examine(
-    source: Source, model: str | None, library: Path | None
+    source: Source, model: str | None, library: Path | None, most_parts: int
 ) -> tuple[tuple[Diagnostic, ...], Certificate | None]:
     certificate: Certificate | None = None
     tree, mistakes = parse_what_can_be_read(source)
@@ -44,14 +44,14 @@ def _examine(
     if tree is None or (mistakes and not broken):
         return CompilationFailed(mistakes).diagnostics, None
     try:
-        parts = check_parts(tree, library, model, broken)
+        parts = check_parts(tree, library, model, broken, most_parts)
     except CompilationFailed as failed:  # a limit was passed
         return CompilationFailed([*mistakes, *failed.diagnostics]).diagnostics, None
     except RecursionError:
         return (too_long(tree),), None
     found = [*mistakes, *parts.diagnostics]
     if not found:
-        compilation = Compilation(source, Scene(model, None), library)
+        compilation = Compilation(source, Scene(model, None), library, most_parts=most_parts)
         compilation.__dict__["tree"] = tree
         if parts.built is not None:
             compilation.__dict__["_built"] = parts.built

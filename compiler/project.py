@@ -20,7 +20,7 @@ from .semantics.build import CheckedModel, check_model, check_sets, main_model
 from .semantics.names.compound_units import shared_names, statements_with_compound_units
 from .semantics.names.imports import Loader
 from .semantics.names.scope import FileScope, ModelDefinition
-from .semantics.resolution.elaboration_cache import ElaborationCache
+from .semantics.resolution.elaboration_cache import MAXIMUM_PARTS, ElaborationCache
 from .source import Source, move, read_text
 from .syntax import SyntaxTree, tree
 from .syntax.pieces import Piece, cut, read_piece, words_of
@@ -94,6 +94,7 @@ class Project:
 
     library: Path | None = None
     open_texts: dict[Path, str] = field(default_factory=dict)
+    most_parts: int = MAXIMUM_PARTS
     _documents: dict[Path, EditedFile] = field(default_factory=dict)
     _stamps: dict[Path, tuple[int, int]] = field(default_factory=dict)
     _kept: dict[tuple[Path, str, bool], _Kept] = field(default_factory=dict)
@@ -174,7 +175,7 @@ class Project:
             mistakes = list(document.mistakes)
         else:
             mistakes += [d for n, c in survey.models.items() if n not in document.broken for d in c.diagnostics]
-            mistakes += check_sets(file, ElaborationCache()) if file.sets else []
+            mistakes += check_sets(file, ElaborationCache(self.most_parts)) if file.sets else []
         if not mistakes and (main is not None or not (definitions or file.sets)) and (complete or survey.is_complete):
             mistakes = self._equations(document, survey, main, complete)
         survey.diagnostics = CompilationFailed(mistakes).diagnostics
@@ -194,7 +195,7 @@ class Project:
         if not complete and sum(len(item.model.span.source.text) for item in closure) > AT_ONCE:
             return None
         try:
-            checked = check_model(definition, is_main, ElaborationCache())
+            checked = check_model(definition, is_main, ElaborationCache(self.most_parts))
         except CompilationFailed as failed:  # a limit was passed
             checked = CheckedModel(list(failed.diagnostics), None, None)
         except RecursionError:
@@ -218,7 +219,7 @@ class Project:
             if not complete:
                 survey.is_complete = False
                 return []
-            compilation = Compilation(document.tree.source, Scene(None, None), self.library)
+            compilation = Compilation(document.tree.source, Scene(None, None), self.library, most_parts=self.most_parts)
             compilation.__dict__["tree"] = document.tree
             if checked is not None and checked.built is not None:
                 compilation.__dict__["_built"] = checked.built

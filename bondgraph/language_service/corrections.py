@@ -51,7 +51,8 @@ def corrections_of(workspace: Workspace, path: Path, diagnostic: Diagnostic, err
 
 def _mends(workspace: Workspace, path: Path, text: str, title: str, diagnostic: Diagnostic, errors: int) -> bool:
     """Return True if a text is without the error, and has fewer than before: more only of the equations, or where a syntax error or a wrong name hid them."""
-    after = Project(workspace.project.library, {**workspace.project.open_texts, path: text})
+    project = workspace.project
+    after = Project(project.library, {**project.open_texts, path: text}, project.most_parts)
     left = after.survey(path, diagnostic.code > "BG3" or len(text) < MOST_CHECKED).diagnostics
     line = diagnostic.span.line
     if any((d.code, d.sentence, d.span.line) == (diagnostic.code, diagnostic.sentence, line) for d in left):

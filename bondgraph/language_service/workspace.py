@@ -18,7 +18,7 @@ from compiler.api import (
     uncollected,
 )
 
-from ..compiled_model import LIBRARY
+from ..compiled_model import LIBRARY, most_parts
 from ..presentation.text.causality import CausalityExplanation
 from .answers import TextPlace
 from .facts import strokes
@@ -33,7 +33,7 @@ class Workspace:
     """Open texts and folders. Texts are replaced as a whole; only the pieces that changed are read again."""
 
     folders: list[Path] = field(default_factory=list)
-    project: Project = field(default_factory=lambda: Project(LIBRARY.resolve()))
+    project: Project = field(default_factory=lambda: Project(LIBRARY.resolve(), most_parts=most_parts()))
     _surveys: dict[Path, tuple[EditedFile, FileSurvey]] = field(default_factory=dict)
     _occurrences: dict[Path, tuple[FileScope, list[NameUse]]] = field(default_factory=dict)
     _strokes: dict[Path, tuple[Compilation, CausalityExplanation | None]] = field(default_factory=dict)

@@ -172,9 +172,11 @@ def refused_with_values(model: CompiledModel, experiment: str | None, settings: 
     """Raise `CompilationFailed` if the compiler, which did not know the values, finds an error with them."""
     from compiler.api import Compilation
 
-    from ..compiled_model import LIBRARY
+    from ..compiled_model import LIBRARY, most_parts
 
-    _ = Compilation(model.source, model.scene(experiment, settings, (), outputs), LIBRARY).lowered
+    _ = Compilation(
+        model.source, model.scene(experiment, settings, (), outputs), LIBRARY, most_parts=most_parts()
+    ).lowered
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ from .network.events import read_events, read_stops
 from .network.nodes import Nodes
 from .network.requirements import read_requirements
 from .network.unconnected import unconnected
-from .resolution.elaboration_cache import ElaborationCache
+from .resolution.elaboration_cache import MAXIMUM_PARTS, ElaborationCache
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +40,15 @@ class Built:
     positive: tuple[tuple[str, Bound], ...] = ()  # expressions that must not be negative; only a run knows their values
 
 
-def build_graph(syntax: SyntaxTree, scene: Scene, library: Path | None = None) -> Built:
+def build_graph(
+    syntax: SyntaxTree, scene: Scene, library: Path | None = None, most_parts: int = MAXIMUM_PARTS
+) -> Built:
     """Elaborate the model that a scene names. Raises `CompilationFailed` with all errors."""
     loader = Loader(library)
     file = loader.load(syntax)
     definition = choose_model(file, scene.model, loader.diagnostics)
     definition = _with_outputs(definition, scene.extra_outputs)
-    opened = _Opened.of(definition, scene, loader.diagnostics, False, ElaborationCache())
+    opened = _Opened.of(definition, scene, loader.diagnostics, False, ElaborationCache(most_parts))
     built = opened.built()
     if opened.elaborator.diagnostics:
         raise CompilationFailed(opened.elaborator.diagnostics)
@@ -83,8 +85,9 @@ class Checked:
 
 
 def check_parts(
-    syntax: SyntaxTree, library: Path | None = None, wanted: str | None = None, broken: frozenset[str] = frozenset()
-) -> Checked:
+    syntax: SyntaxTree, library: Path | None = None, wanted: str | None = None, broken: frozenset[str] = frozenset(),
+    most_parts: int = MAXIMUM_PARTS,
+) -> Checked:  # fmt: skip
     """Check every model of a file separately, with its experiments, and return all errors.
 
     Open ports and parameters without value are allowed, except in the main model if it has no other errors.
@@ -96,7 +99,7 @@ def check_parts(
         file.models.pop(name, None)
     file.missing |= broken
     diagnostics = list(loader.diagnostics)
-    known = ElaborationCache()
+    known = ElaborationCache(most_parts)
     main = None if diagnostics or broken else main_model(file, wanted)
     whole: Built | None = None
     for definition in [d for d in file.models.values() if d.file is file]:
@@ -153,7 +156,7 @@ def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: Elabo
     """Return the errors of an experiment. One that sets and sweeps nothing is read in the model that is already elaborated."""
     scene = Scene(experiment=experiment.name)
     if any(isinstance(s, tree.Set | tree.SweepSyntax | tree.Analysis) for s in experiment.steps):
-        other = _Opened.of(opened.definition, scene, (), True, ElaborationCache())
+        other = _Opened.of(opened.definition, scene, (), True, ElaborationCache(known.most_parts))
         other.built()
         return other.elaborator.diagnostics
     elaborator = opened.elaborator

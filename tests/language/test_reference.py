@@ -189,9 +189,8 @@ LIMITS = [
     ("files that are imported", "compiler.semantics.names.imports:MAXIMUM_FILES"),
     (
         "instances, elements, junctions, quantities and rounds",
-        "compiler.semantics.resolution.declarations:MAXIMUM_INSTANCES",
+        "compiler.semantics.resolution.elaboration_cache:MAXIMUM_PARTS",
     ),
-    ("rounds of a `for`", "compiler.semantics.resolution.declarations:MAXIMUM_ROUNDS"),
     ("models within models", "compiler.semantics.network.elaborate:MAXIMUM_HIERARCHY"),
     ("items of a list", "compiler.semantics.expressions.expression_compiler:MAXIMUM_ITEMS"),
     ("quantities that read each other in a ring", "compiler.semantics.resolution.quantities:MAXIMUM_ROW"),

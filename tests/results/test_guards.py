@@ -123,3 +123,31 @@ def test_a_path_is_no_model() -> None:
     with pytest.raises(UsageError, match=r"bondgraph\.load") as refused:
         bondgraph.Model("models/oscillator.bg")  # type: ignore[arg-type]
     assert refused.value.code == "BR616"
+
+
+class TestMostParts:
+    """`BONDGRAPH_PARTS`, of a row of three signals in a loop, each with its round, and of their output: 7 parts."""
+
+    ROW = "model A {\n  for k in 1..3 { signal s[k] = k }\n  output y = s[3]\n}\n"
+
+    def test_is_the_limit(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("BONDGRAPH_PARTS", "6")
+        (found,) = bondgraph.check(self.ROW)
+        assert found.code == "BG160"
+        with pytest.raises(CompilationFailed, match="BG160"):
+            _ = bondgraph.load(self.ROW).outputs
+        advised = re.search(r"BONDGRAPH_PARTS=(\d+) in the environment", found.help)
+        assert advised is not None
+        for enough in ("7", advised[1], ""):
+            monkeypatch.setenv("BONDGRAPH_PARTS", enough)
+            assert bondgraph.check(self.ROW) == ()
+            assert bondgraph.load(self.ROW).outputs == ("y",)
+
+    @pytest.mark.parametrize("given", ["many", "-1", "0", "1e6", "1.5", " ", "9" * 5000])
+    def test_is_a_whole_number(self, given: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("BONDGRAPH_PARTS", given)
+        for call in (bondgraph.check, lambda text: bondgraph.load(text).outputs):
+            with pytest.raises(UsageError, match="whole number") as refused:
+                call(self.ROW)
+            assert refused.value.code == "BR650"
+            assert len(str(refused.value)) < 200

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from compiler.semantics.resolution import declarations
+from compiler.examination import examine
+from compiler.source import Source
 from tests.compiling import Running, bonds_of, compiled, mistake, mistakes, numbers
 
 SPRING = """
@@ -184,15 +185,32 @@ def test_depth_is_limited() -> None:
     assert "BG160" in {d.code for d in mistakes(models)}
 
 
-def test_number_of_instances_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Five levels of a hundred are ten milliard instances: refused, not opened."""
-    assert declarations.MAXIMUM_INSTANCES <= 1_000_000
-    monkeypatch.setattr(declarations, "MAXIMUM_INSTANCES", 2000)
-    models = (
-        "".join(f"model M{i} {{ for i in 1..100 {{ M{i + 1} m[i] }} }}\n" for i in range(5))
-        + "model M5 { output y = 1 }\n"
-    )
-    assert "BG160" in {d.code for d in mistakes(models)}
+class TestNumberOfParts:
+    """One limit; its message says what the model would take, and how it is allowed."""
+
+    ROW = "model A {\n  for k in 1..3000 { R r[k] : u = 1 ohm*i; 0 at[k]; at[k] -> r[k] }\n  output y = 1\n}\n"
+
+    def test_five_levels_of_a_hundred_are_not_opened(self) -> None:
+        models = (
+            "".join(f"model M{i} {{ for i in 1..100 {{ M{i + 1} m[i] }} }}\n" for i in range(5))
+            + "model M5 { output y = 1 }\n"
+        )
+        assert {d.code for d in examine(Source("text", models), most_parts=2000)[0]} == {"BG160"}
+
+    def test_a_loop_foresees_its_parts(self) -> None:
+        """3000 rounds, in each a resistor and a junction, and an output: 9001, of 10 kB each."""
+        (found,) = examine(Source("text", self.ROW), most_parts=4000)[0]
+        assert "more than 4000" in found.sentence
+        assert "about 9000 of them, which take some 90 MB of memory" in found.help
+
+    def test_rounds_are_parts(self) -> None:
+        """They and the output, before a single one is opened."""
+        (found,) = mistakes("model A { for i in 1..1e9 { signal s[i] = i }\n output y = 1 }\n")
+        assert "at least 1000000001 of them" in found.help
+
+    @pytest.mark.parametrize(("most", "refused"), [(9001, False), (9000, True)])
+    def test_the_setting_is_the_limit(self, most: int, refused: bool) -> None:
+        assert bool(examine(Source("text", self.ROW), most_parts=most)[0]) == refused
 
 
 class TestWhichModelIsRun:

@@ -268,9 +268,13 @@ class Elaborator(Declarations):
         return None, named.name
 
     def _unroll(self, scope: Scope, loop: tree.LoopSyntax, chain: tuple[ModelDefinition, ...]) -> None:
-        for number in self.rounds(loop, scope):
+        rounds, before, outermost = self.rounds(loop, scope), self.count, scope.outer is None and not scope.path
+        for done, number in enumerate(rounds):
+            if outermost:
+                self.progress = before, done / len(rounds)
             inner = self.round_scope(scope, loop.name, number)
             self._declare(inner, loop.statements, {}, chain)
+        self.progress = None if outermost else self.progress
 
     def _declare_mechanism(self, scope: Scope, statement: tree.MechanismSyntax) -> None:
         index, local = self._indexed_name(statement, scope)

@@ -31,8 +31,7 @@ from .elaboration_cache import ElaborationCache
 from .parameter_sets import WORD, ParameterSets
 from .resolver import indexed
 
-MAXIMUM_INSTANCES = 100_000  # instances, elements, junctions, quantities and rounds of loops together
-MAXIMUM_ROUNDS = 100_000  # rounds of one loop
+BYTES = 10_000  # memory of one part from text to result, as `tests/benchmarks/results/large_models.md` has it
 
 
 class Declarations(ParameterSets):
@@ -44,6 +43,8 @@ class Declarations(ParameterSets):
         self.mechanism_parts: dict[str, list[DeclaredPart]] = {}
         self.limits: list[Requirement] = []  # those of joints
         self.count = 0
+        self.most = known.most_parts
+        self.progress: tuple[int, float] | None = None  # parts before the outermost loop; the share of it that is done
         self.structure_broken = False  # then missing connections would be reported for the wrong reason
         self._tables = known.tables
 
@@ -59,9 +60,11 @@ class Declarations(ParameterSets):
     def counted(self, span: Span, more: int = 1) -> None:
         """Count one more instance, element, junction, quantity or round, up to the limit."""
         self.count += more
-        if self.count > MAXIMUM_INSTANCES:
-            limit = TooMany(span, "Instances, elements, junctions, quantities and rounds", MAXIMUM_INSTANCES)
-            raise CompilationFailed([*self.diagnostics, limit])
+        if self.count > self.most:
+            before, done = self.progress or (0, 0.0)  # if the outermost loop goes on as it began
+            parts = int(float(f"{before + (self.count - before) / done:.2g}")) if done else self.count
+            what = "Instances, elements, junctions, quantities and rounds"
+            raise CompilationFailed([*self.diagnostics, TooMany(span, what, self.most, _advice(parts, done > 0.0))])
 
     def domain_of(self, scope: Scope, key: tuple[str, ...]) -> Domain | None:
         if scope.plain:
@@ -185,8 +188,6 @@ class Declarations(ParameterSets):
         if loop.name in RESERVED:
             raise Wrong(ReservedName(loop.span, loop.name))
         first, last = self.integer(loop.range.first, scope), self.integer(loop.range.last, scope)
-        if last - first >= MAXIMUM_ROUNDS:
-            raise Wrong(TooMany(loop.range.span, "Rounds of a `for`", MAXIMUM_ROUNDS))
         self.counted(loop.range.span, max(0, last - first + 1))
         return range(first, last + 1)
 
@@ -196,6 +197,15 @@ class Declarations(ParameterSets):
         inner = Scope(scope.definition, scope.path, f"{scope.suffix}[{number}]", scope)
         inner.entries[name] = Scalar(float(number), ONE, "index", name)
         return inner
+
+
+def _advice(parts: int, foreseen: bool) -> str:
+    """Say what so many parts cost, and how they are allowed."""
+    return (
+        f"The limit protects against files that never end. This model has {'about' if foreseen else 'at least'} {parts} of them, "
+        f"which take some {max(1, round(parts * BYTES / 1e6))} MB of memory. "
+        f"Where that is meant, set BONDGRAPH_PARTS={10 ** len(str(parts))} in the environment."
+    )
 
 
 def _listed(walls: Mapping[str, str]) -> str:

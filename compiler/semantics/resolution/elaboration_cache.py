@@ -11,6 +11,8 @@ from ...syntax import tree
 from ..expressions.template import CompiledLaw, Template
 from ..names.port_domains import DomainTable
 
+MAXIMUM_PARTS = 100_000  # instances, elements, junctions, quantities and rounds of loops together
+
 
 @dataclass(slots=True)
 class ElaborationCache:
@@ -20,6 +22,7 @@ class ElaborationCache:
     entry for each set of their lengths.
     """
 
+    most_parts: int = MAXIMUM_PARTS
     templates: dict[tuple[int, Scale | None], list[Template]] = field(default_factory=dict)
     tables: dict[int, DomainTable] = field(default_factory=dict)
     laws: dict[int, list[CompiledLaw]] = field(default_factory=dict)  # by declaration: compiled once per definition
