@@ -15,7 +15,7 @@ class RunKeywords(TypedDict, total=False):
     `rtol`, `atol`: tolerances; `accuracy`: largest error of an output relative to its magnitude, which chooses them. `energy` adds the energy balance.
     `outputs`: only these. `target`: native (machine code) or numpy; by default the first that this machine has. `solver`: a word of
     `compiler.solvers.SOLVERS`. `bandwidth`: a frequency as text or in Hz; faster modes need not be followed, and the result's `left_out` reports the
-    truncated ones.
+    truncated ones. `extremes`: the least and greatest values of the outputs are searched between the reported instants.
     """
 
     rtol: float | None
@@ -26,6 +26,7 @@ class RunKeywords(TypedDict, total=False):
     target: str | None
     solver: str | None
     bandwidth: str | float | None
+    extremes: bool
 
 
 class SweepKeywords(RunKeywords, total=False):

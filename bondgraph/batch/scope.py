@@ -46,7 +46,15 @@ class BatchScene:
 def batch_scene(model: CompiledModel, scene: Scene, wanted: RunOptions) -> BatchScene | None:
     """Return a scene whose runs may be stepped together; None if they need Python on their way, or more than steps. Raises `UsageError`."""
     target = chosen_target(wanted.target)
-    if target != "native" or scene.fixed or wanted.energy or wanted.error or wanted.check or wanted.parts != 1:
+    if (
+        target != "native"
+        or scene.fixed
+        or wanted.energy
+        or wanted.error
+        or wanted.check
+        or wanted.extremes
+        or wanted.parts != 1
+    ):
         return None
     compiled_scene = model.compiled_scene(replace(scene, conserving=False), False, target)
     plan = compiled_scene.plan

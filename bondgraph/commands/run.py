@@ -95,7 +95,7 @@ def command(
         try:
             if analyses and many:
                 raise ManyRuns("BR610", "the experiment has analyses besides its simulation")
-            result = chosen.simulate(experiment_name, assignments, **options)
+            result = chosen.simulate(experiment_name, assignments, extremes=True, **options)
         except ManyRuns:
             if options.pop("check") or error_asked or not many:
                 raise

@@ -197,7 +197,7 @@ class Model(Shown, AnalysedModel):
         `start`: a result of the same model, or its .npz file, from whose end the run goes on.
         `check`: repeat the run by another method, with a tenth of the tolerance and a finer search for events; the result's `check` has the differences.
         `error`: repeat it with a tenth of the tolerance; the result's `error` has an estimate of the error of each output.
-        `options`: `rtol`, `atol`, `accuracy`, `energy`, `outputs`, `target`, `solver`, `bandwidth`, as `RunKeywords` describes them.
+        `options`: `rtol`, `atol`, `accuracy`, `energy`, `outputs`, `target`, `solver`, `bandwidth`, `extremes`, as `RunKeywords` describes them.
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have the
         `result` up to then.
         """

@@ -13,7 +13,7 @@ from compiler.api import Reported
 
 from ..errors import UsageError
 from .checkpoint import read_checkpoint
-from .records import Column, ElementEnergy, EnergyBalance, EventRecord, LimitLeft, ToleranceDoubt
+from .records import Column, ElementEnergy, EnergyBalance, EventRecord, Extremes, LimitLeft, ToleranceDoubt
 from .result import ARCHIVE, RUN, Result
 from .truncation import read_truncation
 
@@ -60,4 +60,5 @@ def _result(told: Mapping[str, Any], arrays: Mapping[str, Any]) -> Result:
         told["steps"], told["evaluations"], told["rtol"], energy=energy, warnings=warnings, notes=tuple(told["notes"]),
         events=tuple(EventRecord(**e) for e in told["events"]), stopped=told["stopped"], checkpoint=read_checkpoint(told, arrays),
         truncation=None if truncation is None else read_truncation(truncation),
+        searched=tuple(Extremes(**e) for e in told.get("extremes", ())),
     )  # fmt: skip

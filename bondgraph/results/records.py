@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 
@@ -18,6 +19,27 @@ class Column:
 
     name: str
     unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Extremes:
+    """Least and greatest value of an output in a run, in SI, each with the first instant in s at which it was found; NaN where a value is no number."""
+
+    minimum: float
+    minimum_at: float
+    maximum: float
+    maximum_at: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return JSON values, a part of `bondgraph-result/1`."""
+        return {key: finite(value) for key, value in asdict(self).items()}
+
+
+def widest(parts: Sequence[Extremes]) -> Extremes:
+    """Return the extremes over successive parts of a run; a value that is no number outlasts all others."""
+    low = min(parts, key=lambda e: -math.inf if math.isnan(e.minimum) else e.minimum)
+    high = max(parts, key=lambda e: math.inf if math.isnan(e.maximum) else e.maximum)
+    return Extremes(low.minimum, low.minimum_at, high.maximum, high.maximum_at)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from compiler.api import Reported
 from ..errors import MissingPackage, UnknownOutput, UsageError
 from ..rendering import draw, text_of
 from .exports import Arrays, Exported, write_npz, write_rows
-from .records import Column, EnergyBalance, EventRecord, LimitLeft, finite
+from .records import Column, EnergyBalance, EventRecord, Extremes, LimitLeft, finite
 
 if TYPE_CHECKING:
     import pandas
@@ -44,6 +44,7 @@ class Result(Exported):
     `stop when` at which the run ended, whose instant is then the last one. `stopped`: reason of an early
     end ("" if there is none); `checkpoint`: its end, from which `simulate(start=result)` goes on. `truncation`: truncated modes, if a bandwidth was
     requested; `check`: comparison with a repetition; `accuracy`: wanted largest error of an output relative to its magnitude; `error`: its estimate.
+    `searched`: the extremes of each column between the reported instants, if they were asked for.
     Raises ValueError if the shapes do not fit.
     """
 
@@ -69,6 +70,7 @@ class Result(Exported):
     check: RunCheck | None = None
     accuracy: float | None = None
     error: ErrorEstimate | None = None
+    searched: tuple[Extremes, ...] = ()
 
     def __post_init__(self) -> None:
         if self.values.shape != (len(self.time), len(self.columns)):
@@ -136,6 +138,19 @@ class Result(Exported):
         values = self[name]
         return float(values[-1]) if len(values) else math.nan
 
+    def extremes(self, name: str) -> Extremes:
+        """Return the least and greatest value of an output in SI: in the solution if the run had `extremes`, else at the reported instants.
+
+        Raises KeyError.
+        """
+        if self.searched:
+            return self.searched[self._place(name)]
+        values = self[name]
+        if not len(values):
+            return Extremes(math.nan, math.nan, math.nan, math.nan)
+        low, high = int(values.argmin()), int(values.argmax())
+        return Extremes(float(values[low]), float(self.time[low]), float(values[high]), float(self.time[high]))
+
     def shown(self) -> tuple[tuple[Reported, Array], ...]:
         """Return the columns for display: the report in its units and order, then the other outputs, in SI."""
         reported = [item for item in self.report if item.name in self._places]
@@ -191,6 +206,7 @@ class Result(Exported):
             "notes": list(self.notes), "warnings": [asdict(w) for w in self.warnings], "events": [asdict(e) for e in self.events],
             "bandwidth": None if self.truncation is None else self.truncation.to_json(),
             "energy": None if self.energy is None else asdict(self.energy),
+            "extremes": [asdict(e) for e in self.searched],
             **({"end": None} if self.checkpoint is None else self.checkpoint.to_json()),
         }  # fmt: skip
 
@@ -214,7 +230,8 @@ class Result(Exported):
             schema       "bondgraph-result/1"; the number grows when a reader of the old one would misread the new one
             model        name; experiment: name, or null if none was run
             time         {unit: "s", start, stop, points}
-            outputs      {name: {unit, final, minimum, maximum}}, in SI whatever the report shows
+            outputs      {name: {unit, final, minimum, minimum_at, maximum, maximum_at}}, in SI whatever the report shows; instants in s
+            extremes     what minimum and maximum are of: "solution", or "reported instants"
             solver       name; steps: accepted ones; evaluations: {what: count}; rtol; wall_time in s
             certificate  by `bondgraph-certificate/1`, if the result has one
             energy       only if asked for: {unit: "J", stored, supplied, dissipated, residual,
@@ -240,9 +257,11 @@ class Result(Exported):
             "experiment": self.experiment,
             "time": {"unit": "s", "start": finite(start), "stop": finite(stop), "points": len(self.time)},
             "outputs": {
-                column.name: {"unit": column.unit} | {key: finite(v) for key, v in extremes(self[column.name]).items()}
+                column.name: {"unit": column.unit, "final": finite(self.final(column.name))}
+                | self.extremes(column.name).to_json()
                 for column in self.columns
             },
+            "extremes": "solution" if self.searched else "reported instants",
             "solver": self.solver,
             "steps": int(self.steps),
             "evaluations": {what: int(count) for what, count in self.evaluations.items()},
@@ -281,13 +300,6 @@ class Result(Exported):
     def summary(self, sparks: bool = False) -> str:
         """Return a table for terminals: the outputs in the units of the report, the solver's work, the energy if requested."""
         return text_of(self, "summary", sparks)
-
-
-def extremes(values: Array) -> dict[str, float]:
-    """Return `final`, `minimum` and `maximum` of a column (n,); NaN where there is none."""
-    if not len(values):
-        return {"final": math.nan, "minimum": math.nan, "maximum": math.nan}
-    return {"final": float(values[-1]), "minimum": float(values.min()), "maximum": float(values.max())}
 
 
 def _csv_field(text: str) -> str:

@@ -17,6 +17,7 @@ from .constraints.constraints import Constraints
 from .integration.integration_state import PhaseProblem
 from .integration.segment_integrator import SegmentIntegrator
 from .magnitudes.nominal_magnitudes import least_tolerances
+from .monitors.extremes import ExtremesMonitor
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor
 from .phases.failures import explained, modes_in
@@ -56,6 +57,7 @@ class PhaseOptions:
     solver: str = AUTOMATIC
     bandwidth: float | None = None  # Hz
     parts: int = 1  # of each segment
+    extremes: bool = False  # those of the outputs are searched between the reported instants
 
 
 # Junctions that are off, and discrete variables by name, with which a run begins.
@@ -104,6 +106,7 @@ class Phase:
         self.whole = False  # True once the phase has reached its end
         self.used: Any = None  # the magnitudes, if they were needed
         self.values: Any = None  # outputs, shape (points, outputs)
+        self.extremes: ExtremesMonitor | None = None
         self.balance: EnergyBalance | None = None
 
     def _history(self, program: Program) -> History | None:
@@ -224,7 +227,7 @@ class Phase:
         return PhaseProblem(
             self.program, self.constants, self.inputs, self.instants, self.tolerances,
             self._solution().powers if self.options.energy else None, self.watch, self.constraints, choice, self.compilation.certificate.linear,
-            events, self.off, self.history, self.options.solver, self.leaving,
+            events, self.off, self.history, self.options.solver, self.leaving, self.extremes,
         )  # fmt: skip
 
     def _solution(self) -> PhaseSolution:
@@ -242,6 +245,8 @@ class Phase:
         if self.begin is None and self.events is not None and self.events.stops_at_start(self.stretches[0].start):
             self.trajectory.stopped = self.stretches[0].start
         self.leaving = self._leaving()
+        if self.options.extremes:
+            self.extremes = ExtremesMonitor(self._solution().output, len(program.outputs.names))
         try:
             problem = self._problem(self.events, self.choice)
             self._integrator()(problem, self.trajectory).through(self.state, self.stretches)
@@ -250,6 +255,8 @@ class Phase:
         self._end_where_stopped()
         self._finish()
         self.values = self._solution().outputs(self.watch)
+        if self.extremes is not None:
+            self.extremes.look_at_values(self.instants[: len(self.values)], self.values)
         self.whole = True
         if not np.isfinite(self.values).all():
             from .monitors.finite import check_finite

@@ -14,7 +14,7 @@ from compiler.api import CompilationFailed
 
 from ..errors import RunFailed
 from ..quantities import behind
-from ..results.records import EnergyBalance, EventRecord, LimitLeft
+from ..results.records import EnergyBalance, EventRecord, Extremes, LimitLeft, widest
 from ..results.result import Result
 from .monitors.state_selection import WORST
 from .phase import Phase, PhaseOptions, SwitchedStart
@@ -167,13 +167,21 @@ class PhaseSequence:
             sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.options.rtol, clock.perf_counter() - self.began,
             balance, _warnings(legs), legs[0].compilation.certificate,
             tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs), *_halts(acted)])),
-            acted, stopped, end, lacking, accuracy=self.accuracy,
+            acted, stopped, end, lacking, accuracy=self.accuracy, searched=_extremes(legs),
         )  # fmt: skip
         if self.before is None:
             return found
         from .resume import joined
 
         return joined(self.before, found)
+
+
+def _extremes(legs: Sequence[Phase]) -> tuple[Extremes, ...]:
+    """Return the extremes of each output over all phases; empty if they were not searched, or not to the end."""
+    if not all(leg.whole and leg.extremes is not None for leg in legs):
+        return ()
+    phases = [leg.extremes.extremes() for leg in legs if leg.extremes is not None]
+    return tuple(map(widest, zip(*phases, strict=True)))
 
 
 def _halts(acted: Sequence[EventRecord]) -> Iterator[str]:

@@ -65,7 +65,9 @@ def check_run(result: Result, repeat: Repeat, wanted: RunOptions) -> RunCheck:
     methods = (row.others for row in SOLVERS.values() if row.name and result.solver.startswith(row.name))
     failure = ""
     for solver in next(methods, (AUTOMATIC,)):
-        asked = replace(wanted, solver=solver, rtol=rtol, points=_points(result, wanted), energy=False, parts=PARTS)
+        asked = replace(
+            wanted, solver=solver, rtol=rtol, points=_points(result, wanted), energy=False, extremes=False, parts=PARTS
+        )
         try:
             return compare(result, repeat(asked), rtol)
         except UsageError as refused:
@@ -87,7 +89,9 @@ def with_error(result: Result, repeat: Repeat, wanted: RunOptions) -> Result:
         try:
             # the matrix exponential has rounding errors only: other parts of time have others
             parts = PARTS if result.solver.startswith(SOLVERS["exponential"].name) or rtol == result.rtol else 1
-            closer = repeat(replace(wanted, rtol=rtol, points=_points(result, wanted), energy=False, parts=parts))
+            closer = repeat(
+                replace(wanted, rtol=rtol, points=_points(result, wanted), energy=False, extremes=False, parts=parts)
+            )
         except RunFailed as failed:
             failure = str(failed)
         if closer is not None and len(closer.events) != len(result.events):
@@ -102,7 +106,7 @@ def with_error(result: Result, repeat: Repeat, wanted: RunOptions) -> Result:
         worst = estimate.worst
         if not failure and worst is not None and math.isfinite(worst.share):
             rtol = max(min(rtol, result.rtol * accuracy / (2 * worst.share)), LEAST_RTOL)
-        if closer is None or parts != 1 or closer.rtol != rtol or wanted.energy:
+        if closer is None or parts != 1 or closer.rtol != rtol or wanted.energy or wanted.extremes:
             closer = repeat(replace(wanted, rtol=rtol))
         result = closer
 

@@ -88,6 +88,7 @@ def _check_model(before: Result, end: Checkpoint, compiled_scene: CompiledScene,
 
 def joined(before: Result, after: Result) -> Result:
     """Return both results as one."""
+    from ..results.records import widest
     from ..results.truncation import joined as both
     from .monitors.energy import added
 
@@ -105,4 +106,5 @@ def joined(before: Result, after: Result) -> Result:
         warnings=(*before.warnings, *(w for w in after.warnings if (w.owner, w.condition, w.place) not in first)),
         notes=tuple(dict.fromkeys([*before.notes, *after.notes])), events=(*before.events, *after.events),
         truncation=both(before.truncation, after.truncation),
+        searched=tuple(map(widest, zip(before.searched, after.searched, strict=False))),
     )  # fmt: skip

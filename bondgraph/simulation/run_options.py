@@ -41,6 +41,7 @@ class RunOptions:
     accuracy: float | None = None  # largest error of an output relative to its magnitude
     check: bool = False
     error: bool = False
+    extremes: bool = False
     parts: int = field(default=1, kw_only=True)  # number of parts; the integrator restarts between them
 
 
@@ -72,7 +73,7 @@ def planned(plan: Plan, wanted: RunOptions, values: Mapping[str, float]) -> tupl
     if atol is not None:
         _checked("atol", atol, *ATOL)
     bandwidth = plan.bandwidth if wanted.bandwidth is None else hertz(wanted.bandwidth)
-    options = PhaseOptions(plan, rtol, atol, wanted.energy, values, solver, bandwidth, wanted.parts)
+    options = PhaseOptions(plan, rtol, atol, wanted.energy, values, solver, bandwidth, wanted.parts, wanted.extremes)
     return np.linspace(plan.start, stop, count), options, accuracy
 
 

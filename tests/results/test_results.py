@@ -65,7 +65,14 @@ def test_a_failed_write_leaves_what_was_there(tmp_path: Path) -> None:
 def test_json_has_null_for_what_is_not_finite() -> None:
     told = made().to_json()
     assert told["outputs"]['a, "b"']["final"] is None
-    assert told["outputs"]["x"] == {"unit": "m", "final": 2.0, "minimum": 0.0, "maximum": 2.0}
+    assert told["outputs"]["x"] == {
+        "unit": "m",
+        "final": 2.0,
+        "minimum": 0.0,
+        "minimum_at": 0.0,
+        "maximum": 2.0,
+        "maximum_at": 0.5,
+    }
 
 
 def test_pandas_and_plot(tmp_path: Path) -> None:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from compiler.api import Array, CompilationFailed, Scene
 
 from ...errors import RunFailed, UsageError
-from ...results.result import extremes
-from ..text.tables import short, some_of
+from ..text.tables import EXTREMES, extremes_shown, short, some_of
 from .certificate import problems_markup
 from .markup import Html, tag
 
@@ -86,11 +85,12 @@ def _plotted(found: object) -> Html:
 
 def result_html(result: Result) -> Html:
     """Return a row for each output: its last, least and greatest value, and a small curve."""
-    heads = tag("tr", *(tag("th", word) for word in ("", "final", "minimum", "maximum", "unit", "over time")))
+    heads = tag("tr", *(tag("th", word) for word in ("", "final", *EXTREMES, "unit", "over time")))
     shown = result.shown()
     rows = [
         tag(
-            "tr", tag("td", short(item.name)), *(tag("td", f"{v:.6g}") for v in extremes(values).values()),
+            "tr", tag("td", short(item.name)), tag("td", f"{result.final(item.name) * item.scale + item.offset:.6g}"),
+            *(tag("td", cell) for cell in extremes_shown(result, item)),
             tag("td", "" if item.unit == "1" else item.unit), tag("td", _curve(result.time, values)),
         )
         for item, values in shown[:ROWS]

@@ -7,10 +7,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ...results.result import extremes
-
 if TYPE_CHECKING:
-    from compiler.api import Array, BondEnd, BondGraph
+    from compiler.api import Array, BondEnd, BondGraph, Reported
 
     from ...results.records import EnergyBalance
     from ...results.result import Result
@@ -18,6 +16,7 @@ if TYPE_CHECKING:
 
 LONGEST_NAME = 60
 BARS, SPARKS = "▁▂▃▄▅▆▇█", 24
+EXTREMES = "minimum", "at [s]", "maximum", "at [s]"  # heads of the cells of `extremes_shown`
 TIME_UNITS = (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("ps", 1e12), ("fs", 1e15))
 
 
@@ -84,7 +83,7 @@ def summary(result: Result, sparks: bool = False) -> str:
     error = result.error if result.error is not None and result.error.outputs else None
     rows = [
         (
-            short(item.name), *(f"{v:.6g}" for v in extremes(values).values()),
+            short(item.name), f"{values[-1] if len(values) else math.nan:.6g}", *extremes_shown(result, item),
             *(() if error is None else (f"{error.of(item.name) * item.scale:.2g}",)), "" if item.unit == "1" else item.unit,
             *((spark(result.time, values),) if sparks else ()),
         )
@@ -93,8 +92,10 @@ def summary(result: Result, sparks: bool = False) -> str:
     parts = [f"{visible(result.title)}, {_span(result)}"]
     if rows:
         errors = () if error is None else ("error",)
-        heads = ("", "final", "minimum", "maximum", *errors, "unit", *(("over time",) if sparks else ()))
-        parts.append(aligned([heads, *rows], "<>>>" + ">" * len(errors) + "<" + "<" * sparks))
+        heads = ("", "final", *EXTREMES, *errors, "unit", *(("over time",) if sparks else ()))
+        parts.append(aligned([heads, *rows], "<>>>>>" + ">" * len(errors) + "<" + "<" * sparks))
+        if not result.searched:
+            parts.append(f"minimum and maximum are those of the {len(result.time)} reported instants")
     if result.error is not None and result.error.failure:
         parts.append(visible(f"no estimate of the error: {result.error.failure}"))
     if result.certificate is not None:
@@ -106,6 +107,13 @@ def summary(result: Result, sparks: bool = False) -> str:
     if result.check is not None:
         parts.append(_check(result.check))
     return "\n\n".join(parts)
+
+
+def extremes_shown(result: Result, item: Reported) -> tuple[str, ...]:
+    """Return the cells under `EXTREMES` of an output, in its unit."""
+    ends = result.extremes(item.name)
+    low, high = (value * item.scale + item.offset for value in (ends.minimum, ends.maximum))
+    return f"{low:.6g}", f"{ends.minimum_at:.4g}", f"{high:.6g}", f"{ends.maximum_at:.4g}"
 
 
 def _check(check: RunCheck) -> str:

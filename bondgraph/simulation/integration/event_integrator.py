@@ -264,6 +264,7 @@ def pilot(problem: PhaseProblem, state: Array, stretches: Sequence[Segment], mag
             linear=False,
             solver="radau",
             leaving=None,
+            extremes=None,
         )
     )
     stepper.most_steps, stepper.most_events = PILOT_STEPS, PILOT_EVENTS

@@ -39,6 +39,10 @@ def exactly(stepper: IntegrationState, stretch: Segment, x: Array) -> Any | None
             break
         longest = 0.5 * float(cut.lengths.max())
     _look(stepper, form, cut, states, stretch)
+    if stepper.extremes is not None:
+        from .exact_extremes import look_exactly
+
+        look_exactly(stepper, stepper.extremes, form, stretch, x)
     ends = states[1:][cut.reported][:-1]
     stepper.result.states[stepper.position : stepper.position + len(ends)] = ends
     stepper.position += len(ends)

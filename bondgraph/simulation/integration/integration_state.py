@@ -21,6 +21,7 @@ from ..constraints.constraints import Constraints
 from ..integrators.methods import METHODS
 from ..integrators.radau import INNER
 from ..loops.loops import LoopSolver
+from ..monitors.extremes import ExtremesMonitor
 from ..monitors.state_selection import Choice
 from ..monitors.step_failure import MOST_COMPILED, MOST_STEPS, failure, not_finite
 from ..monitors.step_size_diagnosis import growth_notes, notes_of
@@ -60,7 +61,8 @@ class PhaseProblem:
 
     `tolerances` need a pilot run, so they are found on use. `powers` are integrated along the solution, outside the error control. `watch` checks
     each accepted step. `linear`: the rates are affine in the states. `off`: junctions that are off in this program. `solver`: one of
-    `compiler.solvers.SOLVERS`. `leaving`: modal truncation at a bandwidth.
+    `compiler.solvers.SOLVERS`. `leaving`: modal truncation at a bandwidth. `extremes`: if those of
+    the outputs are searched.
     """
 
     program: Program
@@ -78,6 +80,7 @@ class PhaseProblem:
     history: History | None = None
     solver: str = AUTOMATIC
     leaving: ModeTruncation | None = None
+    extremes: ExtremesMonitor | None = None
 
     @property
     def is_exact(self) -> bool:
@@ -91,7 +94,7 @@ class IntegrationState:
 
     def __init__(self, problem: PhaseProblem, into: Trajectory | None = None) -> None:
         program, constants, instants = problem.program, problem.constants, problem.instants
-        self.watch, self.constraints = problem.watch, problem.constraints
+        self.watch, self.constraints, self.extremes = problem.watch, problem.constraints, problem.extremes
         self.choice, self.leaving, self.solver = problem.choice, problem.leaving, problem.solver
         self.linear = problem.is_exact  # True if the matrix exponential is tried
         self.steps, self.most_steps = 0, MOST_STEPS  # steps in all segments
@@ -297,6 +300,13 @@ class IntegrationState:
         if self.watch.moves:
             times = np.unique(np.concatenate([[start], start + np.array(inner) * (stop - start), [stop], reported]))
             self.watch.look(times, stretch.mode, lambda t: self.held_all(t, sample(t), stretch.mode))
+
+    def look_at_places(self, extremes: ExtremesMonitor, times: Array, states: Array, mode: Array) -> None:
+        """Search steps for the extremes of the outputs; `times` (steps, places), `states` (steps, places, n)."""
+        if len(self.program.unknowns.names) and len(times):
+            n = states.shape[-1]
+            states = self.loops.solve_all(times.reshape(-1), states.reshape(-1, n).copy(), mode).reshape(states.shape)
+        extremes.look(times, states, mode)
 
     def add_work(self, start: float, stop: float, sample: Callable[[Any], Any], stretch: Segment) -> None:
         """Add the work of a step. `sample`: states at instants, with or without the multipliers that belong to them."""

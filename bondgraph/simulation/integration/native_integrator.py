@@ -14,6 +14,7 @@ from ..integrators.methods import EXPLICIT, EXPONENTIAL, METHODS, PARTS, RADAU
 from ..integrators.outcomes import FINISHED, FLIP, HANDOVER, MORE, STIFF
 from ..integrators.projection.limits import NEAR
 from ..integrators.radau import StepFailed
+from ..monitors.extremes import PLACES
 from ..monitors.step_failure import MOST_COMPILED, MOST_STEPS
 from ..segments.timeline import Segment
 from .cut import is_sure
@@ -91,6 +92,8 @@ class NativeIntegrator:
             if stepper.result.work is None:
                 stepper.result.work = np.zeros_like(stepper.powers(stretch.start, x, stretch.mode))
             solver.measure(stepper.result.work, stepper.traffic)
+        if stepper.extremes is not None:
+            solver.keep_places(PLACES)
         solver.doubt(stepper.floor)
         solver.begin()
 
@@ -123,6 +126,7 @@ class NativeIntegrator:
             stepper.count(solver.evaluations)
             raise
         record = solver.record
+        self._look_at_places()
         stepper.position, stepper.traffic = record.position, record.traffic
         self._put_unknowns(self.first, stepper.position)
         stepper.steps += record.steps
@@ -159,9 +163,17 @@ class NativeIntegrator:
     def _look(self) -> list[int]:
         """Check the limits of the model in the last step; return those that are violated."""
         stepper, solver = self.stepper, self.solver
+        if solver.record.kept + solver.record.place_count > solver.record.kept_room:
+            self._look_at_places()
         passed = stepper.instants[np.searchsorted(stepper.instants, solver.last_step[0], "right") : solver.position]
         stepper.look(solver, self.stretch, passed)
         return [*stepper.watch.left]
+
+    def _look_at_places(self) -> None:
+        """Search the outputs for their extremes in the steps whose states are stored."""
+        stepper = self.stepper
+        if stepper.extremes is not None:
+            stepper.look_at_places(stepper.extremes, *self.solver.kept_steps(), self.stretch.mode)
 
     def _is_cut_by_delay(self) -> bool:
         """Complete a step of Python: store delayed signals and a checkpoint. Return True if a delayed signal will jump in this segment."""
@@ -210,6 +222,7 @@ class NativeIntegrator:
         self.noted = True
         parts = PARTS[solver.record.method]
         mark, before, start = stepper.marked(), self.stretch, solver.last_step[0]
+        self._look_at_places()  # in the mode so far
         self.stretch = stepper.follow_step(solver.last_step, parts, self.stretch, self._states_at, solver.roots)
         flip = stepper.flip
         exact = METHODS[solver.record.method].exact

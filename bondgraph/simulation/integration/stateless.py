@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from compiler.api import Array
 
+from ..monitors.extremes import PLACES, ExtremesMonitor
 from ..segments.timeline import Segment
 
 if TYPE_CHECKING:
     from .integration_state import IntegrationState
+
+PANELS = 32  # of a segment
 
 
 def without_states(stepper: IntegrationState, stretch: Segment, x: Array) -> Any:
@@ -21,6 +25,8 @@ def without_states(stepper: IntegrationState, stretch: Segment, x: Array) -> Any
         """Return the solutions in the present mode, which are exact in any case."""
         return stepper.loops.solve_all(times, np.tile(x, (len(times), 1)), stretch.mode)
 
+    if stepper.extremes is not None:
+        _look_between(stepper, stepper.extremes, stretch, states_at)
     inner = stepper.instants[(stepper.instants > stretch.start) & (stepper.instants < stretch.stop)]
     stepper.watch.look(np.array([stretch.start, *inner, stretch.stop]), stretch.mode, states_at)
     before = stretch.start
@@ -47,3 +53,15 @@ def without_states(stepper: IntegrationState, stretch: Segment, x: Array) -> Any
             stepper.reached = now  # a delayed signal will jump in this segment, which was unknown when it began
             return x
     return x
+
+
+def _look_between(
+    stepper: IntegrationState, extremes: ExtremesMonitor, stretch: Segment, states_at: Callable[[Array], Any]
+) -> None:
+    """Search the solutions of a segment for the extremes of the outputs, on panels, which the places of narrow signals divide."""
+    edges, functions = np.linspace(stretch.start, stretch.stop, PANELS + 1), stepper.program.time_functions
+    if functions is not None and functions.narrow:
+        edges = np.unique(np.clip(np.concatenate([edges, stepper.signals(stretch).times]), *edges[[0, -1]]))
+    times = np.minimum(edges[:-1, None] + np.diff(edges)[:, None] * PLACES, stretch.stop)
+    states = states_at(times.reshape(-1)).reshape(*times.shape, -1)
+    extremes.look(times, states, stretch.mode)

@@ -168,6 +168,13 @@ class IntegratorWorkspace(Record):
     instant_count: int
     position: int
     reported: Floats  # instant_count n
+    # states at places of all steps, for the extremes of the outputs
+    place_count: int  # in each step; 0: none are kept
+    places: Floats  # place_count: fractions of a step
+    kept: int  # number of instants that are stored
+    kept_room: int
+    kept_time: Floats  # kept_room
+    kept_state: Floats  # kept_room n
     # limits
     limit_count: int
     left: Ints  # limit_count: 1 where a violation is known

@@ -41,7 +41,7 @@ class PhaseSolution:
         for segment in self.segments:
             part = self._within(segment)
             if part.start < part.stop:
-                values[part] = self._output(instants[part], states[part], segment.mode)
+                values[part] = self.output(instants[part], states[part], segment.mode)
         if self.trajectory.handover is not None or not len(instants):
             return values
         last = self.segments[-1]
@@ -53,14 +53,15 @@ class PhaseSolution:
             mode = mode_after(program, self.constraints.constants, last.stop, last)
         final = states[-1:]
         watch.look(instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
-        values[-1] = self._output(instants[-1], states[-1], mode)
+        values[-1] = self.output(instants[-1], states[-1], mode)
         return values
 
     def _within(self, segment: Segment) -> slice:
         """Return the slice of the reported instants that lie in a segment."""
         return slice(*self.instants.searchsorted((segment.start, segment.stop)).tolist())
 
-    def _output(self, times: Array | float, states: Array, mode: Array) -> Any:
+    def output(self, times: Array | float, states: Array, mode: Array) -> Any:
+        """Return the outputs at instants."""
         return self.constraints.program.output(times, states, self.constraints.inputs, self.constraints.constants, mode)
 
     def powers(self, times: Array | float, states: Array, mode: Array) -> Any:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # fields that are read often
+KEPT_STEPS, KEPT_NUMBERS = 512, 1 << 20  # most steps, and numbers, that are stored before Python looks at them
 SMALL = 1e-3  # ratio of a pivot to the largest number that it divides, below which another order is chosen
 
 
@@ -134,6 +135,20 @@ class CompiledMethod:
         self.values.put(
             {"instants": instants, "instant_count": len(instants), "position": position, "reported": states.reshape(-1)}
         )
+
+    def keep_places(self, places: Array) -> None:
+        """Store the states at these fractions of each step, until `kept_steps` takes them."""
+        n = self._record.n
+        room = len(places) * max(1, min(KEPT_STEPS, KEPT_NUMBERS // (len(places) * max(n, 1))))
+        values = {"kept_time": np.zeros(room), "kept_state": np.zeros(room * n)}
+        self.values.put({"places": places, "place_count": len(places), "kept": 0, "kept_room": room} | values)
+
+    def kept_steps(self) -> tuple[Any, Any]:
+        """Return the instants (steps, places) and states (steps, places, n) in SI that are stored, and forget them."""
+        count, width, n = self._record.kept, self._record.place_count, self._record.n
+        self._record.kept = 0
+        times, states = self.values["kept_time"][:count], self.values["kept_state"][: count * n]
+        return times.reshape(-1, width), states.reshape(-1, width, n)
 
     def choose(self, choice: Choice) -> None:
         """Stop where other states should be integrated."""

@@ -34,6 +34,8 @@ def sample(s: IntegratorWorkspace) -> bool:
         if missing and at < s.time and (THROUGH_ENDS[s.method] != 0 or is_off(s, at)):
             missing = bring_back(s, at, s.reported[s.position * s.n :])
         s.position += 1
+    if s.place_count > 0 and keep_places(s):
+        return True
     if s.always != 0:
         return True
     if s.limit_count == 0:
@@ -52,6 +54,22 @@ def sample(s: IntegratorWorkspace) -> bool:
         if leaves(s, s.instants[k]):
             return True
     return False
+
+
+def keep_places(s: IntegratorWorkspace) -> bool:
+    """Store the states at the places of the last step; return True if there is no room for those of another step."""
+    start = s.end_time[s.ends - 2]
+    stop = min(s.time, s.until)
+    missing = misses_stiff_states(s)
+    for k in range(s.place_count):
+        at = stop if k == s.place_count - 1 else start + s.places[k] * (stop - start)
+        out = s.kept_state[s.kept * s.n :]
+        state_at(s, at, out)
+        if missing and start < at and at < s.time and (THROUGH_ENDS[s.method] != 0 or is_off(s, at)):
+            missing = bring_back(s, at, out)
+        s.kept_time[s.kept] = at
+        s.kept += 1
+    return s.kept + s.place_count > s.kept_room
 
 
 def leaves(s: IntegratorWorkspace, time: float) -> bool:
