@@ -114,5 +114,5 @@ def _within(form: exponential.Linear, starts: Array, lengths: Array, states: Arr
         bends[..., form.active] = np.einsum("ej,kjs->kes", SLOPES, forcing) / lengths[:, None, None]
     bends += rates @ form.matrix.T
     size = lengths[:, None, None]
-    given = np.concatenate([ends, size * rates, size * size * bends], axis=1)  # (panels, 6, n)
-    return np.einsum("pg,kgn->kpn", QUINTIC, given) * form.scale
+    jets = np.concatenate([ends, size * rates, size * size * bends], axis=1)  # (panels, 6, n)
+    return np.einsum("pg,kgn->kpn", QUINTIC, jets) * form.scale
