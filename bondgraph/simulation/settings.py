@@ -7,8 +7,11 @@ the equations of the model (a mass that divides), the run uses a program with th
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,11 +19,12 @@ import numpy as np
 from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded
 
 if TYPE_CHECKING:
-    from compiler.api import Array, Expression, RunMetadata
+    from compiler.api import Array, Expression, RunMetadata, Scale
 
     from ..compiled_model import CompiledModel
 
 Settings = Mapping[str, str | float]
+_PLAIN = re.compile(r"(-?)([0-9]{1,99}(?:\.[0-9]{1,99})?(?:[eE][+-]?[0-9]{1,2})?)([ \[].*|)")  # a sign, digits, a unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +46,7 @@ def settle(
     def scene_with(settings: Settings, **others: Any) -> Scene:
         return replace(model.scene(experiment, settings, (), outputs), from_start=not everything, **others)
 
-    numbers = {name.replace(" ", ""): found for name, x in settings.items() if (found := _number(name, x)) is not None}
+    numbers = {name.replace(" ", ""): found for name, x in settings.items() if (found := _number(x)) is not None}
     later = frozenset(numbers)
     while later:
         written = {name: x for name, x in settings.items() if name.replace(" ", "") not in later}
@@ -99,7 +103,7 @@ def settle_all(
         return None
     rows, numbers = [], []
     for row, point in enumerate(points):
-        some = [_number(name, point[name]) for name in points[0]] if point.keys() == points[0].keys() else []
+        some = [_number(point[name]) for name in points[0]] if point.keys() == points[0].keys() else []
         if some and all(
             n is not None and n.value and _has_unit(facts, name, n) for name, n in zip(names, some, strict=True)
         ):
@@ -114,10 +118,13 @@ def _are_positive(facts: RunMetadata, names: Sequence[str], values: Array) -> An
     """Return a mask of the points, whose numbers are the rows of `values`, at which quantities that must not be negative are not."""
     from compiler.api import interval_of
 
+    every = np.ones(len(values), dtype=bool)
     if not len(values):
-        return np.ones(0, dtype=bool)
+        return every
     ranges = dict(zip(names, zip(values.min(axis=0), values.max(axis=0), strict=True), strict=True))
     unsure = [x for _, x in facts.positive if not interval_of(x, ranges.__getitem__)[0] >= 0]
+    if not unsure:
+        return every
     return np.array([_stay_positive(unsure, dict(zip(names, row.tolist(), strict=True))) for row in values])
 
 
@@ -133,15 +140,10 @@ def _stay_positive(expressions: Iterable[Expression], values: Mapping[str, float
 
 def _has_unit(facts: RunMetadata, name: str, number: _Number) -> bool:
     """Return True if a number is finite, and its unit is that of a quantity."""
-    from compiler.api import read_unit
-
     unit = facts.units[name]
     if not abs(number.value) < float("inf"):
         return False
-    if number.unit is None or number.unit == unit:
-        return True
-    one, other = (read_unit(Source("unit", u)).dimension for u in (number.unit, unit))
-    return one == other
+    return number.unit is None or number.unit == unit or _scale_of(number.unit).dimension == _scale_of(unit).dimension
 
 
 def compiled_in(
@@ -187,24 +189,44 @@ class _Number:
     unit: str | None
 
 
-def _number(name: str, given: str | float) -> _Number | None:
-    """Return a setting that is a number; None for any other expression."""
+def _number(given: str | float) -> _Number | None:
+    """Return a setting that is a number; None for any other expression. What stands around the digits is read once for all numbers."""
     if not isinstance(given, str):
         return _Number(float(given), None)
-    from compiler.api import Literal, Negative, parse_expression, read_unit
+    plain = _PLAIN.fullmatch(given)
+    read = _signed(given) if plain is None else _signed(f"{plain[1]}1{plain[3]}")
+    if read is None:
+        return None
+    sign, number, unit = read
+    number = number if plain is None else Fraction(plain[2])
+    if not unit:
+        return _Number(sign * float(number), None if number == 0 else "1")
+    return _Number(sign * _scale_of(unit).to_si(number), unit)
+
+
+@lru_cache(maxsize=1024)  # the same units at all points of a study
+def _signed(text: str) -> tuple[float, Fraction, str] | None:
+    """Return the sign, the number and the unit ("": none) of a text; None if it is anything else, or below a zero that its unit sets."""
+    from compiler.api import Literal, Negative, parse_expression
 
     try:
-        tree = parse_expression(Source(f"setting of {name}", given))
+        tree = parse_expression(Source("setting", text))
         sign, tree = (-1.0, tree.operand) if isinstance(tree, Negative) else (1.0, tree)
         if not isinstance(tree, Literal):
             return None
-        if tree.unit is None:
-            return _Number(sign * float(tree.number), None if tree.number == 0 else "1")
-        text = tree.unit.span.text.strip("[]")
-        scale = read_unit(Source("unit", text))
-        return None if sign < 0 and scale.offset else _Number(sign * scale.to_si(tree.number), text)
+        unit = "" if tree.unit is None else tree.unit.span.text.strip("[]")
+        shifted = bool(unit) and _scale_of(unit).offset != 0
+        return None if shifted and sign < 0 else (sign, tree.number, unit)
     except CompilationFailed:
         return None  # raised where the scene is compiled
+
+
+@lru_cache(maxsize=1024)
+def _scale_of(unit: str) -> Scale:
+    """Return the scale of a unit. Raises `CompilationFailed`."""
+    from compiler.api import read_unit
+
+    return read_unit(Source("unit", unit))
 
 
 def _argument(name: str) -> Override:

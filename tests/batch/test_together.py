@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from dataclasses import fields
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from bondgraph.compiled_model import CompiledModel
 from bondgraph.results.result import Result
 from bondgraph.simulation.repetition import simulate
 from bondgraph.simulation.run_options import RunOptions
+from bondgraph.simulation.settings import _Number, _number, _signed
 from compiler.api import native_available
 
 pytestmark = pytest.mark.skipif(not native_available(), reason="there is no machine code")
@@ -111,6 +113,17 @@ def test_texts_are_numbers() -> None:
     assert is_whole(results)
     first, second, third, _ = (result.values.tobytes() for result in results if result is not None)
     assert first == second == third
+
+
+def test_texts_of_numbers_with_one_unit_are_read_once() -> None:
+    """Ninety-nine lengths as texts cost one reading of their unit, and are the numbers that their digits say."""
+    _signed.cache_clear()
+    for i in range(1, 100):
+        assert _number(f"{i}.25 um") == _Number(float(Fraction(100 * i + 25, 10**8)), "um")
+        assert _number(f"-{i}.25e-3 [N/m]") == _Number(-float(Fraction(100 * i + 25, 10**5)), "N/m")
+    assert _signed.cache_info().misses == 2
+    assert [_number(text) for text in ("-3 degC", "3 um*2", "3 umm", "3. um", "x")] == [None] * 5
+    assert _number("-0") == _Number(0.0, None) and _number("2") == _Number(2.0, "1")
 
 
 @pytest.mark.parametrize(
