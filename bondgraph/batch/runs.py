@@ -10,7 +10,7 @@ import numpy as np
 
 from compiler.api import Array, IntArray, Program
 
-from ..simulation.segments.timeline import GOLDEN, Segment, timeline
+from ..simulation.segments.timeline import GOLDEN, Segment, aligned, timeline
 from .scope import BatchScene
 
 
@@ -54,7 +54,9 @@ def grouped(scene: BatchScene, parameters: Array) -> Iterator[tuple[Runs, BatchC
     state = np.asarray(program.start(constants))
     rows = np.flatnonzero(np.isfinite(state).all(axis=1))
     every = Runs(rows, parameters[rows], constants[rows], state[rows])
-    timed = program.instants(every.constants), program.periods(every.constants)
+    timed = [program.instants(every.constants), program.periods(every.constants)]
+    if program.recurring is not None:
+        timed.append(program.recurring(every.constants))
     read = np.concatenate([*timed, every.constants[:, _constants_of_time(program)]], axis=1)
     groups: dict[bytes, list[int]] = {}
     for row, numbers in enumerate(read):
@@ -62,7 +64,7 @@ def grouped(scene: BatchScene, parameters: Array) -> Iterator[tuple[Runs, BatchC
     for members in groups.values():
         runs = every.those(np.array(members))
         cuts = timeline(program, runs.constants[0], float(scene.instants[0]), float(scene.instants[-1]))
-        course = BatchCourse(tuple(cuts.segments), cuts.notes, runs.constants[0])
+        course = BatchCourse(tuple(aligned(cuts.segments, scene.instants)), cuts.notes, runs.constants[0])
         first = cuts.segments[0]
         runs = runs.those(_has_conditions(program, runs, course))
         holds = program.holds(first.start, runs.state, scene.inputs, runs.constants, first.mode)

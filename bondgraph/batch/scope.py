@@ -1,4 +1,4 @@
-"""Scope of batches: scenes whose runs are one phase of steps without events, loops or constraints; and what their runs have in common."""
+"""Scope of batches: scenes whose runs are one phase without events, loops or constraints; and what their runs have in common."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..compiled_scene import chosen_target, many_runs
 from ..simulation.integration.method import LARGEST
 from ..simulation.integrators.compiled.fields import is_sparse
 from ..simulation.integrators.compiled.run import obstacle
+from ..simulation.integrators.exponential import DEGREE
 from ..simulation.phase import PhaseOptions
 from ..simulation.run_options import RunOptions, planned
 
@@ -42,6 +43,17 @@ class BatchScene:
         """Length of the runs, s."""
         return float(self.instants[-1] - self.instants[0])
 
+    @property
+    def linear(self) -> bool:
+        """True if the matrix exponential integrates the runs."""
+        return self.compiled_scene.certificate.linear
+
+    @property
+    def numbers(self) -> int:
+        """Count of the numbers that a run needs at once: states and outputs, or what drives the states at the nodes between the reported instants."""
+        width = len(self.program.variables.names) * (2 * (DEGREE + 1) if self.linear else 1)
+        return len(self.instants) * (width + len(self.program.outputs.names))
+
 
 def batch_scene(model: CompiledModel, scene: Scene, wanted: RunOptions) -> BatchScene | None:
     """Return a scene whose runs may be stepped together; None if they need Python on their way, or more than steps. Raises `UsageError`."""
@@ -70,7 +82,7 @@ def batch_scene(model: CompiledModel, scene: Scene, wanted: RunOptions) -> Batch
 def _has_only_steps(compiled_scene: CompiledScene) -> bool:
     """Return True if a run of a program is one phase, whose steps end where time says so, and nothing but their errors is checked."""
     program, facts = compiled_scene.program, compiled_scene.facts
-    if program.native is None or obstacle(program) or compiled_scene.certificate.linear:
+    if program.native is None or obstacle(program):
         return False
     with_events = program.hybrid is not None or program.delays is not None or facts.valves or facts.integrals
     with_loops = program.unknowns.names or program.invariants.names or facts.claims

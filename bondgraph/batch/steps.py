@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,20 +24,10 @@ from ..simulation.segments.timeline import Segment, Signals, signals_on
 from ..simulation.segments.trajectory import Tolerances
 from .runs import BatchCourse, Runs
 from .scope import BatchScene
+from .trajectories import BatchTrajectories, goes_on
 
 SEVERAL = 4096  # steps of a run between two chances to interrupt it
 EVALUATIONS = {"derivative": "derivatives", "jacobian": "jacobians", "factorisation": "factorisations"}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BatchTrajectories:
-    """Trajectories of runs: states at the reported instants (runs, points, n), and the work of the steps; those of runs that are not `sound` mean nothing."""
-
-    states: Any
-    sound: Any
-    steps: Any  # (runs,)
-    evaluations: Any  # (runs, kinds of `EVALUATIONS`)
-    methods: list[dict[int, None]]  # of each run, in the order of their first use
 
 
 class BatchIntegrator:
@@ -65,26 +54,18 @@ class BatchIntegrator:
         """Integrate over all segments."""
         x, before = self.runs.state, None
         for stretch in self.course.segments:
-            if before is not None and (before.mode != stretch.mode).any():
-                self._check_forced(x, before, stretch)
+            if before is not None:
+                self.sound &= goes_on(self.scene, self.runs, x, before, stretch)
             self._put_start(stretch, x)
             x = self._segment(stretch, x)
             before = stretch
         for row, position in enumerate(self.position):
             self.states[row, position:] = x[row]
-        return BatchTrajectories(self.states, self.sound, self.steps, self.evaluations, self.methods)
+        evaluations = dict(zip(EVALUATIONS, self.evaluations.T, strict=True))
+        return BatchTrajectories(self.states, self.sound, self.steps, evaluations, [*map(_names_of, self.methods)])
 
     def _at(self, stretch: Segment, x: Array) -> tuple[Any, ...]:
         return stretch.start, x, self.scene.inputs, self.runs.constants, stretch.mode
-
-    def _check_forced(self, x: Array, before: Segment, stretch: Segment) -> None:
-        """Leave out runs in which what forces a storage may jump."""
-        forced = self.scene.program.forced
-        old, new = (
-            forced(*self._at(stretch.up_to(stretch.start, stretch.stop, before.mode), x)),
-            forced(*self._at(stretch, x)),
-        )
-        self.sound &= (old == new).all(axis=1)
 
     def _put_start(self, stretch: Segment, x: Array) -> None:
         """Store the state at the start of a segment at the reported instants that are no later."""
@@ -214,6 +195,6 @@ def _room(program: Any, method: int, signals: int, bends: int) -> Callable[[], d
     return lambda: room_of(program, method, signals, bends)
 
 
-def names_of(methods: dict[int, None]) -> str:
+def _names_of(methods: dict[int, None]) -> str:
     """Return the names of the methods of a run, as its result has them."""
     return " and ".join(f"{METHODS[method].name}, native" for method in methods)

@@ -15,13 +15,16 @@ from ..compiled_scene import chosen_target
 from ..numerics.threads import one_thread
 from ..results.checkpoint import Checkpoint
 from ..results.result import Result
+from ..simulation.integrators.exponential import RunsPart
 from ..simulation.run_options import RunOptions
 from ..simulation.segments.timeline import mode_after
 from ..simulation.settings import settle_all
+from .exact import exact_trajectories
 from .pilot import batch_magnitudes
 from .runs import BatchCourse, Runs, grouped
 from .scope import BatchScene, batch_scene
-from .steps import EVALUATIONS, BatchIntegrator, BatchTrajectories, names_of
+from .steps import BatchIntegrator
+from .trajectories import BatchTrajectories
 
 if TYPE_CHECKING:
     from compiler.api import Array
@@ -56,8 +59,7 @@ def simulate_together(
 
 def _parts(scene: BatchScene, runs: Runs) -> Iterator[Runs]:
     """Yield so many runs at once as memory is meant for; none of so few that they are faster alone."""
-    width = len(scene.program.variables.names) + len(scene.program.outputs.names)
-    most = max(1, MOST_NUMBERS // (len(scene.instants) * width))
+    most = max(1, MOST_NUMBERS // scene.numbers)
     for first in range(0, len(runs), most):
         part = runs.those(slice(first, first + most))
         if len(part) >= FEWEST:
@@ -75,17 +77,27 @@ def is_together(
 def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tuple[int, Result]]:
     """Yield the results of runs with equal segments, by their numbers; none of those that need more than steps."""
     began = clock.perf_counter()
-    magnitude, sound = batch_magnitudes(scene, runs, course)
-    runs, magnitude = runs.those(sound), magnitude[sound]
-    if not len(runs):
+    magnitude = None
+    if scene.linear:
+        try:
+            trajectories = exact_trajectories(scene, runs, course)
+        except RunsPart as part:
+            for some in (part.those, ~part.those):
+                if np.count_nonzero(some) >= FEWEST:
+                    yield from _results(scene, runs.those(some), course)
+            return
+    else:
+        magnitude, sound = batch_magnitudes(scene, runs, course)
+        runs, magnitude = runs.those(sound), magnitude[sound]
+        trajectories = BatchIntegrator(scene, runs, course, magnitude).through() if len(runs) else None
+    if trajectories is None:
         return
-    trajectories = BatchIntegrator(scene, runs, course, magnitude).through()
     values = _outputs(scene, runs, course, trajectories)
     sound = trajectories.sound & np.isfinite(values).all(axis=(1, 2))
     stored = _stored(scene, runs, course, trajectories)
     time = (clock.perf_counter() - began) / len(runs)
     for row in np.flatnonzero(sound).tolist():
-        checkpoint = _checkpoint(scene, runs.parameters[row], stored[row], magnitude[row])
+        checkpoint = _checkpoint(scene, runs.parameters[row], stored[row], () if magnitude is None else magnitude[row])
         yield int(runs.numbers[row]), _result(scene, course, trajectories, row, values[row], checkpoint, time)
 
 
@@ -96,14 +108,11 @@ def _outputs(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: B
     for segment in course.segments:
         part = slice(*instants.searchsorted((segment.start, segment.stop)).tolist())
         if part.start < part.stop:
-            for row, constants in enumerate(runs.constants):
-                values[row, part] = program.output(
-                    instants[part], states[row, part], scene.inputs, constants, segment.mode
-                )
+            at = scene.inputs, runs.constants[:, None], segment.mode
+            values[:, part] = program.output(instants[part], states[:, part], *at)
     last = course.segments[-1]
-    for row, constants in enumerate(runs.constants):
-        mode = mode_after(program, constants, last.stop, last)
-        values[row, -1] = program.output(instants[-1], states[row, -1], scene.inputs, constants, mode)
+    modes = np.array([mode_after(program, constants, last.stop, last) for constants in runs.constants])
+    values[:, -1] = program.output(instants[-1], states[:, -1], scene.inputs, runs.constants, modes)
     return values
 
 
@@ -114,13 +123,14 @@ def _stored(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: Ba
     return np.concatenate([final, scene.program.dependent(float(scene.instants[-1]), final, *at)], axis=1)
 
 
-def _checkpoint(scene: BatchScene, parameters: Array, stored: Array, magnitude: Array) -> Checkpoint:
+def _checkpoint(scene: BatchScene, parameters: Array, stored: Array, magnitude: Any) -> Checkpoint:
+    """Return the checkpoint at the end; `magnitude`: of each state, or nothing where none was searched."""
     program, end = scene.program, float(scene.instants[-1])
     names = (*program.states.names, *program.dependents.names)
     return Checkpoint(
         scene.compiled_scene.facts.identity, dict(zip(program.parameters.names, parameters.tolist(), strict=True)), end, end,
         dict(zip(names, stored.tolist(), strict=True)), dict(zip(names, np.abs(stored).tolist(), strict=True)), {},
-        dict(zip(program.variables.names, magnitude.tolist(), strict=True)), {}, (), (), scene.compiled_scene.scene.preferences, None,
+        {name: float(size) for name, size in zip(program.variables.names, magnitude, strict=False)}, {}, (), (), scene.compiled_scene.scene.preferences, None,
     )  # fmt: skip
 
 
@@ -128,9 +138,9 @@ def _result(
     scene: BatchScene, course: BatchCourse, trajectories: BatchTrajectories, row: int, values: Array, checkpoint: Checkpoint, time: float
 ) -> Result:  # fmt: skip
     compiled_scene, plan = scene.compiled_scene, scene.options.plan
-    counts = zip(EVALUATIONS, trajectories.evaluations[row].tolist(), strict=True)
+    counts = ((kind, int(count[row])) for kind, count in trajectories.evaluations.items())
     return Result(
-        scene.program.name, plan.experiment, scene.instants.copy(), compiled_scene.columns, values, plan.report, names_of(trajectories.methods[row]),
+        scene.program.name, plan.experiment, scene.instants.copy(), compiled_scene.columns, values, plan.report, trajectories.solvers[row],
         int(trajectories.steps[row]), {kind: count for kind, count in counts if count}, scene.options.rtol, time, None, (), compiled_scene.certificate,
         course.notes, (), "", checkpoint,
     )  # fmt: skip

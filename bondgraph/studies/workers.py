@@ -34,9 +34,10 @@ if TYPE_CHECKING:
     from .journal import Journal
 
 MOST_AT_ONCE = 64  # most points of one task
-OFTEN = 0.25  # s: longest time between reports, unless a point takes longer
+OFTEN = 0.25  # s: longest time between reports, unless a point takes longer, or points are answered together
 AHEAD = 3  # tasks submitted in advance for each of our own workers, and number of tasks in a worker's share of the remaining points
-MORE = 8  # factor on the number of points that are answered together
+FEW = 3  # points that are first answered together
+MORE = 8  # largest factor on their number from one time to the next
 MOST_KEPT = 8  # most models that a worker keeps compiled
 
 _MODELS: dict[str, AnalysedModel] = {}  # models of this process
@@ -152,7 +153,7 @@ def _reports(
     together = MOST_AT_ONCE if in_threads else 1  # their tasks are no larger than they may be
     own = local_workers(lambda numbers: first_of(some(numbers, together)), count, in_threads)
     try:
-        yield from _collected(own.submit, missing, count, own)
+        yield from _collected(own.submit, missing, count, own, FEW if in_threads else 1)
     finally:
         own.end()
 
@@ -234,11 +235,11 @@ def answered(
 ) -> Iterator[Answers]:  # fmt: skip
     """Yield the results at the points with these indices, in reports: of several points, or of those of some time. An error ends a report, too.
 
-    `together`: number of points that are first answered together, if they can be. It grows as long as they take little of that time.
+    `together`: number of points that are first answered together, if they can be; later so many as take twice that time, as many cost little more than few.
     """
     report: Answers = {}
-    until, size, left = perf_counter() + OFTEN, together, iter(numbers)
-    several = isinstance(question, BatchRequest)
+    several, left = isinstance(question, BatchRequest), iter(numbers)
+    until, size = perf_counter() + OFTEN, max(together, FEW) if several else 1
     try:
         while some := list(islice(left, min(size, MOST_AT_ONCE - len(report)))):
             began = perf_counter()
@@ -246,8 +247,9 @@ def answered(
             for number, result in zip(some, results, strict=True):
                 report[number] = result_at(model, question, points[number]) if result is None else result
             several = several and (len(some) == 1 or any(result is not None for result in results))
-            quick = perf_counter() - began < OFTEN / (2 * MORE)
-            size = MORE * size if several and quick else max(1, size // MORE) if several else 1
+            took = max(perf_counter() - began, 1e-6)
+            most = max(int(len(some) * 2 * OFTEN / took), FEW if took < len(some) * OFTEN else 1)
+            size = min(most, MORE * len(some)) if several else 1
             if len(report) == MOST_AT_ONCE or perf_counter() > until:
                 full, report = report, {}
                 yield full
@@ -264,16 +266,17 @@ def first_of(reports: Iterator[Answers]) -> TimedReport:
 
 
 def _collected(
-    submit: Callable[[Sequence[int]], Future[TimedReport]], numbers: Sequence[int], count: int, own: LocalWorkers | None = None
+    submit: Callable[[Sequence[int]], Future[TimedReport]], numbers: Sequence[int], count: int, own: LocalWorkers | None = None, first: int = 1
 ) -> Iterator[Answers]:  # fmt: skip
     """Yield the results of tasks as they are finished; the rest of a task that was too long for one report is distributed again.
 
     A task has at most a fraction of a worker's share of the remaining points, so that the last one does not delay the end. Our own workers get a few
-    tasks in advance, of about as many points as are computed in the time of a report; an executor, whose size is not known, gets all at once.
+    tasks in advance, at least of `first` points, about as many as are computed in that many times of a report; an executor, whose size is not known,
+    gets all at once.
     """
     left, waiting = deque(numbers), dict[Future[TimedReport], list[int]]()
     finished: SimpleQueue[Future[TimedReport]] = SimpleQueue()
-    most, ahead = (1, AHEAD * count) if own else (MOST_AT_ONCE, len(left))
+    most, ahead = (first, AHEAD * count) if own else (MOST_AT_ONCE, len(left))
 
     def submit_some() -> None:
         while left and len(waiting) < ahead:
@@ -288,7 +291,7 @@ def _collected(
         while waiting:
             future = finished.get()
             report, time = future.result()
-            most = max(1, min(MOST_AT_ONCE, int(len(report) * OFTEN / max(time, 1e-6))))
+            most = max(first, min(MOST_AT_ONCE, int(len(report) * first * OFTEN / max(time, 1e-6))))
             left.extendleft(reversed(waiting[future][len(report) :]))
             submit_some()
             yield report

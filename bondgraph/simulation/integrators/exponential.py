@@ -4,6 +4,8 @@ The solution at the end of an interval is E x + G c, with E = exp(h A), c the Ch
 exp((1 - s) h A) T_j(s) ds; both are blocks of one exponential of an augmented matrix (Van Loan, Computing integrals involving the matrix
 exponential, 1978). Intervals of one length share it, and equally spaced instants give intervals of one length. So a run costs a product of a
 matrix and a vector for each instant, however stiff or long it is, and its only truncation error is that of b, which is reduced to rounding.
+
+Constants, matrices and states may have a leading axis, for runs that differ in constants; then all decisions are common, or the runs part (`RunsPart`).
 """
 
 from __future__ import annotations
@@ -48,15 +50,31 @@ SHIFT = np.column_stack(
 AT_START = (-1.0) ** np.arange(DEGREE + 1)
 
 
+class RunsPart(Exception):
+    """Raised where a decision is not the same for all runs; `those` (runs,) is its mask."""
+
+    def __init__(self, those: Any) -> None:
+        super().__init__("a decision is not the same for all runs")
+        self.those = those
+
+
+def common(decision: Any) -> bool:
+    """Return a decision, shape (…,), that all runs have in common. Raises `RunsPart`."""
+    result = bool(np.all(decision))
+    if not result and np.any(decision):
+        raise RunsPart(decision)
+    return result
+
+
 @dataclass(slots=True)
 class Linear:
     """A program as x' = A x + b(t) on one segment; A is constant."""
 
     program: Program
-    fixed: tuple[Any, Any]  # inputs, constants
+    fixed: tuple[Any, Any]  # inputs, constants (…, K)
     stretch: Segment
     matrix: Any  # A, balanced
-    norm: float  # largest sum of the absolute values of a column of it
+    norm: Any  # largest sum of the absolute values of a column of it
     scale: Any  # scales of the states
     active: Any  # rows of b that are not zero everywhere
     seen: Any  # places at which b is checked whatever the intervals, rising
@@ -64,16 +82,20 @@ class Linear:
     near: dict[float, float] = field(default_factory=dict)  # the lengths in `known` by rounded length
     trusted: dict[float, bool] = field(default_factory=dict)  # True for lengths in `known` whose E is accurate
 
-    def share(self, others: dict[bytes, tuple[Any, Any, Any]]) -> None:
+    def share(self, others: dict[tuple[bytes, bytes], tuple[Any, Any, Any]]) -> None:
         """Reuse the exponentials of other segments with the same matrix: pulses of one length give many segments."""
-        key = self.matrix.tobytes() + self.active.tobytes()
+        key = self.matrix.tobytes(), self.active.tobytes()
+        if self.matrix.ndim > 2 and key not in others:
+            words = self.matrix.view(np.int64)
+            for matrix in (matrix for matrix, active in others if active == key[1]):
+                common((np.frombuffer(matrix, np.int64).reshape(words.shape) == words).all(axis=(-2, -1)))
         self.known, self.near, self.trusted = others.setdefault(key, (self.known, self.near, self.trusted))
 
     def close_to(self, length: float) -> float:
         """Return a known length that is close enough for the first order of the difference to be exact to rounding; otherwise `length`."""
         part, exponent = frexp(length)
         found = self.near.setdefault(ldexp(round(part * SHORTENED), exponent), length)
-        return found if found == length or abs(found - length) * self.norm <= FIRST_ORDER else length
+        return found if found == length or common(abs(found - length) * self.norm <= FIRST_ORDER) else length
 
     def ahead(self, length: float) -> Any:
         """Return E of an interval, (n, n)."""
@@ -82,24 +104,29 @@ class Linear:
         return found if known == length else found + (length - known) * (self.matrix @ found)
 
     def forcing(self, times: Array) -> Any:
-        """Return b for the balanced states; shape (…, active)."""
+        """Return b for the balanced states; shape (…, times, active)."""
         instants = np.clip(times, *inside(self.stretch)).reshape(-1)
-        zero = np.zeros((len(instants), len(self.scale)))
-        rates = self.program.derivative(instants, zero, *self.fixed, self.stretch.mode)
-        return (rates / self.scale)[:, self.active].reshape((*np.shape(times), -1))
+        inputs, constants = self.fixed
+        zero = np.zeros((len(instants), self.scale.shape[-1]))
+        rates = self.program.derivative(instants, zero, inputs, at_instants(constants), self.stretch.mode)
+        rates = (rates / at_instants(self.scale))[..., self.active]
+        return rates.reshape((*self.scale.shape[:-1], *np.shape(times), len(self.active)))
 
     def matrices(self, length: float) -> tuple[Any, Any]:
         """Return E and G of an interval; G is (n, active, DEGREE + 1)."""
         if length not in self.known:
-            count, sources, more = len(self.scale), len(self.active), DEGREE + 1
-            whole = np.zeros((count + sources * more, count + sources * more))
-            whole[:count, :count] = length * self.matrix
+            (*runs, count), sources, more = self.scale.shape, len(self.active), DEGREE + 1
+            size = count + sources * more
+            whole = np.zeros((*runs, size, size))
+            whole[..., :count, :count] = length * self.matrix
             for number, row in enumerate(self.active):
                 place = slice(count + number * more, count + (number + 1) * more)
-                whole[row, place] = AT_START
-                whole[place, place] = SHIFT
-            found = _exponential(whole.tobytes()) if len(whole) <= EXTENDED else exponential(whole)
-            self.known[length] = found[:count, :count], found[:count, count:].reshape(count, sources, more)
+                whole[..., row, place] = AT_START
+                whole[..., place, place] = SHIFT
+            cached = size <= EXTENDED and not runs
+            found = _exponential(whole.tobytes()) if cached else _exponentials(whole)
+            integral = found[..., :count, count:].reshape(*runs, count, sources, more)
+            self.known[length] = found[..., :count, :count], integral
         return self.known[length]
 
     def moved(self, start: Array | float, length: float, state: Array, place: float = 1.0) -> Any:
@@ -109,9 +136,12 @@ class Linear:
         ahead, integral = self.matrices(known)
         forcing = self.forcing(np.asarray(start)[..., None] + known * NODES)
         coefficients = np.einsum("cj,...js->...sc", TO_COEFFICIENTS, known * forcing)
-        end = state @ ahead.T + np.einsum("nsc,...sc->...n", integral, coefficients)
+        carried = state @ ahead.swapaxes(-1, -2)
+        if ahead.ndim > 2:  # the same intervals for all runs
+            carried, integral = carried[:, None], integral[:, None]
+        end = carried + np.einsum("...nsc,...sc->...n", integral, coefficients)
         if known != part:
-            rates = end @ self.matrix.T
+            rates = end @ self.matrix.swapaxes(-1, -2)
             rates[..., self.active] += forcing[..., -1, :]
             end = end + (part - known) * rates
         return end
@@ -126,6 +156,11 @@ class Intervals:
     reported: Any  # mask of the intervals that end at a reported instant
 
 
+def at_instants(values: Array) -> Array:
+    """Return values of one run as they are; those of several, shape (runs, m), as (runs, 1, m), to meet several instants."""
+    return values[:, None] if values.ndim > 1 else values
+
+
 def linear_form(program: Program, inputs: Array, constants: Array, stretch: Segment, length: float = 0.0) -> Linear | None:  # fmt: skip
     """Return the affine form of a program on a segment, checked against its rates; None if it has none or is too large.
 
@@ -134,30 +169,53 @@ def linear_form(program: Program, inputs: Array, constants: Array, stretch: Segm
     count = len(program.states.names)
     if not 0 < count <= LARGEST or program.unknowns.names or np.size(program.periods(constants)):
         return None
-    fixed, (low, high) = (inputs, constants), inside(stretch)
-    matrix: Any = np.asarray(program.jacobian(low, np.zeros(count), *fixed, stretch.mode), dtype=float)
-    if not np.isfinite(matrix).all():
+    (low, high), each = inside(stretch), (-2, -1)
+    matrix: Any = np.asarray(program.jacobian(low, np.zeros(count), inputs, constants, stretch.mode), dtype=float)
+    if not common(np.isfinite(matrix).all(axis=each)):
         return None
-    scale = _balance(matrix.tobytes(), count)
+    scale = _scales(matrix)
+    fixed = inputs, at_instants(constants), stretch.mode
     times: Any = np.linspace(low, high, TRIED)
-    states = scale * _random(count)
-    given = program.derivative(times, np.zeros_like(states), *fixed, stretch.mode)
-    rates = program.derivative(times, states, *fixed, stretch.mode)
-    if not (np.isfinite(given).all() and np.isfinite(rates).all()):
+    states = at_instants(scale) * _random(count)
+    given = program.derivative(times, np.zeros_like(states), *fixed)
+    rates = program.derivative(times, states, *fixed)
+    if not common((np.isfinite(given) & np.isfinite(rates)).all(axis=each)):
         return None
-    terms = np.abs(states) @ np.abs(matrix).T + np.abs(given)
-    if (np.abs(rates - given - states @ matrix.T) > AFFINE * terms).any():
+    transposed = matrix.swapaxes(-1, -2)
+    terms = np.abs(states) @ np.abs(transposed) + np.abs(given)
+    if common((np.abs(rates - given - states @ transposed) > AFFINE * terms).any(axis=each)):
         return None
-    seen = signals_on(program, inputs, constants, stretch, length).times
-    pushed = program.derivative(seen, np.zeros((len(seen), count)), *fixed, stretch.mode)
-    active = np.flatnonzero((given != 0).any(axis=0) | (pushed != 0).any(axis=0))
+    seen = signals_on(program, inputs, constants if constants.ndim == 1 else constants[0], stretch, length).times
+    pushed = program.derivative(seen, np.zeros((len(seen), count)), *fixed)
+    moved = (given != 0).any(axis=-2) | (pushed != 0).any(axis=-2)
+    common((moved == moved.reshape(-1, count)[0]).all(axis=-1))
+    active = np.flatnonzero(moved.reshape(-1, count)[0])
     if count + len(active) * (DEGREE + 1) > LARGEST_MATRIX:
         return None
-    balanced = matrix * scale / scale[:, None]
-    if is_blurred(balanced, high - low):
+    balanced = matrix * scale[..., None, :] / scale[..., None]
+    norm = np.abs(balanced).sum(axis=-2).max(axis=-1, initial=0.0)
+    if common(_are_blurred(balanced, norm, high - low)):
         return None
-    norm = float(np.abs(balanced).sum(axis=0).max(initial=0.0))
-    return Linear(program, fixed, stretch, balanced, norm, scale, active, seen)
+    return Linear(program, (inputs, constants), stretch, balanced, norm, scale, active, seen)
+
+
+def _scales(matrix: Array) -> Any:
+    """Return the scales of the states of each matrix, (…, n)."""
+    scales = [_balance(each.tobytes(), len(each)) for each in matrix.reshape(-1, *matrix.shape[-2:])]
+    return np.array(scales).reshape(matrix.shape[:-1])
+
+
+def _are_blurred(matrix: Array, norm: Any, span: float) -> Any:
+    """Return `is_blurred` of each matrix, whose norms are known."""
+    blurred = np.asarray(_may_blur(norm, span))
+    for place in map(tuple, np.argwhere(blurred)):
+        blurred[place] = is_blurred(matrix[place], span)
+    return blurred
+
+
+def _may_blur(norm: Any, span: float) -> Any:
+    """Return True for norms of matrices for which rounding may matter."""
+    return ~(float(np.finfo(float).eps) * span * norm < BLURRED)
 
 
 def is_blurred(matrix: Array, span: float) -> bool:
@@ -165,9 +223,9 @@ def is_blurred(matrix: Array, span: float) -> bool:
 
     Next to a conductance of 1e12, one of 1 keeps four digits in their sum; the rates themselves, as differences, keep them all.
     """
-    rounding = float(np.finfo(float).eps)
-    if rounding * span * float(np.abs(matrix).sum(axis=0).max()) < BLURRED:
+    if not _may_blur(np.abs(matrix).sum(axis=0).max(), span):
         return False
+    rounding = float(np.finfo(float).eps)
     values = np.linalg.eigvals(matrix)
     fastest = values[np.argmax(np.abs(values))]
     if fastest.real > -0.5 * abs(fastest):  # it oscillates: steps would have to follow it
@@ -186,25 +244,40 @@ def _exponential(entries: bytes) -> Any:
     return exponential(numbers.reshape(isqrt(len(numbers)), -1))
 
 
+def _exponentials(matrices: Array) -> Any:
+    """Return the exponential of one large matrix, or of many, shape (…, n, n): one for each of those that differ."""
+    if matrices.ndim == 2:
+        return exponential(matrices)
+    numbers: dict[bytes, int] = {}
+    places = [numbers.setdefault(matrix.tobytes(), len(numbers)) for matrix in matrices]
+    first = [places.index(number) for number in range(len(numbers))]
+    return exponential(matrices[first])[places]
+
+
 def exponential(matrix: Array) -> Any:
-    """Return exp(matrix), shape (n, n), by Taylor's series of a small part and squaring, for small matrices in extended precision.
+    """Return exp(matrix), shape (…, n, n), by Taylor's series of a small part and squaring, for small matrices in extended precision.
 
     scipy's rational approximation needs fewer squarings but loses digits where modes turn many times: at 20 turns its error is 1e-12, that of this
     one 1e-17 (1e-14 in double precision), and over a long run it does not preserve the amplitude of a lossless system.
     """
-    exact: Any = np.asarray(matrix, dtype=np.longdouble if len(matrix) <= EXTENDED else float)
-    size = float(np.abs(exact).sum(axis=0).max(initial=0.0))
-    if not np.isfinite(size):
-        return np.full_like(matrix, np.nan)
-    halvings = max(0, int(np.ceil(np.log2(size))) + 2) if size > 0 else 0
-    part = exact / np.exp2(np.longdouble(halvings)).astype(exact.dtype)
+    count = matrix.shape[-1]
+    exact: Any = np.asarray(matrix, dtype=np.longdouble if count <= EXTENDED else float)
+    size = np.abs(exact).sum(axis=-2).max(axis=-1, initial=0.0).astype(float)
+    finite = np.isfinite(size)
+    exact = np.where(finite[..., None, None], exact, 0.0)
+    halvings = np.where(finite & (size > 0), np.ceil(np.log2(np.where(size > 0, size, 1.0))) + 2, 0.0).clip(0.0)
+    part = exact / np.exp2(halvings.astype(np.longdouble)).astype(exact.dtype)[..., None, None]
     result = term = part  # minus the identity, so that a small motion keeps its digits
     for order in range(2, TERMS):
         term = term @ part / order
         result = result + term
-    for _ in range(halvings):
-        result = 2 * result + result @ result
-    return (np.eye(len(matrix)) + result).astype(float)
+    for squared in range(int(halvings.max(initial=0.0))):
+        going = squared < halvings
+        if going.all():
+            result = 2 * result + result @ result
+        else:
+            result[going] = 2 * result[going] + result[going] @ result[going]
+    return np.where(finite[..., None, None], np.eye(count) + result, np.nan).astype(float)
 
 
 @lru_cache(maxsize=16)
@@ -213,7 +286,7 @@ def _random(count: int) -> Any:
     return np.random.default_rng(1).standard_normal((TRIED, count))
 
 
-@lru_cache(maxsize=16)  # segments between events often have one matrix
+@lru_cache(maxsize=256)  # segments between events often have one matrix, and many runs one each
 def _balance(entries: bytes, count: int) -> Any:
     """Return powers of two that give rows and columns of a matrix (its bytes) equal size (Parlett and Reinsch, 1969); shape (n,)."""
     matrix = np.frombuffer(entries).reshape(count, count)
@@ -254,36 +327,39 @@ def intervals(form: Linear, instants: Array, longest: float) -> Intervals | None
         begins, wide, several = (np.repeat(a, parts) for a in (edges[:-1], gaps, parts))
         starts = begins + wide * (np.arange(ends[-1]) - np.repeat(ends - parts, parts)) / several
         lengths = _few(np.repeat(gaps / parts, parts))
-        if _is_followed(form, starts, lengths):
+        if common(_is_followed(form, starts, lengths)):
             return Intervals(starts, lengths, ends - 1)
         longest *= 0.5
 
 
 def march(form: Linear, cut: Intervals, state: Array) -> Any | None:
-    """Return the states at the starts of all intervals and at the end of the last, shape (intervals + 1, n), in SI.
+    """Return the states at the starts of all intervals and at the end of the last, shape (intervals + 1, …, n), in SI.
 
     None if the exponentials are not accurate or the solution overflows.
     """
     different = sorted(set(cut.lengths.tolist()))
     if not all(_is_trusted(form, length) for length in different):
         return None
-    result = np.empty((len(cut.starts) + 1, len(form.scale)))
+    result = np.empty((len(cut.starts) + 1, *form.scale.shape))
     result[0] = state / form.scale
-    pushes = np.empty((len(cut.starts), len(form.scale)))
+    pushes = np.empty((len(cut.starts), *form.scale.shape))
+    zero = np.zeros(form.scale.shape[-1])
     for length in different:
         chosen = cut.lengths == length
-        pushes[chosen] = form.moved(cut.starts[chosen], length, np.zeros(len(form.scale)))
+        pushes[chosen] = form.moved(cut.starts[chosen], length, zero).swapaxes(0, -2)
     ahead = {length: form.ahead(length) for length in different}
-    rows = list(result)
-    for before, after, push, length in zip(rows, rows[1:], list(pushes), cut.lengths.tolist()):  # noqa: B905
+    # a column for each of many runs, a vector for one
+    columns, added = (result, pushes) if result.ndim == 2 else (result[..., None], pushes[..., None])
+    rows = list(columns)
+    for before, after, push, length in zip(rows, rows[1:], list(added), cut.lengths.tolist()):  # noqa: B905
         np.add(ahead[length] @ before, push, after)
-    return result * form.scale if np.isfinite(result).all() else None
+    return result * form.scale if common(np.isfinite(result).all(axis=(0, -1))) else None
 
 
 def between(form: Linear, cut: Intervals, states: Array, places: Array) -> tuple[Any, Any]:
     """Return times (intervals, places) and states (intervals, places, n) inside the intervals, in SI."""
     times = cut.starts[:, None] + cut.lengths[:, None] * np.asarray(places)
-    result = np.empty((*times.shape, len(form.scale)))
+    result = np.empty((*times.shape, form.scale.shape[-1]))
     for length in np.unique(cut.lengths):
         chosen = cut.lengths == length
         for number, place in enumerate(places):
@@ -313,25 +389,26 @@ def _few(lengths: Array) -> Any:
     return result
 
 
-def _is_followed(form: Linear, starts: Array, lengths: Array) -> bool:
-    """Return True if b is a polynomial on each interval, to rounding."""
+def _is_followed(form: Linear, starts: Array, lengths: Array) -> Any:
+    """Return True, of each run, if b is a polynomial on each interval, to rounding."""
+    runs = form.scale.shape[:-1]
     if not len(form.active):
-        return True
+        return np.ones(runs, dtype=bool)
     values = form.forcing(starts[:, None] + lengths[:, None] * NODES)
-    if not np.isfinite(values).all():
-        return False
-    tails = np.abs(np.einsum("cj,kjs->kcs", TO_COEFFICIENTS, values))[:, -2:].max(axis=(0, 1))
-    if not (tails <= CLOSE * np.abs(values).max(axis=(0, 1))).all():
-        return False
-    if not len(form.seen):
-        return True
+    finite = np.isfinite(values).all(axis=(-3, -2, -1))
+    if not finite.any():
+        return finite
+    most = np.abs(values).max(axis=(-3, -2))
+    tails = np.abs(np.einsum("cj,...js->...cs", TO_COEFFICIENTS, values))[..., -2:, :].max(axis=(-3, -2))
+    followed = finite & (tails <= CLOSE * most).all(axis=-1)
+    if not len(form.seen) or not followed.any():
+        return followed
     number = np.clip(np.searchsorted(starts, form.seen, side="right") - 1, 0, len(starts) - 1)
     places = 2 * (form.seen - starts[number]) / lengths[number] - 1
-    found = np.einsum(
-        "kc,kcs->ks", chebyshev.chebvander(places, DEGREE), np.einsum("cj,kjs->kcs", TO_COEFFICIENTS, values[number])
-    )
-    off = np.abs(found - form.forcing(form.seen)).max(axis=0)
-    return bool((off <= BETWEEN * np.abs(values).max(axis=(0, 1))).all())
+    coefficients = np.einsum("cj,...js->...cs", TO_COEFFICIENTS, values[..., number, :, :])
+    found = np.einsum("kc,...kcs->...ks", chebyshev.chebvander(places, DEGREE), coefficients)
+    off = np.abs(found - form.forcing(form.seen)).max(axis=-2)
+    return followed & (off <= BETWEEN * most).all(axis=-1)
 
 
 def _is_trusted(form: Linear, length: float) -> bool:
@@ -339,6 +416,11 @@ def _is_trusted(form: Linear, length: float) -> bool:
     length = form.close_to(length)
     if length not in form.trusted:
         whole, half = form.matrices(length)[0], form.matrices(0.5 * length)[0]
-        size, off = np.linalg.norm(np.abs(half) @ np.abs(half)), np.linalg.norm(whole - half @ half)
-        form.trusted[length] = bool(np.isfinite(whole).all() and off <= DOUBLED * size)
+        size, off = _norms(np.abs(half) @ np.abs(half)), _norms(whole - half @ half)
+        form.trusted[length] = common(np.isfinite(whole).all(axis=(-2, -1)) & (off <= DOUBLED * size))
     return form.trusted[length]
+
+
+def _norms(matrices: Array) -> Any:
+    """Return the norm of each matrix, shape (…,)."""
+    return np.linalg.norm(matrices, axis=(-2, -1))
