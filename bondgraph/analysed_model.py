@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from .compiled_model import CompiledModel, names_of
-from .keywords import AnalysisKeywords, ExperimentKeywords, PathKeywords, PointKeywords, check_keywords
+from .keywords import AnalysisKeywords, ExperimentKeywords, PathKeywords, PointKeywords, checked
 
 if TYPE_CHECKING:
     from .analysis.branch import Branch
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 class AnalysedModel(CompiledModel):
     """A compiled model with its analyses as methods."""
 
+    @checked
     def prices(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, outputs: Sequence[str] | None = None, seconds: float = 5.0,
     ) -> Prices:  # fmt: skip
@@ -38,6 +39,7 @@ class AnalysedModel(CompiledModel):
 
         return prices(self, experiment, settings or {}, names_of(outputs), seconds)
 
+    @checked
     def port_hamiltonian(
         self,
         state: Mapping[str, float] | None = None,
@@ -53,12 +55,14 @@ class AnalysedModel(CompiledModel):
         compilation = self.compilation(self.scene(None, settings), everything=True)
         return port_hamiltonian(compilation, state or {}, time)
 
+    @checked
     def symbolic_port_hamiltonian(self) -> SymbolicPortHamiltonian:
         """Return J, R, G and H in sympy, for linear resistors and no storage in derivative form. Raises `UsageError`."""
         from .analysis.port_hamiltonian import symbolic_port_hamiltonian
 
         return symbolic_port_hamiltonian(self.with_inputs())
 
+    @checked
     def operating_point(self, asked: AnalysisRequest | None = None) -> OperatingPoint:
         """Return the model at one state and instant, with all derivatives; the analyses below use it.
 
@@ -69,6 +73,7 @@ class AnalysedModel(CompiledModel):
 
         return operating_point(self, asked or AnalysisRequest())
 
+    @checked
     def equilibrium(
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
         outputs: Sequence[str] | None = None, time: float | None = None,
@@ -82,6 +87,7 @@ class AnalysedModel(CompiledModel):
 
         return equilibrium(self.operating_point(AnalysisRequest(experiment, settings, names_of(outputs), time=time)))
 
+    @checked
     def linearize(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, **options: Unpack[PointKeywords],
     ) -> Linearization:  # fmt: skip
@@ -93,11 +99,11 @@ class AnalysedModel(CompiledModel):
         from .analysis.linear import linearization
         from .analysis.operating_point import AnalysisRequest
 
-        check_keywords(self.linearize, options, PointKeywords.__optional_keys__)
-        by = self.inputs if inputs is None else tuple(inputs)
+        by = self.inputs if inputs is None else names_of(inputs) or ()
         request = AnalysisRequest(outputs=names_of(outputs), by=by, upstream=outputs is not None, **options)
         return linearization(self.operating_point(request))
 
+    @checked
     def modes(
         self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
         state: str | Mapping[str, float] = "equilibrium", time: float | None = None, outputs: Sequence[str] | None = None,
@@ -113,6 +119,7 @@ class AnalysedModel(CompiledModel):
         request = AnalysisRequest(experiment, settings, names_of(outputs), (), state, time, outputs is not None)
         return modes(self.operating_point(request))
 
+    @checked
     def sensitivity(
         self, parameters: Sequence[str] | None = None, of: str | tuple[str, ...] = ("equilibrium", "modes"),
         outputs: Sequence[str] | None = None, **options: Unpack[AnalysisKeywords],
@@ -124,10 +131,10 @@ class AnalysedModel(CompiledModel):
         """
         from .analysis.sensitivity import sensitivity
 
-        check_keywords(self.sensitivity, options, AnalysisKeywords.__optional_keys__)
         point, _, _ = self._moved(names_of(parameters), (), names_of(outputs), options)
         return sensitivity(point, (of,) if isinstance(of, str) else of)
 
+    @checked
     def sensitivity_of_response(
         self, parameters: Sequence[str] | None = None, inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None, low: float | None = None, high: float | None = None, points: int = 400,
@@ -139,10 +146,10 @@ class AnalysedModel(CompiledModel):
         """
         from .analysis.linear_sensitivity import response_sensitivity
 
-        check_keywords(self.sensitivity_of_response, options, AnalysisKeywords.__optional_keys__)
         point, given, by = self._moved(names_of(parameters), names_of(inputs), names_of(outputs), options)
         return response_sensitivity(point, given, by, low, high, points)
 
+    @checked
     def sensitivity_of_linearization(
         self, parameters: Sequence[str] | None = None, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
         **options: Unpack[AnalysisKeywords],
@@ -153,7 +160,6 @@ class AnalysedModel(CompiledModel):
         """
         from .analysis.linear_sensitivity import linear_sensitivity
 
-        check_keywords(self.sensitivity_of_linearization, options, AnalysisKeywords.__optional_keys__)
         point, given, by = self._moved(names_of(parameters), names_of(inputs), names_of(outputs), options)
         return linear_sensitivity(point, given, by)
 
@@ -170,6 +176,7 @@ class AnalysedModel(CompiledModel):
         asked = AnalysisRequest(options.get("experiment"), fixed, outputs, both, time=options.get("time"))
         return self.operating_point(asked), given, by
 
+    @checked
     def sensitivity_of_run(
         self, parameters: Sequence[str] | None = None, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
         to: str | float | None = None, points: int = 101, outputs: Sequence[str] | None = None, rtol: float = 1e-8,
@@ -184,6 +191,7 @@ class AnalysedModel(CompiledModel):
         asked = AnalysisRequest(experiment, settings, names_of(outputs))
         return run_sensitivity(self, names_of(parameters), asked, (to, points), rtol)
 
+    @checked
     def continuation(
         self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, outputs: Sequence[str] | None = None,
         branches: bool = False, **options: Unpack[ExperimentKeywords],
@@ -198,7 +206,6 @@ class AnalysedModel(CompiledModel):
         from .analysis.sensitivity import independent
         from .quantities import quantity
 
-        check_keywords(self.continuation, options, ExperimentKeywords.__optional_keys__)
         experiment, settings = options.get("experiment"), options.get("settings") or {}
         _, fixed = independent(self, (parameter,), experiment, settings)
         unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
@@ -218,6 +225,7 @@ class AnalysedModel(CompiledModel):
         settings: Mapping[str, str | float] | None = None, *, to: str | float, **options: Unpack[PathKeywords],
     ) -> FeedForward: ...  # fmt: skip
 
+    @checked
     def invert(
         self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, *, to: str | float | None = None, **options: Unpack[PathKeywords],
@@ -232,9 +240,9 @@ class AnalysedModel(CompiledModel):
         from .analysis.inversion.request import inverted
         from .analysis.operating_point import AnalysisRequest
 
-        check_keywords(self.invert, options, PathKeywords.__optional_keys__)
         return inverted(self, targets, inputs, AnalysisRequest(experiment, dict(settings or {})), to, options)
 
+    @checked
     def response(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
         low: float | None = None, high: float | None = None, points: int = 400, **options: Unpack[PointKeywords],
@@ -248,7 +256,6 @@ class AnalysedModel(CompiledModel):
         from .analysis.response import response
         from .analysis.sampled import is_sampled, sampled_response
 
-        check_keywords(self.response, options, PointKeywords.__optional_keys__)
         by = self.inputs if inputs is None else names_of(inputs) or ()
         request = AnalysisRequest(outputs=names_of(outputs), by=by, upstream=outputs is not None, **options)
         point = self.operating_point(request)
@@ -256,6 +263,7 @@ class AnalysedModel(CompiledModel):
             return sampled_response(point, low, high, points)
         return response(linearization(point), low, high, points)
 
+    @checked
     def excite(
         self, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None = None,
         settings: Mapping[str, str | float] | None = None, rtol: float = 1e-9,

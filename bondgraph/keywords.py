@@ -1,12 +1,16 @@
-"""Keyword options that several calls of a model share."""
+"""Keyword options that several calls of a model share, and the check of a call's arguments against its own annotations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import cache, wraps
 from pathlib import Path
-from typing import TypedDict
+from typing import ParamSpec, TypedDict, TypeVar
 
 from .errors import UsageError
+
+_Arguments = ParamSpec("_Arguments")
+_Found = TypeVar("_Found")
 
 
 class RunKeywords(TypedDict, total=False):
@@ -97,6 +101,17 @@ class PathKeywords(TypedDict, total=False):
     limits: Mapping[str, str | float] | None
 
 
+def checked(call: Callable[_Arguments, _Found]) -> Callable[_Arguments, _Found]:
+    """Return the call with a check of its arguments before it. It raises `UsageError` with what it expects."""
+
+    @wraps(call)
+    def with_check(*values: _Arguments.args, **options: _Arguments.kwargs) -> _Found:
+        _check(call, values, options)
+        return call(*values, **options)
+
+    return with_check
+
+
 def check_keywords(call: Callable[..., object], options: Mapping[str, object], known: frozenset[str]) -> None:
     """Raise `UsageError` for an option that a call does not have, with the nearest that it has."""
     unknown = sorted(options.keys() - known)
@@ -108,3 +123,110 @@ def check_keywords(call: Callable[..., object], options: Mapping[str, object], k
         near = get_close_matches(unknown[0], names, n=1)
         hint = f"did you mean `{near[0]}`?" if near else f"it has {', '.join(names)}"
         raise UsageError("BR614", f"`{call.__name__}` has no option `{unknown[0]}`; {hint}")
+
+
+def _check(call: Callable[..., object], values: Sequence[object], options: Mapping[str, object]) -> None:
+    places, kinds, needed = _expected(call)
+    if len(values) > len(places):
+        names = ", ".join(f"`{n}`" for n in places[1:])
+        raise UsageError("BR696", f"`{call.__name__}` takes {names} by place, and no more")
+    given = dict(zip(places, values, strict=False))
+    check_keywords(call, options, frozenset(kinds))
+    lacking = [name for name in needed if name not in given and name not in options]
+    if lacking:
+        raise UsageError("BR697", f"`{call.__name__}` needs `{lacking[0]}`, {_words(kinds[lacking[0]])}")
+    for name, value in (*given.items(), *options.items()):
+        if name in given and name in options:
+            raise UsageError("BR698", f"`{call.__name__}` gets `{name}` twice, by its place and by its name")
+        if name in kinds and not _fits(value, kinds[name]):
+            raise _unfit(call, name, value, kinds)
+
+
+def _unfit(call: Callable[..., object], name: str, value: object, kinds: Mapping[str, str]) -> UsageError:
+    from reprlib import repr as shortened
+
+    by_name = isinstance(value, Mapping) and "settings" in kinds and "Mapping" not in kinds[name]
+    hint = (
+        "values by name are its `settings={…}`" if by_name else f"`help({call.__qualname__})` describes its arguments"
+    )
+    return UsageError(
+        "BR699", f"`{call.__name__}` expects as `{name}` {_words(kinds[name])}, not {shortened(value)}; {hint}"
+    )
+
+
+@cache
+def _expected(call: Callable[..., object]) -> tuple[tuple[str, ...], Mapping[str, str], tuple[str, ...]]:
+    """Return the names of a call's arguments by place, the annotation of each argument and option, and the names of those that it needs."""
+    from inspect import Parameter, signature
+
+    found = signature(call).parameters.values()
+    options = next((p.annotation for p in found if p.kind is Parameter.VAR_KEYWORD), "Unpack[]")
+    shared = globals().get(options[len("Unpack[") : -1])
+    kinds = {n: reference.__forward_arg__ for n, reference in getattr(shared, "__annotations__", {}).items()}
+    own = {p.name: p for p in found if p.kind is not Parameter.VAR_KEYWORD}
+    places = tuple(n for n, p in own.items() if p.kind is not Parameter.KEYWORD_ONLY)
+    kinds |= {n: p.annotation for n, p in own.items() if n != "self"}
+    return places, kinds, tuple(n for n, p in own.items() if p.default is Parameter.empty and n != "self")
+
+
+# name of a type: its words, and the attribute by which other types pass for it
+_SIMPLE = {
+    "str": ("a text", ""), "float": ("a number", "__float__"), "int": ("a whole number", "__index__"), "bool": ("True or False", "__bool__"),
+    "Path": ("a path", "__fspath__"),
+}  # fmt: skip
+_OPEN = ("Any", "Submitting")  # what has no type of its own
+
+
+def _fits(value: object, annotation: str) -> bool:
+    """Return True if a value is of one of the kinds in an annotation."""
+    return any(_is_of(value, *kind) for kind in _kinds(annotation))
+
+
+def _is_of(value: object, kind: str, parts: tuple[str, ...]) -> bool:
+    if kind == "None":
+        return value is None
+    if kind in ("Mapping", "Callable"):
+        return callable(value) if kind == "Callable" else isinstance(value, Mapping) and all(
+            _fits(k, parts[0]) and _fits(v, parts[1]) for k, v in value.items()
+        )  # fmt: skip
+    if kind in ("Sequence", "tuple"):
+        listed = isinstance(value, Iterable) and not isinstance(value, Mapping | bytes)
+        return listed and (not isinstance(value, Collection) or all(_fits(x, parts[0]) for x in value))
+    if kind in _SIMPLE and (trait := _SIMPLE[kind][1]):
+        return hasattr(value, trait)
+    return kind in _OPEN or any(c.__name__ == kind for c in type(value).__mro__)
+
+
+@cache
+def _kinds(annotation: str) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Return the kinds in an annotation, each with what stands in its brackets: `str | Sequence[float]` is a text or a list of numbers."""
+    kinds = []
+    for part in _split(annotation, "|"):
+        kind, _, inner = part.partition("[")
+        kinds.append((kind, tuple(_split(inner[:-1], ","))))
+    return tuple(kinds)
+
+
+def _split(text: str, mark: str) -> list[str]:
+    """Split a text at the marks outside of its brackets."""
+    parts, depth = [""], 0
+    for letter in text:
+        depth += (letter == "[") - (letter == "]")
+        if letter == mark and not depth:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts]
+
+
+def _words(annotation: str) -> str:
+    """Return what an annotation asks for, in words."""
+    words = []
+    for kind, parts in _kinds(annotation):
+        if kind == "Mapping":
+            words.append(f"a dict by name whose values are each {_words(parts[1])}")
+        elif kind in ("Sequence", "tuple"):
+            words.append(f"a list whose items are each {_words(parts[0])}")
+        elif kind not in ("None", *_OPEN):
+            words.append(_SIMPLE.get(kind, (f"a `{kind}`", ""))[0])
+    return " or ".join(dict.fromkeys(words))

@@ -92,6 +92,16 @@ class Compilation:
         return self._built.plan
 
     @property
+    def structural(self) -> frozenset[str]:
+        """Quantities that decide which parts there are."""
+        return self._built.structural
+
+    @property
+    def choices(self) -> Mapping[str, tuple[str, ...]]:
+        """Parameters that are one of several words, with these."""
+        return self._built.choices
+
+    @property
     def files(self) -> tuple[Source, ...]:
         """Files read in addition to the text: imported files and columns of numbers."""
         return self._built.files

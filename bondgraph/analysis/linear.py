@@ -112,6 +112,7 @@ def linear_units(point: OperatingPoint) -> dict[str, str]:
     program, space = point.program, point.compilation.state_space
     units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
     units |= dict(zip(program.states.names, program.states.units, strict=True))
+    units |= {n: q.unit for n, q in point.compilation.whole_graph.quantities.items() if n in point.by}
     return units | {n: space.variables[space.quantities[n]].unit for n in point.by if n in space.quantities}
 
 

@@ -13,6 +13,7 @@ from compiler.api import Array, NotDifferentiable
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
 from ..numerics.scales import nonzero
+from .movable import refuse_structural
 from .operating_point import AnalysisRequest, OperatingPoint
 
 if TYPE_CHECKING:
@@ -110,6 +111,7 @@ def placed(prepare: Prepare, scene: Scene, asked: AnalysisRequest, values: Mappi
         raise UsageError(
             "BR218", "one of the quantities is a point of a table or a seed of noise: nothing is differentiated by these",
         ) from problem  # fmt: skip
+    refuse_structural(compiled.compilation, asked.by)
     if not isinstance(asked.state, Mapping) and asked.state not in ("equilibrium", "start"):
         raise UsageError("BR220", f"a state is `equilibrium`, `start` or values by name; not `{asked.state}`")
     begins = plan.start if asked.time is None else asked.time

@@ -22,6 +22,7 @@ from ..errors import RunFailed, UsageError
 from ..numerics.scales import nonzero
 from ..rendering import Summarised
 from .json_values import head, named, with_units
+from .movable import refuse_structural
 from .operating_point import AnalysisRequest, OperatingPoint
 from .sensitivity import balanced_step, independent, place_in, unit_directions
 from .singular_slopes import Beside
@@ -85,6 +86,7 @@ def run_sensitivity(
     by, fixed = independent(model, parameters, asked.experiment, asked.settings or {})
     settled = settle(model, asked.experiment, fixed, asked.outputs, True, "numpy")
     made = model.compiled_scene(replace(settled.scene, free=frozenset(by), by=by), True, "numpy")
+    refuse_structural(made.compilation, by)
     plan = made.plan
     if isinstance(instants, tuple):
         to, points = instants

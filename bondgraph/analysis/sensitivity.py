@@ -23,6 +23,7 @@ from ..rendering import Summarised
 from .json_values import finite, head, named, with_units
 from .linear import Linearization, linearization
 from .modes import STILL, eigenvalues
+from .movable import refuse_choice
 from .operating_point import OperatingPoint
 from .spectrum import left_shapes
 
@@ -94,18 +95,19 @@ def independent(
     model: CompiledModel, parameters: tuple[str, ...] | None, experiment: str | None, settings: Mapping[str, str | float]
 ) -> tuple[tuple[str, ...], dict[str, str | float]]:  # fmt: skip
     """Return the parameters to differentiate by (None: all independent ones), and settings that make them independent."""
-    graph = model.compilation(model.scene(experiment, settings)).whole_graph
+    compilation = model.compilation(model.scene(experiment, settings))
+    graph = compilation.whole_graph
     free = {
         n for n, q in graph.quantities.items()
         if q.role in ("parameter", "input") and (q.definition is None or not q.definition.arguments)
     }  # fmt: skip
     if parameters is None:
-        return tuple(n for n in graph.quantities if n in free and graph.quantities[n].role == "parameter"), dict(
-            settings
-        )
+        own = (n for n, q in graph.quantities.items() if n in free and q.role == "parameter")
+        return tuple(n for n in own if n not in compilation.structural), dict(settings)
     fixed = dict(settings)
     for name in parameters:
         named = graph.quantities.get(name)
+        refuse_choice(name, compilation.choices)
         if named is None or named.role not in ("parameter", "input"):
             some = ", ".join(n for n, q in graph.quantities.items() if q.role == "parameter" and "." not in n)
             raise UsageError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -15,7 +15,7 @@ from ..keywords import (
     RunKeywords,
     StressKeywords,
     SweepKeywords,
-    check_keywords,
+    checked,
 )
 from .shown import STAGES, Shown
 
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 __all__ = ["STAGES", "Model", "load"]
 
 
+@checked
 def load(path_or_text: str | Path, model: str | None = None) -> Model:
     """Return a model from a file, or from a text with at least one line break or brace.
 
@@ -50,6 +51,7 @@ def load(path_or_text: str | Path, model: str | None = None) -> Model:
 class Model(Shown, AnalysedModel):
     """One model of a text, compiled at its first use. Raises `CompilationFailed` with all errors."""
 
+    @checked
     def run(
         self, experiment: str = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, workers: Workers | Submitting | int | None = None, **options: Unpack[RunKeywords],
@@ -62,9 +64,10 @@ class Model(Shown, AnalysedModel):
         from ..studies.experiment import run
         from ..studies.workers import ALONE, workers_of
 
-        wanted = _options(self.run, {**options, "to": to, "points": points})
+        wanted = _options({**options, "to": to, "points": points})
         return run(self, experiment, settings or {}, wanted, workers_of(workers, ALONE))
 
+    @checked
     def sweep(
         self, values: Mapping[str, str | Sequence[str | float]], of: str | tuple[str, ...] = "simulate", together: bool = False,
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
@@ -79,9 +82,10 @@ class Model(Shown, AnalysedModel):
         from ..studies.sweep import sweep
         from ..studies.workers import ALONE, workers_of
 
-        study = _study(of, experiment, settings, _options(self.sweep, options))
+        study = _study(of, experiment, settings, _options(options))
         return sweep(self, values, study, together, workers_of(workers, ALONE))
 
+    @checked
     def montecarlo(
         self, vary: Mapping[str, str | Distribution], of: str | tuple[str, ...] = "modes", samples: int = 1000,
         experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
@@ -100,7 +104,6 @@ class Model(Shown, AnalysedModel):
         from ..studies.options import Options
         from ..studies.workers import Workers, workers_of
 
-        check_keywords(self.montecarlo, options, MonteCarloKeywords.__optional_keys__)
         chance = Chance(
             vary, options.get("correlations") or {}, samples, options.get("seed", 0), options.get("indices")
         )
@@ -108,6 +111,7 @@ class Model(Shown, AnalysedModel):
         wanted = Options(options.get("to"), points, options.get("rtol"), outputs=outputs)
         return montecarlo(self, chance, _study(of, experiment, settings, wanted), workers_of(workers, Workers()))
 
+    @checked
     def benchmark(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, error: float = 1e-6, to: str | float | None = None,
         **options: Unpack[BenchmarkKeywords],
@@ -121,12 +125,12 @@ class Model(Shown, AnalysedModel):
         from ..simulation.run_options import RunOptions
         from ..studies.benchmark import BenchmarkRequest, benchmark
 
-        check_keywords(self.benchmark, options, BenchmarkKeywords.__optional_keys__)
         request = BenchmarkRequest(
             experiment, settings or {}, names_of(options.get("outputs")), RunOptions(to=to), error, options.get("rounds", 3), options.get("peers", True)
         )  # fmt: skip
         return benchmark(self, request, options.get("progress", lambda text: None))
 
+    @checked
     def stress(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, seconds: float = 30.0, to: str | float | None = None,
         **options: Unpack[StressKeywords],
@@ -140,7 +144,6 @@ class Model(Shown, AnalysedModel):
         from ..simulation.run_options import RunOptions
         from ..studies.stress import StressRequest, stress
 
-        check_keywords(self.stress, options, StressKeywords.__optional_keys__)
         out = options.get("out")
         request = StressRequest(
             experiment, settings or {}, names_of(options.get("outputs")), RunOptions(to=to), seconds, options.get("seed", 0), options.get("vary", {}),
@@ -148,6 +151,7 @@ class Model(Shown, AnalysedModel):
         )  # fmt: skip
         return stress(self, request, options.get("progress", lambda text: None))
 
+    @checked
     def fit(
         self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | BoundedParameter],
         experiment: str | None = None,
@@ -168,6 +172,7 @@ class Model(Shown, AnalysedModel):
         )
         return fit(self, files, parameters, experiment, settings or {}, explain)
 
+    @checked
     def invert_file(
         self, file: str | Path, inputs: Sequence[str], experiment: str | None = None, settings: Mapping[str, str | float] | None = None, *,
         to: str | float | None = None, workers: Workers | Submitting | int | None = None, **options: Unpack[PathKeywords],
@@ -181,10 +186,10 @@ class Model(Shown, AnalysedModel):
         from ..studies.setpoints import invert_file
         from ..studies.workers import ALONE, workers_of
 
-        check_keywords(self.invert_file, options, PathKeywords.__optional_keys__)
         along = {"to": to, **options}
         return invert_file(self, file, inputs, experiment, dict(settings or {}), along, workers_of(workers, ALONE))
 
+    @checked
     def simulate(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
         points: int | None = None, start: Result | str | Path | None = None, check: bool = False, error: bool = False,
@@ -214,10 +219,11 @@ class Model(Shown, AnalysedModel):
                 "a run that goes on from a result cannot be checked, and its error is not known:",
                 "check the whole run",
             )
-        given = _options(self.simulate, {**options, "to": to, "points": points})
+        given = _options({**options, "to": to, "points": points})
         run_options = replace(given.wanted, check=check, error=error) if check or error else given.wanted
         return simulate(self, experiment, settings or {}, given.outputs, run_options, before)
 
+    @checked
     def simulate_many(
         self, settings: Sequence[Mapping[str, str | float]], experiment: str | None = "", to: str | float | None = None,
         points: int | None = None, workers: Workers | Submitting | int | None = None, **options: Unpack[RunKeywords],
@@ -231,15 +237,14 @@ class Model(Shown, AnalysedModel):
         from ..studies.runs import simulate_many
         from ..studies.workers import Workers, workers_of
 
-        wanted = _options(self.simulate_many, {**options, "to": to, "points": points})
+        wanted = _options({**options, "to": to, "points": points})
         return simulate_many(self, experiment, settings, wanted.outputs, wanted.wanted, workers_of(workers, Workers()))
 
 
-def _options(call: Callable[..., object], keywords: Mapping[str, Any]) -> Options:
-    """Return the options of a call. Raises `UsageError` for one that there is not."""
+def _options(keywords: Mapping[str, Any]) -> Options:
+    """Return the options of a call."""
     from ..studies.options import Options
 
-    check_keywords(call, keywords, SweepKeywords.__optional_keys__)
     return Options(**{**keywords, "outputs": names_of(keywords.get("outputs"))})
 
 

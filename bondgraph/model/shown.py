@@ -10,6 +10,7 @@ from compiler import api
 
 from ..analysed_model import AnalysedModel
 from ..errors import UsageError
+from ..keywords import checked
 
 if TYPE_CHECKING:
     from compiler.api import StateSpace
@@ -23,6 +24,7 @@ STAGES = ("syntax", "graph", "causality", "equations", "reduction", "state_equat
 class Shown(AnalysedModel):
     """Presentation methods of a model."""
 
+    @checked
     def draw(
         self, path: str | Path | None = None, experiment: str | None = None, closed: bool = False, numbers: bool = False
     ) -> Figure:
@@ -39,6 +41,7 @@ class Shown(AnalysedModel):
             write_figure(figure, path)
         return figure
 
+    @checked
     def draw_mechanism(
         self, path: str | Path | None = None, name: str | None = None, experiment: str | None = "", at: str | float | None = None, modes: int = 0,
     ) -> Figure:  # fmt: skip
@@ -66,6 +69,7 @@ class Shown(AnalysedModel):
 
         return picture(self) or None
 
+    @checked
     def state_equations(self) -> SymbolicEquations:
         """Return the state equations in sympy: a mapping from state to the right-hand side, over parameters, states and inputs.
 
@@ -76,22 +80,26 @@ class Shown(AnalysedModel):
         with api.uncollected():
             return state_equations(self.with_inputs().state_space)
 
+    @checked
     def algebraic_equations(self) -> SymbolicEquations:
         """Return the equations of nonlinear loops in sympy: a mapping from unknown to an expression that vanishes; often empty."""
         from ..analysis.symbolic import algebraic_equations
 
         return algebraic_equations(self.with_inputs().state_space)
 
+    @checked
     def ordered_equations(self) -> StateSpace:
         """Return the equations step by step, in the order of computation, with every input as a symbol."""
         return self.with_inputs().state_space
 
+    @checked
     def equations(self, latex: bool = False) -> str:
         """Return the causally ordered equations as text, or as LaTeX."""
         from ..presentation.text.equations import equations_text
 
         return equations_text(self.with_inputs().state_space, latex)
 
+    @checked
     def show(self, stage: str, experiment: str | None = "") -> str:
         """Return one stage of the compiler as stable text; `STAGES` lists them."""
         if stage not in STAGES:
@@ -100,6 +108,7 @@ class Shown(AnalysedModel):
 
         return stage_text(self.compilation(api.Scene(self.model, experiment)), stage)
 
+    @checked
     def text(self, experiment: str | None = None) -> str:
         """Return the model as one flat model in the language, which compiles to an equal graph; with an experiment, with its settings.
 
@@ -107,6 +116,7 @@ class Shown(AnalysedModel):
         """
         return api.write_text(self.compilation(api.Scene(self.model, experiment)).whole_graph)
 
+    @checked
     def compile(self, target: str = "numpy", *, part: str | None = None, single: bool = False) -> str:
         """Return the source of a separate program, with every parameter and input as an argument. Raises `CompilationFailed`, `UsageError`.
 
@@ -120,6 +130,7 @@ class Shown(AnalysedModel):
         text = compilation.text(target) if part is None else compilation.part_text(part, target)
         return api.in_single_precision(text) if single else text
 
+    @checked
     def to_fmu(self, path: str | Path, experiment: str | None = None, platforms: Sequence[str] = ("linux64",)) -> None:
         """Write the model as a functional mock-up unit of FMI 2.0 for other tools: model exchange and co-simulation, without a C compiler.
 

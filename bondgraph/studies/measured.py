@@ -64,11 +64,11 @@ def read_measured(path: str | os.PathLike[str], units: Mapping[str, str], settab
 def read_columns(file: str, units: Mapping[str, str]) -> dict[str, Array]:
     """Return the columns of a file in SI by their headings; NaN for empty fields. Raises `UsageError`, OSError."""
     with open(file, encoding="utf-8-sig", newline="") as stream:
-        rows = [
-            (i, row)
-            for i, row in enumerate(csv.reader(stream), 1)
-            if any(x.strip() for x in row) and not row[0].startswith("#")
-        ]
+        try:
+            lines = list(enumerate(csv.reader(stream), 1))
+        except (UnicodeDecodeError, csv.Error) as problem:
+            raise UsageError("BR498", f"{file}: this is no file of columns in UTF-8") from problem
+    rows = [(i, row) for i, row in lines if any(x.strip() for x in row) and not row[0].startswith("#")]
     if len(rows) < 2:
         raise UsageError("BR420", f"{file}: a line of headings and at least one of numbers are needed")
     heads = rows[0][1]

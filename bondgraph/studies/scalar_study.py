@@ -11,6 +11,7 @@ import numpy as np
 from compiler.api import ANALYSIS_STEPS
 
 from ..analysis.modes import moving_frequencies
+from ..analysis.movable import refuse_choice
 from ..analysis.operating_point import AnalysisRequest
 from ..analysis.outcome import MODES
 from ..analysis.placement import operating_point
@@ -117,8 +118,10 @@ def check_steps(of: tuple[str, ...], what: str) -> None:
 
 def units_of(model: CompiledModel, names: Sequence[str], experiment: str | None, settings: Settings) -> dict[str, str]:
     """Return SI units of settings. Raises `CompilationFailed` for names that the model does not have."""
-    quantities = model.compilation(model.scene(experiment, settings)).whole_graph.quantities
+    compilation = model.compilation(model.scene(experiment, settings))
+    quantities = compilation.whole_graph.quantities
     for name in names:
+        refuse_choice(name, compilation.choices)
         if name not in quantities:  # the compiler's message lists the existing names
             _ = model.compilation(model.scene(experiment, {**settings, name: 0.0})).whole_graph
     return {name: quantities[name].unit for name in names}

@@ -28,8 +28,13 @@ def sweep(
     check_steps(study.of, "a sweep")
     experiment, settings, outputs = study.experiment, dict(study.settings), study.outputs
     compilation = model.compilation(model.scene(experiment, settings, outputs=outputs))
-    units, plan = units_of(model, tuple(values), experiment, settings), compilation.plan
-    numbers = {name: _numbers(some, units[name], name) for name, some in values.items()}
+    plan, words = compilation.plan, {n: compilation.choices[n] for n in values if n in compilation.choices}
+    units = units_of(model, tuple(n for n in values if n not in words), experiment, settings)
+    numbers = {
+        name: _places(some, words[name], name) if name in words else _numbers(some, units[name], name)
+        for name, some in values.items()
+    }
+    units = {name: units.get(name, "1") for name in values}
     lengths = {len(some) for some in numbers.values()}
     if together and len(lengths) > 1:
         raise UsageError("BR461", "values that go together are as many for each name")
@@ -45,6 +50,18 @@ def sweep(
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
     notes = compilation_notes(model, experiment, settings, grid)
     return Outcome(compilation.whole_graph.name, plan.experiment, units, points, shown, notes)
+
+
+def _places(values: str | Sequence[str | float], words: Sequence[str], name: str) -> tuple[float, ...]:
+    """Return the numbers of words, from 1. Raises `UsageError`."""
+    some = values.split(",") if isinstance(values, str) else values
+    known: dict[str | float, float] = {word: i for i, word in enumerate(words, 1)} | {
+        i: float(i) for i in range(1, len(words) + 1)
+    }
+    wanted = [v.strip() if isinstance(v, str) else v for v in some]
+    if wrong := [v for v in wanted if v not in known]:
+        raise UsageError("BR499", f"`{name}` cannot be `{wrong[0]}`;", f"it can be {', '.join(words)}")
+    return tuple(known[v] for v in wanted)
 
 
 def _numbers(values: str | Sequence[str | float], unit: str, name: str) -> tuple[float, ...]:

@@ -19,8 +19,13 @@ def behind(names: Iterable[str], quantities: Mapping[str, Named]) -> frozenset[s
         found.add(name)
         definition = quantities[name].definition
         if definition is not None:
-            waiting += [a.name for a in definition.arguments if isinstance(a, Quantity)]
+            waiting += quantities_in(definition)
     return frozenset(found)
+
+
+def quantities_in(bound: Bound) -> set[str]:
+    """Names of the quantities that a formula reads itself."""
+    return {a.name for a in bound.arguments if isinstance(a, Quantity)}
 
 
 def over_arguments(bound: Bound, quantities: Mapping[str, Named]) -> Expression:

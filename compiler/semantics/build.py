@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
 from pathlib import Path
 
 from ..algebra.formula import Bound
 from ..errors import CompilationFailed, Diagnostic
 from ..fast_dataclass import dataclass
 from ..graph.network import BondGraph
+from ..graph.run_time_parameters import behind
 from ..scene import Plan, Scene
 from ..source import Source, Span
 from ..syntax import SyntaxTree, parse_expression, tree
@@ -38,6 +39,8 @@ class Built:
     plan: Plan
     files: tuple[Source, ...] = ()  # files that were read in addition to the text
     positive: tuple[tuple[str, Bound], ...] = ()  # expressions that must not be negative; only a run knows their values
+    structural: frozenset[str] = frozenset()  # quantities that decide which parts there are
+    choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # parameters that are one of several words
 
 
 def build_graph(
@@ -261,7 +264,9 @@ class _Opened:
         )
         if not elaborator.part and not elaborator.structure_broken:
             elaborator.diagnostics += unconnected(graph)
-        return Built(graph, plan, positive=tuple(elaborator.positive))
+        choices = {p.name: tuple(word for word, _ in p.item.choices) for p in elaborator.pending if p.item.choices}
+        structural = behind(elaborator.structural, graph.quantities)
+        return Built(graph, plan, (), tuple(elaborator.positive), structural, choices)
 
 
 def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import ast
+import contextlib
+import inspect
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import bondgraph
@@ -123,3 +126,92 @@ def test_an_unknown_option_is_named_with_the_nearest(call: Callable[[bondgraph.M
     with pytest.raises(bondgraph.UsageError) as caught:
         call(bondgraph.load("plain model A { parameter a = 1\nSe s { e = a }\nR r { e = f }\ns -> r }"))
     assert caught.value.code == "BR614" and hint in str(caught.value)
+
+
+WRONG = (3.5, "zzz", ["a"], {"a": [1]}, {"a": None}, {3: 1}, b"x", object())
+NAMED = (
+    "experiment",
+    "settings",
+    "to",
+    "points",
+    "outputs",
+    "parameters",
+    "inputs",
+    "values",
+    "vary",
+    "state",
+    "time",
+    "low",
+    "rtol",
+)
+
+
+@pytest.mark.parametrize(
+    ("call", "code", "words"),
+    [
+        (lambda m: m.simulate({"a": 2}), "BR699", "`simulate` expects as `experiment` a text, not {'a': 2}; values by name are its `settings={…}`"),
+        (lambda m: m.modes(settings="a=2"), "BR699", "`settings` a dict by name whose values are each a text or a number, not 'a=2'; `help(AnalysedModel.modes)`"),
+        (lambda m: m.simulate_many({"a": [1, 2]}), "BR699", "a list whose items are each a dict by name"),
+        (lambda m: m.simulate("", {}, 1, 11, None, False, False, 3), "BR696", "takes `experiment`, `settings`, `to`, `points`,"),
+        (lambda m: m.sweep(), "BR697", "`sweep` needs `values`, a dict by name"),
+        (lambda m: m.simulate("", experiment=""), "BR698", "gets `experiment` twice"),
+        (lambda m: m.sensitivity(["n"]), "BR276", "`n` decides which parts"), (lambda m: m.linearize(["n"]), "BR276", "`sweep`"),
+        (lambda m: m.continuation("n", 1, 3), "BR276", "`n`"), (lambda m: m.sensitivity_of_run(["n"]), "BR276", "`n`"),
+        (lambda m: m.sensitivity(["kind"]), "BR277", "one of the words soft, hard"), (lambda m: m.montecarlo({"kind": "uniform(1, 2)"}), "BR277", "`sweep`"),
+        (lambda m: m.sweep({"kind": ["soft", "thick"]}), "BR499", "`kind` cannot be `thick`; it can be soft, hard"),
+    ],
+)  # fmt: skip
+def test_a_wrong_kind_of_argument_is_told(call: Callable[[bondgraph.Model], object], code: str, words: str) -> None:
+    with pytest.raises(bondgraph.UsageError) as caught:
+        call(bondgraph.load(COUNTED))
+    assert caught.value.code == code and words in str(caught.value), str(caught.value)
+
+
+COUNTED = """plain model A {
+  parameter a = 1, n = 2, kind: { soft, hard } = soft
+  I m : p = f { start f = 1 }
+  C c : e = a*q*(1 if kind == soft else 9)
+  1 j
+  j -> m, c
+  for i in 1..n { R r[i] : e = 0.1*f/n; j -> r[i] }
+  output x = c.q
+}"""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "simulate",
+        "sweep",
+        "montecarlo",
+        "fit",
+        "modes",
+        "response",
+        "invert",
+    ],
+)
+def test_no_argument_of_a_call_ends_in_an_error_of_python(name: str) -> None:
+    model = bondgraph.load(COUNTED)
+    call = getattr(model, name)
+    needed = {
+        "values": {"a": [1.0]},
+        "vary": {"a": "uniform(1, 2)"},
+        "data": "none.csv",
+        "parameters": {"a": ""},
+        "targets": {"x": 1},
+    }
+    known = inspect.signature(call).parameters
+    for argument in [p for p in NAMED if p in known]:
+        for wrong in WRONG:
+            values = {n: v for n, v in needed.items() if n in known and known[n].default is inspect.Parameter.empty}
+            if name == "invert":
+                values["inputs"] = ["a"]
+            with contextlib.suppress(bondgraph.BondgraphError, bondgraph.CompilationFailed, OSError):
+                call(**values | {argument: wrong})
+
+
+def test_a_sweep_takes_words_and_counts_have_no_slope_unless_asked() -> None:
+    model = bondgraph.load(COUNTED)
+    found = model.sweep({"kind": "soft, hard", "n": [1, 2]}, of="modes")
+    np.testing.assert_allclose(found.table()[:, 2] * 2 * np.pi, [1, 1, 3, 3], rtol=1e-12)
+    assert model.sensitivity().parameters == ("a",)

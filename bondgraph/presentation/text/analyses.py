@@ -226,7 +226,9 @@ def sensitivity_text(found: Sensitivity) -> str:
             share = f"{found.relative[i, j]:.4g}" if np.isfinite(found.relative[i, j]) else ""
             rows.append((*head, short(found.parameters[j], 30), f"{found.slopes[i, j]:.6g}", share))
             head = ("", "")
-    return f"{title(found.model, found.experiment, 'sensitivity')}\n\n{aligned(rows, '<><>>')}"
+    still = [short(name, 30) for j, name in enumerate(found.parameters) if not found.slopes[:, j].any()][:STRONGEST]
+    table = aligned(rows, "<><>>") if len(rows) > 1 else f"nothing here moves with {', '.join(still) or 'anything'}"
+    return f"{title(found.model, found.experiment, 'sensitivity')}\n\n{table}"
 
 
 def branch_text(found: Branch) -> str:

@@ -19,7 +19,7 @@ from ...errors import CompilationFailed, Diagnostic, ValuesNeeded
 from ...graph.domains import DOMAINS, Domain
 from ...graph.mechanism import domain_of
 from ...graph.network import TIME, Named, Quantity, Reading
-from ...graph.run_time_parameters import behind
+from ...graph.run_time_parameters import behind, quantities_in
 from ...graph.units import ONE, SECOND, Dimension, Scale
 from ...scene import Override
 from ...source import Span
@@ -83,6 +83,7 @@ class Resolver(ABC):
         self.overrides = {o.path: o for o in overrides if o.role == "set"}
         self.used_overrides: set[str] = set()
         self.later = frozenset(o.path for o in self.overrides.values() if o.value is None)  # known when a run begins
+        self.structural: set[str] = set()  # quantities that decide which parts there are
         self.asked: dict[str, Span] = {}  # quantities without a value whose value decides something, and where it does
         self.positive: list[tuple[str, Bound]] = []  # expressions that a run must find not negative
         self.diagnostics: list[Diagnostic] = []
@@ -120,14 +121,16 @@ class Resolver(ABC):
 
     def integer(self, expression: tree.ExpressionSyntax, scope: Scope) -> int:
         """A whole number with a value known before the run."""
-        value = self.static(expression, scope, "A range or index")
+        value = self.static(expression, scope, "A range or index", structural=True)
         if value != round(value) or abs(value) > 1e9:
             hint = "Ranges and indices count: 1, 2, 3."
             raise Wrong(WrongType(expression.span, "A whole number", f"{value:g}", hint))
         return round(value)
 
-    def static(self, expression: tree.ExpressionSyntax, scope: Scope, what: str, dimension: Dimension = ONE) -> float:
-        """A number in SI with a value known before the run."""
+    def static(
+        self, expression: tree.ExpressionSyntax, scope: Scope, what: str, dimension: Dimension = ONE, structural: bool = False
+    ) -> float:  # fmt: skip
+        """A number in SI with a value known before the run; `structural`: it decides which parts there are."""
         if isinstance(expression, tree.Literal) and expression.unit is None and dimension == ONE:
             return float(expression.number)
         if isinstance(expression, tree.PathSyntax) and not expression.steps:  # the index of a loop, nearly always
@@ -147,7 +150,10 @@ class Resolver(ABC):
             scalar = self.scalar_at(slot, scope)
             if scalar.role not in STATIC_ROLES:
                 raise Wrong(NotStatic(slot.path.span, what, slot.words))
-        value = self.value_of(self.bind(template, template.formulas[0], scope), expression.span)
+        bound = self.bind(template, template.formulas[0], scope)
+        if structural:
+            self.structural |= quantities_in(bound)
+        value = self.value_of(bound, expression.span)
         if value is None:
             self.need_no_values()
             raise AlreadyTold

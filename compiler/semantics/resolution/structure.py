@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from ...algebra.expression import ONE as TRUE
 from ...algebra.expression import ZERO, select
 from ...algebra.formula import Bound, Formula
-from ...graph.network import Quantity
-from ...graph.run_time_parameters import behind
+from ...graph.run_time_parameters import behind, quantities_in
 from ...syntax import tree
 from ...syntax.blocks import Statements, flat, inner_blocks
 from ..expressions.template import Template, Typed
@@ -105,8 +104,8 @@ def _holds(resolver: Resolver, condition: tree.ExpressionSyntax, scope: Scope) -
     if value is None:
         resolver.need_no_values()
         raise AlreadyTold
-    read = (a.name for a in bound.arguments if isinstance(a, Quantity))
-    for name in sorted(behind(read, resolver.quantities)):
+    resolver.structural |= quantities_in(bound)
+    for name in sorted(behind(quantities_in(bound), resolver.quantities)):
         named = resolver.quantities[name]
         whole = named.value is None or named.value == round(named.value)
         if named.role == "parameter" and not (whole and named.unit == "1"):

@@ -1,0 +1,28 @@
+"""Refusals of parameters by which nothing has a slope: those that decide which parts there are, and words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from ..errors import UsageError
+
+if TYPE_CHECKING:
+    from compiler.api import Compilation
+
+
+def refuse_structural(compilation: Compilation, names: Sequence[str]) -> None:
+    """Raise `UsageError` if one of these quantities decides which parts there are."""
+    name = next((n for n in names if n in compilation.structural), None)
+    if name is not None:
+        raise UsageError(
+            "BR276", f"`{name}` decides which parts the model has, so nothing has a slope by it;", "`sweep` compares its values",
+        )  # fmt: skip
+
+
+def refuse_choice(name: str, choices: Mapping[str, tuple[str, ...]]) -> None:
+    """Raise `UsageError` for a parameter that is one of several words."""
+    if name in choices:
+        raise UsageError(
+            "BR277", f"`{name}` is one of the words {', '.join(choices[name])}, and has nothing between them;", "`sweep` compares them",
+        )  # fmt: skip
