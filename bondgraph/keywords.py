@@ -130,13 +130,13 @@ def _check(call: Callable[..., object], values: Sequence[object], options: Mappi
     if len(values) > len(places):
         names = ", ".join(f"`{n}`" for n in places[1:])
         raise UsageError("BR696", f"`{call.__name__}` takes {names} by place, and no more")
-    given = dict(zip(places, values, strict=False))
+    placed = dict(zip(places, values, strict=False))
     check_keywords(call, options, frozenset(kinds))
-    lacking = [name for name in needed if name not in given and name not in options]
+    lacking = [name for name in needed if name not in placed and name not in options]
     if lacking:
         raise UsageError("BR697", f"`{call.__name__}` needs `{lacking[0]}`, {_words(kinds[lacking[0]])}")
-    for name, value in (*given.items(), *options.items()):
-        if name in given and name in options:
+    for name, value in (*placed.items(), *options.items()):
+        if name in placed and name in options:
             raise UsageError("BR698", f"`{call.__name__}` gets `{name}` twice, by its place and by its name")
         if name in kinds and not _fits(value, kinds[name]):
             raise _unfit(call, name, value, kinds)
@@ -159,14 +159,14 @@ def _expected(call: Callable[..., object]) -> tuple[tuple[str, ...], Mapping[str
     """Return the names of a call's arguments by place, the annotation of each argument and option, and the names of those that it needs."""
     from inspect import Parameter, signature
 
-    found = signature(call).parameters.values()
-    options = next((p.annotation for p in found if p.kind is Parameter.VAR_KEYWORD), "Unpack[]")
+    parameters = signature(call).parameters.values()
+    options = next((p.annotation for p in parameters if p.kind is Parameter.VAR_KEYWORD), "Unpack[]")
     shared = globals().get(options[len("Unpack[") : -1])
     kinds = {n: reference.__forward_arg__ for n, reference in getattr(shared, "__annotations__", {}).items()}
-    own = {p.name: p for p in found if p.kind is not Parameter.VAR_KEYWORD}
-    places = tuple(n for n, p in own.items() if p.kind is not Parameter.KEYWORD_ONLY)
-    kinds |= {n: p.annotation for n, p in own.items() if n != "self"}
-    return places, kinds, tuple(n for n, p in own.items() if p.default is Parameter.empty and n != "self")
+    named = {p.name: p for p in parameters if p.kind is not Parameter.VAR_KEYWORD}
+    places = tuple(n for n, p in named.items() if p.kind is not Parameter.KEYWORD_ONLY)
+    kinds |= {n: p.annotation for n, p in named.items() if n != "self"}
+    return places, kinds, tuple(n for n, p in named.items() if p.default is Parameter.empty and n != "self")
 
 
 # name of a type: its words, and the attribute by which other types pass for it

@@ -102,8 +102,8 @@ def independent(
         if q.role in ("parameter", "input") and (q.definition is None or not q.definition.arguments)
     }  # fmt: skip
     if parameters is None:
-        own = (n for n, q in graph.quantities.items() if n in free and q.role == "parameter")
-        return tuple(n for n in own if n not in compilation.structural), dict(settings)
+        numbers = (n for n, q in graph.quantities.items() if n in free and q.role == "parameter")
+        return tuple(n for n in numbers if n not in compilation.structural), dict(settings)
     fixed = dict(settings)
     for name in parameters:
         named = graph.quantities.get(name)

@@ -219,9 +219,9 @@ class Model(Shown, AnalysedModel):
                 "a run that goes on from a result cannot be checked, and its error is not known:",
                 "check the whole run",
             )
-        given = _options({**options, "to": to, "points": points})
-        run_options = replace(given.wanted, check=check, error=error) if check or error else given.wanted
-        return simulate(self, experiment, settings or {}, given.outputs, run_options, before)
+        chosen = _options({**options, "to": to, "points": points})
+        run_options = replace(chosen.wanted, check=check, error=error) if check or error else chosen.wanted
+        return simulate(self, experiment, settings or {}, chosen.outputs, run_options, before)
 
     @checked
     def simulate_many(

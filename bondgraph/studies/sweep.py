@@ -55,13 +55,13 @@ def sweep(
 def _places(values: str | Sequence[str | float], words: Sequence[str], name: str) -> tuple[float, ...]:
     """Return the numbers of words, from 1. Raises `UsageError`."""
     some = values.split(",") if isinstance(values, str) else values
-    known: dict[str | float, float] = {word: i for i, word in enumerate(words, 1)} | {
+    numbers: dict[str | float, float] = {word: i for i, word in enumerate(words, 1)} | {
         i: float(i) for i in range(1, len(words) + 1)
     }
-    wanted = [v.strip() if isinstance(v, str) else v for v in some]
-    if wrong := [v for v in wanted if v not in known]:
+    stripped = [v.strip() if isinstance(v, str) else v for v in some]
+    if wrong := [v for v in stripped if v not in numbers]:
         raise UsageError("BR499", f"`{name}` cannot be `{wrong[0]}`;", f"it can be {', '.join(words)}")
-    return tuple(known[v] for v in wanted)
+    return tuple(numbers[v] for v in stripped)
 
 
 def _numbers(values: str | Sequence[str | float], unit: str, name: str) -> tuple[float, ...]:

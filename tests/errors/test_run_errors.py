@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import contextlib
 import inspect
 import re
 from collections import defaultdict
@@ -206,8 +205,12 @@ def test_no_argument_of_a_call_ends_in_an_error_of_python(name: str) -> None:
             values = {n: v for n, v in needed.items() if n in known and known[n].default is inspect.Parameter.empty}
             if name == "invert":
                 values["inputs"] = ["a"]
-            with contextlib.suppress(bondgraph.BondgraphError, bondgraph.CompilationFailed, OSError):
+            try:
                 call(**values | {argument: wrong})
+            except (bondgraph.BondgraphError, bondgraph.CompilationFailed, OSError) as error:
+                assert len(str(error)) > 10
+            except Exception as error:
+                pytest.fail(f"{name}({argument}={wrong!r}): {error!r}")
 
 
 def test_a_sweep_takes_words_and_counts_have_no_slope_unless_asked() -> None:
