@@ -10,7 +10,7 @@ from compiler.api import CompilationFailed, NotInUnit
 if TYPE_CHECKING:
     from compiler.api import Compilation, Span
 
-_RUN = "Run the model here, or give other tools the run's numbers (`--csv`)."
+_RUN = "Run the model here, or give other tools the run's numbers (`run --out R.csv`)."
 
 
 def refuse(compilation: Compilation) -> None:

@@ -108,9 +108,9 @@ def lower(
         requirement(limit, lambda x: _entry(result, x), lambda x: not result.dependence(x) & ~PARAMETER)
         for limit in space.limits
     ]
+    result.delayed = tuple(result.values[d.value] for d in space.delays)
     _lower_events(result)
     result.lags = tuple(_entry(result, d.lag) for d in space.delays)
-    result.delayed = tuple(result.values[d.value] for d in space.delays)
     if whole:
         narrow = narrow_operations(result.signals, lambda node: bool(result.dependence(node) & TIME))
         result.time_roots = (*time_roots(result.crossings), *narrow)
@@ -158,7 +158,8 @@ def _lower_events(result: Lowered) -> None:
     events.triggers = tuple(values[e.condition] for e in space.events)
     events.values = tuple(values[s.value] for e in space.events for s in e.settings)
     events.targets = tuple(values[v] for v in computed)
-    steering = {s for rate in result.rates for s in symbols(rate)} if events.located else set()
+    moved = (*result.rates, *result.delayed)  # what is delayed jumps in a step that it does not end
+    steering = {s for e in moved for s in symbols(e)} if events.located else set()
     grown = bool(events.located)
     while grown:  # a condition may be asked under another
         items = [(i.symbol, i.root) for i in events.located] + [(i.symbol, i.value) for i in events.counts]

@@ -40,7 +40,7 @@ class LimitNote:
 class ConditionNote:
     """A located condition: its place in the mode, and its origin.
 
-    It holds if its root is negative, or (not `strict`) zero. If `steers` is False, only events read it, and the rates do not.
+    It holds if its root is negative, or (not `strict`) zero. If `steers` is False, only events read it, not rates or delayed signals.
     """
 
     position: int

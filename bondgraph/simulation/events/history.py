@@ -8,8 +8,9 @@ jumps, the signal jumps later: the run stops there, and reads on each side of th
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,11 +20,19 @@ from compiler.api import Array, Program
 from ...results.checkpoint import DelayHistory
 
 DEGREE = 5  # degree of the polynomials, equal to that of the solver's dense output
-NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
-TO_COEFFICIENTS = np.linalg.inv(np.vander(NODES, increasing=True))
+PLACES = 0.5 - 0.5 * np.cos(
+    np.pi * np.arange(2 * DEGREE + 1) / (2 * DEGREE)
+)  # every second one is a node, the others show the error
+TO_COEFFICIENTS = np.linalg.inv(np.vander(PLACES[::2], increasing=True))
+BETWEEN = np.vander(PLACES[1::2], DEGREE + 1, increasing=True)
+SHARE = 0.1  # of the relative tolerance: largest error of a polynomial
+NARROW = 0.1  # share of a step: a shorter polynomial, between longer ones, is at a pulse or a bend
+SHORTEST = 1024  # units in the last place of a time: the shortest polynomial
 ROUNDING = 64  # units in the last place of a time
 JUMP = 1e-9  # relative change that counts as a jump
 ROUNDS = 50  # iterations at the start for signals that depend on each other's past
+NEWTON = 10  # steps of Newton's method if these do not settle
+ROUNDED = 1e-14  # relative difference that is rounding
 
 StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 
@@ -48,6 +57,7 @@ class History:
         self.pieces: list[Any] = []  # (degree + 1, signals)
         self.first = np.zeros(self.count)  # values before the run
         self.last = self.first  # values at the end of the stored steps
+        self.largest = np.zeros(self.count)  # magnitudes of the signals
         self.window = (-np.inf, np.inf)  # times are clipped to this interval
         self.cuts: list[float] = []  # instants at which a delayed signal jumps
         if before is not None:
@@ -137,32 +147,101 @@ class History:
         self.starts, self.stops, self.pieces, self.cuts, self.last = saved
         self.window = (-np.inf, np.inf)
 
-    def begin(self, time: float, state: Array, inputs: Array, mode: Array) -> None:
-        """Set the delayed signals before the run to their values at its start, iterated if they depend on each other."""
-        delays = self.program.delays
-        assert delays is not None
-        self.starts, self.stops, self.pieces, self.cuts = [], [], [], [time + lag for lag in self.lags]
-        for _ in range(ROUNDS):
-            found = np.asarray(delays.values(time, state, inputs, self.constants, mode))
-            if (found == self.first).all():
-                break
-            self.first = found
-        self.last = self.first
+    def begin(self, time: float, state: Array, inputs: Array, mode: Array) -> Any:
+        """Set the delayed signals before the run to their values at its start, iterated if they depend on each other; return by how much they still differ.
 
-    def keep(self, start: float, stop: float, state_at: StateAt, inputs: Array, mode: Array) -> None:
-        """Store the future values of the delayed signals, from an accepted step."""
+        Where they only go to and fro, as in a line without losses, Newton's method finds the values; not where each makes the other larger.
+        """
         delays = self.program.delays
         assert delays is not None
-        times: Any = start + (stop - start) * NODES
-        values = np.asarray(delays.values(times, state_at(times), inputs, self.constants, mode))
-        if np.abs(values[0] - self.last).max() > JUMP * max(float(np.abs(values).max()), 1e-300):
-            self.cuts += [start + lag for lag in self.lags]
-        self.last = values[-1]
-        self.starts.append(start)
-        self.stops.append(stop)
-        self.pieces.append(TO_COEFFICIENTS @ values)
+        values, constants = delays.values, self.constants
+        self.starts, self.stops, self.pieces, self.cuts = [], [], [], [time + lag for lag in self.lags]
+
+        def after(before: Array) -> Any:
+            self.first = before
+            return np.asarray(values(time, state, inputs, constants, mode))
+
+        found, changes = after(self.first), [0.0]
+        while _differs(found, self.first) and len(changes) <= ROUNDS:
+            changes.append(float(np.abs(found - self.first).max()))
+            found = after(found)
+        if _differs(found, self.first) and changes[-1] <= changes[1]:
+            found = self._solved(after, max(changes))
+        self.last = self.first
+        return found - self.first if _differs(found, self.first) else np.zeros(self.count)
+
+    def _solved(self, after: Callable[[Array], Any], size: float) -> Any:
+        """Set the delayed signals before the run by Newton's method; return what they are at its start. `size`: of a change of them."""
+        found = after(self.first)
+        for _ in range(NEWTON):
+            here = self.first
+            slopes = np.stack([after(here + size * unit) - found for unit in np.eye(self.count)], axis=1) / size
+            try:
+                here = here + np.linalg.solve(np.eye(self.count) - slopes, found - here)
+            except np.linalg.LinAlgError:
+                return after(here)
+            found = after(here)
+            if not _differs(found, here):
+                break
+        return found
+
+    def keep(self, span: tuple[float, float], state_at: StateAt, inputs: Array, mode: Array, relative: float) -> None:
+        """Store the future values of the delayed signals, from an accepted step: as many polynomials as they need within a tolerance.
+
+        The solver chose the step by the states; what is delayed may be faster (a source), or bend where an earlier bend of it arrives.
+        """
+        delays = self.program.delays
+        assert delays is not None
+        waiting, known = [span], len(self.starts)
+        while waiting:
+            start, stop = waiting.pop()
+            times: Any = start + (stop - start) * PLACES
+            seen = np.asarray(delays.values(times, state_at(times), inputs, self.constants, mode))
+            values, between = seen[::2], seen[1::2]
+            jumps = np.abs(values[0] - self.last).max() > JUMP * max(float(np.abs(values).max()), 1e-300)
+            self.largest = np.fmax(self.largest, np.abs(seen).max(axis=0))
+            piece = TO_COEFFICIENTS @ (values - values[0])
+            piece[0] += values[0]  # so that what stands still is delayed without rounding
+            off = np.abs(BETWEEN @ piece - between) > SHARE * relative * self.largest
+            if off.any() and stop - start > SHORTEST * np.spacing(max(abs(start), abs(stop))):
+                middle = 0.5 * (start + stop)
+                waiting += [(middle, stop), (start, middle)]
+                continue
+            if jumps and len(self.starts) == known:
+                self._cut(start)
+            self.last = values[-1]
+            self.starts.append(start)
+            self.stops.append(stop)
+            self.pieces.append(piece)
+        self._cut_in_narrow(self.starts[known:], span[1] - span[0])
+
+    def _cut(self, time: float) -> None:
+        """Let the run stop where what happens now to the delayed signals arrives."""
+        self.cuts += [time + lag for lag in self.lags]
+
+    def _cut_in_narrow(self, starts: list[float], size: float) -> None:
+        """Let the run stop within each pulse and at each bend that arrives, so that no step runs over it: in the middle of the shortest polynomials."""
+        widths = np.append(np.diff(starts), size + starts[0] - starts[-1])
+        ends = np.flatnonzero(np.abs(np.diff(widths)) > 0.1 * widths[1:]) + 1
+        runs = [(widths[k], k, m) for k, m in pairwise([0, *ends, len(widths)])]
+        sizes = [np.inf, *(width for width, _, _ in runs), np.inf]
+        for number, (width, low, high) in enumerate(runs):
+            if width < NARROW * size and width < min(sizes[number], sizes[number + 2]):
+                self._cut(starts[(low + high) // 2])
+
+    def are_alike(self, time: float, both: Sequence[tuple[Array, Array]], inputs: Array, relative: float) -> bool:
+        """Return True if the future values of the delayed signals agree, within the tolerance, for two states and modes."""
+        delays = self.program.delays
+        assert delays is not None
+        before, after = (np.asarray(delays.values(time, x, inputs, self.constants, mode)) for x, mode in both)
+        return bool((np.abs(after - before) <= relative * self.largest).all())
 
     def next_cut(self, start: float, stop: float) -> float:
         """Return the next instant, at `stop` at the latest, at which a run from `start` must stop because a delayed signal jumps."""
         margin = ROUNDING * np.spacing(max(abs(start), abs(stop)))
         return min((c for c in self.cuts if start + margin < c < stop - margin), default=stop)
+
+
+def _differs(found: Array, before: Array) -> bool:
+    """Return True if signals differ by more than rounding."""
+    return bool((np.abs(found - before) > ROUNDED * np.abs(found)).any())

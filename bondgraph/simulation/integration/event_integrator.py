@@ -195,7 +195,7 @@ class EventIntegrator(SegmentIntegrator):
         Not where a whole number of states changes: its conditions come back to zero at the next integer.
 
         So a continuous law runs through a state that is at rest at its condition except for rounding. A condition that changes back within this distance
-        is not located.
+        is not located: at most what the tolerance moves it by, as the sides may differ when the state comes back from farther (a damper that only pushes).
         """
         events, tolerances, count = self.events, self.tolerances, len(self.program.states.names)
         if not count:  # no step gets shorter by it, and outputs are to be those of the side that holds
@@ -204,6 +204,7 @@ class EventIntegrator(SegmentIntegrator):
             return False
         start, stop = self.followed
         times, reach = np.array([0.5 * (flip.time + stop), stop]), np.zeros(len(events.floor))
+        limit = np.zeros(len(events.floor))
         for time, old in zip(times, state_at(times, True), strict=True):
             allowed = tolerances.absolute + tolerances.relative * np.abs(old)
             beside = allowed * (np.arange(len(old)) < count)
@@ -215,8 +216,15 @@ class EventIntegrator(SegmentIntegrator):
                     if self._contradicts(time, *both[1]):
                         return False
                     reach = np.fmax(reach, np.abs([events.roots(time, *x) for x in both]).max(axis=0))
-        events.floor = np.where(flip.conditions, np.fmax(events.floor, reach), events.floor)
+            limit = np.fmax(limit, self._moves(time, old, after, allowed))
+        events.floor = np.where(flip.conditions, np.fmax(events.floor, np.fmin(reach, limit)), events.floor)
         return True
+
+    def _moves(self, time: float, state: Array, mode: Array, allowed: Array) -> Any:
+        """Return by how much the roots of conditions change at most where each state changes by what is allowed."""
+        beside = np.vstack([state, state + np.diag(allowed)])
+        roots = self.events.roots(np.full(len(beside), time), beside, mode)
+        return np.abs(roots[1:] - roots[0]).sum(axis=0)
 
     def _contradicts(self, time: float, state: Array, mode: Array) -> bool:
         """Return True if another condition differs from the mode because it reads the result of a changed one: a damper that acts where its spring does."""
@@ -238,6 +246,8 @@ class EventIntegrator(SegmentIntegrator):
         self.count({"derivative": len(both)})
         before, after = (self.program.derivative(time, x, self.inputs, self.constants, m)[:count] for x, m in both)
         moved = np.concatenate([size * (after - before), (both[1][0] - both[0][0])[count:]])
+        if self.history is not None and not self.history.are_alike(time, both, self.inputs, self.tolerances.relative):
+            return False
         return bool((np.abs(moved) <= allowed).all()) and self._works_alike(time, *both)
 
     def _works_alike(self, time: float, before: tuple[Any, Any], after: tuple[Any, Any]) -> bool:

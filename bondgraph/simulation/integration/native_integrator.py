@@ -184,7 +184,10 @@ class NativeIntegrator:
         (start, stop), flip = solver.last_step, stepper.flip
         if history is not None:
             stop = stop if flip is None else flip.time
-            history.keep(start, stop, lambda times: self._states_at(times, True), stepper.inputs, self.stretch.mode)
+            relative = stepper.tolerances.relative
+            history.keep(
+                (start, stop), lambda times: self._states_at(times, True), stepper.inputs, self.stretch.mode, relative
+            )
         if flip is not None:
             return False
         self._note()

@@ -40,7 +40,7 @@ def without_states(stepper: IntegrationState, stretch: Segment, x: Array) -> Any
         if stepper.powers is not None:
             stepper.add_work(before, stop, states_at, stretch)
         if stepper.history is not None:
-            stepper.history.keep(before, stop, states_at, stepper.inputs, stretch.mode)
+            stepper.history.keep((before, stop), states_at, stepper.inputs, stretch.mode, stepper.tolerances.relative)
         if stepper.flip is not None:
             return stepper.flip.state
         x = stepper.loops.solve(now, x, stretch.mode)

@@ -183,8 +183,8 @@ def settled_with_history(
     time, least = start.first.start, np.inf
     for _ in range(MOST_SETTLING):
         before = np.array(history.first)
-        history.begin(time, start.state, inputs, start.first.mode)
-        change = np.abs(history.first - before)
+        off = history.begin(time, start.state, inputs, start.first.mode)
+        change = np.fmax(np.abs(history.first - before), np.abs(off))
         if (change <= SETTLED * np.maximum(np.abs(history.first), np.abs(before))).all():
             return start
         least = min(least, float(change.max()))
