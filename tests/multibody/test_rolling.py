@@ -293,6 +293,24 @@ def test_inclined_planes_and_ceilings_are_normals() -> None:
         np.testing.assert_allclose([run.final(c) for c in "xyz"], sign * exact, atol=1e-8)
 
 
+def test_a_wheel_stands_where_its_body_is_drawn() -> None:
+    """A push P at the centre of a disc: a = P/(m + J/r^2), and the contact carries -J a/r^2 and the weight."""
+    text = """model Disc {
+  multibody c : planar {
+    gravity = (0, -9.81 [m/s^2])
+    body disc { mass = 1 kg, inertia = 5e-3 [kg*m^2], at = (0.7 m, 0.1 m) }
+    wheel rolls : ground to disc { radius = 0.1 m }
+  }
+  Se push : F = 10 N
+  push -> c.disc.x
+  output x = c.disc.x - 0.7 m, T = c.rolls.reaction.x, N = c.rolls.reaction.y
+  experiment go { simulate 0 .. 2 s { points = 3 } }
+}
+"""
+    run = bondgraph.load(text).simulate()
+    assert [run.final(n) for n in ("x", "T", "N")] == pytest.approx([40 / 3, -10 / 3, 9.81], rel=1e-6)
+
+
 # ---------------------------------------------------------------- what is wrong
 @pytest.mark.parametrize(
     ("space", "part", "words"),

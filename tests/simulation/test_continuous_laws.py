@@ -239,3 +239,25 @@ def test_a_pad_that_only_pushes_is_met_again_where_it_is(r: float, target: str) 
     expected = bounces(r, found.time)
     np.testing.assert_allclose(found["h"], expected[0], rtol=0, atol=1e-9)
     np.testing.assert_allclose(found["v"], expected[1], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("solver", ["radau", "explicit"])
+def test_work_of_a_step_that_a_condition_divides(solver: str) -> None:
+    """A bob falls into a rope: until its stretch is zero the loss takes what the rope gives, then both are zero. All of the energy is told."""
+    text = """model Swing {
+      multibody s : planar {
+        gravity = (0, -9.81 [m/s^2])
+        body bob { mass = 1 kg, at = (0.6 m, -0.2 m) }
+        frame top : ground { at = (0, 0) }
+        distance d : top to bob
+      }
+      C rope : F = 5000 [N/m]*max(x - 0.8 m, 0 m)
+      MR loss : F = max(20 [N*s/m]*v, -rope.F) if rope.x > 0.8 m else 0 N
+      s.d -> rope, loss
+      output y = s.bob.y
+    }"""
+    found = bondgraph.load(text).simulate(to=1, energy=True, solver=solver, rtol=1e-8)
+    assert found.energy is not None
+    (loss,) = (e for e in found.energy.elements if e.name == "loss")
+    assert loss.dissipated == pytest.approx(1.5402298, rel=1e-6)
+    assert abs(found.energy.residual) < 1e-7

@@ -161,29 +161,29 @@ class History:
             self.first = before
             return np.asarray(values(time, state, inputs, constants, mode))
 
-        found, changes = after(self.first), [0.0]
-        while _differs(found, self.first) and len(changes) <= ROUNDS:
-            changes.append(float(np.abs(found - self.first).max()))
-            found = after(found)
-        if _differs(found, self.first) and changes[-1] <= changes[1]:
-            found = self._solved(after, max(changes))
+        present, changes = after(self.first), [0.0]
+        while _differs(present, self.first) and len(changes) <= ROUNDS:
+            changes.append(float(np.abs(present - self.first).max()))
+            present = after(present)
+        if _differs(present, self.first) and changes[-1] <= changes[1]:
+            present = self._solved(after, max(changes))
         self.last = self.first
-        return found - self.first if _differs(found, self.first) else np.zeros(self.count)
+        return present - self.first if _differs(present, self.first) else np.zeros(self.count)
 
     def _solved(self, after: Callable[[Array], Any], size: float) -> Any:
         """Set the delayed signals before the run by Newton's method; return what they are at its start. `size`: of a change of them."""
-        found = after(self.first)
+        present = after(self.first)
         for _ in range(NEWTON):
             here = self.first
-            slopes = np.stack([after(here + size * unit) - found for unit in np.eye(self.count)], axis=1) / size
+            slopes = np.stack([after(here + size * unit) - present for unit in np.eye(self.count)], axis=1) / size
             try:
-                here = here + np.linalg.solve(np.eye(self.count) - slopes, found - here)
+                here = here + np.linalg.solve(np.eye(self.count) - slopes, present - here)
             except np.linalg.LinAlgError:
                 return after(here)
-            found = after(here)
-            if not _differs(found, here):
+            present = after(here)
+            if not _differs(present, here):
                 break
-        return found
+        return present
 
     def keep(self, span: tuple[float, float], state_at: StateAt, inputs: Array, mode: Array, relative: float) -> None:
         """Store the future values of the delayed signals, from an accepted step: as many polynomials as they need within a tolerance.
@@ -192,14 +192,14 @@ class History:
         """
         delays = self.program.delays
         assert delays is not None
-        waiting, known = [span], len(self.starts)
+        waiting, first_new = [span], len(self.starts)
         while waiting:
             start, stop = waiting.pop()
             times: Any = start + (stop - start) * PLACES
-            seen = np.asarray(delays.values(times, state_at(times), inputs, self.constants, mode))
-            values, between = seen[::2], seen[1::2]
+            sampled = np.asarray(delays.values(times, state_at(times), inputs, self.constants, mode))
+            values, between = sampled[::2], sampled[1::2]
             jumps = np.abs(values[0] - self.last).max() > JUMP * max(float(np.abs(values).max()), 1e-300)
-            self.largest = np.fmax(self.largest, np.abs(seen).max(axis=0))
+            self.largest = np.fmax(self.largest, np.abs(sampled).max(axis=0))
             piece = TO_COEFFICIENTS @ (values - values[0])
             piece[0] += values[0]  # so that what stands still is delayed without rounding
             off = np.abs(BETWEEN @ piece - between) > SHARE * relative * self.largest
@@ -207,13 +207,13 @@ class History:
                 middle = 0.5 * (start + stop)
                 waiting += [(middle, stop), (start, middle)]
                 continue
-            if jumps and len(self.starts) == known:
+            if jumps and len(self.starts) == first_new:
                 self._cut(start)
             self.last = values[-1]
             self.starts.append(start)
             self.stops.append(stop)
             self.pieces.append(piece)
-        self._cut_in_narrow(self.starts[known:], span[1] - span[0])
+        self._cut_in_narrow(self.starts[first_new:], span[1] - span[0])
 
     def _cut(self, time: float) -> None:
         """Let the run stop where what happens now to the delayed signals arrives."""

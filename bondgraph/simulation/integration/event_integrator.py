@@ -203,6 +203,10 @@ class EventIntegrator(SegmentIntegrator):
         if (after[events.counted] != before[events.counted]).any():
             return False
         start, stop = self.followed
+        early = np.array([start, 0.5 * (start + flip.time)])
+        for time, old in zip(early, state_at(early, True), strict=True):
+            if not self._kept_alike(time, (old, before), (old, after)):
+                return False
         times, reach = np.array([0.5 * (flip.time + stop), stop]), np.zeros(len(events.floor))
         limit = np.zeros(len(events.floor))
         for time, old in zip(times, state_at(times, True), strict=True):
@@ -246,12 +250,13 @@ class EventIntegrator(SegmentIntegrator):
         self.count({"derivative": len(both)})
         before, after = (self.program.derivative(time, x, self.inputs, self.constants, m)[:count] for x, m in both)
         moved = np.concatenate([size * (after - before), (both[1][0] - both[0][0])[count:]])
-        if self.history is not None and not self.history.are_alike(time, both, self.inputs, self.tolerances.relative):
-            return False
-        return bool((np.abs(moved) <= allowed).all()) and self._works_alike(time, *both)
+        return bool((np.abs(moved) <= allowed).all()) and self._kept_alike(time, *both)
 
-    def _works_alike(self, time: float, before: tuple[Any, Any], after: tuple[Any, Any]) -> bool:
-        """Return True if the powers at all ports, where they are needed, agree for two states and modes."""
+    def _kept_alike(self, time: float, before: tuple[Any, Any], after: tuple[Any, Any]) -> bool:
+        """Return True if what is kept of a whole step, under one mode, agrees for two states and modes: the powers at all ports, and delayed signals."""
+        history = self.history
+        if history is not None and not history.are_alike(time, (before, after), self.inputs, self.tolerances.relative):
+            return False
         if self.powers is None:
             return True
         one, two = (self.powers(time, *x) for x in (before, after))

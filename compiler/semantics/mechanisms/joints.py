@@ -140,12 +140,14 @@ def _coupling(reader: PartAttributes, entry: MechanismEntry, definition: tree.Li
 
 # ---------------------------------------------------------------- places
 def _position(reader: PartAttributes, definition: tree.LinkSyntax, first: str, second: str, places: Places) -> Vector:
-    """Position of a joint: `at`, or the position of the frame that it is on. Raises `Wrong`."""
+    """Position of a joint: `at`, or the position of the frame that it is on; of what rolls or slides on a plane a point of B. Raises `Wrong`."""
     if reader.part.entry.kind in SPANS:
         _check_span(reader, definition, first, second, places)
         return ORIGIN
     if "at" in reader.given:
         return reader.point("at")
+    if reader.part.entry.kind in CONTACTS and second != GROUND:
+        return places.point_of(second)
     frames = [n for n in (first, second) if n in places.frames]
     if not frames:
         return ORIGIN
