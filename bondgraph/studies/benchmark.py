@@ -122,17 +122,17 @@ def _measured(
             progress(f"{solver}, round {turn + 1} of {rounds}")
             for rtol in TOLERANCES if solver != "exponential" else TOLERANCES[:1]:
                 key = solver, rtol
-                if turn and (points[key].failure or times[key][0] > OFTEN):
+                if turn and (key not in times or times[key][0] > OFTEN):  # it failed, or once is enough
                     continue
                 began = clock.perf_counter()
                 try:
                     with within(PATIENCE):
                         result = run(rtol)
                 except TooLong as failed:
-                    points[key] = WorkPoint(solver, rtol, failure=str(failed))
+                    points.setdefault(key, WorkPoint(solver, rtol, failure=str(failed)))
                     break
                 except (RunFailed, UsageError, ArithmeticError) as failed:
-                    points[key] = WorkPoint(solver, rtol, failure=str(failed))
+                    points.setdefault(key, WorkPoint(solver, rtol, failure=str(failed)))
                     continue
                 times.setdefault(key, []).append(clock.perf_counter() - began)
                 if not turn:

@@ -1,7 +1,8 @@
-"""Solvers of other programs over the state equations that the compiler prints: scipy's, and CVODE of SUNDIALS by scikit-sundae and by CasADi."""
+"""Solvers of other programs over the state equations that the compiler prints: scipy's, CVODE of SUNDIALS by scikit-sundae and by CasADi, and diffsol."""
 
 from __future__ import annotations
 
+import re
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from ..results.result import Result
 
 SCIPY = ("DOP853", "Radau", "LSODA", "BDF")
-PACKAGES = {"SUNDIALS CVODE": "scikit-sundae", "CasADi CVODES": "casadi"}
+PACKAGES = {"SUNDIALS CVODE": "scikit-sundae", "CasADi CVODES": "casadi", "diffsol BDF": "pydiffsol"}
 # functions of the printed equations that these solvers know nothing of
 REFUSED = {"reset", "on", "delayed", "constraints", "initial", "discrete_start"}
 MOST_STEPS = 1_000_000
@@ -55,6 +56,11 @@ def peers_of(
             runs["CasADi CVODES"] = problem.by_casadi(_module(model.compilation(scene).text("casadi")))
         except (CompilationFailed, UsageError) as failed:
             reasons["CasADi CVODES"] = str(failed).splitlines()[0]
+    if find_spec("pydiffsol") is not None:
+        try:
+            runs["diffsol BDF"] = problem.by_diffsol(model.compilation(scene).text("diffsl"))
+        except (CompilationFailed, UsageError) as failed:
+            reasons["diffsol BDF"] = str(failed).splitlines()[0]
     return runs, {peer: f"{name} is not installed" for peer, name in PACKAGES.items() if peer not in runs} | reasons
 
 
@@ -141,6 +147,31 @@ class _Problem:
 
         return run
 
+    def by_diffsol(self, text: str) -> Run:
+        """Return the runs by diffsol's BDF over its own text, in states divided by their magnitudes."""
+
+        defaults = np.array(re.findall(r"^  p\d+ = (\S+),", text, re.MULTILINE), dtype=float)
+
+        @lru_cache
+        def integrator() -> Any:
+            import pydiffsol
+
+            scaled = text
+            for place, magnitude in enumerate(self._magnitude()):
+                scaled = scaled.replace(f"\nscale{place} {{ 1.0 }}", f"\nscale{place} {{ {float(magnitude)!r} }}")
+            return pydiffsol.Ode(scaled, matrix_type=pydiffsol.nalgebra_dense, ode_solver=pydiffsol.bdf)
+
+        def run(rtol: float) -> Result:
+            solver = integrator()
+            solver.rtol = solver.atol = rtol
+            try:
+                solution = solver.solve_dense(defaults, self.reference.time)
+            except RuntimeError as failed:
+                raise _gave_up("diffsol", str(failed).splitlines()[-1]) from None
+            return self._reported("diffsol BDF", np.array(solution.ys).T, rtol, 0, 0)
+
+        return run
+
     def _magnitude(self) -> Any:
         if self.magnitude is None:
             values = np.abs(self._solved("LSODA", 1e-3, 1e-9).y).max(axis=1)
@@ -168,6 +199,10 @@ class _Problem:
         values = np.array(
             [self.equations.outputs(t, x, self.parameters) for t, x in zip(self.reference.time, states, strict=True)]
         )
+        return self._reported(solver, values, rtol, steps, evaluations)
+
+    def _reported(self, solver: str, values: Array, rtol: float, steps: int, evaluations: int) -> Result:
+        """Return values (instants, outputs of the printed equations) as a result."""
         return replace(
             self.reference, values=values[:, self.places], solver=solver, steps=steps, rtol=rtol, evaluations={"derivative": evaluations}
         )  # fmt: skip

@@ -124,3 +124,21 @@ def test_the_command(tmp_path: Path) -> None:
         if (p["solver"], p["rtol"]) == (data["recommended"]["solver"], data["recommended"]["rtol"])
     ]
     assert chosen[0]["error"] <= 1e-8 and chosen[0]["errors"].keys() == {"x", "v"}
+
+
+def test_a_run_that_takes_too_long_ends_a_solver_and_no_later_round(monkeypatch: pytest.MonkeyPatch) -> None:
+    from bondgraph.studies import benchmark
+    from bondgraph.studies.time_limit import TooLong
+
+    model = bondgraph.load(SWING)
+    reference, calls = model.simulate(), list[float]()
+
+    def run(rtol: float) -> bondgraph.Result:
+        calls.append(rtol)
+        if rtol < 1e-5 or len(calls) == 5:
+            raise TooLong("stopped after 20 s")
+        return reference
+
+    found = benchmark._measured({"other": run}, reference, 2, lambda words: None)
+    assert calls == [1e-3, 1e-4, 1e-5, 1e-6, 1e-3]
+    assert [(p.rtol, bool(p.failure)) for p in found] == [(1e-3, False), (1e-4, False), (1e-5, False), (1e-6, True)]

@@ -34,5 +34,5 @@ def _row(point: WorkPoint, solver: str, best: bool) -> tuple[str, ...]:
         return solver, f"{point.rtol:g}", "", "", "", "", visible(point.failure)[:60]
     rtol = "" if point.solver == "exponential" else f"{point.rtol:g}"
     return (
-        solver, rtol, f"{point.error:.1e}", f"{1e3 * point.seconds:.3g}", str(point.steps or ""), str(point.evaluations), "<- recommended" * best,
+        solver, rtol, f"{point.error:.1e}", f"{1e3 * point.seconds:.3g}", str(point.steps or ""), str(point.evaluations or ""), "<- recommended" * best,
     )  # fmt: skip
