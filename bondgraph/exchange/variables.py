@@ -52,12 +52,14 @@ def _states(lowered: Lowered, values: StartValues, descriptions: Mapping[str, st
     for state, start, magnitude in zip(_state_variables(lowered), lowered.starts, magnitudes, strict=True):
         number = float(start.value) if isinstance(start, Number) else None
         initial, description = "calculated" if number is None else "exact", descriptions.get(state.name, "")
-        yield FmuVariable(state.name, "local", "continuous", state.unit, initial, number, float(magnitude), description)
+        yield FmuVariable(
+            _name(state, lowered), "local", "continuous", state.unit, initial, number, float(magnitude), description
+        )
 
 
 def _rates(lowered: Lowered, structure: ProgramStructure) -> Iterator[FmuVariable]:
     for place, state in enumerate(_state_variables(lowered)):
-        name, unit, reads = f"der({state.name})", _rate_unit(state.unit), _reads(lowered, structure, place)
+        name, unit, reads = f"der({_name(state, lowered)})", _rate_unit(state.unit), _reads(lowered, structure, place)
         yield FmuVariable(name, "local", "continuous", unit, derivative_of=1 + place, reads=reads)
 
 
@@ -87,6 +89,11 @@ def _outputs(lowered: Lowered, structure: ProgramStructure, descriptions: Mappin
 
 def _state_variables(lowered: Lowered) -> list[Variable]:
     return [lowered.space.variables[s.variable] for s in lowered.space.states]
+
+
+def _name(state: Variable, lowered: Lowered) -> str:
+    """Return the name of a state; with `state.` before it, where an output is called so, as one that is an integral."""
+    return f"state.{state.name}" if state.name in lowered.space.outputs else state.name
 
 
 def _reads(lowered: Lowered, structure: ProgramStructure, row: int) -> tuple[tuple[int, str], ...]:

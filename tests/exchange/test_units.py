@@ -103,6 +103,17 @@ def test_description_structure_and_units(tmp_path: Path) -> None:
     assert [float(x) for x in (experiment.startTime, experiment.stopTime, experiment.tolerance)] == [0.0, 3.0, 1e-6]
 
 
+def test_an_output_that_is_a_state_keeps_its_name(tmp_path: Path) -> None:
+    """x' = 2 from 1: the output is called `x`, as its author calls it, and the state behind it gives way."""
+    text = "model Way { input v = 2 [m/s]\n output x = integral(v, 1 m), there = v\n experiment go { simulate 0 .. 3 s; report x in mm } }"
+    found = exported(text, tmp_path)
+    assert {v.name: v.causality for v in found.modelVariables if v.causality != "independent"} == {
+        "state.x": "local", "der(state.x)": "local", "v": "input", "x": "output", "there": "output",
+    }  # fmt: skip
+    assert next(v.displayUnit for v in found.modelVariables if v.name == "x") == "mm"
+    assert run(tmp_path, "ModelExchange", output=["x"])["x"][-1] == pytest.approx(7.0, rel=1e-9)
+
+
 @pytest.mark.parametrize("experiment", [None, "swing"])
 def test_magnitudes_of_a_model_at_rest_are_those_of_its_first_experiment(
     experiment: str | None, tmp_path: Path
