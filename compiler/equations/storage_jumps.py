@@ -1,18 +1,32 @@
 """Jumps of what is differentiated in a storage: its energy, and in derivative form what it stores.
 
 A derivative does not see a jump: no effort would give back what it takes to pass one, and a flow would lack an impulse. Both are compared with
-themselves on both sides of each threshold of their conditions, signs and whole numbers, with the parameters of the run.
+themselves on both sides of each threshold of their conditions, signs, whole numbers and of the cut of `atan2`, with the parameters of the run. Thresholds
+are roots of one stored quantity: its first slopes cut the line into pieces on which a root changes its sign at most once, so that none lies hidden
+between two others. The other quantities have some values, and then such beside their own thresholds.
 """
 
 from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache, lru_cache, partial
 from itertools import pairwise
 
-from ..algebra.expression import Apply, Expression, Number, call, evaluate, operations, substitute, symbols
+from ..algebra.derivative import derivative
+from ..algebra.expression import (
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    call,
+    evaluate,
+    operations,
+    substitute,
+    symbols,
+)
 from ..errors import Diagnostic
 from ..graph.network import BondGraph, Element, PortVariable
 from .errors import EnergyJumps, StoredJumps
@@ -20,9 +34,13 @@ from .laws import GIVEN, solved
 from .naming import port_name
 from .tangent import decisive_values
 
-STEPS = ("less", "less_equal", "sign", "floor", "ceil")
+WHOLE = ("floor", "ceil")
+STEPS = ("less", "less_equal", "sign", "atan2", *WHOLE)
 GRID = sorted(s * 0.7236 * 10 ** (k / 4) for k in range(-60, 49) for s in (-1, 1))  # of no round numbers
 TRIALS = 3  # values of the other stored quantities
+MORE = 12  # more of them, beside the thresholds that they have themselves
+ORDERS = 3  # a root and its first derivatives, at whose signs it is cut into pieces that rise or fall
+AROUND = 0.5  # relative distance of the energies by which a jump is measured
 EQUAL = 1e-6  # energies that differ by less, in relation to those around, were meant to be equal
 MOST = 1000  # whole number of a threshold
 HALVINGS = 200
@@ -59,43 +77,84 @@ def _steps(energy: Expression) -> Iterator[Apply]:
 def _jump(x: Expression, values: tuple[float, ...]) -> tuple[PortVariable, float, float] | None:
     """A variable of a storage, its value at the jump nearest to zero, and the height of that; None if none was found."""
     energy = substitute(x, lambda s: Number(values[s.key]) if isinstance(s.key, int) else s)
-    choose = random.Random(0)
-    own, jumps = _own(energy), list[tuple[PortVariable, float, float]]()
-    for step in _steps(energy):
-        for key in _own(step):
-            for _ in range(TRIALS if len(own) > 1 else 1):
-                others = {k: choose.uniform(0.2, 1.0) * choose.choice((-1, 1)) for k in own}
-                jumps += ((key, *jump) for jump in _heights(energy, step, key, others))
+    choose, own = random.Random(0), _own(energy)
+    pairs = [(step, key) for step in _steps(energy) for key in _own(step)]
+    thresholds: dict[PortVariable, list[float]] = {key: [] for key in own}
+    jumps = list[tuple[PortVariable, float, float]]()
+    for trial in range((TRIALS + MORE) if len(own) > 1 else 1):
+        near = {k: [p + s * (0.1 * abs(p) or 0.1) for p in places for s in (-1, 1)] for k, places in thresholds.items()}
+        others = {
+            k: choose.uniform(0.2, 1.0) * choose.choice((-1, 1))
+            if trial < TRIALS or not near[k]
+            else choose.choice(near[k])
+            for k in own
+        }
+        for step, key in pairs:
+            if trial < TRIALS or len(_own(step)) > 1 or not thresholds[key]:
+                places = list(_places(step, key, others))
+                thresholds[key] += places[:MORE]
+            else:  # the same as before, whatever the others are
+                places = thresholds[key]
+            sizes = ((place, _height(energy, step, key, others, place)) for place in places)
+            jumps += ((key, place, size) for place, size in sizes if size > 0)
+        if jumps:
+            break
     return min(jumps, key=lambda jump: abs(jump[1]), default=None)
 
 
-def _heights(
-    energy: Expression, step: Apply, key: PortVariable, others: Mapping[PortVariable, float]
-) -> Iterator[tuple[float, float]]:
-    """Yield the thresholds of a step on the grid at which the energy jumps, each with the height of the jump."""
+def _at(x: Expression, key: PortVariable, others: Mapping[PortVariable, float], place: float) -> float:
+    """Value of an expression at a place; NaN where it has none."""
+    try:
+        return evaluate(x, {**others, key: place}.__getitem__)
+    except (ArithmeticError, ValueError):
+        return math.nan
+
+
+def _places(step: Apply, key: PortVariable, others: Mapping[PortVariable, float]) -> Iterator[float]:
+    """Yield the thresholds of a step: sign changes of its root on the grid, and between two points of the grid about the extrema that its slopes show."""
     left, *rest = step.operands
-    whole = step.operator in ("floor", "ceil")
-    root = call("sin", Number(math.pi) * left) if whole else left - rest[0] if rest else left
-
-    def at(x: Expression, place: float) -> float:
-        try:
-            return evaluate(x, {**others, key: place}.__getitem__)
-        except (ArithmeticError, ValueError):
-            return math.nan
-
+    root = (
+        call("sin", Number(math.pi) * left)
+        if step.operator in WHOLE
+        else left
+        if step.operator == "atan2" or not rest
+        else left - rest[0]
+    )
+    forms = [root]
+    while len(forms) < ORDERS and step.operator not in WHOLE and forms[-1] != ZERO:
+        forms.append(derivative(forms[-1], Symbol(key)))
+    functions = [cache(partial(_at, form, key, others)) for form in forms if form != ZERO]
     for low, high in pairwise(GRID):
-        a, b = at(root, low), at(root, high)
-        if a * b >= 0 or not math.isfinite(a * b):
-            continue
-        place = _threshold(lambda x: at(root, x), low, high)
-        number = round(at(left, place)) if whole else 0
+        yield from _changes(functions, low, high)
+
+
+def _changes(functions: Sequence[Callable[[float], float]], low: float, high: float) -> list[float]:
+    """Places between two others at which the first function changes its sign; each further one is the slope of the one before."""
+    if not functions:
+        return []
+    first, *slopes = functions
+    ends = [low, *_changes(slopes, low, high), high]
+    return [_threshold(first, a, b) for a, b in pairwise(ends) if first(a) * first(b) < 0]
+
+
+def _height(
+    energy: Expression, step: Apply, key: PortVariable, others: Mapping[PortVariable, float], place: float
+) -> float:
+    """Height of the jump of an energy at a threshold of a step; 0 if both sides were meant to be equal."""
+    left, *rest = (_at(operand, key, others, place) for operand in step.operands)
+    if step.operator in WHOLE:
+        number = round(left) if math.isfinite(left) else MOST + 1
         if abs(number) > MOST:
-            continue  # beyond, rounding moves more than the energy
-        sides = (number, number + (1 if step.operator == "ceil" else -1)) if whole else (1, -1 if not rest else 0)
-        one, other = (at(_with(energy, step, float(v)), place) for v in sides)
-        size = abs(one - other)
-        if size > EQUAL * max(abs(x) for x in (one, other, at(energy, low), at(energy, high)) if not math.isnan(x)):
-            yield place, size
+            return 0.0  # beyond, rounding moves more than the energy
+        sides: tuple[float, float] = number, number + (1 if step.operator == "ceil" else -1)
+    elif step.operator == "atan2":
+        sides = (math.pi, -math.pi) if rest[0] < 0 else (0.0, 0.0)
+    else:
+        sides = 1, -1 if not rest else 0
+    one, other = (_at(_with(energy, step, float(v)), key, others, place) for v in sides)
+    around = (_at(energy, key, others, place * (1 + share)) for share in (-AROUND, AROUND))
+    size = abs(one - other)
+    return size if size > EQUAL * max(abs(x) for x in (one, other, *around) if not math.isnan(x)) else 0.0
 
 
 def _threshold(root: Callable[[float], float], low: float, high: float) -> float:
