@@ -215,7 +215,7 @@ class EquationCollection:
             )
             for d in self.derivatives
         ]
-        self.ports = [PowerPort(p.element, p.kind, root(p.effort), root(p.flow), p.sign) for p in self.ports]
+        self.ports = [replace(p, effort=root(p.effort), flow=root(p.flow)) for p in self.ports]
         self.storages = [
             replace(s, stored=tuple(map(root, s.stored)), arguments=tuple(map(through, s.arguments)))
             for s in self.storages

@@ -23,7 +23,7 @@ from ..causality import CausalGraph
 from ..errors import CompilationFailed
 from ..graph.elements import STORAGES, TRANSDUCERS, Kind
 from ..graph.mechanism import domain_of
-from ..graph.network import BondEnd, Element, Junction, Law, MechanismNode, PortVariable, Reading
+from ..graph.network import BondEnd, Element, Junction, Law, MechanismNode, PortVariable, Quantity, Reading
 from ..graph.samples import in_order
 from ..multibody import PortMotion, mechanism_equations
 from .builder import EquationBuilder
@@ -151,9 +151,11 @@ class _Nodes:
 
     def _element(self, number: int, node: Element) -> None:
         bonds = [self.bond_of[BondEnd(number, p)] for p in range(len(node.ports))]
+        delayed = any(isinstance(a, Quantity) and a.name in self.graph.delays for a in node.arguments)
         for bond in bonds:
             sign = 1 if self.graph.bonds[bond].head.node == number else -1
-            self.to.ports.append(PowerPort(node.name, node.kind.value, self.efforts[bond], self.flows[bond], sign))
+            port = PowerPort(node.name, node.kind.value, self.efforts[bond], self.flows[bond], sign, delayed)
+            self.to.ports.append(port)
         if node.kind in STORAGES:
             self._storage(number, node, bonds)
             return

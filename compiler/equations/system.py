@@ -158,6 +158,7 @@ class PowerPort:
     effort: int
     flow: int
     sign: int
+    delayed: bool = False  # True if its law reads what was: what it takes is on its way
 
     @property
     def group(self) -> str:

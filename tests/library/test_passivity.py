@@ -21,6 +21,7 @@ BESIDE = {
     "GroundPoint.friction",
     "GroundBall.damper",
     "TorqueConverter.oil",
+    *(f"{line}.{end}" for line in ("TransmissionLine", "WaveLine") for end in ("near", "far")),  # their waves come back
 }
 
 

@@ -62,3 +62,24 @@ def test_what_a_law_does_not_explain_is_told() -> None:
     assert told.startswith("`field` creates 0.25 J that its law does not explain")
     still = EnergyBalance((ElementEnergy("field", "C", 0.0, 0.0, 0.0, 0.0),), 0.0, 0.0, 0.0, 0.0)
     assert unexplained(still, 0.0, 1e-6) == []
+
+
+def test_what_is_on_its_way_in_a_line_is_stored() -> None:
+    """10 V through 50 ohm into an open line of 50 ohm: after both ways it holds C u^2/2 with C = tau/Z, as much as the resistor lost."""
+    text = """import TransmissionLine from electric
+    model Line {
+      Se s : u = 10 V*step(time - 1 ns)
+      R lead : u = 50 ohm*i
+      TransmissionLine line { Z = 50 ohm, tau = 5 ns }
+      R load : i = u/1 [Gohm]
+      s -> 1(lead) -> line.a
+      line.b -> load
+    }"""
+    found = bondgraph.load(text).simulate(to=22e-9, energy=True)
+    assert found.energy is not None and found.notes == ()
+    shares = {e.name: e for e in found.energy.elements}
+    assert shares["line.near"].kind == "delay" and shares["line.near"].stored == pytest.approx(5e-9, rel=1e-6)
+    assert shares["s"].supplied == pytest.approx(1e-8, rel=1e-6) and shares["lead"].dissipated == pytest.approx(
+        5e-9, rel=1e-6
+    )
+    assert found.energy.stored == pytest.approx(5e-9, rel=1e-6) and abs(found.energy.residual) < 1e-15

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from compiler.api import StateSpace, Storage
 
 LEFT_OUT = "left out"
+DELAY = "delay"
 UNEXPLAINED = 1e4  # in units of rtol times the energy turnover: larger residuals are reported
 # relative to the largest power of a resistor, and to the mean of all: delivered power below this is ignored
 GIVEN = 1e-6
@@ -39,13 +40,17 @@ def energy_balance(
     elements: list[ElementEnergy] = []
     by_element: dict[str, tuple[str, float]] = {}
     for port, joules in zip(space.ports, work[: len(space.ports)], strict=True):
-        kind, total = by_element.get(port.element, (port.kind, 0.0))
+        # the law of an end of a line adds what was at its other end: its bond takes what is on its way
+        own = DELAY if port.delayed and port.kind in letters("loss") else port.kind
+        kind, total = by_element.get(port.element, (own, 0.0))
         by_element[port.element] = (kind, total + float(joules))
     for name, (kind, joules) in by_element.items():
         if kind in letters("source"):
             elements.append(ElementEnergy(name, kind, 0.0, -joules, 0.0))
         elif kind in letters("loss"):
             elements.append(ElementEnergy(name, kind, 0.0, 0.0, joules))
+        elif kind == DELAY:
+            elements.append(ElementEnergy(name, kind, joules, 0.0, 0.0))
         elif kind in letters("transducer"):
             elements.append(ElementEnergy(name, kind, 0.0, 0.0, 0.0, joules))
     jumped: dict[str, float] = {}  # change of each storage's energy by events, which its bonds do not carry
@@ -99,7 +104,7 @@ def givers(space: StateSpace, instants: Array, powers: Array, turnover: float) -
     """
     by_element: dict[str, Any] = {}
     for column, port in enumerate(space.ports):
-        if port.kind in letters("loss"):
+        if port.kind in letters("loss") and not port.delayed:
             by_element[port.element] = by_element.get(port.element, 0.0) + powers[:, column]
     span = float(instants[-1] - instants[0]) if len(instants) > 1 else 1.0
     sentences = []
