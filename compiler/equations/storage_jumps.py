@@ -40,7 +40,12 @@ GRID = sorted(s * 0.7236 * 10 ** (k / 4) for k in range(-60, 49) for s in (-1, 1
 TRIALS = 3  # values of the other stored quantities
 MORE = 12  # more of them, beside the thresholds that they have themselves
 ORDERS = 3  # a root and its first derivatives, at whose signs it is cut into pieces that rise or fall
-AROUND = 0.5  # relative distance of the energies by which a jump is measured
+AROUND = (
+    -0.4436,
+    -0.0731,
+    0.1129,
+    0.7236,
+)  # relative distances of the energies by which a jump is measured, no round numbers
 EQUAL = 1e-6  # energies that differ by less, in relation to those around, were meant to be equal
 MOST = 1000  # whole number of a threshold
 HALVINGS = 200
@@ -152,7 +157,7 @@ def _height(
     else:
         sides = 1, -1 if not rest else 0
     one, other = (_at(_with(energy, step, float(v)), key, others, place) for v in sides)
-    around = (_at(energy, key, others, place * (1 + share)) for share in (-AROUND, AROUND))
+    around = (_at(energy, key, others, place * (1 + share)) for share in AROUND)
     size = abs(one - other)
     return size if size > EQUAL * max(abs(x) for x in (one, other, *around) if not math.isnan(x)) else 0.0
 

@@ -30,7 +30,7 @@ def jump(energy: str, ports: int) -> tuple[str, float, float] | None:
     [
         ("atan2(q, -1)", (0.0, 2 * math.pi)), ("atan2(q, 1)", None), ("atan2(q, -1)^2", None), ("atan2(-1, q)", None),
         ("0 if (q - 1)^2 < 0.01 else 1", (0.9, 1.0)), ("0 if (q - 1)^2 < 1e-10 else 1", (1.0, 1.0)), ("0 if (q - 1)^2 + 1 < 0.01 else 1", None),
-        ("q^2 if q > 1 else q", None), ("q^2 if q > 3 else 3*q", None), ("q^2 if q > 3 else 2*q", (3.0, 3.0)), ("sign(q)", (0.0, 2.0)), ("abs(q)", None),
+        ("q^2 if q > 1 else q", None), ("q^2 if q > 3 else 3*q", None), ("q^2 if q > 3 else 2*q", (3.0, 3.0)), ("sign(q)", (0.0, 2.0)), ("abs(q)", None), ("mod(q, 3)*(3 - mod(q, 3))", None), ("7*stairs(q, 3)", (0.0, 21.0)),
         ("2 if q^3 - 6*q^2 + 11*q > 6.1 else 0", (1.054, 2.0)),
     ],
 )  # fmt: skip
