@@ -138,8 +138,9 @@ class Model(Shown, AnalysedModel):
         """Try an experiment with changes that must keep its results, for some `seconds`: what was tried, what held, what broke.
 
         The text: other units, order, names, bonds, wrapped as an instance; the run: other solvers, back-ends, tolerances, a finer search for events, the
-        energy balance. `vary`: ranges by name, as texts (`1 N/m .. 2 N/m`), at whose corners other solvers run, too. `seed` of what is drawn. `out`: a folder
-        for small files that show what broke. `outputs`: only these. `progress` is called with what is being tried. Raises as `simulate`, and OSError.
+        energy balance. `vary`: ranges by name, as texts (`1 N/m .. 2 N/m`), at whose corners other solvers run, too; `start NAME` is a start. `seed` of what
+        is drawn. `out`: a folder for small files that show what broke. `outputs`: only these.
+        `progress` is called with what is being tried. Raises as `simulate`, and OSError.
         """
         from ..simulation.run_options import RunOptions
         from ..studies.stress import StressRequest, stress

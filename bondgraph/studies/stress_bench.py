@@ -60,13 +60,19 @@ class StressBench:
     @cached_property
     def scene(self) -> TextScene:
         """The model as one text with the settings in it. Raises `Inapplicable`."""
+        return self._scene_at({})
+
+    def _scene_at(self, settings: Mapping[str, str]) -> TextScene:
+        """Return the model as one text, with the settings of the bench and others in it. Raises `Inapplicable`."""
         base = self.base()
         if self.model.extra_outputs:
             raise Inapplicable("outputs were added to the text")
         units = {name: p.unit for name, p in self.model.parameters.items()}
         texts = {n: v if isinstance(v, str) else f"{v!r} [{units.get(n, '1')}]" for n, v in self.settings.items()}
         try:
-            return scene_of(self.model.source, LIBRARY, (base.model, base.experiment), base.names, texts)
+            return scene_of(
+                self.model.source, LIBRARY, (base.model, base.experiment), base.names, {**texts, **settings}
+            )
         except (CompilationFailed, OSError, AssertionError) as refused:
             raise Inapplicable(f"the model cannot be written as one text: {refused}") from refused
 
@@ -111,6 +117,12 @@ class StressBench:
         mode = program.mode_at(0.0, state, inputs, constants)
         energy = program.stored_energy(np.zeros(1), state[None, :], inputs, constants, mode)
         return float(abs(energy[0, 0]))
+
+    def at(self, settings: Mapping[str, str]) -> StressBench:
+        """Return the bench at other settings; that of `start NAME` is a start of the experiment. Raises `Inapplicable`."""
+        if any(name.startswith("start ") for name in settings):
+            return self.of_scene(self._scene_at(settings))
+        return StressBench(self.model, self.experiment, {**self.settings, **settings}, self.outputs, self.options)
 
     def of_scene(self, scene: TextScene) -> StressBench:
         """Return the bench of a text, whose settings are in it."""

@@ -216,9 +216,7 @@ def ends_of(name: str, text: str) -> tuple[str, str]:
 
 def _at_corner(settings: Mapping[str, str]) -> Callable[[StressBench], str]:
     def check(bench: StressBench) -> str:
-        corner = StressBench(
-            bench.model, bench.experiment, {**bench.settings, **settings}, bench.outputs, bench.options
-        )
+        corner = bench.at(settings)
         try:
             base = corner.base()
         except RunFailed as failed:

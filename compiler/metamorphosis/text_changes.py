@@ -95,7 +95,7 @@ TEXT_CHANGES: dict[str, tuple[str, Callable[[TextScene, int], TextChange]]] = {
 def scene_of(
     source: Source, library: Path, names: tuple[str, str | None], outputs: tuple[str, ...], settings: Mapping[str, str]
 ) -> TextScene:
-    """A file with its imports as one text, whose experiment has these settings; `names` of the model and the experiment.
+    """A file with its imports as one text, whose experiment has these settings, and these starts (`start NAME`); `names` of the model and the experiment.
 
     Raises `Inapplicable` for settings without an experiment.
     """
@@ -104,12 +104,19 @@ def scene_of(
         return scene
     if scene.experiment is None:
         raise Inapplicable("settings are written into an experiment, and there is none")
-    new = tuple(tree.Set(NOWHERE, "set", path(n), parse_expression(Source(n, text))) for n, text in settings.items())
+    steps_given = {_step_of(name): text for name, text in settings.items()}
+    new = tuple(
+        tree.Set(NOWHERE, w, path(n), parse_expression(Source(n, text))) for (w, n), text in steps_given.items()
+    )
 
     def steps(experiment: tree.Experiment) -> tuple[tree.SyntaxNode, ...]:
         return (
             *new,
-            *(s for s in experiment.steps if not (isinstance(s, tree.Set) and path_text(s.target) in settings)),
+            *(
+                s
+                for s in experiment.steps
+                if not (isinstance(s, tree.Set) and (s.role, path_text(s.target)) in steps_given)
+            ),
         )
 
     def inside(model: tree.ModelSyntax) -> tree.ModelSyntax:
@@ -121,3 +128,9 @@ def scene_of(
 
     own = (inside(s) if isinstance(s, tree.ModelSyntax) and s.name == scene.model else s for s in scene.statements)
     return replace(scene, statements=tuple(own))
+
+
+def _step_of(name: str) -> tuple[str, str]:
+    """Word and name of the step of an experiment that a setting or a start is."""
+    word, _, rest = name.partition(" ")
+    return ("start", rest.strip()) if word == "start" and rest else ("set", name)

@@ -22,11 +22,14 @@ from bondgraph.errors import UsageError
 from bondgraph.simulation import phase, resume
 from bondgraph.simulation.monitors import energy
 from bondgraph.simulation.phase_sequence import PhaseSequence
+from bondgraph.simulation.run_options import RunOptions
 from bondgraph.studies import stress as driver
+from bondgraph.studies.stress_bench import StressBench
 from bondgraph.studies.stressed import StressTest
 from compiler.algebra import derivative
 from compiler.algebra.expression import negate
 from compiler.equations import derive
+from compiler.errors import CompilationFailed
 from compiler.graph.units import UNITS, Scale
 from compiler.semantics.expressions import expression_compiler, scales
 from tests.compiling import MODELS
@@ -141,6 +144,18 @@ def test_corners() -> None:
     assert (row.kind, row.tried, row.held) == ("corners", 4, 4)
     with pytest.raises(UsageError, match="a range is written"):
         tried(SWING, "corners", vary={"k": "1 [N/m]"})
+
+
+def test_corners_of_starts() -> None:
+    result = tried(SWING, "corners", vary={"start spring.x": "1 mm .. 2 m", "start mass.v": "-1 [m/s] .. 1 [m/s]"})
+    (row,) = result.rows
+    assert (row.kind, row.tried, row.held) == ("corners", 4, 4)
+    bench = StressBench(bondgraph.load(SWING), "go", {"m": "2 kg"}, None, RunOptions())
+    corner = bench.at({"start spring.x": "0.5 m", "k": "3 [N/m]"}).base()
+    text = SWING.replace("{ simulate", "{ set m = 2 kg; set k = 3 [N/m]; start spring.x = 0.5 m; simulate")
+    assert (corner["x"] == bondgraph.load(text).simulate(points=len(corner.time))["x"]).all()
+    with pytest.raises(CompilationFailed, match="There is no `other`"):
+        tried(SWING, "corners", vary={"start other.x": "0 m .. 1 m"})
 
 
 def test_settings_are_in_the_text() -> None:
