@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from .jit.machine import MachineCode, address_of, object_code, processor
     from .jit.machine import available as native_available
     from .jit.translate import translate
+    from .jit.values import Choices
     from .jit.vectorise import Vectorised
     from .reduction.order import blocks
     from .reduction.state_space import LinearLoop, StateSpace, TearingVariable

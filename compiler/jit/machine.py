@@ -25,6 +25,9 @@ _view: Any = (ctypes.c_char * 0).from_buffer  # of arrays without items, too
 # Platforms that libraries are made for: LLVM's name of each, and its least processor. Names without `gnu` keep LLVM from calling
 # functions that only one C library has, such as `sincos`.
 PLATFORMS = {"linux64": ("x86_64-unknown-linux", "x86-64"), "linux-aarch64": ("aarch64-unknown-linux", "generic")}
+LARGEST_INLINED = (
+    100  # cost up to which level 1 copies a function to its calls, in LLVM's units, which copies up to 225
+)
 AS_WRITTEN = -1  # a level: the text with the best instructions, but without optimization passes
 
 
@@ -82,6 +85,8 @@ def object_code(text: str, level: int, platform: str = "") -> bytes:
         options = binding.create_pipeline_tuning_options(speed_level=level)
         options.slp_vectorization = True  # rounds as before, and takes an eighth off a Jacobian
         options.loop_unrolling = False  # takes as long as all other passes, and runs are no faster
+        if level == 1:  # a tenth of the time of the solvers, and their steps are no slower
+            options.inlining_threshold = LARGEST_INLINED
         builder = binding.create_pass_builder(machine, options)
         builder.getModulePassManager().run(module, builder)
     return bytes(machine.emit_object(module))

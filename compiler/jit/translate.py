@@ -13,19 +13,21 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from .kinds import BOOL, INT, NOTHING, TranslationError, Value, text_of
-from .values import SubsetModule, ValueWriter, apart
+from .values import EVERYTHING, Choices, SubsetModule, ValueWriter, apart
 
 
-def translate(exported: Sequence[Callable[..., Any]], attributes: str = "") -> str:
+def translate(exported: Sequence[Callable[..., Any]], attributes: str = "", choices: Choices = EVERYTHING) -> str:
     """Text of a module with these functions and all that they call. The names of the exported ones are visible."""
-    module = SubsetModule()
+    module = SubsetModule(choices)
     for function in exported:
         module.need(function)
     names = {function.__name__ for function in exported}
     bodies: list[str] = []
     while module.waiting:
         bodies.append(_Function(module, module.waiting.pop(), names).text(attributes))
-    return "\n".join([*module.constants.values(), *module.declared.values(), *bodies, *apart(), ""])
+    return "\n".join(
+        [*module.constants.values(), *module.declared.values(), *bodies, *apart(), *module.scalar_loops, ""]
+    )
 
 
 class _Function(ValueWriter):
@@ -156,4 +158,6 @@ class _Function(ValueWriter):
         next_one = self._emit(INT, f"add nsw i64 {at.text}, {step}")
         self.lines.append(f"  store i64 {next_one.text}, ptr %{counter}.v")
         self._go(test)
+        if not self.module.choices.in_vectors(self.function):
+            self.lines[-1] += self.module.scalar_loop()
         self._start(end)

@@ -7,6 +7,7 @@ import inspect
 import math
 import struct
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from .kinds import (
@@ -64,10 +65,30 @@ def _apart(place: Value) -> str:
     return f", !tbaa !{2 * MEMORIES.index(place.memory) + 2}" if place.memory else ""
 
 
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """Parts of a module that cost much to compile and are not always worth it.
+
+    `left_out`: functions that a call by number never reaches. `vectors`: files whose loops LLVM may compute several rounds at once of; None: all.
+    """
+
+    left_out: frozenset[Callable[..., Any]] = frozenset()
+    vectors: frozenset[str] | None = None
+
+    def in_vectors(self, function: Callable[..., Any]) -> bool:
+        """Return True if LLVM may compute several rounds of the loops of a function at once."""
+        return self.vectors is None or function.__module__.rpartition(".")[2] in self.vectors
+
+
+EVERYTHING = Choices()
+
+
 class SubsetModule:
     """Common data of the functions of a module."""
 
-    def __init__(self) -> None:
+    def __init__(self, choices: Choices = EVERYTHING) -> None:
+        self.choices = choices
+        self.scalar_loops: list[str] = []
         self.waiting: list[Callable[..., Any]] = []
         self.known: dict[str, Callable[..., Any]] = {}
         self.constants: dict[tuple[float, ...], str] = {}
@@ -86,6 +107,15 @@ class SubsetModule:
         """Declare a function of LLVM or of the mathematical library."""
         self.declared[name] = f"declare {result} @{name}({', '.join(arguments)})"
         return f"@{name}"
+
+    def scalar_loop(self) -> str:
+        """Mark of a loop that stays as it is."""
+        first = 2 * len(MEMORIES) + 1
+        if not self.scalar_loops:
+            self.scalar_loops = [f'!{first} = !{{!"llvm.loop.vectorize.enable", i1 false}}']
+        number = first + len(self.scalar_loops)
+        self.scalar_loops.append(f"!{number} = distinct !{{!{number}, !{first}}}")
+        return f", !llvm.loop !{number}"
 
     def array(self, values: tuple[float, ...]) -> Value:
         """Constant for a list of numbers."""
@@ -363,7 +393,8 @@ class ValueWriter:
             raise self._fail(node, f"`{ast.unparse(which.value)}` is no tuple of functions of one type")
         index = self._as(self._value(which.slice), INT, node)
         chosen = ""
-        for number, function in reversed([*enumerate(functions)]):
+        present = [(i, f) for i, f in enumerate(functions) if f not in self.module.choices.left_out]
+        for number, function in reversed(present):
             self.module.need(function)
             if not chosen:
                 chosen = f"@{function.__name__}"

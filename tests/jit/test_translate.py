@@ -19,6 +19,7 @@ from compiler.jit.arrays import Record
 from compiler.jit.kinds import TranslationError
 from compiler.jit.machine import MachineCode, object_code
 from compiler.jit.translate import translate
+from compiler.jit.values import Choices
 
 if TYPE_CHECKING:
     from compiler.jit.arrays import Floats, Ints
@@ -247,3 +248,44 @@ def test_whole_numbers_are_conditions() -> None:
 def test_what_can_be_neither_called_nor_asked_is_told(function: Callable[..., Any], why: str) -> None:
     with pytest.raises(TranslationError, match=why):
         translate([function])
+
+
+def halved(x: float, n: int) -> float:
+    return 0.5 * x + n
+
+
+BOTH = doubled, halved
+
+
+def by_number(x: float, n: int) -> float:
+    total = 0.0
+    for k in range(n):
+        total += BOTH[k % 2](x, k)
+    return total
+
+
+class TestChoices:
+    """Parts of a module that are not worth their compilation."""
+
+    @staticmethod
+    def compiled(choices: Choices) -> tuple[str, float]:
+        text = translate([by_number], choices=choices)
+        code = MachineCode(object_code(text, 1))
+        function = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.c_int64)(code.address("by_number"))
+        return text, function(3.0, 4)
+
+    def test_all(self) -> None:
+        text, value = self.compiled(Choices())
+        assert value == by_number(3.0, 4) == 2 * (6.0 + 1.5) + 6.0
+        assert "llvm.loop" not in text
+
+    def test_a_function_that_no_number_reaches(self) -> None:
+        text, value = self.compiled(Choices(frozenset((doubled,))))
+        assert value == 4 * 1.5 + 6.0
+        assert "@doubled" not in text
+
+    def test_loops_that_stay_loops_give_the_same(self) -> None:
+        text, value = self.compiled(Choices(vectors=frozenset()))
+        assert value == by_number(3.0, 4)
+        assert text.count("!llvm.loop") == 1
+        assert self.compiled(Choices(vectors=frozenset(("test_translate",))))[0] == translate([by_number])

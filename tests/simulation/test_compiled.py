@@ -19,7 +19,7 @@ from bondgraph.compiled_scene import HIDDEN
 from bondgraph.errors import RunFailed, UsageError
 from bondgraph.results.result import Result
 from bondgraph.simulation.integrators import exponential
-from bondgraph.simulation.integrators.compiled import fields, pilot_run
+from bondgraph.simulation.integrators.compiled import fields, pilot_run, sources
 from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.advance import advance, begin
 from bondgraph.simulation.integrators.compiled.plain import functions_of
@@ -335,3 +335,10 @@ def test_a_run_can_be_interrupted() -> None:
     finally:
         signal.signal(signal.SIGINT, before)
     assert clock.perf_counter() - began < 5
+
+
+def test_files_with_vectors_are_files_of_the_source() -> None:
+    """A file of another name would be compiled without vectors, and long models would run more slowly without a word."""
+    folder = Path(compiled.__file__).parent.parent
+    assert {p.stem for p in folder.rglob("*.py")} >= sources.VECTORS
+    assert {f.__name__ for f in sources.NAMED} == {"radau13_step", "rodas_step", "energy_step"}

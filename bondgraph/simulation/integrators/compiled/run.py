@@ -19,7 +19,7 @@ from ...monitors.state_selection import Choice
 from ...segments.timeline import Segment, Signals
 from .. import dop853, radau, rodas
 from ..linear_algebra.sparse import FINE, Pattern
-from ..methods import METHODS, THROUGH_ENDS
+from ..methods import ANY, CHOSEN, METHODS, THROUGH_ENDS
 from ..outcomes import FAILURES, LOOK, MORE, NEWTON, ORDER
 from ..radau import StepFailed
 from ..workspace import IntegratorWorkspace
@@ -242,13 +242,14 @@ class CompiledMethod:
 
     def advance(self, most: int) -> int:
         """Make up to `most` steps; return the reason for the stop, one of the numbers of `outcomes.py`. Raises `StepFailed`."""
-        answer: int = self.values.call("advance", most)
+        advance = "advance" if self._record.method in CHOSEN else ANY
+        answer: int = self.values.call(advance, most)
         self.order.record.tolerant = 0
         while answer == ORDER:
             # With an order computed for just these numbers, small pivots are accepted.
             if self.order.choose(self._shift / self.factorised_size, self.jacobian):
                 self.order.record.tolerant = 1
-                answer = self.values.call("advance", 1)
+                answer = self.values.call(advance, 1)
             else:
                 answer = NEWTON
             self.order.record.tolerant = 0

@@ -11,10 +11,11 @@ from ..linear_algebra.balancing import balance
 from ..linear_algebra.eliminations import plan_eliminations, put_rows
 from ..linear_algebra.least_degree import least_degree
 from ..linear_algebra.sparse import real_factors
+from ..methods import ANY, CHOSEN
 from ..pilot.loop import coarse, last_step
 from ..pilot.step import euler
 from ..projection.projection import least_singular_values, project_all, rates_projected
-from .advance import advance, begin
+from .advance import STEPS, advance, begin
 
 SOURCES: dict[str, Callable[..., Any]] = {
     function.__name__: function
@@ -23,3 +24,10 @@ SOURCES: dict[str, Callable[..., Any]] = {
         balance, real_factors, least_degree, plan_eliminations, put_rows,
     )
 }  # fmt: skip
+SOURCES[ANY] = advance
+# Steps of the solvers that run only where they are named.
+NAMED = frozenset(step for number, step in enumerate(STEPS) if number not in CHOSEN)
+# Files with loops over all states in each step. LLVM takes as long for the vectors of a loop as for the rest of it; elsewhere runs are no faster by them.
+VECTORS = frozenset((
+    "evaluation", "explicit_step", "radau_step", "rodas_step", "sparse", "factors", "norms", "step_control", "dop853_dense", "trial_interpolant",
+))  # fmt: skip
