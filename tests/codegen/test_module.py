@@ -326,3 +326,24 @@ class TestNumbers:
 def test_the_pipeline_read_aloud_writes_the_same_program(name: str) -> None:
     made = compiled(MODELS / f"{name}.bg")
     assert compile_source(made.source, made.scene, LIBRARY).source == made.program.source
+
+
+def test_a_storage_behind_a_junction_that_is_off_has_no_line() -> None:
+    """Its law would read a parameter that the equations of the start do not have; the module says that they are those of the start."""
+    text = """model Late {
+  parameter L_0 = 50 mH
+  mode closed = false
+  Se mains : u = 10 V
+  I coil   : lambda = L_0*i
+  R load   : u = 10 ohm*i
+  1 line   : electric { active = closed }
+  when time > 1 ms { closed = true }
+  mains -> line -> coil, load
+  output i = coil.i
+}
+"""
+    source = Compilation(Source("late.bg", text), Scene()).text("numpy")
+    assert "L_0" not in source and "hold as long as `on`" in source
+    module: dict[str, object] = {"__name__": "late"}
+    exec(compile(source, "late.py", "exec"), module)
+    assert module["OUTPUTS"] == (("i", "A"),)

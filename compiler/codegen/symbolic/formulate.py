@@ -76,10 +76,13 @@ class _Formulation:
         space = self.space
         uses = _uses(space)
         roots = {*_roots(space)}
+        read = needed(roots, space.inputs)
         for variable, given in enumerate(space.variables):  # the author's names first, without numbers
             if given.role != "computed":
                 self.symbol(variable)
         for step in space.steps:
+            if read.isdisjoint(step.targets):
+                continue  # of a storage behind a junction that is off: its law says what an impulse would do
             if isinstance(step, LinearLoop):
                 self._loop(step)
                 continue

@@ -98,6 +98,10 @@ class _NumpyModule:
             recipe.append(
                 "# Rates may jump where an item of `indicators` is zero: end the steps there (`events=`), or results are those of the step size."
             )
+        if e.switches:
+            recipe.append(
+                "# Junctions switch: these are the equations of the start, and hold as long as `on` is what it is there."
+            )
         imports = [
             "from dataclasses import dataclass",
             *(["from types import SimpleNamespace"] if self.constant else []),

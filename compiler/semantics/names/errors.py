@@ -183,11 +183,11 @@ class NameClash(Diagnostic):
 
     code = "BG116"
     title = "`{name}` could be a variable of `{element}` or the {role} of that name"
-    advice = "Rename the {role}, or write the variable as `{generic}`."
+    advice = "Rename the {role}{instead}."
     name: str
     element: str
     role: str
-    generic: str
+    instead: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -116,7 +116,8 @@ class _LawReader:
                 if role not in ("parameter", "constant", "input", "signal", "mode", "index"):
                     continue  # not a number, or an output, which a law does not read
                 generic = words if self.row.sides else own[words].own.variable
-                raise Wrong(NameClash(path.span, words, self.name, str(role), generic))
+                instead = "" if generic == words else f", or write the variable as `{generic}`"
+                raise Wrong(NameClash(path.span, words, self.name, str(role), instead))
             if words in forbidden and found is None:
                 what = f"The law of `{self.declaration.kind} {self.name}` uses `{words}`; {self.row.letters} relates {self.row.relates}"
                 raise self._wrong(what, self.row.advice.format(words), path.span)
