@@ -34,6 +34,7 @@ NOTHING = {"1": 1e-9, "1/s": 1e-9, "m": 1e-12, "m/s": 1e-12}
 LEAST = 1e-25
 RESTING = 1e-6  # relative to the terms in a rate: a larger rate is no equilibrium
 NOISE = 1e-14  # relative to the largest term of a row: rounding
+LOST = 1e-13  # relative to the terms of a rate: a state that contributes less is rounding of zero
 CROSSED = 0.5  # relative to a test function at the ends of a step: limit next to a zero, exceeded next to a pole
 BOTH_SIDES = (0.01, 0.05, 0.2)  # fractions of a step: distances from a zero at which the signs are verified
 
@@ -76,12 +77,25 @@ class BranchFollower:
         self.seen, self.unseen = np.zeros(first.count), 1.0
         self.see(first.state)
 
-    def see(self, state: Array) -> None:
-        """Raise the magnitudes of the states: those of one unit share the largest; 1 for units without any value."""
+    def see(self, state: Array, place: BranchPlace | None = None) -> None:
+        """Raise the magnitudes of the states: those of one unit share the largest; 1 for units without any value. `place`: the point of that state."""
         size = np.abs(state[: self.count])
+        if place is not None:
+            size[self._is_rounding(place, size)] = 0.0
         self.seen = np.maximum(self.seen, np.where(size > self.least, size, 0.0))
         largest = largest_of_group(self.seen, self.units)
         self.scale = np.where(largest > 0, largest, self.unseen)
+
+    def _is_rounding(self, place: BranchPlace, size: Array) -> Any:
+        """Return a mask of states without a magnitude of their own whose values make no difference to any rate, as a momentum of 1e-18 N*s does to a
+        mass at rest."""
+        chosen = place.point.reduced.chosen
+        effects = np.abs(place.A) * size[chosen]
+        terms = effects.sum(axis=1) + np.abs(place.b * place.value)
+        floor = np.maximum(self.least[chosen], LOST * terms)[:, None]
+        mask = np.zeros(self.count, dtype=bool)
+        mask[chosen] = (effects <= floor).all(axis=0) & effects.any(axis=0) & (self.seen[chosen] == 0)
+        return mask
 
     def rests(self, place: BranchPlace) -> bool:
         """Return True if all rates that read states of known magnitudes vanish relative to their terms."""
@@ -239,7 +253,7 @@ class BranchLine:
                 self.ended = f"`{follower.name}` leaves the range"
                 break
             self.places.append(found)
-            follower.see(found.point.state)
+            follower.see(found.point.state, found)
             self.places[-1] = follower.place(found.point, found.value, found.tangent)
             length = min(1.3 * length, LONGEST / self.points)
         return special

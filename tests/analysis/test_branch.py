@@ -196,3 +196,13 @@ def test_a_test_function_that_is_zero_at_an_end_changes_no_sign() -> None:
     here, found = cast("BranchPlace", 0.0), cast("BranchPlace", 1.0)
     for zero in (here, found):
         assert not _verified("branch", cast("BranchFollower", None), here, found, 1.0, lambda p, z=zero: float(p != z))
+
+
+def test_a_momentum_that_is_rounding_has_no_magnitude() -> None:
+    """A weight on a spring, followed along its mass, which its momentum is measured by: x = m g/k to the end, from either side."""
+    text = "plain model Hung { parameter m = 2\n Se w : e = 9.81*m\n I mass : p = m*f\n C spring : e = 1000*q\n R loss : e = 10*f\n 1 j\n w -> j -> mass, spring, loss\n output x = spring.q }"
+    model = bondgraph.load(text)
+    for low, high in ((1.0, 4.0), (4.0, 1.0)):
+        branch = model.continuation("m", low, high)
+        assert branch.ended == "`m` leaves the range" and branch.values[-1] == high
+        np.testing.assert_allclose(branch.outputs["x"], branch.values * 9.81e-3, rtol=1e-12)
