@@ -92,7 +92,7 @@ def _delayed(made: CompiledScene) -> UsageError:
     space = made.compilation.state_space
     first = space.delays[0]
     name, place = space.variables[first.value].name, f"{first.span.source.name}:{first.span.line}"
-    what = "a signal" if name.startswith("_") or not name else f"`{name}`"
+    what = "a signal" if name.startswith("what ") else f"`{name}`"
     return UsageError(
         "BR262", f"{place}: the `delay` of {what} is an earlier value and no state: no linear analysis is made.",
         "Simulate, or write for `delay(x, T)` Padé's first order, `2*z - x` with `signal z = integral(2*(x - z)/T, x0)`, which "
