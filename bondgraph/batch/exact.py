@@ -42,5 +42,5 @@ def exact_trajectories(scene: BatchScene, runs: Runs, course: BatchCourse) -> Ba
         exponentials += len(form.known)
         x, before = way[-1], stretch
     states[:, position:] = x[:, None]
-    evaluations = {"exponential": np.full(count, exponentials)}
-    return BatchTrajectories(states, sound, np.full(count, steps), evaluations, [SOLVERS["exponential"].name] * count)
+    evaluations, solvers = {"exponential": np.full(count, exponentials)}, [SOLVERS["exponential"].name] * count
+    return BatchTrajectories(states, sound, np.full(count, steps), evaluations, solvers, scene.choice(runs.constants))

@@ -40,6 +40,11 @@ class BatchCourse:
     constants: Array
 
     @property
+    def crowded(self) -> bool:
+        """True if a run has notes on signals with more peaks than are resolved."""
+        return any(s.resolution.notes for s in self.segments if s.resolution is not None)
+
+    @property
     def whole(self) -> float:
         """Length of all segments, s."""
         return self.segments[-1].stop - self.segments[0].start
@@ -75,8 +80,9 @@ def _constants_of_time(program: Program) -> list[int]:
     """Return the places of the constants that decide segments and signals, beside known instants."""
     functions = program.time_functions
     places = set(program.signal_constants)
-    if functions is not None and functions.crossings:
+    if functions is not None:
         roots = [place for f in functions.crossings for place in (f.place, max(f.slope, 0))]
+        roots += functions.narrow
         places.update(functions.constants_of(roots))
     return sorted(places)
 

@@ -14,11 +14,12 @@ from ..simulation.integration.method import LARGEST
 from ..simulation.integrators.compiled.fields import is_sparse
 from ..simulation.integrators.compiled.run import obstacle
 from ..simulation.integrators.exponential import DEGREE
+from ..simulation.monitors.state_selection import Choice
 from ..simulation.phase import PhaseOptions
 from ..simulation.run_options import RunOptions, planned
 
 if TYPE_CHECKING:
-    from compiler.api import Program, Scene
+    from compiler.api import Array, Program, Scene
 
     from ..compiled_model import CompiledModel
     from ..compiled_scene import CompiledScene
@@ -48,6 +49,10 @@ class BatchScene:
         """True if the matrix exponential integrates the runs."""
         return self.compiled_scene.certificate.linear
 
+    def choice(self, constants: Array) -> Choice:
+        """Return the monitor of the state selection of runs with these constants, (runs, K)."""
+        return Choice(self.program, constants, self.inputs, frozenset(self.compiled_scene.facts.storages), None)
+
     @property
     def numbers(self) -> int:
         """Count of the numbers that a run needs at once: states and outputs, or what drives the states at the nodes between the reported instants."""
@@ -74,7 +79,7 @@ def batch_scene(model: CompiledModel, scene: Scene, wanted: RunOptions) -> Batch
         return None
     instants, options, accuracy = planned(plan, wanted, {})
     plain = options.solver == AUTOMATIC and options.bandwidth is None and accuracy is None
-    if not plain or plan.equilibrium or plan.tolerances or not _has_only_steps(compiled_scene):
+    if not plain or plan.equilibrium or not _has_only_steps(compiled_scene):
         return None
     return BatchScene(compiled_scene, options, instants, np.array(compiled_scene.program.input_defaults, dtype=float))
 
@@ -86,8 +91,5 @@ def _has_only_steps(compiled_scene: CompiledScene) -> bool:
         return False
     with_events = program.hybrid is not None or program.delays is not None or facts.valves or facts.integrals
     with_loops = program.unknowns.names or program.invariants.names or facts.claims
-    watched = program.watched or len(program.sensitivity_pattern[0])
-    functions = program.time_functions
-    narrow = functions is not None and functions.narrow
     fits = 0 < len(program.states.names) <= LARGEST and not is_sparse(program)
-    return fits and not (with_events or with_loops or watched or narrow)
+    return fits and not (with_events or with_loops or program.watched)

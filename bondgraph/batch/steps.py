@@ -19,6 +19,7 @@ from ..simulation.integrators.outcomes import FAILURES, FINISHED, MORE, STIFF
 from ..simulation.integrators.workspace import IntegratorWorkspace
 from ..simulation.monitors.step_size_diagnosis import BEYOND, MANY
 from ..simulation.phases.notes import ROUNDED
+from ..simulation.phases.tolerances import given_tolerances
 from ..simulation.segments.context import SegmentContext
 from ..simulation.segments.timeline import Segment, Signals, signals_on
 from ..simulation.segments.trajectory import Tolerances
@@ -38,7 +39,11 @@ class BatchIntegrator:
         program, options, count = scene.program, scene.options, len(runs)
         fixed = options.atol is not None
         absolute = np.full(magnitude.shape, options.atol) if fixed else options.rtol * magnitude
-        self.tolerances = Tolerances(options.rtol, absolute, magnitude, np.full(magnitude.shape[1], fixed))
+        held = np.full(magnitude.shape[1], fixed)
+        for index, value in given_tolerances(options.plan, program, scene.compiled_scene.facts).items():
+            absolute[:, index], held[index] = value, True
+        self.tolerances = Tolerances(options.rtol, absolute, magnitude, held)
+        self.choice = scene.choice(runs.constants)
         self.longest = float(min(np.abs(program.periods(course.constants)), default=np.inf))
         self.sound, self.position = np.ones(count, dtype=bool), np.zeros(count, dtype=int)
         self.settled = np.full(count, UNCLEAR)
@@ -62,7 +67,8 @@ class BatchIntegrator:
         for row, position in enumerate(self.position):
             self.states[row, position:] = x[row]
         evaluations = dict(zip(EVALUATIONS, self.evaluations.T, strict=True))
-        return BatchTrajectories(self.states, self.sound, self.steps, evaluations, [*map(_names_of, self.methods)])
+        solvers = [*map(_names_of, self.methods)]
+        return BatchTrajectories(self.states, self.sound, self.steps, evaluations, solvers, self.choice)
 
     def _at(self, stretch: Segment, x: Array) -> tuple[Any, ...]:
         return stretch.start, x, self.scene.inputs, self.runs.constants, stretch.mode
@@ -86,7 +92,9 @@ class BatchIntegrator:
             for method in (EXPLICIT, RADAU):
                 rows = np.flatnonzero(self.sound & (methods == method))
                 if len(rows):
-                    self.solvers.append((rows, self._solver(stretch, x, signals, rows, method)))
+                    solver = self._solver(stretch, x, signals, rows, method)
+                    self.solvers.append((rows, solver))
+                    self._choose(rows, solver)
         end = x.copy()
         for row in np.flatnonzero(self.sound):
             self.methods[row][int(methods[row])] = None
@@ -145,6 +153,15 @@ class BatchIntegrator:
         solver.call("begin", np.arange(len(rows)))
         return solver
 
+    def _choose(self, rows: IntArray, solver: RecordBatch) -> None:
+        """Let steps end where other states should be integrated."""
+        if self.choice:
+            (dependents, states), chosen = self.scene.program.sensitivity_pattern, self.choice.chosen
+            solver.put({
+                "slope_count": len(chosen), "slope_rows": dependents, "slope_columns": states, "slope_chosen": chosen,
+                "slopes": np.zeros((len(rows), len(chosen))), "stored_peak": self.choice.peak[rows],
+            })  # fmt: skip
+
     def _go_on(self, stretch: Segment, x: Array, signals: Signals, methods: IntArray) -> None:
         """Let all solvers go on with another segment, as `CompiledMethod.begin_at` does."""
         for rows, solver in self.solvers:
@@ -167,6 +184,8 @@ class BatchIntegrator:
             self._go_on_with_radau(solver, rows, going[stiff])
             self.sound[rows[going[(answers != FINISHED) & ~stiff & ~more]]] = False
             going = going[stiff | more]
+        if self.choice:
+            self.choice.peak[rows] = solver["stored_peak"]
         self.position[rows] = solver["position"]
         self.steps[rows] += solver["steps"]
         self.evaluations[rows] += _evaluations(solver)

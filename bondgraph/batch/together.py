@@ -90,14 +90,17 @@ def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tup
         magnitude, sound = batch_magnitudes(scene, runs, course)
         runs, magnitude = runs.those(sound), magnitude[sound]
         trajectories = BatchIntegrator(scene, runs, course, magnitude).through() if len(runs) else None
-    if trajectories is None:
+    if trajectories is None or course.crowded:
         return
     values = _outputs(scene, runs, course, trajectories)
     sound = trajectories.sound & np.isfinite(values).all(axis=(1, 2))
-    stored = _stored(scene, runs, course, trajectories)
+    final, last = trajectories.states[:, -1], course.segments[-1]
+    stored = trajectories.choice.contents(float(scene.instants[-1]), final, last.mode)
+    peaks = trajectories.choice.peak
     time = (clock.perf_counter() - began) / len(runs)
     for row in np.flatnonzero(sound).tolist():
-        checkpoint = _checkpoint(scene, runs.parameters[row], stored[row], () if magnitude is None else magnitude[row])
+        sizes = () if magnitude is None else magnitude[row]
+        checkpoint = _checkpoint(scene, runs.parameters[row], stored[row], peaks[row], sizes)
         yield int(runs.numbers[row]), _result(scene, course, trajectories, row, values[row], checkpoint, time)
 
 
@@ -116,20 +119,13 @@ def _outputs(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: B
     return values
 
 
-def _stored(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: BatchTrajectories) -> Any:
-    """Return what is stored at the end, states and dependent storages, shape (runs, n)."""
-    final = trajectories.states[:, -1]
-    at = scene.inputs, runs.constants, course.segments[-1].mode
-    return np.concatenate([final, scene.program.dependent(float(scene.instants[-1]), final, *at)], axis=1)
-
-
-def _checkpoint(scene: BatchScene, parameters: Array, stored: Array, magnitude: Any) -> Checkpoint:
+def _checkpoint(scene: BatchScene, parameters: Array, stored: Array, peaks: Array, magnitude: Any) -> Checkpoint:
     """Return the checkpoint at the end; `magnitude`: of each state, or nothing where none was searched."""
     program, end = scene.program, float(scene.instants[-1])
     names = (*program.states.names, *program.dependents.names)
     return Checkpoint(
         scene.compiled_scene.facts.identity, dict(zip(program.parameters.names, parameters.tolist(), strict=True)), end, end,
-        dict(zip(names, stored.tolist(), strict=True)), dict(zip(names, np.abs(stored).tolist(), strict=True)), {},
+        dict(zip(names, stored.tolist(), strict=True)), dict(zip(names, peaks.tolist(), strict=True)), {},
         {name: float(size) for name, size in zip(program.variables.names, magnitude, strict=False)}, {}, (), (), scene.compiled_scene.scene.preferences, None,
     )  # fmt: skip
 

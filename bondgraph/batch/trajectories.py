@@ -10,6 +10,7 @@ import numpy as np
 
 from compiler.api import Array
 
+from ..simulation.monitors.state_selection import Choice
 from ..simulation.segments.timeline import Segment
 from .runs import Runs
 from .scope import BatchScene
@@ -24,6 +25,7 @@ class BatchTrajectories:
     steps: Any  # (runs,)
     evaluations: Mapping[str, Any]  # by kind, (runs,)
     solvers: Sequence[str]
+    choice: Choice  # with the largest values that storages have had
 
 
 def goes_on(scene: BatchScene, runs: Runs, x: Array, before: Segment, stretch: Segment) -> Any:

@@ -19,7 +19,7 @@ import numpy as np
 from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded
 
 if TYPE_CHECKING:
-    from compiler.api import Array, Expression, RunMetadata, Scale
+    from compiler.api import Array, Compilation, Expression, RunMetadata, Scale
 
     from ..compiled_model import CompiledModel
 
@@ -98,20 +98,31 @@ def settle_all(
     names = [name.replace(" ", "") for name in points[0]]
     if settled.scene.fixed or {*settled.values} != {*names}:
         return None
-    facts = model.compiled_scene(settled.scene, False, target).facts
-    if any(name in facts.looped for name in names):
-        return None
+    compiled_scene = model.compiled_scene(settled.scene, False, target)
+    facts = compiled_scene.facts
+    looped = any(name in facts.looped for name in names)
     rows, numbers = [], []
     for row, point in enumerate(points):
         some = [_number(point[name]) for name in points[0]] if point.keys() == points[0].keys() else []
         if some and all(
             n is not None and n.value and _has_unit(facts, name, n) for name, n in zip(names, some, strict=True)
         ):
-            rows.append(row)
-            numbers.append([n.value for n in some if n is not None])
+            these = [n.value for n in some if n is not None]
+            if not looped or _solves_loops(compiled_scene.compilation, dict(zip(names, these, strict=True))):
+                rows.append(row)
+                numbers.append(these)
     values = np.array(numbers, dtype=float).reshape(len(rows), len(names))
     fits = _are_positive(facts, names, values)
     return SettledPoints(settled.scene, np.array(rows, dtype=int)[fits], dict(zip(names, values[fits].T, strict=True)))
+
+
+def _solves_loops(compilation: Compilation, values: Mapping[str, float]) -> bool:
+    """Return True if linear loops have a solution with these values."""
+    try:
+        compilation.refuse_values(values)
+    except CompilationFailed:
+        return False
+    return True
 
 
 def _are_positive(facts: RunMetadata, names: Sequence[str], values: Array) -> Any:

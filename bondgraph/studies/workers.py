@@ -235,7 +235,8 @@ def answered(
 ) -> Iterator[Answers]:  # fmt: skip
     """Yield the results at the points with these indices, in reports: of several points, or of those of some time. An error ends a report, too.
 
-    `together`: number of points that are first answered together, if they can be; later so many as take twice that time, as many cost little more than few.
+    `together`: number of points that are first answered together, if they can be; later as many as take `FEW` times that time: many cost little more
+    than few.
     """
     report: Answers = {}
     several, left = isinstance(question, BatchRequest), iter(numbers)
@@ -248,7 +249,7 @@ def answered(
                 report[number] = result_at(model, question, points[number]) if result is None else result
             several = several and (len(some) == 1 or any(result is not None for result in results))
             took = max(perf_counter() - began, 1e-6)
-            most = max(int(len(some) * 2 * OFTEN / took), FEW if took < len(some) * OFTEN else 1)
+            most = max(int(len(some) * FEW * OFTEN / took), FEW if took < len(some) * OFTEN else 1)
             size = min(most, MORE * len(some)) if several else 1
             if len(report) == MOST_AT_ONCE or perf_counter() > until:
                 full, report = report, {}

@@ -9,6 +9,8 @@ derivatives are pivoted for the same reason: Mattsson and Söderlind, SIAM J. Sc
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from compiler.api import Array, Program
@@ -19,7 +21,10 @@ WORST = 1e3  # relative change of a dependent storage per relative change of a s
 
 
 class Choice:
-    """Monitor of the state selection. `storages`: the elements that can be exchanged; `before`: transition at the end of the phase before."""
+    """Monitor of the state selection. `storages`: the elements that can be exchanged; `before`: transition at the end of the phase before.
+
+    `constants` may have a leading axis, for runs that differ in them; these have a peak each.
+    """
 
     def __init__(
         self, program: Program, constants: Array, inputs: Array, storages: frozenset[str], before: PhaseTransition | None
@@ -29,7 +34,7 @@ class Choice:
         self.chosen = np.array([self._element(c) in storages for c in columns], dtype=bool)
         self.rows, self.columns = rows[self.chosen], columns[self.chosen]
         self.names = (*program.states.names, *program.dependents.names)
-        self.peak = np.zeros(len(self.names))
+        self.peak = np.zeros((*constants.shape[:-1], len(self.names)))
         if before is not None:
             self.peak[:] = [before.peaks.get(n, 0.0) for n in self.names]
 
@@ -48,21 +53,34 @@ class Choice:
         """Return the transition that exchanges two storages after a step that ended here; None if none is needed."""
         if not len(self.rows):
             return None
-        count = len(self.program.states.names)
         values, peaks = self.stored(time, state, mode)
-        slopes = np.abs(self.program.sensitivities(time, state, *self.fixed, mode))[self.chosen]
-        scale = self.peak[count + self.rows]
-        gain = slopes * self.peak[self.columns] / np.where(scale > 0, scale, np.inf)
+        gain = self._gain(time, state, mode)
         worst = int(np.argmax(gain))
         if not gain[worst] > WORST:
             return None
         dependent = self.program.dependents.names[self.rows[worst]].rpartition(".")[0]
         return PhaseTransition(time, values, peaks, dependent, self._element(self.columns[worst]))
 
+    def _gain(self, time: Array | float, state: Array, mode: Array) -> Any:
+        """Return the relative changes of dependent storages per relative change of a state, shape (…, chosen)."""
+        slopes = np.abs(self.program.sensitivities(time, state, *self.fixed, mode))[..., self.chosen]
+        scale = self.peak[..., len(self.program.states.names) + self.rows]
+        return slopes * self.peak[..., self.columns] / np.where(scale > 0, scale, np.inf)
+
+    def calls_for_others(self, times: Array, states: Array, mode: Array) -> Any:
+        """Return a mask of the runs in which `look` would return a transition; shapes (runs,), (runs, n)."""
+        self.contents(times, states, mode)
+        return self._gain(times, states, mode).max(axis=-1) > WORST
+
+    def contents(self, time: Array | float, state: Array, mode: Array) -> Any:
+        """Return all stored quantities, states and dependent storages; raise their largest values."""
+        states = state[..., : len(self.program.states.names)]
+        stored = np.concatenate([states, self.program.dependent(time, state, *self.fixed, mode)], axis=-1)
+        self.peak = np.maximum(self.peak, np.abs(stored))
+        return stored
+
     def stored(self, time: float, state: Array, mode: Array) -> tuple[dict[str, float], dict[str, float]]:
         """Return all stored quantities (states and dependent storages) and their largest values so far; by name."""
-        count = len(self.program.states.names)
-        stored = np.concatenate([state[:count], self.program.dependent(time, state, *self.fixed, mode)])
-        self.peak = np.maximum(self.peak, np.abs(stored))
+        stored = self.contents(time, state, mode)
         values, peaks = (dict(zip(self.names, x.tolist(), strict=True)) for x in (stored, self.peak))
         return values, peaks

@@ -14,7 +14,7 @@ from ..linear_algebra.factors import Factors, room_for
 from ..linear_algebra.sparse import ANEW, FINE
 from ..outcomes import CROSSED
 from ..pilot.loop import PilotWorkspace
-from ..pilot.schedule import Conditions, Progress, StepSchedule, unit_numbers
+from ..pilot.schedule import MOST_STEPS, Conditions, Progress, StepSchedule, unit_numbers
 from ..pilot.step import Euler
 from .code import called
 from .fields import is_sparse
@@ -53,7 +53,8 @@ def _room(program: Program, constants: Array) -> dict[str, Any]:
 def _room_of_loop(program: Program) -> dict[str, Any]:
     """Return the same for the loop over steps."""
     n = len(program.states.names) + len(program.unknowns.names)
-    numbers = dict.fromkeys((*PACE, "begun"), 0.0) | {"noted": 0, "taken": 0, "root_count": 0, "n": n}
+    numbers = dict.fromkeys((*PACE, "begun"), 0.0) | dict.fromkeys(("noted", "taken", "root_count"), 0)
+    numbers |= {"most_steps": MOST_STEPS, "n": n}
     count = 0 if program.hybrid is None else len(program.hybrid.conditions)
     roots = {"root": np.zeros(count)} | {name: np.zeros(count, dtype=np.int64) for name in ("root_said", "root_strict")}
     return numbers | roots | {name: np.zeros(n) for name in ("found", "most", "modes")}

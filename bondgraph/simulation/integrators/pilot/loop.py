@@ -14,7 +14,7 @@ from compiler.api import Record
 from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
 from ..outcomes import CROSSED
 from ..workspace import Function
-from .schedule import AGAIN, CAREFUL, GROWN, MOST_STEPS, NOTES, SAME, SLIGHT
+from .schedule import AGAIN, CAREFUL, GROWN, NOTES, SAME, SLIGHT
 from .step import Euler, euler
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ class PilotWorkspace(Record):
     far: Floats  # NOTES: times of the records
     until: Floats  # NOTES n: the magnitudes up to these times
     taken: int  # number of steps tried
+    most_steps: int  # number of them at which it returns
     reaching: int  # 1 if the reach of a free motion counts
     amplitudes: Floats  # n n, or none
     inverse_re: Floats  # n n, or none
@@ -54,7 +55,7 @@ class PilotWorkspace(Record):
 
 def coarse(c: PilotWorkspace) -> int:
     """Make steps; return `FINE` where Python must act, `ANEW` if the factors need another order, `SINGULAR` if no step is short enough, `CROSSED`."""
-    while c.taken < MOST_STEPS:
+    while c.taken < c.most_steps:
         size = c.usual if c.taken + 1 == CAREFUL else c.size
         if c.time + 1.001 * size >= c.stop:
             return FINE
