@@ -43,4 +43,6 @@ def exact_trajectories(scene: BatchScene, runs: Runs, course: BatchCourse) -> Ba
         x, before = way[-1], stretch
     states[:, position:] = x[:, None]
     evaluations, solvers = {"exponential": np.full(count, exponentials)}, [SOLVERS["exponential"].name] * count
-    return BatchTrajectories(states, sound, np.full(count, steps), evaluations, solvers, scene.choice(runs.constants))
+    return BatchTrajectories(
+        states, sound, np.full(count, steps), evaluations, solvers, scene.state_selection(runs.constants)
+    )

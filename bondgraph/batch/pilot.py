@@ -81,7 +81,7 @@ def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[
     reach = free_reach(scene, runs, first)
     loop, steps = _records(scene, runs, reach, first)
     sound, taken = np.ones(len(runs), dtype=bool), np.zeros(len(runs), dtype=int)
-    choice = scene.choice(runs.constants)
+    choice = scene.state_selection(runs.constants)
     if choice:  # Python looks at each step
         loop.put({"reaching": 0})
     for stretch in stretches:
@@ -197,7 +197,7 @@ def batch_magnitudes(scene: BatchScene, runs: Runs, course: BatchCourse) -> tupl
 
 def _alone(scene: BatchScene, runs: Runs, course: BatchCourse, row: int) -> Any:
     """Return the magnitudes of one run, whose pilot run needs Python; None if they are doubtful."""
-    program, choice = scene.program, scene.choice(runs.constants[row])
+    program, choice = scene.program, scene.state_selection(runs.constants[row])
     constraints = Constraints(program, runs.parameters[row], scene.inputs, np.ones(runs.state.shape[1]))
     mechanisms = scene.compiled_scene.facts.mechanisms
     try:

@@ -49,7 +49,7 @@ class BatchScene:
         """True if the matrix exponential integrates the runs."""
         return self.compiled_scene.certificate.linear
 
-    def choice(self, constants: Array) -> Choice:
+    def state_selection(self, constants: Array) -> Choice:
         """Return the monitor of the state selection of runs with these constants, (runs, K)."""
         return Choice(self.program, constants, self.inputs, frozenset(self.compiled_scene.facts.storages), None)
 

@@ -43,7 +43,7 @@ class BatchIntegrator:
         for index, value in given_tolerances(options.plan, program, scene.compiled_scene.facts).items():
             absolute[:, index], held[index] = value, True
         self.tolerances = Tolerances(options.rtol, absolute, magnitude, held)
-        self.choice = scene.choice(runs.constants)
+        self.choice = scene.state_selection(runs.constants)
         self.longest = float(min(np.abs(program.periods(course.constants)), default=np.inf))
         self.sound, self.position = np.ones(count, dtype=bool), np.zeros(count, dtype=int)
         self.settled = np.full(count, UNCLEAR)

@@ -30,6 +30,7 @@ MOST_INTERVALS = 20_000  # most intervals of a run, in addition to the reported 
 CLOSE = 1e-12  # error of b relative to its largest value
 BETWEEN = 1e-10  # the same at places between the nodes of the polynomials
 AFFINE = 1e-9  # relative difference of the affine form from the program's rates
+ROUNDING = float(np.finfo(float).eps)
 BLURRED = 1e-7  # relative change of the states by rounding from which on it matters
 TRIED = 33  # instants of a segment at which the affine form is compared with the rates
 EXTENDED = 40  # size of a matrix up to which its exponential is computed in extended precision
@@ -60,8 +61,10 @@ class RunsPart(Exception):
 
 def common(decision: Any) -> bool:
     """Return a decision, shape (…,), that all runs have in common. Raises `RunsPart`."""
-    result = bool(np.all(decision))
-    if not result and np.any(decision):
+    if not isinstance(decision, np.ndarray):  # of a single run
+        return bool(decision)
+    result = bool(decision.all())
+    if not result and decision.any():
         raise RunsPart(decision)
     return result
 
@@ -188,8 +191,10 @@ def linear_form(program: Program, inputs: Array, constants: Array, stretch: Segm
     seen = signals_on(program, inputs, constants if constants.ndim == 1 else constants[0], stretch, length).times
     pushed = program.derivative(seen, np.zeros((len(seen), count)), *fixed)
     moved = (given != 0).any(axis=-2) | (pushed != 0).any(axis=-2)
-    common((moved == moved.reshape(-1, count)[0]).all(axis=-1))
-    active = np.flatnonzero(moved.reshape(-1, count)[0])
+    if moved.ndim > 1:
+        common((moved == moved[0]).all(axis=-1))
+        moved = moved[0]
+    active = np.flatnonzero(moved)
     if count + len(active) * (DEGREE + 1) > LARGEST_MATRIX:
         return None
     balanced = matrix * scale[..., None, :] / scale[..., None]
@@ -201,21 +206,24 @@ def linear_form(program: Program, inputs: Array, constants: Array, stretch: Segm
 
 def _scales(matrix: Array) -> Any:
     """Return the scales of the states of each matrix, (…, n)."""
-    scales = [_balance(each.tobytes(), len(each)) for each in matrix.reshape(-1, *matrix.shape[-2:])]
-    return np.array(scales).reshape(matrix.shape[:-1])
+    if matrix.ndim > 2:
+        return np.array([_scales(each) for each in matrix])
+    return _balance(matrix.tobytes(), len(matrix))
 
 
 def _are_blurred(matrix: Array, norm: Any, span: float) -> Any:
     """Return `is_blurred` of each matrix, whose norms are known."""
-    blurred = np.asarray(_may_blur(norm, span))
-    for place in map(tuple, np.argwhere(blurred)):
-        blurred[place] = is_blurred(matrix[place], span)
+    blurred = _may_blur(norm, span)
+    if matrix.ndim == 2:
+        return blurred and is_blurred(matrix, span)
+    for row in np.flatnonzero(blurred):
+        blurred[row] = is_blurred(matrix[row], span)
     return blurred
 
 
 def _may_blur(norm: Any, span: float) -> Any:
     """Return True for norms of matrices for which rounding may matter."""
-    return ~(float(np.finfo(float).eps) * span * norm < BLURRED)
+    return np.logical_not(ROUNDING * span * norm < BLURRED)
 
 
 def is_blurred(matrix: Array, span: float) -> bool:
@@ -225,12 +233,11 @@ def is_blurred(matrix: Array, span: float) -> bool:
     """
     if not _may_blur(np.abs(matrix).sum(axis=0).max(), span):
         return False
-    rounding = float(np.finfo(float).eps)
     values = np.linalg.eigvals(matrix)
     fastest = values[np.argmax(np.abs(values))]
     if fastest.real > -0.5 * abs(fastest):  # it oscillates: steps would have to follow it
         return False
-    shaken = matrix * (1 + rounding * np.random.default_rng(1).uniform(-1, 1, matrix.shape))
+    shaken = matrix * (1 + ROUNDING * np.random.default_rng(1).uniform(-1, 1, matrix.shape))
     return any(
         bool(np.abs(exponential(part * span * matrix) - exponential(part * span * shaken)).max() > BLURRED)
         for part in (1.0, 0.1, 0.01)
@@ -391,9 +398,8 @@ def _few(lengths: Array) -> Any:
 
 def _is_followed(form: Linear, starts: Array, lengths: Array) -> Any:
     """Return True, of each run, if b is a polynomial on each interval, to rounding."""
-    runs = form.scale.shape[:-1]
     if not len(form.active):
-        return np.ones(runs, dtype=bool)
+        return True
     values = form.forcing(starts[:, None] + lengths[:, None] * NODES)
     finite = np.isfinite(values).all(axis=(-3, -2, -1))
     if not finite.any():
