@@ -19,7 +19,6 @@ from compiler.api import Array, IntArray, Leaf, Tape
 
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
-from ..numerics.scales import nonzero
 from .json_values import named
 from .reduced import Reduced, tied_coordinates
 from .singular_slopes import (
@@ -46,7 +45,7 @@ if TYPE_CHECKING:
 JUMP = 1e-9  # relative to the terms of a rate: a smaller change at a condition is rounding
 Lookup = Callable[[Leaf], float]
 LIMITS = 1e-9  # relative to a table's range: rounding beyond its ends
-ROUNDING = 1e-12  # s at the start, else relative: just after an instant
+ROUNDING, AT_ONCE = 1e-12, 1e-200  # relative, and s: just after an instant
 AHEAD = 1.0  # s: length of the timeline that is searched for a single instant
 
 
@@ -114,13 +113,13 @@ class OperatingPoint:
             constraints.leave_out(old.taking)
         mode = self._mode_with(constraints.constants)
         state = constraints.project(self.time, np.asarray(state, dtype=float), mode)
-        state = constraints.loops(nonzero(np.abs(state))).solve(self.time, state, mode)
+        state = constraints.loops().solve(self.time, state, mode)
         point = OperatingPoint(self.made, constraints, state, mode, self.time, self.by, self.values)
         return point if self.kinks is None else point.one_sided()
 
     def _mode_with(self, constants: Array) -> Array:
         """Return the mode with the conditions on time that other constants change, just after the instant."""
-        place = self.time + ROUNDING * max(1.0, abs(self.time))
+        place = self.time + max(ROUNDING * abs(self.time), AT_ONCE)
         before, after = (np.asarray(self.program.switches(place, c)) for c in (self.constants, constants))
         if np.array_equal(before, after):
             return self.mode

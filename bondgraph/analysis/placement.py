@@ -12,7 +12,6 @@ from compiler.api import Array, NotDifferentiable
 
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
-from ..numerics.scales import nonzero
 from .movable import refuse_structural
 from .operating_point import AnalysisRequest, OperatingPoint
 
@@ -224,13 +223,13 @@ def _given(leg: Phase, given: Mapping[str, float], time: float, mode: Array) -> 
     state = np.array(leg.state, dtype=float)
     for i, name in enumerate(names):
         state[i] = given.get(name, state[i])
-    loops = leg.constraints.loops(nonzero(np.abs(state)))
+    loops = leg.constraints.loops()
     state = loops.solve(time, leg.constraints.project(time, state, mode), mode)
     if leg.events is None:
         return state, mode
     from ..simulation.events.indicators import HybridState
 
-    leg.events.measure(nonzero(np.abs(state)))
+    leg.events.measure(np.abs(state))
     after = leg.events.happen(HybridState(time, state, leg.events.guess(HybridState(time, state, mode))))
     if leg.events.actives(after) != leg.off or not np.allclose(after.state, state, rtol=KEPT, atol=0.0):
         raise _switching()

@@ -9,7 +9,6 @@ import numpy as np
 from compiler.api import Compilation, LinearLoop, StateSpace, evaluate
 
 from ..errors import RunFailed, UsageError
-from ..numerics.scales import nonzero
 from ..simulation.loops.loops import LoopSolver
 from ..simulation.monitors.finite import given_values, linear_loop
 from .following import led
@@ -28,7 +27,7 @@ def values_at(compilation: Compilation, state: Mapping[str, float], time: float)
         x[i] = state.get(name, x[i])
     mode = program.mode_at(time, x, inputs, constants)
     with np.errstate(all="ignore"):
-        x = LoopSolver(program, constants, inputs, nonzero(np.abs(x))).solve(time, x, mode)
+        x = LoopSolver(program, constants, inputs).solve(time, x, mode)
     values = given_values(space, dict(zip(program.parameters.names, program.defaults, strict=True)), time, x)
     _steps(space, values)
     return values

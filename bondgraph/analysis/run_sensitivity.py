@@ -19,7 +19,6 @@ import numpy as np
 from compiler.api import Array, symbols
 
 from ..errors import RunFailed, UsageError
-from ..numerics.scales import nonzero
 from ..rendering import Summarised
 from .json_values import head, named, with_units
 from .movable import refuse_structural
@@ -136,7 +135,7 @@ class LinearizedDynamics:
             raise UsageError("BR241", "a run has an end after its start")
         self.leg = Phase(made, span, PhaseOptions(replace(made.plan, tolerances={}), 1e-6, None, False, values))
         self.n, self.k, self.size = len(program.states.names), len(asked.by), len(self.leg.state)
-        self.loops = self.leg.constraints.loops(nonzero(np.abs(self.leg.state)))
+        self.loops = self.leg.constraints.loops()
         self.mode, self.unknowns = self.leg.stretches[0].mode, self.leg.state[self.n :]
 
     def point(self, state: Array, time: float, inside: bool = False) -> OperatingPoint:

@@ -1,6 +1,6 @@
 """Multistart: Newton's method from many guesses at once, for loops whose solutions may lie anywhere.
 
-Guesses lie in steps over several decades around the known values and around one in SI units, for all unknowns of a loop together, for each
+Guesses lie in steps over several decades around the known values and in units of the magnitudes, for all unknowns of a loop together, for each
 alone, and for some mixtures that are the same in every run. Some hundred guesses cost about 20 ms.
 """
 
@@ -32,14 +32,12 @@ class SquareSystem(Protocol):
     def matrix(self, z: Array) -> Array: ...
 
 
-def guesses(known: Array) -> Array:
-    """Return guesses around known values; shape (guesses, unknowns)."""
+def guesses(known: Array, magnitude: Array) -> Array:
+    """Return guesses around known values, and over decades of the magnitudes; shape (guesses, unknowns)."""
     count = len(known)
-    size = np.where(known != 0, np.abs(known), 1.0)
-    signed = np.where(known != 0, known, 1.0)
-    together = [s * r * signed for r in AROUND for s in (1, -1)] + [
-        s * u * np.ones(count) for u in UNITS for s in (1, -1)
-    ]
+    size = np.where(known != 0, np.abs(known), magnitude)
+    signed = np.where(known != 0, known, magnitude)
+    together = [s * r * signed for r in AROUND for s in (1, -1)] + [s * u * magnitude for u in UNITS for s in (1, -1)]
     alone: list[Array] = []
     mixed: list[Array] = []
     if count > 1:
@@ -51,11 +49,12 @@ def guesses(known: Array) -> Array:
     return np.array([*together, *mixed, *alone])[: max(8, ENTRIES // count**2)]
 
 
-def far_guesses(count: int) -> Array:
+def far_guesses(magnitude: Array) -> Array:
     """Return mixtures over many decades, in which the steepest law dominates; shape (guesses, unknowns)."""
     random = np.random.default_rng(1)
+    count = len(magnitude)
     shape = (min(FAR, max(8, ENTRIES // count**2)), count)
-    return random.choice((-1, 1), shape) * 10 ** random.uniform(-3, 6, shape)
+    return random.choice((-1, 1), shape) * 10 ** random.uniform(-3, 6, shape) * magnitude
 
 
 def arrivals(equations: SquareSystem, guesses: Array) -> list[Array]:

@@ -104,7 +104,7 @@ class Phase:
         self.held: Mapping[str, Any] | None = None
         self.scene: Scene = compilation.scene
         self.whole = False  # True once the phase has reached its end
-        self.used: Any = None  # the magnitudes, if they were needed
+        self.moved: Mapping[str, float] | None = None  # magnitudes of what moves, if they were needed
         self.values: Any = None  # outputs, shape (points, outputs)
         self.extremes: ExtremesMonitor | None = None
         self.balance: EnergyBalance | None = None
@@ -162,7 +162,7 @@ class Phase:
 
     def tolerances(self) -> Tolerances:
         """Return absolute tolerances per state: the given value, else rtol times the magnitude."""
-        magnitude = self.used = self._magnitudes()
+        magnitude = self._magnitudes()
         rtol, atol = self.options.rtol, self.options.atol
         absolute = np.full(len(self.state), atol) if atol is not None else rtol * magnitude
         if atol is None and self.constraints:
@@ -187,13 +187,14 @@ class Phase:
         if self.events is not None:
             from .events.indicators import HybridState
 
-            self.events.measure_anew(values.copy(), HybridState(first.start, self.state, first.mode))
+            moved = np.array([self.known.get(n, 0.0) for n in self.program.variables.names])
+            self.events.measure_anew(moved, HybridState(first.start, self.state, first.mode))
         return values.copy()
 
     def _with_doubts(self, found: PhaseMagnitudes) -> Any:
         """Keep what is known of magnitudes and the doubts about them; return the values."""
         self.doubts = self.doubts if found.doubts is None else found.doubts
-        self.known = found.known
+        self.known, self.moved = found.known, found.moved
         return found.values
 
     def _searched_magnitudes(self) -> PhaseMagnitudes:
@@ -342,11 +343,10 @@ class Phase:
             return None
         stored, peaks = self.choice.stored(kept.time, kept.state, kept.mode)
         count = len(program.states.names)
-        names = program.variables.names
         return Checkpoint(
             self.compilation.facts.identity, dict(zip(program.parameters.names, self.parameters.tolist(), strict=True)),
             kept.time, until, stored, peaks, dict(zip(program.unknowns.names, kept.state[count:].tolist(), strict=True)),
-            dict(self.known) if self.used is None else dict(zip(names, self.used.tolist(), strict=True)), modes_in(self.constraints, kept.mode),
+            dict(self.known if self.moved is None else self.moved), modes_in(self.constraints, kept.mode),
             tuple((owner, place, on) for (owner, place), on in kept.on.items()), self.off, self.scene.preferences,
             None if self.history is None else self.history.past(kept.remembered),
         )  # fmt: skip

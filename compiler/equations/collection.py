@@ -132,6 +132,10 @@ class EquationCollection:
         found = self.variables[variable]
         return found.value if found.role == "parameter" else None
 
+    def unit_of(self, variable: int) -> str:
+        """Return the unit of a variable."""
+        return self.variables[self.root(variable)].unit
+
     def smoothly(self, target: int) -> None:
         """Declare that the pieces of a target's expression join smoothly: none of its conditions is an event."""
         self.pieced.add(target)

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import CompilationFailed
 from ..graph.domains import DOMAINS, GENERIC
+from ..semantics.names.compound_units import with_compound_units
 from ..semantics.names.scope import RESERVED
 from ..source import Source
 from ..syntax import parse, tree
@@ -156,4 +157,4 @@ def permuted(statements: Statements, seed: int) -> Statements:
 
 def parsed(text: str) -> Statements:
     """The statements of a text."""
-    return parse(Source("one.bg", text)).statements
+    return with_compound_units(parse(Source("one.bg", text))).statements

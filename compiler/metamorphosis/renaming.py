@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ..semantics.names.compound_units import with_compound_units
 from ..semantics.names.domain_table import ELEMENT_KINDS, is_slot
 from ..source import Source, read_text
 from ..syntax import parse, tree
@@ -57,7 +58,7 @@ def _read(source: Source, library: Path | None, files: dict[str, File]) -> File:
     name = str(source.path.resolve()) if source.path is not None else source.name
     if name in files:
         return files[name]
-    file = File(name, parse(source).statements)
+    file = File(name, with_compound_units(parse(source)).statements)
     for statement in file.statements:
         match statement:
             case tree.ModelSyntax():

@@ -37,7 +37,7 @@ class Survey:
 
 def survey(kinematics: Kinematics, recursion: Recursion, around: Mapping[int, FictitiousInertia]) -> Survey:
     """Check the inertia along all coordinates. `around`: for each link within a closed loop, its fictitious inertias."""
-    values = SampleValues(kinematics.script)
+    values = SampleValues(kinematics.script, kinematics.length)
     count = len(kinematics.moving)
     free = [[[values.of(x) for x in row] for row in recursion.own_matrix(m)] for m in kinematics.moving]  # fmt: skip
     held = [[list(row) for row in rows] for rows in free]

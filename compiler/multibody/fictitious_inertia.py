@@ -48,7 +48,7 @@ def lent_around(kinematics: Kinematics, recursion: Recursion) -> Mapping[int, Fi
     tree = kinematics.tree
     if not tree.closing:
         return {}
-    values = SampleValues(kinematics.script)
+    values = SampleValues(kinematics.script, kinematics.length)
     whole = measured(kinematics, recursion, values, set(range(len(tree.links))))
     result: dict[int, FictitiousInertia] = {}
     for joint in tree.closing:

@@ -49,7 +49,7 @@ class LinkGeometry:
 
 def idle_turns(kinematics: Kinematics, recursion: Recursion, driving: Set[str]) -> Mapping[int, Matrix]:
     """For each link with an idle rotation, the added inertia: 3 x 3, link axes. `driving`: ports with efforts or flows."""
-    values = (SampleValues(kinematics.script), Elsewhere(kinematics.script))
+    values = tuple(kind(kinematics.script, kinematics.length) for kind in (SampleValues, Elsewhere))
     driven = bonded_joints(driving) | {
         end for j in kinematics.tree.closing if j.kind in COUPLINGS for end in (j.first, j.second)
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 
 from ..algebra.expression import Expression, Number, multiply
 from ..graph.mechanism import GROUND, Mechanism
@@ -14,6 +15,7 @@ from .link_state import LinkState
 from .marker import Carried, Marker
 from .rotations import NO_TURN, Turn, about, composed
 from .tree import Tree
+from .values import length_of
 from .vectors import NULL, Vector, cross, is_null, minus, plus, scaled
 
 
@@ -26,6 +28,11 @@ class Kinematics(Links):
         self.displacements: dict[int, Vector] = {}
         self.velocities: dict[int, Vector] = {}
         self.carried: dict[str, Carried] = {}  # bodies between the joints of a chord
+
+    @cached_property
+    def length(self) -> float:
+        """Size of the mechanism in the drawing."""
+        return length_of(self.script, (x for m in self.moving for x in m.shift))
 
     def turn(self, index: int) -> Turn:
         """Rotation of a link relative to the drawing, in world axes."""

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from ..algebra.expression import Expression, Number, evaluate, symbols
 from .assignment_emitter import AssignmentEmitter
 
 
 class SampleValues:
-    """Numbers for expressions: parameters with the values of this scene, arbitrary values for states and for expressions without finite value."""
+    """Numbers for expressions: parameters with the values of this scene, arbitrary values for states and for expressions without finite value.
 
-    def __init__(self, script: AssignmentEmitter) -> None:
-        self.script = script
+    `length`: the size of lengths among the states. A displacement of a metre would make all that is in a mechanism of a micrometre rounding.
+    """
+
+    def __init__(self, script: AssignmentEmitter, length: float = 1.0) -> None:
+        self.script, self.length = script, length
         self.known: dict[int, float] = {}
 
     def of(self, x: Expression) -> float:
@@ -36,12 +41,15 @@ class SampleValues:
                         self.known[variable] = self._value(variable, definition)
                 else:  # a state: some number that no other has
                     self.known[variable] = (
-                        _anything(variable) if definition is None else self.parameter(variable, definition)
+                        self._state(variable) if definition is None else self.parameter(variable, definition)
                     )
                 if missing:
                     wanted += missing
                     continue
             wanted.pop()
+
+    def _state(self, variable: int) -> float:
+        return _anything(variable) * (self.length if self.script.builder.unit_of(variable) == "m" else 1.0)
 
     def _value(self, variable: int, definition: Expression) -> float:
         try:
@@ -56,6 +64,12 @@ class Elsewhere(SampleValues):
     def parameter(self, variable: int, value: float) -> float:
         """Number for a parameter: its value, changed by some percent."""
         return value + 0.03 * _anything(variable) * (abs(value) or 1.0)
+
+
+def length_of(script: AssignmentEmitter, places: Iterable[Expression]) -> float:
+    """Return the largest of some coordinates in the drawing, or 1 m."""
+    drawn = SampleValues(script, 0.0)
+    return max((abs(drawn.of(x)) for x in places), default=0.0) or 1.0
 
 
 def _anything(variable: int) -> float:

@@ -1,4 +1,4 @@
-"""`python tests/second_opinion FOLDER [--networks N] [--mechanisms N] [--first SEED] [--workers W] [--seconds S] [--counts]`: random models by the thousand.
+"""`python tests/second_opinion FOLDER [--networks N] [--mechanisms N] [--first SEED] [--workers W] [--seconds S] [--counts] [--scales N]`: random models by the thousand.
 
 Each is run by the product and by the second opinion. `FOLDER/journal.jsonl` has a line for each verdict: the same command goes on where it was ended, and
 `--counts` only says what is there. What disagrees and what the product refuses alone is written as a model into the folder, made smaller. Ends with 1 if anything disagreed.
@@ -35,6 +35,19 @@ def jobs(given: argparse.Namespace, known: set[tuple[str, int]]) -> Iterator[tup
     yield from (j for j in mechanisms if j[:2] not in known)
 
 
+def in_other_units(numbers: range, seconds: int) -> int:
+    """Run models at powers of ten of their units; print what differs."""
+    from tests.second_opinion.scales import campaign
+
+    tried = wrong = 0
+    for name, words in campaign(numbers, 100 * seconds):
+        tried, wrong = tried + 1, wrong + bool(words)
+        if words:
+            print(f"{name}: {words}", flush=True)
+    print(f"{tried} runs in other units, {wrong} of them differ")
+    return 1 if wrong else 0
+
+
 def main() -> int:
     """Run the campaign."""
     from tests.second_opinion.trial import KINDS, Entry, Tally, smallest, tried
@@ -46,8 +59,13 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--seconds", type=int, default=5, help="of the processor, at most, for one model")
+    parser.add_argument(
+        "--scales", type=int, default=0, help="only run as many of each kind, and all texts, in other units"
+    )
     parser.add_argument("--counts", action="store_true", help="only say what the journal has")
     given = parser.parse_args()
+    if given.scales:
+        return in_other_units(range(given.first, given.first + given.scales), given.seconds)
     given.folder.mkdir(parents=True, exist_ok=True)
     journal, tally = given.folder / "journal.jsonl", Tally()
     for line in journal.read_text(encoding="utf-8").splitlines() if journal.exists() else ():

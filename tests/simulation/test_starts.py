@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import bondgraph
 from bondgraph import CompilationFailed
@@ -209,3 +210,24 @@ def units(name: str) -> str:
 def test_an_unknown_experiment_start_does_not_run() -> None:
     with pytest.raises(CompilationFailed, match="BG101"):
         bondgraph.load("model A {\n  C c : F = 1 [N/m]*x\n  Sf s : v = 0\n  s -> c\n  output x = c.x\n  experiment e { start d.x = 1 m; simulate 0 .. 1 s }\n}\n").simulate()  # fmt: skip
+
+
+CURVED_START = """model Curved {{
+  parameter s = 1, t = 1
+  C near : u = t*q/1 [F] + s*3 V*(t*q/(s*1 [C]))^3 {{ start u = s*{start} [V] }}
+  R load : i = 1/t*u/2 [ohm]
+  0 node : electric
+  node -> near, load
+  output u = near.u, q = near.q
+}}"""
+
+
+@pytest.mark.parametrize("start", [0.3, 30])
+@pytest.mark.parametrize(
+    ("s", "t"), [(1.0, 1.0), (1e-15, 1.0), (1e-20, 1e9), (1e12, 1.0), (1e6, 1e-9), (1e12, 1e-9), (1.0, 1e-9)]
+)
+def test_a_start_of_a_curved_law_has_no_size_of_its_own(start: float, s: float, t: float) -> None:
+    """Charges from 1e-29 C to 1e21 C: a difference over 1e-9 C found no slope, and the start was refused."""
+    run = bondgraph.load(CURVED_START.format(start=start)).simulate(settings={"s": s, "t": t}, to=1.2, points=2)
+    charge = brentq(lambda q: q + 3 * q**3 - start, 0, 10, xtol=1e-15)
+    assert run["u"][0] / s == pytest.approx(start, rel=1e-9) and run["q"][0] / s * t == pytest.approx(charge, rel=1e-9)

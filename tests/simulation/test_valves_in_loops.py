@@ -139,3 +139,25 @@ def test_laws_that_overflow_within_a_short_step_are_solved_by_waves() -> None:
         exact.append(solve_ivp(flux(source), ends, exact[-1:], "DOP853", rtol=1e-12, atol=1e-14).y[0, -1])
     found = bondgraph.load(DRIVEN).simulate(to=1.2, points=121, rtol=1e-9)
     np.testing.assert_allclose(found["i"][[35, 82, 120]], exact, rtol=1e-7, atol=1e-12)
+
+
+FREEWHEEL = """import Freewheel from drivetrain
+model Clutch {{
+  Se pedal : M = {torque} [N*m] - 2*{torque} [N*m]*step(time - {time} [s])
+  I crank : L = 0.1*{inertia} [kg*m^2]*omega
+  I wheel : L = 0.3*{inertia} [kg*m^2]*omega
+  Freewheel part
+  pedal -> 1(crank) -> part.a
+  part.b -> wheel
+  output a = crank.omega, b = wheel.omega
+}}"""
+
+
+@pytest.mark.parametrize("time", [1e-3, 3e-4, 0.7, 1e-9, 1e6])
+@pytest.mark.parametrize("torque", [1e-16, 1.0, 1e9])
+def test_a_clutch_lets_go_whatever_its_units(torque: float, time: float) -> None:
+    """The impedance of the waves was searched about 1 in SI only: a clutch of 1e-16 N*m never let go."""
+    text = FREEWHEEL.format(torque=repr(torque), time=repr(time), inertia=repr(torque * time**2))
+    run = bondgraph.load(text).simulate(to=1.5 * time, points=4)
+    np.testing.assert_allclose(run["a"] * time, [0, 1.25, 2.5, -2.5], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(run["b"] * time, [0, 1.25, 2.5, 2.5], rtol=1e-6, atol=1e-9)

@@ -96,8 +96,8 @@ class Constraints:
         """Mask of the active rows among the rates of the residuals."""
         return self.rate_rows[self.taking & (self.rate_rows >= 0)] - self.gaps
 
-    def loops(self, magnitude: Array) -> LoopSolver:
-        """Return the solver of the program's loops with these inputs and parameters; `magnitude`: of states and unknowns."""
+    def loops(self, magnitude: Array | None = None) -> LoopSolver:
+        """Return the solver of the program's loops with these inputs and parameters; `magnitude`: of states and unknowns, if they are known."""
         return LoopSolver(self.program, self.constants, self.inputs, magnitude, self.parameters)
 
     def leave_out(self, taking: Any) -> None:

@@ -32,9 +32,8 @@ class EquilibriumSearch:
         self.constraints, constants = constraints, constraints.constants
         self.program, self.count = program, len(program.states.names)
         self.time, self.fixed = first.start, (inputs, constants, first.mode)
-        magnitude = np.ones(self.count + len(program.unknowns.names))
-        self.loops, self.mode = constraints.loops(magnitude), first.mode
-        self.largest = np.zeros(self.count)
+        self.loops, self.mode = constraints.loops(), first.mode
+        self.largest, self.unseen = np.zeros(self.count), np.zeros(self.count)
         self.names, units = program.states.names, program.states.units
         self.kind = group_numbers(units)
         self.basis: Any = None  # basis of the directions that loop joints allow at the current state
@@ -80,8 +79,21 @@ class EquilibriumSearch:
 
     def scale(self, change: Array) -> Any:
         """Return magnitudes of the states, as far as they are known: states of one unit share the largest."""
-        seen = np.maximum(self.largest, np.where(np.isfinite(change), np.abs(change), 0.0))
-        return nonzero(largest_of_group(seen, self.kind))
+        seen = largest_of_group(np.maximum(self.largest, np.where(np.isfinite(change), np.abs(change), 0.0)), self.kind)
+        return nonzero(np.where(seen > 0, seen, self.unseen))
+
+    def begin(self, slope: Array, jacobian: Any) -> None:
+        """Set magnitudes for units of which no state has a value: how far the first rates lead within the time of the fastest mode, and what follows."""
+        fastest = self.fastest(jacobian)
+        if not 0 < fastest < np.inf:
+            return
+        reach = np.maximum(self.largest, np.abs(slope) / fastest)
+        for _ in range(self.count):
+            further = np.where(reach > 0, reach, np.abs(jacobian) @ reach / fastest)
+            if (further == reach).all():
+                break
+            reach = further
+        self.unseen = largest_of_group(np.where(np.isfinite(reach), reach, 0.0), self.kind)
 
     def step(self, full: Array, slope: Array, jacobian: Any, size: float) -> tuple[Any, Any, Any] | None:
         """Make one implicit Euler step; None if its result is not finite."""

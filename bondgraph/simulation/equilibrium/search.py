@@ -45,6 +45,7 @@ def found_by(search: EquilibriumSearch, state: Array) -> Any:
         )
     if not slope.any():
         return search.rested(x)
+    search.begin(slope, jacobian)
     if search.distance(slope, jacobian) <= CLOSE:
         return search.rested(search.polished(x, slope, jacobian))
     if (moving := search.steady_motion(x, slope, jacobian)) is not None:

@@ -11,7 +11,6 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ...errors import RunFailed
-from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
 from ..initialization.assembly import choose_rows
 from ..initialization.consistent_start import consistent_start
@@ -87,7 +86,7 @@ def with_modes(program: Program, first: Segment, modes: Mapping[str, float]) -> 
 
 def with_mode(space: CompiledScene, constraints: Constraints, state: Array, first: Segment, horizon: float) -> Segment:
     """Return the first segment with the mode that fits the consistent initial state. Raises `RunFailed` if there is none."""
-    indicators = EventIndicators(constraints, nonzero(np.abs(state)), horizon)
+    indicators = EventIndicators(constraints, np.abs(state), horizon)
     mode = indicators.guess(HybridState(first.start, state, first.mode))
     seen = set()
     for _ in range(MOST_MODES):
@@ -95,7 +94,7 @@ def with_mode(space: CompiledScene, constraints: Constraints, state: Array, firs
         full, _ = consistent_start(
             constraints.program, space, constraints.constants, constraints.inputs, state, first, constraints
         )
-        indicators.measure(nonzero(np.abs(full)))
+        indicators.measure(np.abs(full))
         found = settled(indicators, HybridState(first.start, full, mode)).mode
         if (found == mode).all():
             return first
@@ -110,7 +109,7 @@ def with_mode(space: CompiledScene, constraints: Constraints, state: Array, firs
 
 def off_in(constraints: Constraints, full: Array, first: Segment) -> tuple[str, ...]:
     """Return the junctions that are off before any event acts."""
-    indicators = EventIndicators(constraints, nonzero(np.abs(full)), 1.0)
+    indicators = EventIndicators(constraints, np.abs(full), 1.0)
     return indicators.actives(HybridState(first.start, full, first.mode))
 
 
@@ -118,7 +117,7 @@ def begun(
     constraints: Constraints, full: Array, first: Segment, horizon: float, companion: Companion | None
 ) -> tuple[Events, HybridState]:
     """Return the events of a run, and the hybrid state after all events at its beginning."""
-    events = Events(constraints, nonzero(np.abs(full)), horizon, companion=companion)
+    events = Events(constraints, np.abs(full), horizon, companion=companion)
     moment = events.happen(HybridState(first.start, full, first.mode), due=events.due(first.start))
     events.tell_valves(first.mode)
     return events, moment
@@ -133,7 +132,7 @@ def continued(
     assert hybrid is not None
     full = carried_over(constraints, state, first, begin)
     mode = with_discrete_variables(hybrid, first.mode, begin.modes)
-    events = Events(constraints, nonzero(np.abs(full)), horizon, dict(begin.on), companion=companion)
+    events = Events(constraints, np.abs(full), horizon, dict(begin.on), companion=companion)
     known = np.array([begin.magnitudes.get(n) or begin.peaks.get(n, 0.0) for n in (*names, *program.unknowns.names)])
     events.measure(np.where(known > 0, known, events.magnitude))
     mode = events.guess(HybridState(first.start, full, mode))

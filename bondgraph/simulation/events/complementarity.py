@@ -40,8 +40,12 @@ MOST_PIVOTS = 1000
 PATIENCE = 4  # block pivots without progress before one valve at a time changes
 SETTLED = 1e-6  # relative to the waves: end of the iteration for nonlinear laws
 NEWTON = 30  # iterations for networks with nonlinear laws
-LEAST_WAVE = 1e-6  # in the unit of efforts: differences over less are the rounding of the unknowns of loops
+LEAST_WAVE = 1e-6  # relative to the largest so far: differences over less are the rounding of the unknowns of loops
 IMPEDANCES = 6  # rounds in which the impedance of the waves is chosen
+BEGINNINGS = (
+    1.0,
+    *(10.0 ** np.arange(-30, 31, 6)).tolist(),
+)  # its first values, in SI, from below: above the network's own all is rounding
 STEP, IMPEDANCE = "step of the companion", "impedance of the valves"  # its inputs, besides the waves
 # of stored quantities: an input where a law is nonlinear, and an output
 JUMP, PASSED = "jump of ", "rate of what passes to "
@@ -78,7 +82,9 @@ class CompanionNetwork:
     curved: tuple[str, ...]  # stored quantities with nonlinear laws
     start: Any  # its state at the start, with the unknowns of its loops
     last: Any  # the last of these unknowns that were found: the first guess of the next
+    largest: Any  # the largest that they were, zeros for the state
     impedance: float = 0.0  # impedance of the waves; chosen at the first use
+    wave: float = 0.0  # the largest wave so far
 
 
 class Companion:
@@ -300,7 +306,8 @@ class Companion:
         where = self._state(network, at, step)
         others = [name in at.off for name in self.gaps[len(self.valves) :]]  # a switch whose junction is off conducts
         waves, on = np.zeros(count), np.array([*guess, *others], dtype=bool)
-        size = 1.0
+        network.wave = network.wave or self._largest_wave(self._outputs(network, at, where, (step, z, waves[None])), z)
+        size = network.wave or 1.0
         for _ in range(NEWTON):
             rows = np.concatenate([waves[None], waves + size * np.eye(count)])
             seen = self._outputs(network, at, where, (step, z, rows))
@@ -316,7 +323,8 @@ class Companion:
             before, waves, on = waves, self.signs * found[1], found[0]
             if network.linear or np.abs(waves - before).max(initial=0.0) <= SETTLED * np.abs(waves).max(initial=0.0):
                 break
-            size = 1e-4 * max(float(np.abs(waves).max()), LEAST_WAVE)
+            network.wave = max(network.wave, float(np.abs(waves).max()))
+            size = 1e-4 * max(float(np.abs(waves).max()), LEAST_WAVE * network.wave)
         return on[: len(self.valves)], lambda: self._outputs(network, at, where, (step, z, waves[None]))[0]
 
     def _outputs(self, network: CompanionNetwork, at: Instant, where: tuple[Any, Any], values: tuple[float, float, Any]) -> Any:  # fmt: skip
@@ -333,9 +341,10 @@ class Companion:
         times = np.full(len(rows), at.time + step)
         if len(program.unknowns.names):
             states[:, count:] = network.last
-            loops = LoopSolver(program, constraints.constants, inputs, np.ones(len(state)), constraints.parameters)
+            loops = LoopSolver(program, constraints.constants, inputs, network.largest, constraints.parameters)
             states = loops.solve_all(times, states, mode)
             network.last = states[0, count:]
+            network.largest[count:] = np.maximum(network.largest[count:], np.abs(network.last))
         return np.asarray(program.output(times, states, inputs, constraints.constants, mode))
 
     def _network(self, off: tuple[str, ...]) -> CompanionNetwork:
@@ -355,26 +364,43 @@ class Companion:
             start = np.array(program.start(constraints.constants), dtype=float)
             self.networks[off] = CompanionNetwork(
                 program, constraints, places, waves, None if program.hybrid is None else self.conditions(constraints), made.certificate.linear,
-                curved, start, start[len(program.states.names) :],
+                curved, start, start[len(program.states.names) :], np.zeros(len(start)),
             )  # fmt: skip
         return self.networks[off]
 
     def _impedance(self, network: CompanionNetwork, at: Instant) -> float:
         """Return the reference impedance of the waves: the geometric mean, over all valves, of the network's impedance for a long time step."""
-        z, count = 1.0, len(self.gaps)
         step = 1e-3 * self.horizon
         where = self._state(network, at, step)
+        beginnings = ((z, self._mismatch(network, at, where, (step, z))) for z in BEGINNINGS)
+        z, factor = next(((z, f) for z, f in beginnings if f), (1.0, 1.0))
         for _ in range(IMPEDANCES):
-            seen = self._outputs(network, at, where, (step, z, np.concatenate([np.zeros((1, count)), np.eye(count)])))
-            change = np.diagonal(
-                (seen[1:, :count] - seen[0, :count]) + z * (seen[1:, count : 2 * count] - seen[0, count : 2 * count])
-            )
-            own = change[np.abs(change) < 1 - 1e-6]  # without sources and floating parts, which have no impedance
-            factor = float(np.exp(np.mean(np.log((1 + own) / (1 - own))))) if len(own) else 1.0
-            z = float(np.clip(z * factor, 1e-12, 1e12))
+            z *= factor
             if 0.1 < factor < 10:
                 break
+            factor = self._mismatch(network, at, where, (step, z)) or 1.0
         return z
+
+    def _mismatch(
+        self, network: CompanionNetwork, at: Instant, where: tuple[Any, Any], values: tuple[float, float]
+    ) -> float | None:
+        """Return the ratio of the network's impedance to that of the waves; None if all that it shows is that one is far larger than the other."""
+        (step, z), count = values, len(self.gaps)
+        here = self._outputs(network, at, where, (step, z, np.zeros((1, count))))
+        size = self._largest_wave(here, z) or 1.0  # smaller waves are lost in those of the sources
+        waves = size * np.concatenate([np.zeros((1, count)), np.eye(count), 2 * np.eye(count)])
+        moved = self._outputs(network, at, where, (step, z, waves))[1:] - here
+        back = (moved[:, :count] + z * moved[:, count : 2 * count]).reshape(2, count, count)
+        change, again = (np.diagonal(b) / (k * size) for k, b in enumerate(back, 1))
+        # without sources and floating parts, which have no impedance, and without what is rounding
+        own = change[(np.abs(change) < 1 - 1e-6) & (np.abs(again - change) < 0.5 * (1 - np.abs(change)))]
+        return float(np.exp(np.mean(np.log((1 + own) / (1 - own))))) if len(own) else None
+
+    def _largest_wave(self, seen: Array, z: float) -> float:
+        """Return the largest effort, or flow times the impedance, at the valves; 0 if it is not finite."""
+        count = len(self.gaps)
+        size = float(np.maximum(np.abs(seen[:, :count]), np.abs(z * seen[:, count : 2 * count])).max(initial=0.0))
+        return size if np.isfinite(size) else 0.0
 
     def _state(self, network: CompanionNetwork, at: Instant, step: float) -> tuple[Any, Any]:
         """Return the state and the mode of a companion program at an instant."""

@@ -16,7 +16,7 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ...errors import RunFailed
-from ...numerics.scales import group_numbers, nonzero
+from ...numerics.scales import group_numbers
 from ..constraints.constraints import Constraints
 from ..equilibrium.dense import EquilibriumSearch
 from ..equilibrium.search import equilibrium, found_by
@@ -47,14 +47,14 @@ def rest_with_events(constraints: Constraints, state: Array, first: Segment, eve
             slack[search.places] = search.slack(full)
         else:
             at = HybridState(at.time, equilibrium(program, constraints, constraints.inputs, at.state, segment), at.mode)
-        events.measure(nonzero(np.abs(at.state)))
+        events.measure(np.abs(at.state))
         events.log.clear()
         after = events.happen(at, due=events.due(at.time))
         moved = np.abs(after.state - at.state) > SAME * np.maximum(np.abs(after.state), np.abs(at.state))
         other = np.abs(after.mode - at.mode) > SAME * np.maximum(np.abs(after.mode), np.abs(at.mode)) + slack
         if not moved[: events.count].any() and not other.any():
             return after
-        key = (after.mode.tobytes(), after.state.round(12).tobytes())
+        key = (after.mode.tobytes(), *(f"{x:.12g}" for x in after.state))
         if key in visited:
             break
         visited.append(key)

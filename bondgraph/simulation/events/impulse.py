@@ -26,6 +26,7 @@ ITERATIONS = 100
 HALVES = 20  # of a step that leaves the domain of a law
 CLOSE = 1e-12  # relative to the magnitudes: end of the iteration
 AFFINE = 1e-13  # relative to the values: rounding error of an affine function
+FINEST = 1e-3  # in units of the magnitudes: least size for a difference
 LEAST = 1e-6  # relative to the largest of its unit: magnitude of a stored quantity that is smaller
 SEEN = 1e-9  # relative to the magnitudes: least change that counts as a jump
 
@@ -59,7 +60,7 @@ def after_impulse(
     jumping = np.array(program.hybrid.jumping, dtype=int)
     largest = [peaks.get(n, 0.0) for n in program.variables.names]
     # in units of 1, small unknowns would end rounded
-    loops = constraints.loops(nonzero(np.maximum(np.abs(full), largest)))
+    loops = constraints.loops(np.maximum(np.abs(full), largest))
     contents = _Held(constraints, loops, time, full, mode, jumping, scale[jumping])
     y = full[jumping] / contents.scale
     here = contents.stored(y)
@@ -212,9 +213,9 @@ def _slopes(function: Callable[[Any], Any], y: Array) -> Any:
         try:
             ahead, behind = function(y + way), function(y - way)
         except RunFailed:  # a law that ends nearer than that
-            return slopes_of(function, y, np.ones(len(y), dtype=bool))
+            return slopes_of(function, y, np.ones(len(y), dtype=bool), np.maximum(np.abs(y), FINEST))
         size = np.maximum(np.abs(ahead), np.abs(behind))
         if not (np.abs(ahead + behind - 2 * here) <= AFFINE * size).all():
-            return slopes_of(function, y, np.ones(len(y), dtype=bool))
+            return slopes_of(function, y, np.ones(len(y), dtype=bool), np.maximum(np.abs(y), FINEST))
         columns.append(0.5 * (ahead - behind))
     return np.stack(columns, axis=1) if columns else np.zeros((len(here), 0))

@@ -36,7 +36,7 @@ class HybridState:
 
 @dataclass(eq=False)
 class EventIndicators:
-    """Conditions of a program in a run, with its inputs and parameters. `magnitude`: of states and unknowns."""
+    """Conditions of a program in a run, with its inputs and parameters. `magnitude`: of states and unknowns, 0 where it is not known."""
 
     constraints: Constraints  # constraints of the program, with the program itself
     magnitude: Any
@@ -170,12 +170,13 @@ class EventIndicators:
     def _rounding(self, at: HybridState, roots: Array, flow: tuple[Any, float] | None) -> Any:
         """Return the same as `noise`; `flow`: that of the hybrid state."""
         n = len(at.state)
+        sizes = self.sizes(flow)
         times = np.empty(n + 2)
         times[:] = at.time
         times[n] += SHARE * max(abs(at.time), 1e-300)
         states = np.empty((n + 2, n))
         states[:] = at.state
-        states.reshape(-1)[: n * n : n + 1] += SHARE * np.maximum(self.magnitude, np.abs(at.state))
+        states.reshape(-1)[: n * n : n + 1] += SHARE * np.maximum(sizes, np.abs(at.state))
         shares = [NOISE / SHARE, 0.0]
         if flow is not None:
             first, whole = flow
@@ -194,8 +195,17 @@ class EventIndicators:
         if not self.count:
             return None
         first = self.program.derivative(at.time, at.state, self.inputs, self.constants, at.mode)[: self.count]
-        speed = float((np.abs(first) / self.magnitude[: self.count]).max())
-        return (first, min(self.horizon, 1 / speed if speed > 0 else np.inf)) if math.isfinite(speed) else None
+        magnitude = self.magnitude[: self.count]
+        speed = float((np.abs(first) / np.where(magnitude > 0, magnitude, np.inf)).max())
+        return (first, min(self.horizon, 1 / speed if speed > 0 else np.inf)) if np.isfinite(first).all() else None
+
+    def sizes(self, flow: tuple[Any, float] | None) -> Any:
+        """Return the magnitudes; where one is not known, how far a flow moves the state in its time: a unit of its own would be a size of no meaning."""
+        if flow is None or (self.magnitude[: self.count] > 0).all():
+            return self.magnitude
+        sizes = np.array(self.magnitude)
+        sizes[: self.count] = np.where(sizes[: self.count] > 0, sizes[: self.count], flow[1] * np.abs(flow[0]))
+        return sizes
 
     def _ahead(
         self, at: HybridState, reach: float, first: Array, whole: float
@@ -226,10 +236,10 @@ class EventIndicators:
 
 def conditions_of(constraints: Constraints) -> Callable[[float, Array, Array], Any]:
     """Return a function of time, state and mode that returns the mode with the conditions on states as evaluated."""
-    indicators = EventIndicators(constraints, np.ones(len(constraints.magnitude)), 1.0)
+    indicators = EventIndicators(constraints, np.zeros(len(constraints.magnitude)), 1.0)
 
     def evaluated(time: float, state: Array, mode: Array) -> Any:
-        indicators.measure(nonzero(np.abs(state)))
+        indicators.measure(np.abs(state))
         return indicators.guess(HybridState(time, state, mode))
 
     return evaluated

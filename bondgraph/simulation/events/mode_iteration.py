@@ -100,13 +100,14 @@ def _is_alike(indicators: EventIndicators, at: HybridState, modes: Sequence[Any]
     flow = indicators.flow(at)
     if flow is None:
         return False
+    sizes = np.maximum(indicators.sizes(flow), np.abs(at.state))
     for mode in modes:
         other = indicators.solved(HybridState(at.time, at.state, mode))
         changed = indicators.flow(other)
         if changed is None:
             return False
         moved = np.concatenate([flow[1] * (changed[0] - flow[0]), (other.state - at.state)[indicators.count :]])
-        if not (np.abs(moved) <= CLOSE * indicators.magnitude).all():
+        if not (np.abs(moved) <= CLOSE * sizes).all():
             return False
     return True
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunFailed
-from ...numerics.scales import nonzero
 from ...quantities import behind
 from ..constraints.constraints import Constraints
 from ..loops.loops import LoopSolver
@@ -38,7 +37,7 @@ def consistent_start(
 
     Raises `RunFailed` if initial equations contradict each other or the start values of states, or if a loop has no solution.
     """
-    loops = constraints.loops(nonzero(np.abs(state)))
+    loops = constraints.loops()
     time, mode, count = first.start, first.mode, len(program.states.names)
     if not made.facts.claims and not constraints:
         full = loops.solve(time, state, mode)
@@ -69,7 +68,8 @@ def consistent_start(
     value, full = missed(x)
     reach = np.abs(value)
     if value.any():  # the size of the terms that an initial equation adds up: a value of zero has no size of its own
-        reach = np.abs(slopes_of(lambda y: missed(y)[0], x, np.ones(len(x), dtype=bool))) @ np.abs(x)
+        terms = np.abs(x[x != 0])
+        reach = np.abs(slopes_of(lambda y: missed(y)[0], x, x != 0, terms)) @ terms
     _check(program, space, constants, value, reach, full, (time, inputs, mode))
     _check_unique(loops, made, full, (time, mode))
     return full, notes
@@ -93,7 +93,7 @@ def _assembled(
     from .assembly import choose_rows, rates_closed, sizes
 
     time, mode, space = first.start, first.mode, made.state_space
-    loops = constraints.loops(np.ones(len(state)))
+    loops = constraints.loops()
     loose = len(program.unknowns.names) > 0 and not loops.affine  # initial equations may depend on other loops
     rows = [i for i, c in enumerate(space.claims) if not c.on_pose]
 
@@ -110,9 +110,10 @@ def _assembled(
     value = claims(x)
     size = np.abs(x)  # a value that must be zero has the size of the mechanism, by which rounding is measured
     size[: constraints.count] += ROUNDING * sizes(constraints, time, x, mode)
-    reach = np.abs(slopes_of(claims, x, np.ones(len(x), dtype=bool))) @ size if value.any() else np.abs(value)
+    terms = size[size > 0]
+    reach = np.abs(slopes_of(claims, x, size > 0, terms)) @ terms if value.any() else np.abs(value)
     _check(program, made.state_space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
-    loops = constraints.loops(np.ones(len(x)))  # with the rows that were chosen
+    loops = constraints.loops()  # with the rows that were chosen
     full = loops.solve(time, x, mode)
     if loose:
         _check_unique(loops, made, full, (time, mode))
@@ -131,6 +132,8 @@ def _check_unique(loops: LoopSolver, made: CompiledScene, full: Array, at: Any) 
     solutions = np.array([full[loops.count :], *others])
     size = np.abs(solutions).max(axis=0)
     differ = np.flatnonzero(np.ptp(solutions, axis=0) > DISTINCT * size)
+    if not len(differ):  # Newton's method led them all to one
+        return
     unknowns = loops.program.unknowns
     lines = [
         ", ".join(f"`{unknowns.names[i]}` = {z[i]:.6g}{behind(unknowns.units[i])}" for i in differ[:SHOWN])

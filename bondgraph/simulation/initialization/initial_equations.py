@@ -13,10 +13,18 @@ import numpy as np
 
 from compiler.api import Array, BoolArray, IntArray
 
+from ...errors import RunFailed
+
 ITERATIONS = 100
 DIFFERENCE = 1e-6  # step of differences, in units of the mechanism
 PRECISION = 1e-13  # size of the last step, relative to the states
 NOISE = 1e-9  # error of central differences where a derivative is zero, relative to the equation's value
+LEAST = 1e-3  # relative to the size of a state: size of one that is smaller; and share of a residual that a state of this size moves
+DECADES, BLIND, FARTHEST = (
+    80,
+    1e12,
+    1e40,
+)  # most powers of ten that are tried, factor where nothing is seen to move, and end
 SINGULAR = 1e-12  # relative to the largest singular value
 STRONGEST = 1e8  # damping beyond which nothing moves any more
 Missed = Callable[[Any], Any]  # states -> residuals of the initial equations
@@ -25,8 +33,10 @@ Missed = Callable[[Any], Any]  # states -> residuals of the initial equations
 def fulfil(missed: Missed, x: Array, movable: BoolArray) -> Any:
     """Return the states, shape (n,), with the movable ones (a mask) changed so that the initial equations hold, or nearly hold."""
     x, value, damping = np.array(x), missed(x), 0.0
+    first = _sizes(missed, x, movable, value)
     for _ in range(ITERATIONS):
-        slopes = _noiseless(slopes_of(missed, x, movable), x[movable], value)
+        size = np.maximum(np.abs(x[movable]), LEAST * first)
+        slopes = _noiseless(slopes_of(missed, x, movable, size) * first, size / first, value)
         bound = np.abs(slopes).max(axis=1, initial=0.0)
         told = bound > 0  # the equations that depend on movable states
         if not told.any():
@@ -35,11 +45,11 @@ def fulfil(missed: Missed, x: Array, movable: BoolArray) -> Any:
         while True:
             step = damped_step(scaled, miss, damping, SINGULAR)
             trial = x.copy()
-            trial[movable] += step
+            trial[movable] += first * step
             new = missed(trial)
             if np.linalg.norm(new[told] / bound[told]) < np.linalg.norm(miss):
                 break
-            if np.abs(step).max() <= PRECISION * np.abs(x[movable]).max() or damping > STRONGEST:
+            if (np.abs(first * step) <= PRECISION * np.abs(x[movable])).all() or damping > STRONGEST:
                 return x
             damping = 10 * damping or 1e-3
         x, value, damping = trial, new, damping / 10 if damping > 1e-6 else 0.0
@@ -56,21 +66,39 @@ def differences(function: Missed, state: Array, places: IntArray, size: Array | 
     return (function(state + shifts) - function(state - shifts)) / (2 * DIFFERENCE)
 
 
-def slopes_of(function: Missed, x: Array, movable: BoolArray) -> Any:
-    """Return central differences; used at the start only, where an iteration over them converges to round-off."""
+def _sizes(missed: Missed, x: Array, movable: BoolArray, value: Array) -> Any:
+    """Return a size of each movable state: one, or the power of ten with which it moves some residual by its own order; shape (movable,)."""
+    result, missing = np.ones(int(movable.sum())), value != 0
+    for k, i in enumerate(np.flatnonzero(movable)):
+        size, shift = 1.0, np.zeros(len(x))
+        for _ in range(DECADES):
+            shift[i] = size
+            try:
+                moved = np.abs((missed(x + shift) - value)[missing] / value[missing]).max(initial=0.0)
+            except RunFailed:  # a loop has no solution so far away
+                moved = np.inf
+            if LEAST <= moved <= 1 / LEAST:
+                result[k] = size
+            if LEAST <= moved <= 1 / LEAST or size > FARTHEST:
+                break
+            size *= 0.1 if not moved < LEAST else 10.0 if moved else BLIND
+    return result
+
+
+def slopes_of(function: Missed, x: Array, movable: BoolArray, size: Array) -> Any:
+    """Return central differences by the movable states, whose sizes are given; used at the start only, where an iteration over them converges to round-off."""
     columns = []
-    least = 1e-3 * (min(np.abs(x[movable]).max(initial=0.0), 1.0) or 1.0)
-    for i in np.flatnonzero(movable):
-        step = 1e-6 * max(abs(x[i]), least)
+    for i, own in zip(np.flatnonzero(movable), size, strict=True):
+        step = DIFFERENCE * own
         shift = np.zeros(len(x))
         shift[i] = step
         columns.append((function(x + shift) - function(x - shift)) / (2 * step))
     return np.stack(columns, axis=1) if columns else np.zeros((len(function(x)), 0))
 
 
-def _noiseless(slopes: Array, x: Array, value: Array) -> Any:
+def _noiseless(slopes: Array, size: Array, value: Array) -> Any:
     """Return derivatives with those below rounding set to zero: otherwise an equation would seem to depend on unrelated states."""
-    reach = np.abs(slopes) * np.maximum(np.abs(x), 1e-3)
+    reach = np.abs(slopes) * size
     return np.where(reach > NOISE * np.abs(value)[:, None], slopes, 0.0)
 
 

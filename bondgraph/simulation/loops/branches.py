@@ -28,10 +28,10 @@ def other_solutions(loops: LoopSolver, time: float, state: Array, mode: Array) -
     unknowns = state[loops.count :]
     if not 0 < len(unknowns) <= LARGEST:
         return []
-    others: list[Any] = []
+    loops, others = loops.measured(time, state, mode), list[Any]()
     for places in loops.separate():
         loop = SeparateLoop(loops, (time, state, mode), unknowns, places)
-        found = _collect(loop, [unknowns[places]], guesses(unknowns[places]))
+        found = _collect(loop, [unknowns[places]], guesses(unknowns[places], loop.magnitude))
         if len(found) > 1:  # between two solutions often lies a third one that Newton's method avoids
             between = [a + t * (b - a) for a, b in combinations(found[:4], 2) for t in BETWEEN]
             found = _collect(loop, found, np.array(between))

@@ -16,6 +16,7 @@ import numpy as np
 from compiler.api import Array, IntArray, Program
 
 from ...errors import RunFailed
+from ...numerics.scales import equilibrated, nonzero
 
 if TYPE_CHECKING:
     from .waves import OpenedLoops
@@ -28,6 +29,7 @@ TOGETHER = 12  # iterations for many instants at once: instants that need more a
 LARGEST = 100  # most unknowns of a loop that is searched from many guesses
 NEAREST = 8
 ROUNDED = 1e-5  # relative to its terms: a residual that does not fall counts as rounding below this
+HIDDEN = 1e-12  # in SI, of unknowns whose magnitude is not known: a correction below it that no halving makes work is rounding of the 1 in exp(u) - 1
 SAMPLED = (0.0, *(10.0 ** np.arange(-9, 9, 0.25)).tolist())  # times at which conditions on time are compared
 GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # in units of the magnitudes
 
@@ -35,16 +37,18 @@ GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # in u
 class LoopSolver:
     """Solver for the unknowns of a program for given states.
 
-    `inputs`: the same always, or for `solve_all` a row for each instant; `magnitude`: of states and unknowns; `parameters`: needed to open loops
-    (see `_opened`).
+    `inputs`: the same always, or for `solve_all` a row for each instant; `magnitude`: of states and unknowns, 0 or None where they are not known: then
+    the terms of the equations decide them (`_sizes`); `parameters`: needed to open loops (see `_opened`).
     """
 
     def __init__(
-        self, program: Program, constants: Array, inputs: Array, magnitude: Array, parameters: Array | None = None
+        self, program: Program, constants: Array, inputs: Array, magnitude: Array | None = None, parameters: Array | None = None
     ) -> None:  # fmt: skip
         self.program, self.constants, self.inputs, self.parameters = program, constants, inputs, parameters
         self.count = len(program.states.names)
-        self.magnitude = np.asarray(magnitude, dtype=float)[self.count :]
+        unknown = np.zeros(len(program.variables.names))
+        self.magnitude = np.asarray(unknown if magnitude is None else magnitude, dtype=float)[self.count :]
+        self.unknown = not (self.magnitude > 0).all()
         self.affine = False
         if not len(self.magnitude):
             return
@@ -101,7 +105,7 @@ class LoopSolver:
         if fitting is None:
             return None
         names = program.unknowns.names
-        opened = LoopSolver(program, constants, self.inputs, np.ones(self.count + len(names)))
+        opened = LoopSolver(program, constants, self.inputs)
         at = time, state, fitting
         return OpenedLoops(names, partial(opened.residual, *at), partial(opened.matrix, *at), laws)
 
@@ -145,6 +149,8 @@ class LoopSolver:
 
     def _one_by_one(self, time: float, state: Array, mode: Array) -> Any:
         """Return all unknowns, solved loop after loop; None if one loop fails."""
+        if self.unknown:
+            return self.measured(time, state, mode)._one_by_one(time, state, mode)
         z = state[self.count :]
         for places in self.separate():
             # first methods that find the nearest solution, then any
@@ -162,7 +168,7 @@ class LoopSolver:
         from ...numerics.multistart import arrivals, far_guesses, guesses
 
         loop = SeparateLoop(self, (time, state, mode), last, places)
-        ends = arrivals(loop, guesses(last[places])) or arrivals(loop, far_guesses(len(places)))
+        ends = arrivals(loop, guesses(last[places], loop.magnitude)) or arrivals(loop, far_guesses(loop.magnitude))
         ends.sort(key=lambda end: float(np.abs((end - last[places]) / self.magnitude[places]).max()))
         found = (self.newton(time, state, mode, _put(last, places, end), places) for end in ends[:NEAREST])
         return next((z for z in found if z is not None), None)
@@ -186,6 +192,8 @@ class LoopSolver:
             return states
         if self.affine:
             return self._multipliers(times, states, mode)
+        if self.unknown and len(times):
+            return self.measured(times[0], states[0], mode).solve_all(times, states, mode)
         found, known = self._together(times, states, mode)
         for k in np.flatnonzero(~known).tolist():
             guess = states[k]
@@ -283,7 +291,11 @@ class LoopSolver:
             return None
         before, stuck = np.inf, 0
         for _ in range(ITERATIONS):
-            matrix = self.matrix(time, state, mode, z)[places][:, places] * magnitude
+            matrix = self.matrix(time, state, mode, z)[places][:, places]
+            magnitude = self._sizes(matrix, value, z, places)
+            if magnitude is None:
+                return None
+            matrix = matrix * magnitude
             scale = np.abs(matrix).max(axis=1)
             if not np.isfinite(scale).all() or not (scale > 0).all():
                 return None
@@ -304,7 +316,8 @@ class LoopSolver:
                     break  # at round-off the residual does not fall any further
                 factor *= 0.5
             else:
-                return z if size < 1e-9 or self._is_rounding(value, matrix, z[places] / magnitude) else None
+                stuck_at = size < 1e-9 or (self.unknown and float(np.abs(step).max()) < HIDDEN)
+                return z if stuck_at or self._is_rounding(value, matrix, z[places] / magnitude) else None
             z, value = trial, found
             stuck = stuck + 1 if factor < SHORT else 0
             if stuck == STUCK:
@@ -313,6 +326,34 @@ class LoopSolver:
                 return z
             before = size
         return None
+
+    def _sizes(self, matrix: Array, value: Array, z: Array, places: IntArray | slice) -> Any:
+        """Return the magnitudes of the unknowns; where one is not known, the size of the terms that decide it, by which its rounding is measured. None
+        if nothing decides it."""
+        magnitude = self.magnitude[places]
+        if not self.unknown:
+            return magnitude
+        scaled, rows, columns = equilibrated(matrix)
+        if not np.isfinite(scaled).all():
+            return None
+        try:
+            inverse = np.abs(np.linalg.inv(scaled)) / columns[:, None] / rows
+        except np.linalg.LinAlgError:
+            return None
+        reach = np.maximum(np.maximum(np.abs(z[places]), magnitude), inverse @ np.abs(value))
+        terms = np.abs(matrix) @ reach
+        return np.where(magnitude > 0, magnitude, nonzero(inverse @ terms))
+
+    def measured(self, time: float, state: Array, mode: Array) -> LoopSolver:
+        """Return the solver with magnitudes for all unknowns, near those in a state."""
+        if not self.unknown:
+            return self
+        result, first, z = copy(self), self._with_inputs(0), np.asarray(state)[self.count :]
+        value, matrix = first.residual(time, state, mode, z), first.matrix(time, state, mode, z)
+        sizes = self._sizes(matrix, value, z, slice(None)) if np.isfinite(value).all() else None
+        result.magnitude = nonzero(np.maximum(np.abs(z), self.magnitude)) if sizes is None else sizes
+        result.unknown = False
+        return result
 
     @staticmethod
     def _is_rounding(value: Array, matrix: Array, z: Array) -> bool:

@@ -9,6 +9,7 @@ integrated to round-off.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from compiler.api import Array, Program
 
+from ...errors import RunFailed
 from ...numerics.scales import group_numbers, largest_of_group
 from ...quantities import listed
 from ...results.records import ToleranceDoubt
@@ -24,12 +26,13 @@ from ..integrators.pilot.schedule import unit_numbers
 from ..segments.timeline import Segment
 from .pilot_horizon import trusted
 from .pilot_run import SMALLEST_ANGLE, PilotObservation, PilotObserver, PilotRun, smallest_angles
-from .rate_bounds import chargeable
+from .rate_bounds import MOST_STRETCHES, chargeable
 
 ROUNDED = 1e-3  # relative to the smallest angle: remainder of a projection on loop joints
 CAUTIOUS = 1e-6  # fraction of the charge that sources could bring in a run: magnitude of an unknown state
 RESTING = 2.0  # levels of rounding: what has a smaller magnitude has not moved
 SHARE = 1e-2  # least magnitude relative to the largest state of the same unit in the same mechanism
+PLACES = (np.arange(8) + 0.381966) / 8  # shares of a segment, at no simple fraction of a period
 SLIGHT = 1e-4  # the same relative to the whole model: charge of a junction beside that of a buffer capacitor
 
 
@@ -37,13 +40,18 @@ SLIGHT = 1e-4  # the same relative to the whole model: charge of a junction besi
 class Magnitudes:
     """Magnitudes of a run.
 
-    `values`, shape (n,), in SI; `stopped`: the time at which the pilot run gave up, if it did; `unknown`: the states without information then,
-    whose magnitude is a small fraction of the charge that sources could bring.
+    `values`, shape (n,), in SI; `moved`: the same, 0 for what nothing moves, whose value is the largest of all, or 1; `stopped`: the time at which the
+    pilot run gave up, if it did; `unknown`: the states without information then, whose magnitude is a small fraction of the charge that sources could bring.
     """
 
     values: Any
+    moved: Any
     stopped: float | None
     unknown: tuple[str, ...]
+
+    def by_name(self, names: Sequence[str]) -> dict[str, float]:
+        """Return the magnitudes of what moves."""
+        return {n: m for n, m in zip(names, self.moved.tolist(), strict=True) if m > 0}
 
     @property
     def doubts(self) -> tuple[ToleranceDoubt, ...]:
@@ -81,14 +89,30 @@ def nominal_magnitudes(
             look_along, program, stretches, len(program.signals(first.start, inputs, constants, first.mode)) > 0
         )
         peak, stopped = np.maximum(peak, look.largest), look.stopped
+    elif len(peak):
+        peak = np.maximum(peak, _without_states(constraints, state, stretches))
     levels = rounding_levels(program, mechanisms, constraints, state, stretches[0])
     result = raised(program, mechanisms, np.where(given > 0, given, peak), levels)
     unknown = (result == 0) | ~np.isfinite(result)
+    values = result
     if unknown.any():
+        share = 1.0 if stopped is None else CAUTIOUS
         charged = chargeable(program, constants, inputs, state, stretches, np.where(unknown, 0.0, result))
-        result[unknown] = (1.0 if stopped is None else CAUTIOUS) * charged[unknown]
+        result[unknown] = share * charged[unknown]
+        values = np.where(result > 0, result, share * (charged.max() or 1.0))
     names = () if stopped is None else tuple(program.variables.names[i] for i in np.flatnonzero(unknown))
-    return Magnitudes(result, stopped, names)
+    return Magnitudes(values, result, stopped, names)
+
+
+def _without_states(constraints: Constraints, state: Array, stretches: Sequence[Segment]) -> Any:
+    """Return the largest unknowns of a program without states at some instants: one alone may be where all is zero but for rounding."""
+    loops, largest = constraints.loops(), np.abs(state)
+    for stretch in stretches[:: max(1, len(stretches) // MOST_STRETCHES)]:
+        times = stretch.start + (stretch.stop - stretch.start) * PLACES
+        with suppress(RunFailed):  # the run itself will raise the error
+            states = loops.solve_all(times, np.tile(state, (len(times), 1)), stretch.mode)
+            largest = np.maximum(largest, np.abs(states).max(axis=0))
+    return largest
 
 
 def raised(program: Program, mechanisms: Sequence[str], sizes: Array, levels: Array) -> Any:

@@ -244,8 +244,7 @@ class PilotRun:
 
         The step solves for them anyway, and a search from far away would cost more than the whole pilot run.
         """
-        magnitude = np.where(self.largest > 0, self.largest, 1.0)
-        loops = LoopSolver(self.program, self.constants, self.inputs, magnitude)
+        loops = LoopSolver(self.program, self.constants, self.inputs, self.largest)
         if loops.affine:
             return loops.solve(time, begin, mode)
         found = loops.newton(time, begin, mode, begin[loops.count :])

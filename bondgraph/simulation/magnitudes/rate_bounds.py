@@ -9,6 +9,7 @@ import numpy as np
 
 from compiler.api import Array, Program
 
+from ...numerics.scales import equilibrated
 from ..segments.timeline import Segment
 
 PLACES = 9  # places of a segment at which the rates are evaluated
@@ -18,14 +19,15 @@ MOST_STRETCHES = 64
 def chargeable(
     program: Program, constants: Array, inputs: Array, state: Array, stretches: Sequence[Segment], known: Array
 ) -> Any:
-    """Return positive magnitudes of all states and unknowns, shape (n,).
+    """Return magnitudes of all states and unknowns, shape (n,).
 
     First the change at the largest rates over the whole run, then the effect of other states, link by link of the Jacobian. `known`: the known
-    magnitudes, 0 elsewhere. A state that nothing moves and nothing couples gets the largest of all.
+    magnitudes, 0 elsewhere. A state that nothing moves and nothing couples stays 0.
     """
     whole = stretches[-1].stop - stretches[0].start
     result = np.array(known, dtype=float)
-    differential = np.arange(len(result)) < len(program.states.names)
+    count = len(program.states.names)
+    differential = np.arange(len(result)) < count
     rates = np.zeros(len(result))
     with np.errstate(all="ignore"):
         for stretch in stretches[:: max(1, len(stretches) // MOST_STRETCHES)]:
@@ -33,21 +35,32 @@ def chargeable(
                 slope = np.abs(program.derivative(time, state, inputs, constants, stretch.mode))
                 rates = np.maximum(rates, np.where(np.isfinite(slope), slope, 0.0))
         first = stretches[0]
-        gain = np.abs(program.jacobian_entries(first.start, state, inputs, constants, first.mode))
+        entries = program.jacobian_entries(first.start, state, inputs, constants, first.mode)
+    entries = np.where(np.isfinite(entries), entries, 0.0)
+    (rows, columns), follow = program.pattern, _followed(program, entries)
+    gain = np.where(differential[rows], whole * np.abs(entries), 0.0)
     missing = result == 0
     result[missing & differential] = (rates * whole)[missing & differential]
-    rows, columns = program.pattern
-    gain = np.where(np.isfinite(gain), gain, 0.0) * np.where(differential[rows], whole, 1.0)
     for _ in range(len(result)):
         missing = (result == 0) | ~np.isfinite(result)
         if not missing.any():
             break
-        brought = np.zeros(len(result))
-        np.maximum.at(brought, rows, gain * np.where(missing, 0.0, result)[columns])
+        brought, here = np.zeros(len(result)), np.where(missing, 0.0, result)
+        np.maximum.at(brought, rows, gain * here[columns])
+        brought[count:] = (follow * here[:count]).max(axis=1, initial=0.0)
         new = missing & (brought > 0) & np.isfinite(brought)
         if not new.any():
             break
         result[new] = brought[new]
-    left = (result == 0) | ~np.isfinite(result)
-    result[left] = result[~left].max(initial=0.0) or 1.0
-    return result
+    return np.where(np.isfinite(result), result, 0.0)
+
+
+def _followed(program: Program, entries: Array) -> Any:
+    """Return how far the unknowns of loops follow each state, shape (unknowns, states), from the derivatives of their residuals, whose units are others."""
+    count, unknowns = len(program.states.names), len(program.unknowns.names)
+    (rows, columns), whole = program.pattern, np.zeros((unknowns, count + unknowns))
+    of_loops = rows >= count
+    whole[rows[of_loops] - count, columns[of_loops]] = entries[of_loops]
+    scaled, row_sizes, column_sizes = equilibrated(whole[:, count:])
+    inverse = np.abs(np.linalg.pinv(scaled)) / column_sizes[:, None] / row_sizes
+    return inverse @ np.abs(whole[:, :count])

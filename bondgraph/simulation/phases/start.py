@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunFailed
-from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
 from ..initialization.consistent_start import consistent_start
 from ..segments.timeline import Segment
@@ -92,7 +91,7 @@ class PhaseInitialization:
             from ..events.begin import carried_over
 
             full = carried_over(constraints, state, first, begin)
-            full = constraints.loops(np.ones(len(state))).solve(first.start, full, first.mode)
+            full = constraints.loops().solve(first.start, full, first.mode)
             return StartOfPhase(full, first, self.off, self.off)
         from ..events.begin import continued
         from ..events.impulse import refuse_jumps_of_mechanisms
@@ -156,7 +155,7 @@ class PhaseInitialization:
             from ..events.equilibrium import rest_with_events
             from ..events.events import Events
 
-            events = Events(constraints, nonzero(np.abs(start.state)), horizon)
+            events = Events(constraints, np.abs(start.state), horizon)
             at = rest_with_events(constraints, start.state, start.first, events)
             start = replace(start, state=at.state, first=replace(start.first, mode=at.mode), events=events)
         first = start.first

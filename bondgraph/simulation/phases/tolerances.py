@@ -44,11 +44,15 @@ def given_tolerances(plan: Plan, program: Program, facts: RunMetadata) -> dict[i
 
 @dataclass(frozen=True, slots=True)
 class PhaseMagnitudes:
-    """Magnitudes of all states and unknowns, doubts about them, and all that are known by name."""
+    """Magnitudes of all states and unknowns, doubts about them, and by name: those that the next phase takes over, and those of all that moves.
+
+    Of what nothing moves the value is no more than a guess.
+    """
 
     values: Any
     doubts: tuple[ToleranceDoubt, ...] | None  # None: nothing was searched
     known: Mapping[str, float]
+    moved: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +78,9 @@ class MagnitudeSearch:
             return self._with_events(events)
         names = self.constraints.program.variables.names
         if all(n in self.known for n in names):
-            return PhaseMagnitudes(np.array([self.known[n] for n in names]), None, self.known)
+            return PhaseMagnitudes(np.array([self.known[n] for n in names]), None, self.known, self.known)
         nominal = self._nominal(self.choice(), self.peaks)
-        return PhaseMagnitudes(nominal.values, nominal.doubts, self.known)
+        return PhaseMagnitudes(nominal.values, nominal.doubts, self.known, nominal.by_name(names))
 
     def _nominal(self, observation: PilotObservation, largest: Array | float = 0.0) -> Magnitudes:
         return nominal_magnitudes(
@@ -90,15 +94,17 @@ class MagnitudeSearch:
 
         program, known, segment = self.constraints.program, self.known, self.stretches[0]
         at = HybridState(segment.start, self.state, segment.mode)
-        names, doubts = program.variables.names, None
+        names, doubts, guess = program.variables.names, None, 1.0
         if known and self.mechanisms:
             levels = rounding_levels(program, self.mechanisms, self.constraints, self.state, self.stretches[0])
             known = of_what_moved(known, program, levels)
         if not all(n in known for n in names):
-            events.measure_anew(self._nominal(UntilEvent(events, self.choice())).values, at)
-            largest = self.coarse(events.magnitude)
+            first = self._nominal(UntilEvent(events, self.choice()))
+            events.measure_anew(first.moved, at)
+            largest = self.coarse(first.values)
             nominal = self._nominal(UntilEvent(events, self.choice()), np.maximum(largest, self.peaks))
-            doubts = nominal.doubts
-            known = dict(zip(names, map(float, nominal.values), strict=True)) | dict(known)
-        events.measure_anew(np.array([known[n] for n in names]), at)
-        return PhaseMagnitudes(events.magnitude.copy(), doubts, known)
+            doubts, guess = nominal.doubts, nominal.values
+            known = nominal.by_name(names) | dict(known)
+        moved = np.array([known.get(n, 0.0) for n in names])
+        events.measure_anew(moved, at)
+        return PhaseMagnitudes(np.where(moved > 0, moved, guess), doubts, known, known)
