@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .results.archive import read_result as read_result
     from .results.ensemble import Ensemble as Ensemble
     from .results.result import Result as Result
+    from .studies.comparison import compare as compare
     from .studies.journal import Journal as Journal
     from .studies.workers import Workers as Workers
 
@@ -48,6 +49,7 @@ _HOMES = {
     "UsageError": "errors",
     "Workers": "studies.workers",
     "check": "compiled_model",
+    "compare": "studies.comparison",
     "load": "model",
     "read_result": "results.archive",
 }

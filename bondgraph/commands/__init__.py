@@ -36,6 +36,7 @@ GROUPS = {
     },
     "Runs": {
         "run": 'models/manipulator.bg --set "a=171 um" --to "20 ms" --plot x.png',
+        "plot": "before.npz after.npz measured.csv -o both.png",
         "benchmark": "models/van_der_pol.bg --error 1e-6",
         "stress": 'models/rlc.bg --for "10 s"',
     },

@@ -7,6 +7,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -35,6 +36,25 @@ from .options import (
 if TYPE_CHECKING:
     from .. import Model
     from ..results.result import Result
+    from ..studies.comparison import Other
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """Output over which others are drawn, and results and data beside which they are."""
+
+    over: str | None = None
+    against: tuple[Other, ...] = ()
+
+    def opened(self, files: OutputFiles) -> Beside:
+        """Return the same with the results read, before any computation. Raises UsageError, OSError."""
+        from ..studies.comparison import opened
+
+        if self.over is not None and files.plot is None:
+            raise click.UsageError("--over says over which output --plot draws: name a file with --plot")
+        if self.over is not None and self.against:
+            raise click.UsageError("--against draws over time: leave out --over")
+        return replace(self, against=opened([str(file) for file in self.against]))
 
 
 @click.command("run")
@@ -68,30 +88,30 @@ if TYPE_CHECKING:
 @click.option(
     "--over", metavar="NAME", shell_complete=completion.outputs, help="Draw them over this output instead of over time."
 )
+@click.option("--against", multiple=True, metavar="R.npz|DATA.csv", help="Tell the differences from these, and draw them, too.")  # fmt: skip
 @click.option("--plot-energy", metavar="E.png", help="Draw energy over time, and that of the largest elements.")
 @jobs_option
 @journal_option
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON (schema bondgraph-result/1).")
 def command(
-    file: str, experiment: str, model: str | None, settings: Sequence[str], over: str | None, jobs: int | None, journal: str | None, **options: Any
+    file: str, experiment: str, model: str | None, settings: Sequence[str], jobs: int | None, journal: str | None, **options: Any
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
     from ..errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
 
-    files = taken(OutputFiles, options)
+    files, beside = taken(OutputFiles, options), taken(Beside, options)
     error_asked = options["error"]
     options["error"] = error_asked or (files.as_json and options["start"] is None)
     with problems_told():
         files.check()
-        if over is not None and files.plot is None:
-            raise click.UsageError("--over says over which output --plot draws: name a file with --plot")
+        beside = beside.opened(files)
         from .. import native
 
         native.announce = lambda text: click.echo(f"note: {text}", err=True)
         chosen, experiment_name, assignments = load(file, model), named(experiment), settings_by_name(settings)
         options["outputs"] = tuple(options["outputs"]) or None
         analyses = _make_ready(chosen, experiment_name, assignments, journal, options)
-        many = options["start"] is None and over is None and files.plot_energy is None
+        many = options["start"] is None and beside == Beside() and files.plot_energy is None
         try:
             if analyses and many:
                 raise ManyRuns("BR610", "the experiment has analyses besides its simulation")
@@ -104,10 +124,10 @@ def command(
             return
         except (RunFailed, RunInterrupted, RunBroken) as stopped:
             if stopped.result is not None:
-                _show(stopped.result, files, over, isinstance(stopped, RunInterrupted))
+                _show(stopped.result, files, beside, isinstance(stopped, RunInterrupted))
                 click.echo(harmless(_how_to_go_on(stopped.result, file, files.out)), err=True)
             raise
-        _show(result, files, over, True)
+        _show(result, files, beside, True)
         if files.plot_energy is not None:
             from ..analysis.energies import energies
 
@@ -137,20 +157,24 @@ def _make_ready(
     return bool(plan.studies)
 
 
-def _show(result: Result, files: OutputFiles, over: str | None, summary: bool) -> None:
-    """Write and print the result of a run."""
+def _show(result: Result, files: OutputFiles, beside: Beside, summary: bool) -> None:
+    """Write and print the result of a run, beside others."""
+    from ..studies.comparison import compare
+
     for left in result.warnings:
         click.echo(f"warning: {left}", err=True)
     for note in result.notes:
         click.echo(f"note: {note}", err=True)
     if files.out is not None:
         result.write(files.out)
+    comparison = compare(result, *beside.against) if beside.against else None
     if files.plot is not None and len(result.time) > 1:
-        result.plot(files.plot, over)
+        result.plot(files.plot, beside.over) if comparison is None else comparison.plot(files.plot)
     if files.as_json:
-        click.echo(json.dumps(result.to_json(), indent=2))
+        compared = {} if comparison is None else {"against": comparison.to_json()}
+        click.echo(json.dumps(result.to_json() | compared, indent=2))
     elif summary and len(result.time):
-        click.echo(result.summary(_has_bars()))
+        click.echo("\n\n".join([result.summary(_has_bars()), *([] if comparison is None else [comparison.summary()])]))
 
 
 def _how_to_go_on(result: Result, file: str, out: str | None) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 RENDERERS = {
     ("Branch", "plot"): "bondgraph.presentation.plots.phase:plot_branch",
     ("Branch", "summary"): "bondgraph.presentation.text.analyses:branch_text",
+    ("CurveComparison", "plot"): "bondgraph.presentation.plots.over_time:plot_comparison",
+    ("CurveComparison", "summary"): "bondgraph.presentation.text.studies:comparison_text",
     ("Energies", "plot"): "bondgraph.presentation.plots.over_time:plot_energies",
     ("SymbolicEquations", "latex"): "bondgraph.presentation.page.notebook:equations_latex",
     ("Equilibrium", "summary"): "bondgraph.presentation.text.analyses:equilibrium_text",

@@ -61,8 +61,11 @@ def read_measured(path: str | os.PathLike[str], units: Mapping[str, str], settab
     return _sorted_out(file, read_columns(file, units), settable)
 
 
-def read_columns(file: str, units: Mapping[str, str]) -> dict[str, Array]:
-    """Return the columns of a file in SI by their headings; NaN for empty fields. Raises `UsageError`, OSError."""
+def read_columns(file: str, units: Mapping[str, str], others: bool = False) -> dict[str, Array]:
+    """Return the columns of a file in SI by their headings; NaN for empty fields. Raises `UsageError`, OSError.
+
+    `others`: the file may have more columns than the names in `units` and `time`; these are left out.
+    """
     with open(file, encoding="utf-8-sig", newline="") as stream:
         try:
             lines = list(enumerate(csv.reader(stream), 1))
@@ -76,6 +79,8 @@ def read_columns(file: str, units: Mapping[str, str]) -> dict[str, Array]:
         raise UsageError("BR421", f"{file}: at most {LARGEST} fields are read")
     columns = {}
     for place, head in enumerate(heads):
+        if others and _name_and_unit(head)[0] not in (*units, "time"):
+            continue
         name, values = _column(file, place, head, rows[1:], units)
         if name in columns:
             raise UsageError("BR422", f"{file}: two columns are called `{name}`")
@@ -86,13 +91,18 @@ def read_columns(file: str, units: Mapping[str, str]) -> dict[str, Array]:
     return columns
 
 
+def _name_and_unit(head: str) -> tuple[str, str | None]:
+    """Return the name of a heading, and its unit if there is one."""
+    match = _HEAD.fullmatch(head)
+    return (match[1], match[2]) if match is not None else (head, None)
+
+
 def _column(
     file: str, place: int, head: str, rows: Sequence[tuple[int, Sequence[str]]], units: Mapping[str, str]
 ) -> tuple[str, Array]:
     from compiler.api import CompilationFailed, Source, read_unit
 
-    match = _HEAD.fullmatch(head)
-    name, own = (match[1], match[2]) if match is not None else (head, None)
+    name, own = _name_and_unit(head)
     bare = name.removeprefix(SIGMA)
     kind = (
         "s"

@@ -50,6 +50,7 @@ CALLS = {
     "modes": ("m.bg",),
     "montecarlo": ("m.bg", "--vary", "R=1 %", "--samples", "4", "--jobs", "1"),
     "new": ("new.bg",),
+    "plot": ("missing.npz",),
     "report": ("m.bg", "-o", "out.html"),
     "reproduce": ("missing",),
     "run": ("m.bg", "--out", "out.csv"),

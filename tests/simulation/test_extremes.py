@@ -182,3 +182,11 @@ def test_too_many_turns_are_told() -> None:
     assert run.extremes("v").maximum == 1.0
     assert run.extremes("v").minimum == pytest.approx(-1.0, rel=1e-9)
     assert any("turns too often" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("target", BOTH)
+def test_a_model_in_which_nothing_moves(target: str) -> None:
+    found = extremes(
+        "model R { Se s : u = 5 V\n R r : u = 10 ohm*i\n s -> r\n output i = r.i }", 1.0, target=target
+    ).extremes("i")
+    assert (found.minimum, found.maximum) == (0.5, 0.5)

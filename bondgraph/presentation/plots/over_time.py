@@ -10,7 +10,7 @@ import numpy as np
 from compiler.api import Array
 
 from ...errors import UsageError
-from ..text.tables import short, time_unit, visible
+from ..text.tables import labelled, short, time_unit, visible
 from .sheet import PANELS, curve_style, heading, legend, picture, stack, tell_omitted
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ...analysis.energies import Energies
     from ...analysis.inversion.feed_forward import FeedForward
     from ...results.result import Result
+    from ...studies.comparison import CurveComparison
 
 CURVES = 16  # most curves in one panel: a legend cannot distinguish more
 MOST = 6  # most elements
@@ -45,6 +46,42 @@ def plot_result(result: Result) -> Figure:
         panel.margins(x=0.0, y=0.08)
     if len(result.time) > 1:
         panels[-1].set_xlim(result.time[0] * factor, result.time[-1] * factor)
+    if omitted:
+        tell_omitted(figure, omitted, color="#555555")
+    return figure
+
+
+@picture
+def plot_comparison(comparison: CurveComparison) -> Figure:
+    """Return one panel for each output, with the run and all that stand beside it; measured values are points."""
+    run = comparison.run
+    shown = [
+        (item, values) for item, values in run.shown() if any(item.name in other.values for other in comparison.others)
+    ]
+    panels_of, omitted = shown[:PANELS], [item.name for item, _ in shown[PANELS:]]
+    count = max(1, len(panels_of))
+    title = f"{run.title} and {', '.join(other.label for other in comparison.others)}"
+    figure, panels = stack(short(title, 90), 8.0, 1.3 + (2.9 if count == 1 else 1.9) * count, count)
+    unit, factor = time_unit(float(np.abs(run.time).max(initial=0.0)))
+    for panel, (item, values) in zip(panels, panels_of, strict=False):
+        panel.plot(run.time * factor, values, **curve_style(0))
+        names = ["this run"]
+        for place, other in enumerate(comparison.others, 1):
+            if item.name in other.values:
+                points = {"linestyle": "", "marker": "o", "markersize": 3.5} if other.measured else {}
+                panel.plot(
+                    other.time * factor,
+                    other.values[item.name] * item.scale + item.offset,
+                    **curve_style(place) | points,
+                )
+                names.append(other.label)
+        panel.set_ylabel(labelled(item.name, item.unit), parse_math=False)
+        panel.margins(x=0.0, y=0.08)
+        legend(panel, names, beside=True, handlelength=2.6)
+    if len(run.time) > 1:
+        panels[-1].set_xlim(run.time[0] * factor, run.time[-1] * factor)
+    panels[-1].set_xlabel(f"time [{unit}]")
+    figure.align_ylabels(panels)
     if omitted:
         tell_omitted(figure, omitted, color="#555555")
     return figure

@@ -11,12 +11,29 @@ from .tables import aligned, short, visible
 
 if TYPE_CHECKING:
     from ...analysis.run_sensitivity import RunSensitivity
+    from ...studies.comparison import CurveComparison
     from ...studies.fitted import Fit
     from ...studies.tolerances import MonteCarlo
 
 STRONGEST = 8  # most parameters of a quantity
 SLIGHT = 0.05  # smaller weights in a direction are not shown
 VAGUE = 0.3  # relative standard deviation from which on a direction is reported
+
+
+def comparison_text(comparison: CurveComparison) -> str:
+    """Return the differences of each output from the run, in the units that the run shows."""
+    shown = {item.name: item for item, _ in comparison.run.shown()}
+    rows: list[tuple[str, ...]] = [
+        ("", "against", "largest difference", "at [s]", "of magnitude", "root mean square", "unit")
+    ]
+    for d in comparison.differences:
+        scale, unit = shown[d.output].scale, shown[d.output].unit
+        share = f"{d.largest / d.magnitude:.2g}" if d.magnitude else ""
+        numbers = f"{d.largest * scale:.6g}", f"{d.at:.4g}", share, f"{d.root_mean_square * scale:.6g}"
+        rows.append((short(d.output), short(d.other), *numbers, "" if unit == "1" else visible(unit)))
+    if len(rows) == 1:
+        return "no instant of the others lies within the run"
+    return aligned(rows, "<<>>>><")
 
 
 def montecarlo_text(found: MonteCarlo) -> str:

@@ -63,5 +63,5 @@ def _look_between(
     if functions is not None and functions.narrow:
         edges = np.unique(np.clip(np.concatenate([edges, stepper.signals(stretch).times]), *edges[[0, -1]]))
     times = np.minimum(edges[:-1, None] + np.diff(edges)[:, None] * PLACES, stretch.stop)
-    states = states_at(times.reshape(-1)).reshape(*times.shape, -1)
-    extremes.look(times, states, stretch.mode)
+    states = states_at(times.reshape(-1))
+    extremes.look(times, states.reshape(*times.shape, states.shape[-1]), stretch.mode)

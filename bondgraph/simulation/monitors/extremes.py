@@ -73,7 +73,7 @@ class ExtremesMonitor:
 
     def _signed(self, times: Array, states: Array, mode: Array) -> Any:
         """Return the outputs and their negatives; shape (steps, places, 2, outputs)."""
-        values = self._outputs(times.reshape(-1), states.reshape(-1, states.shape[-1]), mode)
+        values = self._outputs(times.reshape(-1), states.reshape(times.size, states.shape[-1]), mode)
         return np.stack([values, -values], axis=1).reshape(*times.shape, *self.value.shape)
 
     def _take(self, times: Array, found: Array) -> None:
@@ -94,7 +94,7 @@ class ExtremesMonitor:
             places = low[:, None] + (high - low)[:, None] * share
             at = times[step, :1] + (times[step, -1:] - times[step, :1]) * places
             inner = np.einsum("mpk,mkn->mpn", _interpolation(places), states[step])
-            values = self._outputs(at.reshape(-1), inner.reshape(-1, inner.shape[-1]), mode)
+            values = self._outputs(at.reshape(-1), inner.reshape(at.size, inner.shape[-1]), mode)
             own = values.reshape(*at.shape, -1)[np.arange(len(output)), :, output]
             own = np.where(sign[:, None] == 0, own, -own)
             best = np.argmax(own, axis=1)
