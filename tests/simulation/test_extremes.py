@@ -187,6 +187,6 @@ def test_too_many_turns_are_told() -> None:
 @pytest.mark.parametrize("target", BOTH)
 def test_a_model_in_which_nothing_moves(target: str) -> None:
     found = extremes(
-        "model R { Se s : u = 5 V\n R r : u = 10 ohm*i\n s -> r\n output i = r.i }", 1.0, target=target
+        "model Ring { Se s : u = 5 V\n R r : u = 10 ohm*i\n s -> r\n output i = r.i }", 1.0, target=target
     ).extremes("i")
     assert (found.minimum, found.maximum) == (0.5, 0.5)
