@@ -26,8 +26,8 @@ PLACES = 0.5 - 0.5 * np.cos(
 TO_COEFFICIENTS = np.linalg.inv(np.vander(PLACES[::2], increasing=True))
 BETWEEN = np.vander(PLACES[1::2], DEGREE + 1, increasing=True)
 SHARE = 0.1  # of the relative tolerance: largest error of a polynomial
-NARROW = 0.1  # share of a step: a shorter polynomial, between longer ones, is at a pulse or a bend
-SHORTEST = 1024  # units in the last place of a time: the shortest polynomial
+NARROW = 4  # halvings of a step: a polynomial of so many, between longer ones, is at a pulse or a bend
+DEEPEST, MOST_PIECES = 30, 1000  # halvings of a step, and its polynomials
 ROUNDING = 64  # units in the last place of a time
 JUMP = 1e-9  # relative change that counts as a jump
 ROUNDS = 50  # iterations at the start for signals that depend on each other's past
@@ -58,6 +58,10 @@ class History:
         self.first = np.zeros(self.count)  # values before the run
         self.last = self.first  # values at the end of the stored steps
         self.largest = np.zeros(self.count)  # magnitudes of the signals
+        units = program.inputs.units[len(program.inputs.names) - self.count :]
+        self.alike = np.array(
+            [[one == other for other in units] for one in units]
+        )  # a difference rounds as its terms do
         self.window = (-np.inf, np.inf)  # times are clipped to this interval
         self.cuts: list[float] = []  # instants at which a delayed signal jumps
         if before is not None:
@@ -192,9 +196,10 @@ class History:
         """
         delays = self.program.delays
         assert delays is not None
-        waiting, first_new = [span], len(self.starts)
+        waiting, first_new = [(*span, 0)], len(self.starts)
+        depths: list[int] = []
         while waiting:
-            start, stop = waiting.pop()
+            start, stop, depth = waiting.pop()
             times: Any = start + (stop - start) * PLACES
             sampled = np.asarray(delays.values(times, state_at(times), inputs, self.constants, mode))
             values, between = sampled[::2], sampled[1::2]
@@ -202,31 +207,45 @@ class History:
             self.largest = np.fmax(self.largest, np.abs(sampled).max(axis=0))
             piece = TO_COEFFICIENTS @ (values - values[0])
             piece[0] += values[0]  # so that what stands still is delayed without rounding
-            off = np.abs(BETWEEN @ piece - between) > SHARE * relative * self.largest
-            if off.any() and stop - start > SHORTEST * np.spacing(max(abs(start), abs(stop))):
-                middle = 0.5 * (start + stop)
-                waiting += [(middle, stop), (start, middle)]
+            rounding = ROUNDED * (self.alike * self.largest).max(axis=1)
+            off = np.abs(BETWEEN @ piece - between) > np.fmax(SHARE * relative * self.largest, rounding)
+            if off.any() and depth < DEEPEST and len(depths) < MOST_PIECES:
+                joint = self._joint(start, stop)
+                middle = 0.5 * (start + stop) if joint is None else joint
+                deeper = depth + (joint is None)
+                waiting += [(middle, stop, deeper), (start, middle, deeper)]
                 continue
-            if jumps and len(self.starts) == first_new:
+            if jumps and not depths:
                 self._cut(start)
             self.last = values[-1]
             self.starts.append(start)
             self.stops.append(stop)
             self.pieces.append(piece)
-        self._cut_in_narrow(self.starts[first_new:], span[1] - span[0])
+            depths.append(depth)
+        self._cut_in_narrow(self.starts[first_new:], depths)
+
+    def _joint(self, start: float, stop: float) -> float | None:
+        """Return the instant between two at which two stored polynomials arrive, nearest to the middle; None if there is none. What reads both bends there."""
+        middle, least = 0.5 * (start + stop), ROUNDING * np.spacing(max(abs(start), abs(stop)))
+        arriving = [
+            self.starts[k] + lag
+            for lag in self.lags
+            for k in range(bisect_right(self.starts, start - lag), bisect_right(self.starts, stop - lag))
+        ]
+        inside = [t for t in arriving if start + least < t < stop - least]
+        return min(inside, key=lambda t: abs(t - middle), default=None)
 
     def _cut(self, time: float) -> None:
         """Let the run stop where what happens now to the delayed signals arrives."""
         self.cuts += [time + lag for lag in self.lags]
 
-    def _cut_in_narrow(self, starts: list[float], size: float) -> None:
-        """Let the run stop within each pulse and at each bend that arrives, so that no step runs over it: in the middle of the shortest polynomials."""
-        widths = np.append(np.diff(starts), size + starts[0] - starts[-1])
-        ends = np.flatnonzero(np.abs(np.diff(widths)) > 0.1 * widths[1:]) + 1
-        runs = [(widths[k], k, m) for k, m in pairwise([0, *ends, len(widths)])]
-        sizes = [np.inf, *(width for width, _, _ in runs), np.inf]
-        for number, (width, low, high) in enumerate(runs):
-            if width < NARROW * size and width < min(sizes[number], sizes[number + 2]):
+    def _cut_in_narrow(self, starts: list[float], depths: list[int]) -> None:
+        """Let the run stop within each pulse and at each bend that arrives, so that no step runs over it: in the middle of the deepest halves."""
+        ends = np.flatnonzero(np.diff(depths)) + 1
+        runs = list(pairwise([0, *ends, len(depths)]))
+        around = [0, *(depths[low] for low, _ in runs), 0]
+        for number, (low, high) in enumerate(runs):
+            if depths[low] >= NARROW and depths[low] > max(around[number], around[number + 2]):
                 self._cut(starts[(low + high) // 2])
 
     def are_alike(self, time: float, both: Sequence[tuple[Array, Array]], inputs: Array, relative: float) -> bool:
