@@ -18,7 +18,7 @@ from functools import partial
 from itertools import islice
 from operator import index
 from queue import SimpleQueue
-from time import perf_counter
+from time import perf_counter, thread_time
 from typing import TYPE_CHECKING, Any, Protocol
 from warnings import warn
 
@@ -243,12 +243,12 @@ def answered(
     until, size = perf_counter() + OFTEN, max(together, FEW) if several else 1
     try:
         while some := list(islice(left, min(size, MOST_AT_ONCE - len(report)))):
-            began = perf_counter()
+            began = thread_time()  # others on the machine do not make batches smaller
             results = _results_at(model, question, [points[number] for number in some])
             for number, result in zip(some, results, strict=True):
                 report[number] = result_at(model, question, points[number]) if result is None else result
             several = several and (len(some) == 1 or any(result is not None for result in results))
-            took = max(perf_counter() - began, 1e-6)
+            took = max(thread_time() - began, 1e-6)
             most = max(int(len(some) * FEW * OFTEN / took), FEW if took < len(some) * OFTEN else 1)
             size = min(most, MORE * len(some)) if several else 1
             if len(report) == MOST_AT_ONCE or perf_counter() > until:

@@ -16,15 +16,17 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import bondgraph
+from bondgraph.simulation.integrators import exponential
 from compiler.api import cost
 from tests.benchmarks import peers
-from tests.benchmarks.bench_work_precision import OURS, WHOLE, kept, measured, time_at
+from tests.benchmarks.bench_work_precision import OURS, WHOLE, Clock, kept, measured, time_at
 from tests.benchmarks.scenes import MANIPULATOR, ROOT, SCENES
 
 RESULTS = Path(__file__).parent / "results"
@@ -186,6 +188,59 @@ def ensembles() -> Iterator[Row]:
     )
 
 
+KINDS: tuple[tuple[str, str, str, float], ...] = (  # model, its parameter that varies, and the value
+    ("linear", "models/rlc.bg", "R", 10.0),
+    ("linear, 400 segments", "models/step_down.bg", "load", 2.0),
+    ("bouncing ball", "tests/acceptance/defects/elastic_ball.bg", "h", 1.0),
+    ("slider-crank", "models/slider_crank.bg", "m", 0.8),
+    ("closed four-bar", "models/four_bar.bg", "k", 200.0),
+    ("diode rectifier", "models/rectifier.bg", "load", 200.0),
+    ("transistor amplifier", "models/published/transistor_amplifier.bg", "R", 9000.0),
+    ("Robertson", "models/published/robertson.bg", "k1", 0.04),
+    ("manipulator", "models/manipulator.bg", "h", 38e-6),
+)
+EACH, CALLED = 65, 9  # sets of a batch, and calls of one run
+
+
+@contextmanager
+def neighbour(busy: bool) -> Iterator[None]:
+    """Keep a core busy with another process."""
+    other = subprocess.Popen([sys.executable, "-c", "while True: pass"]) if busy else None
+    try:
+        yield
+    finally:
+        if other is not None:
+            other.kill()
+            other.wait()
+
+
+def calls() -> Iterator[Row]:
+    """8: whole calls and batches of each kind of model, in units of the bare steps of one run, without and with a busy neighbour."""
+    clock = Clock(exponential)
+    for kind, path, name, value in KINDS:
+        model = bondgraph.load(ROOT / path)
+        sets = [{name: value * (1 + 1e-3 * i / EACH)} for i in range(EACH)]
+        times: list[tuple[float, float, float]] = []
+        for busy in (False, True):
+            with neighbour(busy):
+                model.simulate_many(sets[:5], workers=1)
+                steps, whole = [], []
+                for _ in range(CALLED):
+                    clock.total, began = 0.0, time.thread_time()
+                    model.simulate(settings=sets[0])
+                    whole.append(time.thread_time() - began)
+                    steps.append(clock.total)
+                began = time.process_time()
+                model.simulate_many(sets, workers=1)
+                batch = (time.process_time() - began) / EACH
+            times.append((statistics.median(steps), statistics.median(whole), batch))
+        (steps_of, call, each), (_, busy_call, busy_each) = times
+        yield row(f"8. {kind}: whole call / its steps, {steps_of * 1e3:.3g} ms", call / steps_of, 1.5)
+        yield row(f"8. {kind}: a run among {EACH} sets / the steps of one", each / steps_of, 1.3)
+        yield row(f"8. {kind}: call with a busy neighbour / without", busy_call / call, 1.3)
+        yield row(f"8. {kind}: sets with a busy neighbour / without", busy_each / each, 1.3)
+
+
 OFF = """
   experiment quiet { simulate 0 .. 20 ms; set fx = 30 uN*smoothstep5(time, 0 s, 5 ms) }
   experiment off { simulate 0 .. 20 ms; set fx = 30 uN*smoothstep5(time, 0 s, 5 ms); start stage.platform.x = 1 nm; bandwidth 50 kHz }
@@ -245,7 +300,7 @@ def counts() -> Iterator[Row]:
 
 def main(names: Sequence[str] = ()) -> None:
     rows: list[Row] = []
-    for part in (counts, code, startup, ensembles, bandwidths, solvers):
+    for part in (counts, code, startup, ensembles, bandwidths, calls, solvers):
         if names and part.__name__ not in names:
             continue
         for found in part():
