@@ -1,8 +1,8 @@
 """Large models from text to result, and their solving beside CVODE with KLU on equations written by hand in C.
 
-    python tests/benchmarks/bench_large_models.py [--quick]
+    python tests/benchmarks/bench_large_models.py [--quick | --stages]
 
-`--quick`: up to 3000 sections, without the largest networks; the table says so. It writes results/large_models.md and, with matplotlib, results/large_models.png. Times are CPU times (the machine may be shared), medians
+`--stages`: only time and memory of each stage of the compiler against the number of sections, into results/large_model_stages.md; some 6 GB. `--quick`: up to 3000 sections, without the largest networks; the table says so. It writes results/large_models.md and, with matplotlib, results/large_models.png. Times are CPU times (the machine may be shared), medians
 of three, but of what takes long. The peer needs a C compiler and Debian's libsundials-dev and libsuitesparse-dev; without them its columns stay empty.
 """
 
@@ -40,6 +40,7 @@ SECTIONS = (300, 1000, 3000, 10_000)
 LADDERS: dict[str, Callable[[int], str]] = {
     "RC ladder, flat": large_models.rc_ladder, "RC ladder, array": large_models.rc_ladder_array, "LC ladder, flat": large_models.lc_ladder,
 }  # fmt: skip
+STAGED: dict[str, tuple[int, ...]] = {"rc_ladder_array": (1000, 10_000, 100_000), "rc_ladder": (1000, 10_000, 25_000)}
 TIMES = 3
 OURS, THEIRS = (1e-3, 1e-4, 1e-5, 1e-6), (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 QUICK = ("ladder of 1000", "mesh 60 x 60", "star of 2000")
@@ -101,6 +102,33 @@ def medians(text: str, folder: Path, times: int) -> tuple[float, float]:
 def exponent(sizes: tuple[int, ...], times: list[float]) -> float:
     """The slope of a straight line through the logarithms."""
     return float(np.polyfit(np.log(sizes), np.log(times), 1)[0])
+
+
+def stages(kind: str, sections: int) -> dict[str, tuple[float, float]]:
+    """CPU seconds and peak memory in MB of each stage of the compiler, and in all."""
+    command = [sys.executable, str(HERE / "large_model_stages.py"), kind, str(sections)]
+    done = subprocess.run(command, check=True, cwd=ROOT, capture_output=True, text=True)
+    rows = [line.split() for line in done.stdout.splitlines()]
+    found = {name: (float(took), float(peak)) for name, took, peak in rows}
+    return found | {"in all": (sum(took for took, _ in found.values()), max(peak for _, peak in found.values()))}
+
+
+def staged() -> str:
+    """Tables of the stages, with the exponent of their time between the two largest models."""
+    lines = [
+        "# Large models, stage by stage", "",
+        f"`bench_large_models.py --stages`; CPU time, and peak memory of the process up to the end of the stage, on {os.cpu_count()} cores that others used too "
+        f"(load {os.getloadavg()[2]:.1f}). A section of a ladder is 8 parts as an array (instance, quantity, three elements, junction, a round of two loops), 4 as flat text.",
+    ]  # fmt: skip
+    for kind, sizes in STAGED.items():
+        columns = [stages(kind, n) for n in sizes]
+        head = " | ".join(f"{n} sections" for n in sizes)
+        lines += ["", f"| {kind.replace('_', ' ')} | {head} | exponent |", "|---" * (len(sizes) + 2) + "|"]
+        for name in columns[0]:
+            times = [column[name][0] for column in columns]
+            cells = " | ".join(f"{column[name][0]:.2f} s, {column[name][1]:.0f} MB" for column in columns)
+            lines.append(f"| {name} | {cells} | {exponent(sizes[-2:], times[-2:]):.2f} |")
+    return "\n".join(lines) + "\n"
 
 
 # ---------------------------------------------------------------- solving alone
@@ -343,4 +371,7 @@ def draw(sections: tuple[int, ...], growth: dict[str, list[tuple[float, float]]]
 
 
 if __name__ == "__main__":
-    main("--quick" in sys.argv[1:])
+    if "--stages" in sys.argv[1:]:
+        (RESULTS / "large_model_stages.md").write_text(staged(), encoding="utf-8")
+    else:
+        main("--quick" in sys.argv[1:])
