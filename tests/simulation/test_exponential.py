@@ -182,3 +182,16 @@ def test_tables_of_more_matrices_than_there_is_room_for() -> None:
     for a in range(8 - MATRICES, 8):
         use_matrix(tables, place, place, np.array([-float(a)]))
         assert (tables.used, tables.newest) == (a % MATRICES, 7 % MATRICES)
+
+
+def test_a_wave_that_rounding_has_turned_is_told() -> None:
+    text = "model Long {{ I m : p = 1 kg*v\n C k : F = 100 [N/m]*x\n R r : F = {r} [N*s/m]*v\n Se f : F = 1 N\n 1 j\n f -> j -> m, k, r\n output x = k.x }}"
+    free, damped = (bondgraph.load(text.format(r=r)) for r in ("0", "1e-3"))
+    for to in (1e6, 1e9, 1e11):
+        run = free.simulate(to=to, points=2)
+        assert not run.warnings and run["x"][-1] == pytest.approx(
+            0.01 * (1 - float(mpmath.cos(10 * mpmath.mpf(to)))), abs=1e-8
+        )
+    (warning,) = free.simulate(to=1e15, points=2).warnings
+    assert "tolerances of rounding" in str(warning)
+    assert not damped.simulate(to=1e15, points=2).warnings

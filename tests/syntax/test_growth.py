@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import math
 import sys
 from collections.abc import Callable
@@ -12,7 +11,6 @@ from typing import Any
 import pytest
 
 from compiler.examination import check
-from compiler.garbage_collection import FEW, uncollected
 from compiler.source import Source
 from compiler.syntax import parse
 from compiler.syntax.format import format_text
@@ -57,49 +55,3 @@ def test_calls_for_one_character_are_few() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_large_files_are_right(kind: str) -> None:
     assert check(Source("large", KINDS[kind](4_000))) == ()
-
-
-class TestCollection:
-    """Collections of cycles after work that makes many objects: the most new objects that one of them walks through."""
-
-    @staticmethod
-    def walked_through(objects: int) -> int:
-        walked = [0]
-
-        def seen(phase: str, info: dict[str, int]) -> None:
-            if phase == "start":
-                walked.append(len(gc.get_objects(generation=0)))
-
-        with uncollected():
-            kept = [[number] for number in range(objects)]
-            gc.callbacks.append(seen)
-        try:
-            kept += [[number] for number in range(10_000)]
-        finally:
-            gc.callbacks.remove(seen)
-        return max(walked)
-
-    def test_objects_of_one_large_model_are_not_walked_through(self) -> None:
-        frozen = gc.get_freeze_count() > 0  # as long runs of tests have it
-        gc.unfreeze()
-        try:
-            many = len(gc.get_objects(generation=2)) + 2 * FEW
-            assert self.walked_through(many) < FEW
-            assert gc.isenabled()
-            assert gc.get_freeze_count() == 0
-        finally:
-            if frozen:
-                gc.freeze()
-
-    def test_those_of_small_models_are(self) -> None:
-        """What is left of one of many models in a row is found soon."""
-        assert self.walked_through(FEW // 2) > FEW // 2
-
-    def test_what_a_process_has_frozen_stays_so(self) -> None:
-        before = gc.get_freeze_count()
-        gc.freeze()
-        frozen = gc.get_freeze_count()
-        assert self.walked_through(2 * FEW) > 2 * FEW
-        assert gc.get_freeze_count() == frozen
-        if not before:
-            gc.unfreeze()

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .integration_state import IntegrationState
 
 LEFT = (0.0, 1e-6, 1e-3, 1e-2, 0.1)  # fractions of the segment that remain before its end
+LASTING = 30.0  # time constants after which a wave is gone
 LOOKED_AT = 4097  # places of a segment that are searched for values that are not finite
 
 
@@ -48,10 +49,22 @@ def exactly(stepper: IntegrationState, stretch: Segment, x: Array) -> Any | None
     stepper.position += len(ends)
     if work is not None:
         stepper.add(*work[0])
+    stepper.result.rounded = max(stepper.result.rounded, _rounding(stepper, form, stretch))
     stepper.result.steps += len(cut.starts)
     stepper.count({"exponential": len(form.known) - known})
     stepper.result.solvers[SOLVERS["exponential"].name] = None
     return states[-1]
+
+
+def _rounding(stepper: IntegrationState, form: exponential.Linear, stretch: Segment) -> float:
+    """Return the rounding, in tolerances, of the phase of the fastest wave that has lasted since the start of the run."""
+    span, rtol = stretch.stop - float(stepper.instants[0]), stepper.watch.rtol
+    unit = float(np.finfo(np.longdouble if len(form.matrix) <= exponential.EXTENDED else float).eps)
+    if form.norm * span * unit <= rtol:
+        return 0.0
+    modes = np.linalg.eigvals(form.matrix)
+    lasting = np.abs(modes.imag[modes.real * span > -LASTING])
+    return float(lasting.max(initial=0.0)) * span * unit / rtol
 
 
 def check_driven(stepper: IntegrationState, stretch: Segment, x: Array) -> None:
