@@ -198,10 +198,10 @@ class TestNumberOfParts:
         assert {d.code for d in examine(Source("text", models), most_parts=2000)[0]} == {"BG160"}
 
     def test_a_loop_foresees_its_parts(self) -> None:
-        """3000 rounds, in each a resistor and a junction, and an output: 9001, of 10 kB each."""
+        """3000 rounds, in each a resistor and a junction, and an output: 9001, of 17 kB each."""
         (found,) = examine(Source("text", self.ROW), most_parts=4000)[0]
         assert "more than 4000" in found.sentence
-        assert "about 9000 of them, which take some 90 MB of memory" in found.help
+        assert "about 9000 of them, which take some 153 MB of memory" in found.help
 
     def test_rounds_are_parts(self) -> None:
         """They and the output, before a single one is opened."""

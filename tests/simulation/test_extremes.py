@@ -127,12 +127,14 @@ def test_a_model_without_states(target: str) -> None:
     assert found.maximum_at == pytest.approx(pi / 14, rel=1e-3)
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("name", ["slider_crank", "crank_linkage"])
 def test_strokes_of_closed_linkages(name: str) -> None:
     found = bondgraph.load(f"models/{name}.bg").simulate(points=2, extremes=True).extremes("x")
     assert (found.minimum, found.maximum) == pytest.approx((0.09, 0.17), rel=1e-7)
 
 
+@pytest.mark.machine_code
 @pytest.mark.parametrize("name", ["rectifier", "lotka_volterra", "step_down", "rc_driven"])
 def test_few_instants_find_what_many_show(name: str) -> None:
     model = bondgraph.load(f"models/{name}.bg")
@@ -144,7 +146,8 @@ def test_few_instants_find_what_many_show(name: str) -> None:
         assert found.maximum >= shown.maximum - 1e-7 * size
 
 
-@pytest.mark.parametrize("name", ["manipulator", "duffing", "step_down", "end_stops"])
+@pytest.mark.machine_code
+@pytest.mark.parametrize("name", ["manipulator", "duffing", "step_down"])
 def test_the_search_changes_no_number(name: str) -> None:
     model = bondgraph.load(f"models/{name}.bg")
     plain, searched = model.simulate(points=11), model.simulate(points=11, extremes=True)

@@ -104,7 +104,8 @@ class SampledSearch(EquilibriumSearch):
         self.names = (*program.states.names, *(modes.names[p].removeprefix("late ") for p in self.places))
         units = (*program.states.units, *(modes.units[p] for p in self.places))
         self.kind = group_numbers(units)
-        self.count, self.largest = len(self.names), np.zeros(len(self.names))
+        self.count = len(self.names)
+        self.largest, self.unseen = np.zeros(self.count), np.zeros(self.count)
 
     def joined(self, state: Array, mode: Array) -> Any:
         """Return a full state from the program's state and the mode."""

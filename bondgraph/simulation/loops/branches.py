@@ -19,6 +19,7 @@ from .loops import LoopSolver, SeparateLoop
 CLOSE = 1e-6  # relative distance within which two solutions are equal
 FLOOR = 1e-13  # of the magnitude: limit of Newton's method where a law is flat at a solution (a valve without flow)
 LARGEST = 100  # most unknowns of a loop that is searched
+SOLVED = 1e-3  # of the largest unknown: Newton step that is left at a solution
 BENT = 1e-3  # relative change of the derivative between two different solutions
 BETWEEN = np.arange(1, 20) / 20
 
@@ -56,7 +57,7 @@ def _collect(loop: SeparateLoop, found: list[Any], guesses: Array) -> list[Any]:
     """Return the known solutions, and those to which guesses lead."""
     found = list(found)
     for end in arrivals(loop, guesses):
-        if not any(_same(loop, end, z) for z in found) and _regular(loop, end):
+        if not any(_same(loop, end, z) for z in found) and _regular(loop, end) and _is_solved(loop, end):
             found.append(end)
     return found
 
@@ -71,6 +72,13 @@ def _same(loop: SeparateLoop, a: Array, b: Array) -> bool:
     size = np.abs(slopes).max(axis=(0, 2))
     along = slopes.sum(axis=2) / np.where(size > 0, size, 1.0)
     return bool(np.ptp(along, axis=0).max() <= BENT)
+
+
+def _is_solved(loop: SeparateLoop, z: Array) -> bool:
+    """Return True if a Newton step is small beside the solution, or rounding: where a law is flat at zero, the method ends beside it, half a step away."""
+    step = np.linalg.solve(loop.matrix(z), loop.residual(z))
+    most = max(SOLVED * np.abs(z / loop.magnitude).max(), np.finfo(float).eps)
+    return bool(np.abs(step / loop.magnitude).max() <= most)
 
 
 def _regular(loop: SeparateLoop, z: Array) -> bool:

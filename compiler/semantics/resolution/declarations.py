@@ -31,7 +31,7 @@ from .elaboration_cache import ElaborationCache
 from .parameter_sets import WORD, ParameterSets
 from .resolver import indexed
 
-BYTES = 10_000  # memory of one part from text to result, as `tests/benchmarks/results/large_models.md` has it
+BYTES = 17_000  # memory of one part of flat text from text to result, as `tests/benchmarks/results/large_model_stages.md` has it; of an array half
 
 
 class Declarations(ParameterSets):
