@@ -91,6 +91,7 @@ def lie_on_each_other(
     return False
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_strokes_and_half_arrows(path: Path) -> None:
     """Every bond is drawn once. Its stroke is across the end that receives the effort, its barb at the head, on the side of the flow."""

@@ -42,6 +42,7 @@ def around(text: str, target: str, **options: Any) -> tuple[dict[str, float], di
     return found[0], found[1]
 
 
+@pytest.mark.few(5)
 # ------------------------------------------------------------ momenta of coordinates
 @pytest.mark.parametrize("seed", range(12))
 def test_momenta_of_random_trees_in_space(seed: int) -> None:

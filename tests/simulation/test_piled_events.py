@@ -113,6 +113,7 @@ TIED = """plain model Tied {{
 """
 
 
+@pytest.mark.few(16)
 @pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
 @pytest.mark.parametrize("part", ["Friction", "Valve"])
 @pytest.mark.parametrize("chosen", ["a", "b"])

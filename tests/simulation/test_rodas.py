@@ -116,6 +116,7 @@ def test_what_is_stiff_follows_at_once(rate: float) -> None:
     np.testing.assert_allclose(found["a"][1:], np.cos(found.time[1:]), atol=4e-6)
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize("name", ["vdpol_mu1000", "robertson", "hires", "transistor_amplifier"])
 def test_published_digits(name: str, rtol: float) -> None:

@@ -153,6 +153,7 @@ model Clutch {{
 }}"""
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("time", [1e-3, 3e-4, 0.7, 1e-9, 1e6])
 @pytest.mark.parametrize("torque", [1e-16, 1.0, 1e9])
 def test_a_clutch_lets_go_whatever_its_units(torque: float, time: float) -> None:

@@ -67,6 +67,7 @@ def test_models_stay_as_they_are(path: Path) -> None:
     assert formatted(text) == text
 
 
+@pytest.mark.few(30)
 @pytest.mark.parametrize("path", FILES, ids=lambda p: f"{p.parent.name}-{p.stem}")
 def test_twice_is_once(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
