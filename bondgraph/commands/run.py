@@ -48,12 +48,14 @@ class Beside:
 
     def opened(self, files: OutputFiles) -> Beside:
         """Return the same with the results read, before any computation. Raises UsageError, OSError."""
-        from ..studies.comparison import opened
-
         if self.over is not None and files.plot is None:
             raise click.UsageError("--over says over which output --plot draws: name a file with --plot")
         if self.over is not None and self.against:
             raise click.UsageError("--against draws over time: leave out --over")
+        if not self.against:
+            return self
+        from ..studies.comparison import opened
+
         return replace(self, against=opened([str(file) for file in self.against]))
 
 
@@ -159,15 +161,17 @@ def _make_ready(
 
 def _show(result: Result, files: OutputFiles, beside: Beside, summary: bool) -> None:
     """Write and print the result of a run, beside others."""
-    from ..studies.comparison import compare
-
     for left in result.warnings:
         click.echo(f"warning: {left}", err=True)
     for note in result.notes:
         click.echo(f"note: {note}", err=True)
     if files.out is not None:
         result.write(files.out)
-    comparison = compare(result, *beside.against) if beside.against else None
+    comparison = None
+    if beside.against:
+        from ..studies.comparison import compare
+
+        comparison = compare(result, *beside.against)
     if files.plot is not None and len(result.time) > 1:
         result.plot(files.plot, beside.over) if comparison is None else comparison.plot(files.plot)
     if files.as_json:
