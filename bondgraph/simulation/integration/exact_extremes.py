@@ -31,11 +31,8 @@ AT_ONCE = 2_048  # panels
 TOLD = "from t = {:.6g} s to {:.6g} s minimum and maximum of the outputs are those of the reported instants: the model turns too often to search between them"
 
 # Slopes at both ends of an interval of length 1, from the values of a polynomial at `NODES`; shape (2, nodes).
-SLOPES = (
-    2.0
-    * np.array([chebyshev.chebval([-1.0, 1.0], chebyshev.chebder(r)) for r in np.eye(DEGREE + 1)]).T
-    @ TO_COEFFICIENTS
-)
+_SLOPES = [chebyshev.chebval([-1.0, 1.0], chebyshev.chebder(row)) for row in np.eye(DEGREE + 1)]
+SLOPES = 2.0 * np.array(_SLOPES).T @ TO_COEFFICIENTS
 # Values at `PLACES`, from those of a quintic at 0 and 1, its slopes there and its second derivatives there; shape (places, 6).
 QUINTIC = polynomial.polyvander(PLACES, 5) @ np.linalg.inv(
     np.concatenate([polynomial.polyval([0.0, 1.0], polynomial.polyder(np.eye(6), order)).T for order in range(3)])

@@ -61,8 +61,7 @@ class PhaseProblem:
 
     `tolerances` need a pilot run, so they are found on use. `powers` are integrated along the solution, outside the error control. `watch` checks
     each accepted step. `linear`: the rates are affine in the states. `off`: junctions that are off in this program. `solver`: one of
-    `compiler.solvers.SOLVERS`. `leaving`: modal truncation at a bandwidth. `extremes`: if those of
-    the outputs are searched.
+    `compiler.solvers.SOLVERS`. `leaving`: modal truncation at a bandwidth. `extremes`: monitor of those of the outputs, if wanted.
     """
 
     program: Program
