@@ -57,7 +57,7 @@ CALLS = {
     "sensitivity": ("m.bg",),
     "serve": ("missing.bg",),
     "show": ("m.bg", "--stage", "graph"),
-    "stress": ("m.bg", "--for", "1 s"),
+    "stress": ("m.bg", "--for", "0.2 s"),
     "sweep": ("m.bg", "--over", "R=1 ohm .. 2 ohm : 2", "--jobs", "1"),
 }
 MODES = ("plain", "closed", "full")

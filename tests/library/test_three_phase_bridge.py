@@ -67,6 +67,7 @@ def test_a_resistor(line: str, resistance: float, target: str) -> None:
     assert run("R", line, target=target) == pytest.approx(10 * np.array(currents), abs=1e-9)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("line", "resistance"), [("", 0.0), ("R", 0.1)])
 def test_a_coil(line: str, resistance: float) -> None:
     """L i' = rectified - R i, whose current never returns to zero."""
@@ -76,6 +77,7 @@ def test_a_coil(line: str, resistance: float) -> None:
     assert run("RL", line) == pytest.approx(10 * solved.y[0], abs=2e-5)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("line", ["", "R"])
 def test_two_drawings_of_one_load(line: str) -> None:
     assert run("two branches", line) == pytest.approx(run("RC", line), abs=2e-5)

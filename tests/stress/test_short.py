@@ -9,6 +9,7 @@ import pytest
 from tests.stress.__main__ import SECTIONS, stress
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("name", SECTIONS)
 def test_short(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The page is written, and reports nothing new."""
