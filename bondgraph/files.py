@@ -1,11 +1,11 @@
-"""Atomic files: written completely or not at all."""
+"""Files that are written completely or not at all, and files that are followed."""
 
 from __future__ import annotations
 
 import errno
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -55,3 +55,27 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write `text` as UTF-8 with its line ends unchanged, completely or not at all. Raises OSError."""
     with replacing(path) as stream:
         stream.write(text.encode("utf-8"))
+
+
+class FollowedFiles:
+    """Files whose changes are seen: when each was last written, and its size in bytes."""
+
+    __slots__ = ("_seen",)
+
+    def __init__(self) -> None:
+        self._seen: dict[Path, tuple[int, int]] = {}
+
+    def changed(self, paths: Iterable[Path]) -> bool:
+        """Return True if one of the files changed since a call had it; a file that is new to this has not."""
+        found = {path: _stamp(path) for path in paths}
+        changed = any(self._seen.get(path, stamp) != stamp for path, stamp in found.items())
+        self._seen = found
+        return changed
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    try:
+        found = path.stat()
+    except OSError:
+        return 0, 0
+    return found.st_mtime_ns, found.st_size

@@ -35,6 +35,7 @@ GROUPS = {
         "compile": "models/rlc.bg -o rlc.py",
     },
     "Runs": {
+        "watch": "models/oscillator.bg --plot x.png",
         "run": 'models/manipulator.bg --set "a=171 um" --to "20 ms" --plot x.png',
         "plot": "before.npz after.npz measured.csv -o both.png",
         "benchmark": "models/van_der_pol.bg --error 1e-6",

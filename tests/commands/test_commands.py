@@ -234,3 +234,27 @@ def test_python_m_bondgraph() -> None:
     done = subprocess.run([sys.executable, "-m", "bondgraph", "check", "models/rlc.bg"], capture_output=True, text=True)
     certificate = "SeriesRlc: explicit ODE; 2 states; linear; driven"
     assert (done.returncode, done.stdout) == (0, f"{certificate}\n1 file fine\n")
+
+
+def test_a_file_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Saved with a mistake, saved without, saved as a part in an imported file; then Ctrl-C."""
+    model, part = tmp_path / "m.bg", tmp_path / "part.bg"
+    text = Path("models/rlc.bg").read_text(encoding="utf-8")
+    right = f'import Twice from "part.bg"\n{text}'
+    part.write_text("model Twice {\n  port p : electric\n  R r : u = 2 [ohm]*i\n  p -> r\n}\n")
+    saves = iter([(model, text.replace("model", "modl", 1)), (model, right), (part, part.read_text() + "\n")])
+
+    def save(_: float) -> None:
+        try:
+            path, content = next(saves)
+        except StopIteration:
+            raise KeyboardInterrupt from None
+        path.write_text(content)
+
+    model.write_text(text)
+    monkeypatch.setattr("time.sleep", save)
+    found = run("watch", str(model), "--to", "1 us")
+    assert found.exit_code == 0 and found.stdout.endswith("ended\n")
+    told = found.stdout.split(f"-- {model}, ")[1:]
+    assert ["switch_on, 0 .. 1 us" in t for t in told] == [True, False, True, True], told
+    assert "BG0" in found.stderr

@@ -58,6 +58,7 @@ CALLS = {
     "serve": ("missing.bg",),
     "show": ("m.bg", "--stage", "graph"),
     "stress": ("m.bg", "--for", "0.2 s"),
+    "watch": ("missing.bg",),
     "sweep": ("m.bg", "--over", "R=1 ohm .. 2 ohm : 2", "--jobs", "1"),
 }
 MODES = ("plain", "closed", "full")

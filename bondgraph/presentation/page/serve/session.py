@@ -17,6 +17,7 @@ from compiler.api import CompilationFailed, Source, read_text
 
 from ....analysed_model import AnalysedModel
 from ....errors import UsageError
+from ....files import FollowedFiles
 from ..certificate import problems_markup
 from ..document import Document, document_of
 from ..experiments import PROBLEMS, experiment_data, one_run
@@ -59,7 +60,7 @@ class Session:
         self.work = threading.Lock()
         self.executor = TimedExecutor()
         self.ended = threading.Event()
-        self._seen: dict[Path, tuple[int, int]] = {}
+        self._files = FollowedFiles()
 
     # ------------------------------------------------------------ the file
     def load(self) -> None:
@@ -95,11 +96,7 @@ class Session:
 
     def _look(self, loaded: Loaded | None) -> bool:
         """Return True if a file has changed since the last check."""
-        files = {self.path, *(loaded.files if loaded is not None else ())}
-        found = {path: _stamp(path) for path in files}
-        changed = found != self._seen
-        self._seen = found
-        return changed
+        return self._files.changed({self.path, *(loaded.files if loaded is not None else ())})
 
     def watch(self) -> None:
         """Follow the files until the session ends."""
@@ -210,11 +207,3 @@ def _settle() -> None:
     gc.enable()
     gc.collect()
     gc.freeze()
-
-
-def _stamp(path: Path) -> tuple[int, int]:
-    try:
-        found = path.stat()
-    except OSError:
-        return 0, 0
-    return found.st_mtime_ns, found.st_size
