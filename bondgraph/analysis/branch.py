@@ -112,7 +112,7 @@ def follow(first: OperatingPoint, name: str, low: float, high: float, points: in
             "find rests at single values, with `equilibrium` and `sweep`",
         )  # fmt: skip
     first = first.one_sided()  # rests at kinks are followed, their stability is not decided
-    follower = BranchFollower(first, name, low, high)
+    follower = BranchFollower(first, name, low, high, points)
     towards = np.zeros(first.count + 1)
     towards[-1] = 1.0
     line = BranchLine(follower, low, high, points, most)

@@ -17,6 +17,10 @@ from compiler.api import Array
 
 from ..errors import RunFailed
 from ..numerics.scales import group_numbers, largest_of_group, nonzero
+from ..simulation.equilibrium.search import equilibrium
+from ..simulation.equilibrium.steady import given_terms
+from ..simulation.magnitudes.nominal_magnitudes import rounding_levels
+from ..simulation.segments.timeline import Segment
 from .operating_point import OperatingPoint
 from .verdict import Eigenvalues, decisive, resting_rates
 
@@ -27,14 +31,13 @@ SINGULAR = 1e-11
 TURN = 0.97  # cosine of the largest turn between two tangents
 SHORTEST = 1e-7  # shortest step, as a fraction of the range
 ASIDE = (1e-4, 1e-3, 1e-2, 1e-5)  # relative to the magnitudes: first steps onto another branch
+PROBES = 6  # first steps that are tried, each a quarter of the one before
 LIMIT_STEPS = 30  # halvings of the step within which the model ceases to be valid
 LONGEST = 4.0  # longest step, in units of the first one
-# Rounding levels by unit, else in SI: smaller angles, positions, speeds and momenta are rounding of zero, and no magnitudes.
-NOTHING = {"1": 1e-9, "1/s": 1e-9, "m": 1e-12, "m/s": 1e-12}
-LEAST = 1e-25
-RESTING = 1e-6  # relative to the terms in a rate: a larger rate is no equilibrium
+RESTING = 1e-6  # relative to the terms in a rate: where a larger rate is left at rest, these are rounding of zero
 NOISE = 1e-14  # relative to the largest term of a row: rounding
 LOST = 1e-13  # relative to the terms of a rate: a state that contributes less is rounding of zero
+TIED = 2.0  # relative to what it follows: a tied coordinate within it is rounding, if that is
 CROSSED = 0.5  # relative to a test function at the ends of a step: limit next to a zero, exceeded next to a pole
 BOTH_SIDES = (0.01, 0.05, 0.2)  # fractions of a step: distances from a zero at which the signs are verified
 
@@ -69,47 +72,86 @@ class BranchPlace:
 class BranchFollower:
     """Corrector with the scales of the states, which grow with the values encountered; makes points of the branch."""
 
-    def __init__(self, first: OperatingPoint, name: str, low: float, high: float) -> None:
+    def __init__(self, first: OperatingPoint, name: str, low: float, high: float, points: int) -> None:
         self.name, self.range, self.count = name, high - low, first.count
         self.units = group_numbers(first.program.states.units)
-        self.least = np.array([NOTHING.get(unit, LEAST) for unit in first.program.states.units])
         self.steady, self.neutral = first.steady, 0
-        self.seen, self.unseen = np.zeros(first.count), 1.0
-        self.see(first.state)
+        self.seen, self.unseen = np.zeros(first.count), np.ones(first.count)
+        constraints, still = first.constraints, Segment(first.time, first.time, first.mode)
+        levels = rounding_levels(first.program, first.made.facts.mechanisms, constraints, first.state, still)[
+            : first.count
+        ]
+        self.least = np.where([unit in ("1", "m") for unit in first.program.states.units], levels, 0.0)
+        self.see(first, self.slopes(first)[0])
+        self._begin(first, low, 1.0 / points)
+        self.see(first, self.slopes(first)[0])
 
-    def see(self, state: Array, place: BranchPlace | None = None) -> None:
-        """Raise the magnitudes of the states: those of one unit share the largest; 1 for units without any value. `place`: the point of that state."""
-        size = np.abs(state[: self.count])
-        if place is not None:
-            size[self._is_rounding(place, size)] = 0.0
-        self.seen = np.maximum(self.seen, np.where(size > self.least, size, 0.0))
+    def _begin(self, first: OperatingPoint, low: float, share: float) -> None:
+        """Set the first magnitudes: how far the states would come over the range, by the rest at a share of it; of others, by what moves them."""
+        there = first
+        for _ in range(PROBES):
+            try:
+                value = low + share * self.range
+                moved = first.elsewhere({self.name: value}, first.state)
+                segment = Segment(first.time, first.time, moved.mode)
+                state = equilibrium(moved.program, moved.constraints, moved.inputs, moved.state, segment)
+                there = first.elsewhere({self.name: value}, state)
+                A, _ = self.slopes(there)
+            except (RunFailed, np.linalg.LinAlgError):
+                share *= 0.25
+                continue
+            size = np.abs(there.state - first.state)[: self.count]
+            self.seen = np.maximum(self.seen, self._values(there, A, size) / share)
+            break
+        A = self.slopes(there)[0]
+        largest = largest_of_group(self.seen, self.units)
+        chosen, reach = there.reduced.chosen, np.where(largest > 0, largest, self._lengths(first))
+        fastest = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
+        for _ in chosen if fastest > 0 else ():
+            further = np.abs(A) @ reach[chosen] / fastest
+            reach[chosen] = np.where(reach[chosen] > 0, reach[chosen], further)
+            reach = largest_of_group(reach, self.units)
+        self.unseen = nonzero(reach)
+
+    def _lengths(self, first: OperatingPoint) -> Any:
+        """Return sizes of states without any value (n,): the smallest parameter of their unit, 1 for angles, else 0."""
+        program, values = first.program, np.abs(first.constraints.parameters)
+        least: dict[str, float] = {}
+        for unit, value in zip(program.parameters.units, values.tolist(), strict=True):
+            if value > 0:
+                least[unit] = min(least.get(unit, math.inf), value)
+        return np.array([1.0 if unit == "1" else least.get(unit, 0.0) for unit in program.states.units])
+
+    def see(self, point: OperatingPoint, A: Array) -> None:
+        """Raise the magnitudes of the states: those of one unit share the largest; an estimate for units without any value."""
+        self.seen = np.maximum(self.seen, self._values(point, A, np.abs(point.state[: self.count])))
         largest = largest_of_group(self.seen, self.units)
         self.scale = np.where(largest > 0, largest, self.unseen)
 
-    def _is_rounding(self, place: BranchPlace, size: Array) -> Any:
-        """Return a mask of states without a magnitude of their own whose values make no difference to any rate, as a momentum of 1e-18 N*s does to a
-        mass at rest."""
-        chosen = place.point.reduced.chosen
-        effects = np.abs(place.A) * size[chosen]
-        terms = effects.sum(axis=1) + np.abs(place.b * place.value)
-        floor = np.maximum(self.least[chosen], LOST * terms)[:, None]
-        mask = np.zeros(self.count, dtype=bool)
-        mask[chosen] = (effects <= floor).all(axis=0) & effects.any(axis=0) & (self.seen[chosen] == 0)
-        return mask
+    def _values(self, point: OperatingPoint, A: Array, size: Array) -> Any:
+        """Return sizes of states with 0 for those without a magnitude of their own that are rounding of zero.
 
-    def rests(self, place: BranchPlace) -> bool:
-        """Return True if all rates that read states of known magnitudes vanish relative to their terms."""
-        chosen, size = place.point.reduced.chosen, np.abs(place.point.state[: self.count])
-        terms = np.abs(place.A) @ np.where(size > self.least, size, 0.0)[chosen]
-        rates = np.abs(self.rates(place.point))
-        return not bool(((rates > RESTING * terms) & (terms > 0)).any())
-
-    def shrink(self, state: Array) -> bool:
-        """Reduce the magnitudes of states without any value; return False if there are none, or if they are very small already."""
-        self.unseen *= 1e-4
-        before = self.scale
-        self.see(state)
-        return bool((self.scale != before).any()) and self.unseen > 1e-17
+        At rest a rate is small relative to its terms. Where it is not, these terms are rounding, as a momentum of 1e-18 N*s of a mass at rest; so are states
+        that make no difference to any rate.
+        """
+        size, chosen = np.where(size > self.least, size, 0.0), point.reduced.chosen
+        if not ((size > 0) & (self.seen == 0))[chosen].any():
+            return size
+        constants = given_terms(
+            point.program, point.constraints.parameters, point.time, point.state, point.inputs, point.mode
+        )
+        rates, directions = np.abs(self.rates(point)), np.abs(point.reduced.directions)
+        for _ in chosen:
+            effects = np.abs(A) * size[chosen]
+            terms = np.maximum(effects.sum(axis=1), constants[chosen])[:, None]
+            read = effects > LOST * terms
+            nothing = ~read.any(axis=0) | (read & (rates[:, None] > RESTING * terms)).any(axis=0)
+            nothing &= (self.seen[chosen] == 0) & (size[chosen] > 0)
+            if not nothing.any():
+                break
+            follows = (self.seen == 0) & (size <= TIED * (directions[:, nothing] @ size[chosen[nothing]]))
+            size[chosen[nothing]] = size[follows] = 0.0
+        return size
 
     def slopes(self, point: OperatingPoint) -> tuple[Any, Any]:
         space = point.compilation.state_space
@@ -238,9 +280,6 @@ class BranchLine:
                     break
                 continue
             end = self._passed(found.value)
-            if len(self.places) == 1 and not follower.rests(found) and follower.shrink(here.point.state):
-                self.places = [follower.place(here.point, here.value, here.tangent)]
-                continue
             limit, whole = self._limit(here, found, length)
             if limit is not None:
                 found, length, end, self.ended = whole, limit[0], None, limit[1]
@@ -253,7 +292,7 @@ class BranchLine:
                 self.ended = f"`{follower.name}` leaves the range"
                 break
             self.places.append(found)
-            follower.see(found.point.state, found)
+            follower.see(found.point, found.A)
             self.places[-1] = follower.place(found.point, found.value, found.tangent)
             length = min(1.3 * length, LONGEST / self.points)
         return special

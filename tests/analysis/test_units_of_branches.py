@@ -1,0 +1,67 @@
+"""Branches in other units: folds and crossings of closed forms at powers of ten of all units. No unit changes any physics."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import bondgraph
+from tests.second_opinion.scales import POWERS, in_other_units
+
+SMALLER: tuple[dict[str, int], ...] = (
+    {}, {"mass": -24}, {"length": -10}, {"time": 10, "mass": 8}, {"length": -8, "mass": -20, "time": -10, "charge": -16},
+)  # fmt: skip
+PLATE = """model Pull {
+  parameter A = 1 [mm^2], gap = 3 um, eps = 8.8541878128e-12 [F/m], k = 8 [N/m], m = 20 ug, r = 2e-4 [N*s/m]
+  input volt = 0 V
+  MSe source : u = volt
+  R lead : u = 1 ohm*i
+  C plates(q: electric, x: translation) : energy = 1/2*q^2*(gap - x)/(eps*A)
+  1 plate : translation
+  I mass : p = m*v
+  C spring : F = k*x
+  R air : F = r*v
+  source -> 1(lead) -> plates.q
+  plate -> plates.x, mass, spring, air
+  output share = spring.x/gap
+}"""
+COLUMN = """model Column {
+  parameter k = 3 [N/m], L = 20 mm, b = 5 mm, m = 2 g, r = 0.1 [N*s/m], load = 1 mN
+  C lean : F = k*x*(1 + (x/b)^2) - load*x/L
+  I mass : p = m*v
+  R air : F = r*v
+  1 top : translation
+  top -> lean, mass, air
+  output aside = lean.x/b
+}"""
+LOAD = 3.0 * 20e-3  # N: the column leans from k*L on, and (x/b)^2 = load/(k*L) - 1
+
+
+@pytest.mark.parametrize("powers", (*POWERS, *SMALLER), ids=str)
+def test_a_plate_is_pulled_in_at_a_third_of_its_gap(powers: dict[str, int]) -> None:
+    """V^2 = 8 k g^3/(27 eps A); in small units of mass and large ones of time the branch had no fold."""
+    text, units = in_other_units(PLATE, powers)
+    volt = units.of_unit("V")
+    found = bondgraph.load(text).continuation("volt", 0.0, 20 * volt, points=20)
+    (fold,) = found.folds
+    assert fold.value == pytest.approx(math.sqrt(8 * 8 * 3e-6**3 / (27 * 8.8541878128e-12 * 1e-6)) * volt, rel=1e-8)
+    assert fold.outputs["share"] == pytest.approx(1 / 3, rel=1e-5)
+    assert found.stable[0] and found.unstable[-1]
+
+
+@pytest.mark.parametrize("powers", ({}, *POWERS[::2], *SMALLER[1::2]), ids=str)
+def test_a_column_leans_from_its_critical_load_on(powers: dict[str, int]) -> None:
+    """Nothing moves on the way there: the state that leans has no value, and no size, until the branch is crossed."""
+    text, units = in_other_units(COLUMN, powers)
+    newton = units.of_unit("N")
+    found = bondgraph.load(text).continuation("load", 1e-3 * newton, 0.1 * newton, points=10, branches=True)
+    (crossed,) = found.special
+    assert crossed.kind == "branch"
+    assert crossed.value == pytest.approx(LOAD * newton, rel=1e-8)
+    assert found.stable[0] and found.unstable[-1] and not found["aside"].any()
+    for other in found.others:
+        expected = other.values / (LOAD * newton) - 1
+        assert other["aside"][-1] ** 2 == pytest.approx(expected[-1], rel=1e-8)
+        assert other.stable[-1]
+    assert {math.copysign(1, o["aside"][-1]) for o in found.others} == {-1.0, 1.0}
