@@ -7,22 +7,26 @@ from collections.abc import Sequence
 import click
 
 from .error_reporting import WRONG, harmless
+from .options import given
 
 
 @click.command("fmt")
 @click.argument("files", metavar="FILE...", nargs=-1, required=True)
 @click.option("--check", "only_check", is_flag=True, help="Write nothing; exit 1 if a file would change.")
 def command(files: Sequence[str], only_check: bool) -> None:
-    """Format files; comments, blank lines and columns stay."""
-    from compiler.api import format_text, read_source
+    """Format files; comments, blank lines and columns stay. `-` is standard input, whose text goes to standard output."""
+    from compiler.api import Source, format_text, read_source
 
     from ..files import write_text
 
     changed = []
     for file in files:
-        source = read_source(file, newline="")
+        from_stream = file == "-"
+        source = Source("text", str(given(file))) if from_stream else read_source(file, newline="")
         text = format_text(source)
-        if text != source.text:
+        if from_stream and not only_check:
+            click.echo(text, nl=False)
+        elif text != source.text:
             changed.append(file)
             if not only_check:
                 write_text(file, text)

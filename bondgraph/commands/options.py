@@ -97,10 +97,21 @@ def taken(kind: type[Noun], options: dict[str, Any]) -> Noun:
     return kind(**{n: options.pop(n) for n in names})
 
 
+def given(file: str) -> Path | str:
+    """Return the file; for `-` the text of standard input. Raises `UnicodeDecodeError`, `click.UsageError`."""
+    if file != "-":
+        return Path(file)
+    stream = sys.stdin
+    if stream is None:
+        raise click.UsageError("`-` reads standard input, which is closed")
+    text = stream.buffer.read().decode("utf-8-sig").replace("\r\n", "\n")
+    return text if "\n" in text else text + "\n"  # what has no line break would be the name of a file
+
+
 def load(file: str, model: str | None) -> Model:
     from .. import load
 
-    return load(Path(file), model)
+    return load(given(file), model)
 
 
 def load_shown(file: str, model: str | None) -> Model:
@@ -115,7 +126,7 @@ def load_shown(file: str, model: str | None) -> Model:
         part = whole.compilation().open_part
     except CompilationFailed:
         return whole  # what looks at it tells the errors
-    source = example_source(Path(file), part) if part is not None else None
+    source = example_source(Path(file), part) if part is not None and file != "-" else None
     if source is None:
         return whole
     click.echo(f"note: `{part}` has open ports: this is its example", err=True)

@@ -258,3 +258,15 @@ def test_a_file_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     told = found.stdout.split(f"-- {model}, ")[1:]
     assert ["switch_on, 0 .. 1 us" in t for t in told] == [True, False, True, True], told
     assert "BG0" in found.stderr
+
+
+def test_standard_input_is_a_file_too(wrong: str) -> None:
+    text = Path("models/rlc.bg").read_text(encoding="utf-8")
+    untidy = text.replace("output i", "output   i", 1)
+    for arguments in (["check", "-"], ["run", "-", "--to", "1 us"], ["fmt", "--check", "-"]):
+        assert CliRunner().invoke(commands, arguments, input=text).exit_code == 0
+    assert CliRunner().invoke(commands, ["fmt", "--check", "-"], input=untidy).exit_code == 1
+    assert CliRunner().invoke(commands, ["fmt", "-"], input=untidy).stdout == text
+    found = CliRunner().invoke(commands, ["check", "-"], input=WRONG.encode("utf-8-sig"))
+    assert found.exit_code == 1 and "text:2:13: BG101" in found.stderr
+    assert CliRunner().invoke(commands, ["check", "-"], input=b"\xff").exit_code == 2
