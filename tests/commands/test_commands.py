@@ -262,7 +262,7 @@ def test_a_file_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_standard_input_is_a_file_too(wrong: str) -> None:
     text = Path("models/rlc.bg").read_text(encoding="utf-8")
-    untidy = text.replace("output i", "output   i", 1)
+    untidy = text.replace("output u", "output   u", 1)
     for arguments in (["check", "-"], ["run", "-", "--to", "1 us"], ["fmt", "--check", "-"]):
         assert CliRunner().invoke(commands, arguments, input=text).exit_code == 0
     assert CliRunner().invoke(commands, ["fmt", "--check", "-"], input=untidy).exit_code == 1
