@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
+from time import sleep, strftime
 
 import click
 
@@ -30,7 +30,7 @@ def command(file: str, options: Sequence[str]) -> None:
         while True:
             sources |= _once(file, options)
             while not followed.changed(sources):
-                time.sleep(LOOK_EVERY)
+                sleep(LOOK_EVERY)
     except KeyboardInterrupt:
         click.echo("ended")
 
@@ -43,7 +43,7 @@ def _once(file: str, options: Sequence[str]) -> set[Path]:
     from .check import command as check
     from .run import command as run
 
-    click.echo(f"-- {file}, {time.strftime('%H:%M:%S')}")
+    click.echo(f"-- {file}, {strftime('%H:%M:%S')}")
     command, arguments, files = check, [file], set[Path]()
     try:
         model = load(Path(file))

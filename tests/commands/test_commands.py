@@ -7,6 +7,7 @@ import gc
 import json
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -252,7 +253,7 @@ def test_a_file_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         path.write_text(content)
 
     model.write_text(text)
-    monkeypatch.setattr("time.sleep", save)
+    monkeypatch.setattr(import_module("bondgraph.commands.watch"), "sleep", save)
     found = run("watch", str(model), "--to", "1 us")
     assert found.exit_code == 0 and found.stdout.endswith("ended\n")
     told = found.stdout.split(f"-- {model}, ")[1:]
