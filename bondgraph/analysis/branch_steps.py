@@ -22,7 +22,8 @@ from ..simulation.equilibrium.steady import given_terms
 from ..simulation.magnitudes.nominal_magnitudes import rounding_levels
 from ..simulation.segments.timeline import Segment
 from .operating_point import OperatingPoint
-from .verdict import Eigenvalues, decisive, resting_rates
+from .sizes import of_parameters, reach
+from .verdict import EPS, Eigenvalues, decisive, resting_rates
 
 ITERATIONS = 12
 CLOSE = 1e-13  # relative to the magnitudes: size of the last correction
@@ -81,7 +82,9 @@ class BranchFollower:
         levels = rounding_levels(first.program, first.made.facts.mechanisms, constraints, first.state, still)[
             : first.count
         ]
-        self.least = np.where([unit in ("1", "m") for unit in first.program.states.units], levels, 0.0)
+        lengths, units = of_parameters(first.program, constraints.parameters)[: first.count], first.program.states.units
+        self.least = np.where([u in ("1", "m") for u in units], levels, 0.0)
+        self.least = np.maximum(self.least, np.where([u == "1" for u in units], 0.0, EPS * lengths))
         self.see(first, self.slopes(first)[0])
         self._begin(first, low, 1.0 / points)
         self.see(first, self.slopes(first)[0])
@@ -103,24 +106,11 @@ class BranchFollower:
             size = np.abs(there.state - first.state)[: self.count]
             self.seen = np.maximum(self.seen, self._values(there, A, size) / share)
             break
-        A = self.slopes(there)[0]
-        largest = largest_of_group(self.seen, self.units)
-        chosen, reach = there.reduced.chosen, np.where(largest > 0, largest, self._lengths(first))
-        fastest = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
-        for _ in chosen if fastest > 0 else ():
-            further = np.abs(A) @ reach[chosen] / fastest
-            reach[chosen] = np.where(reach[chosen] > 0, reach[chosen], further)
-            reach = largest_of_group(reach, self.units)
-        self.unseen = nonzero(reach)
-
-    def _lengths(self, first: OperatingPoint) -> Any:
-        """Return sizes of states without any value (n,): the smallest parameter of their unit, 1 for angles, else 0."""
-        program, values = first.program, np.abs(first.constraints.parameters)
-        least: dict[str, float] = {}
-        for unit, value in zip(program.parameters.units, values.tolist(), strict=True):
-            if value > 0:
-                least[unit] = min(least.get(unit, math.inf), value)
-        return np.array([1.0 if unit == "1" else least.get(unit, 0.0) for unit in program.states.units])
+        values = np.zeros(there.all)
+        values[: self.count] = largest_of_group(self.seen, self.units)
+        values = np.where(values > 0, values, of_parameters(first.program, first.constraints.parameters))
+        units = group_numbers(first.program.variables.units)
+        self.unseen = nonzero(reach(there.slopes_here, values, self.count, units)[: self.count])
 
     def see(self, point: OperatingPoint, A: Array) -> None:
         """Raise the magnitudes of the states: those of one unit share the largest; an estimate for units without any value."""

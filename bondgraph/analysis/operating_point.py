@@ -28,10 +28,9 @@ from .singular_slopes import (
     Slopes,
     departure,
     jumps,
-    known_magnitudes,
-    magnitudes,
     slopes_from_beside,
 )  # fmt: skip
+from .sizes import sizes
 from .thresholds import Thresholds, thresholds
 
 if TYPE_CHECKING:
@@ -225,10 +224,20 @@ class OperatingPoint:
         return self.slopes([u.residual for u in self.compilation.state_space.unknowns])
 
     @cached_property
+    def sizes(self) -> Any:
+        """Sizes of states and unknowns, (n + m,)."""
+        return sizes(self.program, self.constraints.parameters, self.state, self.rates, self.slopes_here)
+
+    @cached_property
+    def slopes_here(self) -> Any:
+        """The same as `jacobian`, by the rules of the compiler alone: one side's at a kink, and not finite at a root of zero."""
+        with np.errstate(all="ignore"):
+            return np.asarray(self.program.jacobian(self.time, self.state, self.inputs, self.constants, self.mode))
+
+    @cached_property
     def jacobian(self) -> Any:
         """Jacobian of the rates and then of the loop residuals, by states and unknowns, (n + m, n + m), from the program. Raises `RunFailed`."""
-        with np.errstate(all="ignore"):
-            found = np.asarray(self.program.jacobian(self.time, self.state, self.inputs, self.constants, self.mode))
+        found = self.slopes_here
         bad = np.flatnonzero(~np.isfinite(found).all(axis=1))
         if len(bad):
             raise self._without_slope(self.program.variables.names[bad[0]])
@@ -292,23 +301,22 @@ class OperatingPoint:
 
     def _beside(self, side: float, distance: float, way: int = 0) -> tuple[Any, Any]:
         """State at a distance from the point, and its mode."""
-        size = magnitudes(self.constraints, self.state)
-        size = np.minimum(size, known_magnitudes(self.program, self.state)) if distance <= CLOSEST else size
-        state = self.state + side * departure(size, distance, way)
+        state = self.state + side * departure(self.sizes, distance, way)
         if self.program.hybrid is None or not self.program.hybrid.conditions:
             return state, self.mode
         from ..simulation.events.indicators import HybridState
 
-        return state, self.conditions(size).guess(HybridState(self.time, state, self.mode))
+        return state, self.conditions.guess(HybridState(self.time, state, self.mode))
 
-    def conditions(self, size: Array) -> EventIndicators:
+    @cached_property
+    def conditions(self) -> EventIndicators:
         """Conditions of the model at the values of this point, made once for all points of the program."""
         from ..simulation.events.indicators import EventIndicators
 
         first: EventIndicators | None = self.made.kept.get("conditions")
         if first is None:
-            first = self.made.kept["conditions"] = EventIndicators(self.constraints, size, AHEAD)
-        return first.with_values(self.constraints, size)
+            first = self.made.kept["conditions"] = EventIndicators(self.constraints, self.sizes, AHEAD)
+        return first.with_values(self.constraints, self.sizes)
 
     def _without_slope(self, name: str) -> RunFailed:
         return RunFailed("BR215", f"`{name}` has no finite slope at this state (t = {self.time:.9g} s)")
@@ -337,14 +345,16 @@ class OperatingPoint:
         """Return `lookup` at a distance from the point, with `by` and held values (by their places in the mode) moved as well."""
         state, mode = self._beside(side, distance, way)
         mode, places = np.array(mode, dtype=float), list(held)
-        mode[places] += side * departure(np.where(mode[places] != 0, np.abs(mode[places]), 1.0), distance, way)
+        size = np.where(mode[places] != 0, np.abs(mode[places]), 1.0)
+        # in another direction than the states: all in one proportion, a linear model stays at rest, and only rounding changes
+        mode[places] += side * departure(size, distance, (way + 1) % len(SIGNS))
         values = {"state": state, "mode": mode, **self._settings_beside(side, distance)}
         return lambda leaf: float(values[leaf.role][leaf.position]) if leaf.role in values else self.lookup(leaf)
 
     def _settings_beside(self, side: float, distance: float) -> dict[str, Array]:
         """Return the parameters and inputs, with those of `by` at a distance."""
         values = {"parameter": np.array(self.constraints.parameters), "input": np.array(self.inputs, dtype=float)}
-        steps = departure(np.ones(len(self.by)), side * distance)
+        steps = departure(np.ones(len(self.by)), side * distance, len(SIGNS) - 1)
         for name, step in zip(self.by, steps, strict=True):
             if name in self.program.parameters.names or name in self.program.inputs.names:
                 role, place = self.set_at(name)
@@ -412,8 +422,7 @@ class OperatingPoint:
             return Thresholds()
         from ..simulation.events.indicators import HybridState
 
-        size = np.minimum(magnitudes(self.constraints, self.state), known_magnitudes(self.program, self.state))
-        return thresholds(self.conditions(size), HybridState(self.time, self.state, self.mode), size)
+        return thresholds(self.conditions, HybridState(self.time, self.state, self.mode), self.sizes)
 
     def refuse_thresholds(self) -> None:
         """Raise `RunFailed` if an event is exactly at its threshold, or keep it at a one-sided point."""

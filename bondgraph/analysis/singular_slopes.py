@@ -9,23 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Array, BoolArray, IntArray, Tape
 
-from ..numerics.scales import nonzero
-
-if TYPE_CHECKING:
-    from compiler.api import Program
-
-    from ..simulation.constraints.constraints import Constraints
-
-FAR, NEAR = 1e-6, 1e-10  # distances from the point, in magnitudes
-CLOSEST = 1e-11  # in magnitudes that are known: what bends there bends at the point
-UNKNOWN = 1e-4  # magnitude for that of states whose unit has none above `NOTHING`
-NOTHING = 1e-15
+FAR, NEAR, CLOSEST = 1e-6, 1e-10, 1e-11  # distances from the point, in sizes of the states
 GROWTH = 1.5  # of a slope from the farther to the nearer distance: a power law of exponent 0.95 grows by 1.6
 ROUNDING = 1e-8  # of the largest slope: smaller ones may grow by rounding
 SAME = 1e-4  # relative difference of slopes that are one
@@ -33,7 +23,7 @@ BENT = 1e-8  # relative difference of slopes beside a kink that are told as one
 EXACT = 1e-13  # of the largest slope of a row: less is the rounding of terms that cancel
 SIGNS = ((1.0, -1.0, -1.0), (1.0, 1.0, -1.0), (1.0, -1.0, 1.0))  # of the coordinates, along each direction
 JUMPING = 0.5  # of the spread of values at the farther distance: at the nearer one a continuous law has far less
-Beside = Callable[[float, float, int], Any]  # side (1 or -1), distance in magnitudes, direction -> numbers there
+Beside = Callable[[float, float, int], Any]  # side (1 or -1), distance in sizes, direction -> numbers there
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,21 +34,6 @@ class Slopes:
     rows: Any
     columns: Any
     guarded: bool  # one of them has conditions of its own, as at a root of zero and at a kink
-
-
-def magnitudes(constraints: Constraints, state: Array) -> Any:
-    """Return magnitudes of states and unknowns, (n + m,); 1 where none is known."""
-    count = len(constraints.program.states.names)
-    sizes = np.abs(state)
-    sizes[:count] = np.maximum(sizes[:count], constraints.magnitude[:count])
-    return nonzero(sizes)
-
-
-def known_magnitudes(program: Program, state: Array) -> Array:
-    """Return magnitudes of states and unknowns, (n + m,): the largest value of each unit, else `UNKNOWN`."""
-    size, units = np.abs(state), np.array((*program.states.units, *program.unknowns.units))
-    largest = np.array([size[units == unit].max() for unit in units])
-    return np.where(largest > NOTHING, largest, UNKNOWN)
 
 
 def departure(size: Array, distance: float, way: int = 0) -> Array:

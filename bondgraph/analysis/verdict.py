@@ -295,7 +295,7 @@ def leads_to_rests(point: OperatingPoint, vector: Array) -> bool:
     """Return True if other equilibria lie along a null vector of the free coordinates: a continuum, not a branch point."""
     reduced, n = point.reduced, point.count
     state = np.array(point.state)
-    scale = magnitudes(point)
+    scale = point.sizes[:n]
     along = reduced.directions @ vector
     along = along / np.max(np.abs(along) / scale)
     for share in (WALK, -WALK):
@@ -333,17 +333,12 @@ def least_step(A: Array, rates: Array, scale: Array) -> Any:
     return -scale * np.linalg.lstsq(A * scale / rows[:, None], rates / rows, rcond=1e-10)[0]
 
 
-def magnitudes(point: OperatingPoint) -> Any:
-    """Return magnitudes of the states (n,): those of one unit share the largest; 1 where none is known."""
-    numbers = scales.group_numbers(point.program.states.units)
-    return scales.nonzero(scales.largest_of_group(np.abs(point.state[: point.count]), numbers))
-
-
 def _conserved(point: OperatingPoint, places: Sequence[int], vector: Array) -> bool:
     """Return True if a combination of free coordinates has zero rate at all states nearby."""
     if point.reduced.tied:
         return False
-    random, scale, n = np.random.default_rng(SEED), magnitudes(point), point.count
+    random, n = np.random.default_rng(SEED), point.count
+    scale = point.sizes[:n]
     weights = np.zeros(n)
     weights[np.asarray(places)] = vector
     for _ in range(3):

@@ -1,4 +1,4 @@
-"""Branches in other units: folds and crossings of closed forms at powers of ten of all units. No unit changes any physics."""
+"""Analyses in other units: folds, crossings, slopes beside a point. No unit changes any physics."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import math
 import pytest
 
 import bondgraph
+from compiler.api import Source, scene_of
+from tests.compiling import LIBRARY, MODELS
 from tests.second_opinion.scales import POWERS, in_other_units
 
 SMALLER: tuple[dict[str, int], ...] = (
@@ -65,3 +67,29 @@ def test_a_column_leans_from_its_critical_load_on(powers: dict[str, int]) -> Non
         assert other["aside"][-1] ** 2 == pytest.approx(expected[-1], rel=1e-8)
         assert other.stable[-1]
     assert {math.copysign(1, o["aside"][-1]) for o in found.others} == {-1.0, 1.0}
+
+
+@pytest.mark.parametrize("powers", ({}, *POWERS[::2]), ids=str)
+def test_a_disc_has_the_temperature_of_the_air(powers: dict[str, int]) -> None:
+    """Its entropy counts from there: what rounding leaves of it was taken for its magnitude, and the branch ended where it began."""
+    text, _ = in_other_units((MODELS / "brake.bg").read_text(encoding="utf-8"), powers)
+    found = bondgraph.load(text).continuation("T_air", "293.15 K", "600 K", points=10)
+    assert found["T"] == pytest.approx(found.values, rel=1e-9) and found.values[-1] == 600.0
+    assert len(found) > 5 and found.stable.all()
+
+
+@pytest.mark.parametrize("powers", ({}, *POWERS[::2]), ids=str)
+def test_an_amplifier_is_linear_between_its_limits(powers: dict[str, int]) -> None:
+    """Displacements by a millionth of an SI unit found its limits, in small units, instead of its slopes."""
+    scene = scene_of(
+        Source("a", (text := MODELS / "active_filter.bg").read_text(encoding="utf-8"), text),
+        LIBRARY,
+        (None, None),
+        None,
+        {},
+    )
+    changed, units = in_other_units(scene.text, powers)
+    model = bondgraph.load(changed, model=scene.model)
+    slowest = model.modes()[0].eigenvalue * units.of_unit("s")
+    assert slowest == pytest.approx(bondgraph.load(text).modes()[0].eigenvalue, rel=1e-9)
+    assert model.equilibrium().stable

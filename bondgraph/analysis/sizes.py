@@ -1,0 +1,76 @@
+"""Sizes of states and unknowns at a point, with no size of SI in them: those of one unit share the largest value.
+
+Where all of a unit are zero, or rounding of zero, the smallest parameter of that unit gives their size, else what moves them: how far the others lead within
+the time of the fastest mode. So a charge of 0 C beside volts has a size, the same in all units.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compiler.api import Array, IntArray
+
+from ..numerics.scales import group_numbers, largest_of_group, nonzero
+
+if TYPE_CHECKING:
+    from compiler.api import Program
+
+ROUNDING = 1e-13  # relative to the size that a state would have without a value: less is rounding of zero
+RESTING = 1e-8  # relative to the terms in a rate: less is rounding of zero
+ROUNDS = 64  # products with the matrix, whose growth gives its largest eigenvalue, whatever the units
+
+
+def sizes(program: Program, parameters: Array, state: Array, rates: Array, jacobian: Array) -> Any:
+    """Return the sizes (n + m,) of states and unknowns; 1 where nothing tells. `jacobian` (n + m, n + m): of rates (n,) and residuals."""
+    units, count = group_numbers(program.variables.units), len(program.states.names)
+    values, typical = largest_of_group(np.abs(state), units), of_parameters(program, parameters)
+    certain = np.where(typical > 0, np.where(values > ROUNDING * typical, values, typical), 0.0)
+    expected = reach(jacobian, certain, count, units)
+    values = reach(jacobian, np.where(values > ROUNDING * expected, values, expected), count, units)
+    if not (values > 0).all():  # before anything has moved, rates tell how far it will
+        slopes = np.abs(jacobian[:count])
+        driven = np.where(np.abs(rates) > RESTING * (slopes @ values), np.abs(rates), 0.0) / (
+            _fastest(slopes[:, :count]) or math.inf
+        )
+        started = largest_of_group(np.append(np.nan_to_num(driven), np.zeros(len(values) - count)), units)
+        values = reach(jacobian, np.where(values > 0, values, started), count, units)
+    return nonzero(values)
+
+
+def of_parameters(program: Program, parameters: Array) -> Any:
+    """Return the smallest parameter of the unit of each state and unknown, (n + m,): 1 for angles, 0 for units without any."""
+    least = {"1": 1.0}
+    for unit, value in zip(program.parameters.units, np.abs(parameters).tolist(), strict=True):
+        if value > 0 and unit != "1":
+            least[unit] = min(least.get(unit, math.inf), value)
+    return np.array([least.get(unit, 0.0) for unit in program.variables.units])
+
+
+def reach(jacobian: Array, values: Array, count: int, units: IntArray) -> Any:
+    """Return sizes (n + m,) with those that are zero from the others: what these do to a rate within the time of the fastest mode, or to the residual of an
+    unknown. The first `count` rows are those of states."""
+    slopes = np.abs(np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0))
+    own = np.where(np.arange(len(slopes)) < count, _fastest(slopes[:count, :count]), np.diag(slopes))
+    for _ in values if not (values > 0).all() else ():
+        with np.errstate(all="ignore"):
+            further = slopes @ values / own
+        further = largest_of_group(np.where((values > 0) | ~np.isfinite(further), values, further), units)
+        if (further == values).all():
+            break
+        values = further
+    return values
+
+
+def _fastest(slopes: Array) -> float:
+    """Return the largest eigenvalue of a matrix that is not negative, roughly, in 1/s; 0 if its powers vanish."""
+    vector, growth = np.ones(len(slopes)), 0.0
+    for _ in range(ROUNDS):
+        vector = slopes @ vector
+        largest = float(vector.max(initial=0.0))
+        if not 0.0 < largest < math.inf:
+            return 0.0
+        vector, growth = vector / largest, growth + math.log(largest) / ROUNDS
+    return math.exp(growth)
