@@ -28,6 +28,9 @@ def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
         yield space.switches[0].span, "switched junctions", _RUN
     elif lowered.events.present:
         yield graph.span, "conditions on states whose crossing a run locates", _RUN
+    if space.forced:
+        name = space.variables[space.forced[0].variable].name
+        yield space.forced[0].span, f"the rate of `{name}`, which may jump as only a run sees,", _RUN
     if space.delays:
         yield space.delays[0].span, "delayed signals", _RUN
     if space.invariants:

@@ -176,6 +176,7 @@ FUNCTION_TEXTS: Mapping[str, str] = {
     "chirp": "sin(2 pi (f0 t + (f1 - f0) t^2/(2 t1))).",
     "integral": "A signal with memory: the integral of its rate over time, from its start.",
     "delay": "The signal so long ago; the time is known before the run.",
+    "der": "The exact rate of an expression: its derivative by time.",
     "linear": "A curve through points, straight between them.",
     "cubic": "A smooth curve through points.",
     "monotone": "A smooth curve through points without overshoot.",

@@ -104,4 +104,5 @@ def name_tables(lowered: Lowered) -> list[tuple[str, list[tuple[str, str]]]]:
         ("INPUTS", rows(lowered.inputs)),
         ("PARAMETERS", rows(lowered.parameters)),
         ("INVARIANTS", [*invariants, *rates]),
+        *([("FORCED", rows([f.variable for f in lowered.space.forced]))] if lowered.space.forced else []),
     ]

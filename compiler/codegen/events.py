@@ -75,7 +75,7 @@ class LoweredEvents:
 def behind_the_run(space: StateSpace) -> set[int]:
     """Variables that rates, residuals and conditions of events depend on: a step must end at their jumps."""
     wanted = [s.rate for s in space.states] + [u.residual for u in space.unknowns]
-    wanted += [d.value for d in space.delays]
+    wanted += [d.value for d in space.delays] + [f.variable for f in space.forced]
     wanted += [e.condition for e in space.events] + [s.condition for s in space.switches]
     return needed(wanted, space.inputs)
 

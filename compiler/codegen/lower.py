@@ -63,13 +63,14 @@ def lower(
     slopes |= {number: {seeds[number]: ONE} for number in by if number in result.values}
     switching = Switching(result, len(space.discretes))
     behind = behind_the_run(space) if located else set[int]()
+    forced = {f.variable for f in space.forced}
     formulas: set[Formula] = set()
     uses = Counter(a for step in space.steps if isinstance(step, Assignment) for a in step.arguments)
     for step in space.steps:
         if isinstance(step, LinearLoop):
             _lower_loop(result, step, slopes)
         else:
-            switching.at(step, step.target in behind, step.target in space.pieced)
+            switching.at(step, step.target in behind, step.target in space.pieced - forced)
             _lower_assignment(result, step, slopes, switching, formulas)
             if uses[step.target] > 1:
                 result.values[step.target] = closed(result.values[step.target])

@@ -239,7 +239,8 @@ class Program:
     # dependents and states, where the slope of one by the other changes in a run
     sensitivity_pattern: tuple[IntArray, IntArray]
     sensitivities: StateFunction  # the same -> these slopes
-    forced: StateFunction  # the same -> what must not jump with time
+    jumping: NameTable  # what is differentiated and may jump
+    forced: StateFunction  # the same -> its values, which must not jump
     # time, inputs, constants, mode -> what rates read of time alone
     signals: Callable[[Array | float, Array, Array, Array], Array]
     # the same -> power into each port, then stored energies

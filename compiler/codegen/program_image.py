@@ -62,6 +62,7 @@ def program_of(
     given: dict[str, Any] = {
         "name": image.name, "source": image.source, "states": names["STATES"], "unknowns": names["UNKNOWNS"],
         "outputs": names["OUTPUTS"], "inputs": names["INPUTS"], "parameters": names["PARAMETERS"], "dependents": names["DEPENDENTS"],
+        "jumping": names.get("FORCED", NameTable((), ())),
         "defaults": image.defaults, "input_defaults": image.input_defaults, "pattern": pattern, "sensitivity_pattern": slopes,
         "limits": image.limits, "invariants": names["INVARIANTS"], "invariant_pattern": invariant_slopes,
         "multipliers": multipliers, "rates": rates, "parts": parts, "eliminated": eliminated, "solved": None,

@@ -133,6 +133,8 @@ class EquationBuilder(EquationCollection):
         named = self.graph.quantities[name]
         if named.role == "mode":
             return self._discrete(named)
+        if named.role == "rate":
+            return self._rate(named)
         if adjustable(named) and (named.role == "parameter" or name in self.free or "*" in self.free):
             value = named.value if named.value is not None else _number(named.definition)
             self.quantities[name] = self.variable(name, named.role, named.unit, value)
@@ -166,6 +168,18 @@ class EquationBuilder(EquationCollection):
             self.delays.append(Delayed(variable, value, lag, delay.span))
 
         return iter(delay.value.arguments), finish
+
+    def _rate(self, named: Named) -> _Row:
+        """Add the rate of an expression, which index reduction writes as it writes those of storages in derivative form."""
+        self.quantities[named.name] = variable = self.variable(named.name, "computed", named.unit)
+        definition = named.definition
+        assert definition is not None
+
+        def finish() -> None:
+            of = self.held(self.folded(definition), f"argument of {named.name}", "", named.span)
+            self.differentiated(variable, of, named.span, named.name)
+
+        return iter(definition.arguments), finish
 
     def _discrete(self, named: Named) -> _Row:
         """Add a discrete variable. Its definition is its start."""

@@ -119,8 +119,8 @@ class EquationCollection:
         variable = self.held(value, name, "", span)
         self.claims.append(Claim(variable, self.static(start, f"{name} at the start", span), name, span))
 
-    def differentiated(self, target: int, of: int, span: Span, owner: str, quantity: int) -> None:
-        """`target := d(of)/dt`, which index reduction expands; `quantity`: `of` by its own name and unit."""
+    def differentiated(self, target: int, of: int, span: Span, owner: str, quantity: int | None = None) -> None:
+        """`target := d(of)/dt`, which index reduction expands; `quantity`: what is stored, by its own name and unit."""
         self.derivatives.append(Derivative(target, of, span, owner, quantity))
 
     def definition(self, variable: int) -> Expression | float | None:

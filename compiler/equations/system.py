@@ -63,13 +63,15 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True)
 class Derivative:
-    """`target := d(of)/dt`: a storage in derivative form."""
+    """`target := d(of)/dt`: a storage in derivative form, or `der(x)` of the text."""
 
     target: int
     of: int
     span: Span
     owner: str
-    quantity: int  # `of` by its own name and unit, also where it is the same number as another variable
+    quantity: (
+        int | None
+    )  # `of` by its own name and unit, also where it is the same number as another variable; None: no storage
     conjugate: int | None = None  # effort of a displacement's storage, flow of a momentum's
 
 

@@ -134,9 +134,9 @@ class Bond:
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A parameter, constant, input, signal, mode or output.
+    """A parameter, constant, input, signal, mode or output, or the rate of an expression, `der(x)`.
 
-    `definition` computes it (None: it comes from outside; for a mode it is the start). `value` is known if it is constant
+    `definition` computes it (None: it comes from outside; for a mode it is the start; of a rate it is the integral, x). `value` is known if it is constant
     during a run.
     """
 

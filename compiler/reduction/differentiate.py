@@ -15,9 +15,11 @@ from dataclasses import replace
 from ..algebra.derivative import derivative
 from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, multiply, symbols
 from ..algebra.formula import bind, over
+from ..algebra.operators import CURVES
 from ..equations.system import Assignment, Derivative, EquationSystem, Variable
 from ..errors import Diagnostic
-from .errors import DerivativeWithoutEnd, ForcedByInput
+from .errors import DerivativeWithoutEnd, ForcedByInput, no_rate, rate_jumps, rate_without_end
+from .jumps import jumps_of, surely
 
 HIGHEST = 6  # derivatives of derivatives; a chain of more ends nowhere
 
@@ -31,7 +33,8 @@ class Differentiator:
         self.assigned = {a.target: a for a in system.assignments}
         # variable that is a derivative -> how often something was differentiated for it
         self.order: dict[int, int] = {}
-        self.forced: list[tuple[int, Derivative]] = []  # differentiated signals of time alone, which must not jump
+        # what is differentiated and may jump, which a run must not find: variable, that of its derivative, for which
+        self.forced: list[tuple[int, int, Derivative]] = []
         self._rates = {s.variable: s.rate for s in system.states}
         self._derivatives: dict[int, int] = {}  # variable -> that of its derivative
         self._waiting: deque[tuple[int, Derivative]] = deque()
@@ -44,15 +47,13 @@ class Differentiator:
         for item in self._system.derivatives:
             self._assign(item.target, self._derivative(item.of, item), item)
         looked_ahead = False
-        while self._waiting and not self.diagnostics:
+        while self._waiting:
             variable, item = self._waiting.popleft()
             if variable in self.order and not looked_ahead:  # a second derivative: its expressions grow with each order
                 looked_ahead = True
                 endless = self._without_end()
                 if endless is not None:
-                    self.diagnostics.append(
-                        DerivativeWithoutEnd(endless.span, endless.owner, self.variables[endless.of].name)
-                    )
+                    self._tell(self._without_rest(endless))
                     return
             chain = self._chain(variable, item)
             self._assign(self._derivatives[variable], chain, item, self.assigned[variable].owner)
@@ -70,23 +71,47 @@ class Differentiator:
         role = self.variables[variable].role
         if role == "time":
             return ONE
-        if role in ("input", "delayed"):
-            self.diagnostics.append(ForcedByInput(item.span, item.owner, self.variables[variable].name))
+        if role in ("input", "delayed", "mode"):
+            name = self.variables[variable].name
+            forced = item.quantity is not None and role != "mode"
+            self._tell(ForcedByInput(item.span, item.owner, name) if forced else no_rate(item.span, role, name))
             return ZERO
         if not self._moves(variable):
             return ZERO
         if variable not in self._derivatives:
             order = self.order.get(variable, 0) + 1
             if order > HIGHEST:
-                name = self.variables[item.of].name
-                if not any(d.span == item.span for d in self.diagnostics):
-                    self.diagnostics.append(DerivativeWithoutEnd(item.span, item.owner, name))
+                self._tell(self._without_rest(item))
                 return ZERO
             self._derivatives[variable] = len(self.variables)
             self.order[len(self.variables)] = order
             self.variables.append(Variable(f"d({self.variables[variable].name})/dt", "computed"))
             self._waiting.append((variable, item))
         return Symbol(self._derivatives[variable])
+
+    def _tell(self, diagnostic: Diagnostic) -> None:
+        """Collect an error, one for each place."""
+        if not any(d.span == diagnostic.span for d in self.diagnostics):
+            self.diagnostics.append(diagnostic)
+
+    def _without_rest(self, item: Derivative) -> Diagnostic:
+        """Error for a derivative that depends on its own derivatives without end."""
+        if item.quantity is None:
+            return rate_without_end(item.span)
+        return DerivativeWithoutEnd(item.span, item.owner, self.variables[item.of].name)
+
+    def _look_for_jumps(self, variable: int, item: Derivative) -> None:
+        """Refuse what surely jumps where `der` asks for its rate; a run looks at what may jump."""
+        assignment = self.assigned[variable]
+        moving = frozenset(
+            Symbol(i) for i, a in enumerate(assignment.arguments) if isinstance(a, int) and self._moves(a)
+        )
+        jumps = () if variable in self._system.pieced else jumps_of(assignment.formula.expression, moving)
+        sure = next((x for x in jumps if surely(x) and (variable not in self.order or x.operator in CURVES)), None)
+        if item.quantity is None and sure is not None:
+            self._tell(rate_jumps(item.span, sure.operator, assignment.span))
+        elif jumps:
+            self.forced.append((variable, self._derivatives[variable], item))
 
     def _moves(self, variable: int) -> bool:
         """Return True if a variable changes in time, that is, depends not only on parameters."""
@@ -117,17 +142,14 @@ class Differentiator:
         """Chain rule over the assignment of a variable; for an implicit law the part without its own derivative."""
         assignment = self.assigned[variable]
         terms: list[Expression] = []
-        by_time = False
+        self._look_for_jumps(variable, item)
         for slot, argument in enumerate(assignment.arguments):
             if isinstance(argument, float) or (assignment.implicit and argument == variable):
                 continue
-            by_time = by_time or self.variables[argument].role == "time"
             inner = self._derivative(argument, item)  # also if the slope is zero: a jump in time has no derivative
             slope = ZERO if inner == ZERO else derivative(assignment.formula.expression, Symbol(slot))
             if slope != ZERO:
                 terms.append(multiply(over(slope, assignment.arguments), inner))
-        if by_time:
-            self.forced.append((variable, item))
         total = add(*terms)
         if not assignment.implicit:
             return total
@@ -186,9 +208,9 @@ class Differentiator:
         return [(~key, 0) if key < 0 else (key, -1) for key in sorted(keys)]
 
     def _shorten(self) -> None:
-        """Remove variables of derivatives that turned out to be a copy or a number."""
+        """Remove variables of derivatives that turned out to be a copy or a number, but those by which a run looks for jumps."""
         short: dict[int, int | float] = {}
-        for variable in self.order:
+        for variable in self.order.keys() - {rate for _, rate, _ in self.forced}:
             expression = self.assigned[variable].expression if variable in self.assigned else None
             if isinstance(expression, Number):
                 short[variable] = expression.value

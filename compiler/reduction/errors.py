@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from ..errors import Diagnostic
+from ..errors import Diagnostic, WordedDiagnostic
 from ..fast_dataclass import dataclass
+from ..source import Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,3 +52,73 @@ class NothingToCompute(Diagnostic):
     code = "BG505"
     title = "The model has no output and no state"
     advice = "Name what you want to see: `output x = spring.x`."
+
+
+@dataclass(frozen=True, slots=True)
+class NoRate(WordedDiagnostic):
+    """BG506."""
+
+    code = "BG506"
+
+
+_UNKNOWN = {
+    "input": (
+        "what comes from outside by the input `{name}`",
+        "Give `{name}` as an expression of time (`set` in an experiment), give its rate as another input, or filter it: "
+        "`(u - y)/T` with `signal y = integral((u - y)/T, 0)`.",
+    ),
+    "delayed": ("the past, `{name}`", "Delay the rate instead: `delay(der(x), 1 ms)`."),
+    "mode": (
+        "the mode `{name}`, which an event sets at once",
+        "Differentiate what the mode chooses from, `der(a) if on else der(b)`; or let an `integral` follow the mode.",
+    ),
+}
+
+
+def no_rate(span: Span, role: str, name: str) -> NoRate:
+    """Error for the rate of an input, a delayed signal or a mode."""
+    what, hint = _UNKNOWN[role]
+    return NoRate(
+        span, f"`{span.words}` needs the rate of {what.format(name=name)}: nothing knows it", hint.format(name=name)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class RateJumps(Diagnostic):
+    """BG507."""
+
+    code = "BG507"
+    title = "`{words}` is the rate of what jumps, by {what} in line {line}: it would be an impulse"
+    advice = (
+        "Let it change within a time or a distance: `ramp` or `smoothstep3` for `step`, `tanh(x/width)` for `sign`, a `cubic` table for a `linear` "
+        "one; or differentiate on each side, `der(a) if x > 0 else der(b)`."
+    )
+    words: str
+    what: str
+    line: int
+
+
+def rate_jumps(span: Span, operator: str, place: Span) -> RateJumps:
+    """Error for `der` of an expression with a sign, a whole number, or a choice between two numbers."""
+    stairs = "`floor`, `ceil`, `mod`, `stairs` or `pwm`"
+    kinds = {"select": "a step or `if`", "floor": stairs, "ceil": stairs}
+    what = kinds.get(operator) or (f"`{operator}`" if operator == "sign" else f"the derivative of `{operator}`,")
+    return RateJumps(span, span.words, what, place.line)
+
+
+@dataclass(frozen=True, slots=True)
+class RateWithoutEnd(Diagnostic):
+    """BG508."""
+
+    code = "BG508"
+    title = "`{words}` depends on its own derivatives without end: nothing else decides what it differentiates"
+    advice = (
+        "Let something store it: an `integral(…)` of its rate, or a C or I in place of the law that reads the rate. "
+        "A force `m*der(v)` is an `I` on the same junction."
+    )
+    words: str
+
+
+def rate_without_end(span: Span) -> RateWithoutEnd:
+    """Error for `der` of what only its own rate decides."""
+    return RateWithoutEnd(span, span.words)

@@ -30,6 +30,7 @@ def reduce_equations(system: EquationSystem, everything: bool, span: Span, opene
 class _Reduction:
     def __init__(self, system: EquationSystem, everything: bool, span: Span, opened: bool) -> None:
         self.system, self.everything, self.span, self.opened = system, everything, span, opened
+        self.derived = [(d, d.quantity) for d in system.derivatives if d.quantity is not None]  # storages
         differentiator = Differentiator(system)
         differentiator.run()
         if differentiator.diagnostics:
@@ -68,8 +69,8 @@ class _Reduction:
             raise CompilationFailed([NothingToCompute(self.span)])
         if system.switches:  # contents continue in other positions of the switches, even if not read here
             wanted += [s.condition for s in system.switches] + [s.variable for s in system.states]
-            wanted += [v for d in system.derivatives for v in (d.target, d.of)]
-            conjugates = [s.conjugate for s in system.states] + [d.conjugate for d in system.derivatives]
+            wanted += [v for d, _ in self.derived for v in (d.target, d.of)]
+            conjugates = [s.conjugate for s in system.states] + [d.conjugate for d, _ in self.derived]
             wanted += [v for v in conjugates if v is not None]
             wanted += [v for m in system.momenta for v in (m.variable, m.rate)]
             wanted += [d.variable for d in system.discretes]  # and so does what events set
@@ -82,9 +83,15 @@ class _Reduction:
         used |= needed([x for e in events for x in e.sampling if isinstance(x, int)], inputs)
         claims = self._claims(used, inputs, reach)
         dependents = tuple(
-            Dependent(d.of, d.owner, d.quantity, d.conjugate) for d in system.derivatives if d.target in used
+            Dependent(d.of, d.owner, stored, d.conjugate) for d, stored in self.derived if d.target in used
         )
         used |= needed([d.variable for d in dependents], reach)
+        forced = [
+            Forced(v, d.owner, d.span)
+            for v, rate, d in self.differentiator.forced
+            if rate in used or (d.quantity is not None and v in used)
+        ]
+        used |= needed([f.variable for f in forced], inputs)
         invariants = self._invariants(used, inputs, reach)
         states = [s for s in system.states if s.variable in used]
         for state in states:  # starts and nominals are computed from parameters alone
@@ -101,7 +108,6 @@ class _Reduction:
             steps += self._block(block, inputs)
         if self.diagnostics:
             raise CompilationFailed(self.diagnostics)
-        forced = [Forced(v, d.owner, d.span) for v, d in self.differentiator.forced if v in used]
         return StateSpace(
             system.name, tuple(self.variables), tuple(steps), tuple(states), tuple(self.unknowns), system.outputs, system.quantities,
             system.ports if self.everything else (), system.storages if self.everything else (),
@@ -181,7 +187,7 @@ class _Reduction:
         if self.multipliers & used:
             rates_alone = {i.multiplier for i in self.system.invariants if i.position is None}
             return max(order, 2 if self.multipliers & used - rates_alone else 1) + 1
-        if any(d.target in used for d in self.system.derivatives):
+        if any(d.target in used for d, _ in self.derived):
             return max(order, 1) + 1
         return 1 if self.unknowns or any(isinstance(s, LinearLoop) for s in steps) else 0
 

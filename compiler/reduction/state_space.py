@@ -84,7 +84,7 @@ class Dependent:
 
 @dataclass(frozen=True, slots=True)
 class Forced:
-    """Signal of time alone that a storage in derivative form differentiates: at its jumps, a flow is an impulse."""
+    """Variable that a storage in derivative form, or `der`, differentiates and that may jump: there its rate is an impulse."""
 
     variable: int
     element: str

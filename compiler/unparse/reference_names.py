@@ -62,7 +62,14 @@ class Words:
             return self._reading(reference)
         if self.is_time(reference):
             return SymbolText("time", ONE if self.plain else SECOND)
-        return SymbolText(self.names.quantities[reference.name], self.dimension(self.graph.quantities[reference.name]))
+        named = self.graph.quantities[reference.name]
+        if named.role == "rate":
+            assert named.definition is not None
+            per_second = self.dimension(named)
+            return SymbolText(
+                f"der({self.bound(named.definition, per_second if self.plain else per_second * SECOND)})", per_second
+            )
+        return SymbolText(self.names.quantities[reference.name], self.dimension(named))
 
     def _reading(self, reading: Reading) -> SymbolText:
         reading = self._at_a_node(reading)

@@ -65,7 +65,9 @@ class _Writer:
         graph = self.graph
         nodes = [n for n in graph.nodes if n.name not in self.shared]
         unneeded = {d.name for d in self.delayed.values()}
-        inner = [q for n, q in graph.quantities.items() if not self._is_output(n) and n not in unneeded]
+        inner = [
+            q for n, q in graph.quantities.items() if not self._is_output(n) and n not in unneeded and q.role != "rate"
+        ]
         parts = [line for n in nodes for line in self._told(n, self._node(n))]
         quantities = [line for q in inner for line in self._told(q, self._quantity(q))]
         quantities += [f"constant {name} = {number_text(value)}" for value, name in self.words.constants.items()]

@@ -37,7 +37,7 @@ SIGNAL = re.compile(r"sin\([\w.\[\]]+\.(?:F|v|M|omega|u|i|P|Q|e|f)\d?(?:/1 \[[^\
 # What a hundred examples must at least have had among them, compiled and compared.
 LEAST = {
     "dependent storages": 60, "linear loops": 30, "nonlinear loops": 8, "mixed fields": 5, "C field": 8, "I field": 4, "IC field": 4,
-    "R field": 5, "modulated TF/GY": 10, "modulated": 20, "index 2": 15, "forced by time": 5, "index 3": 2, "splitter": 8,
+    "R field": 5, "modulated TF/GY": 10, "modulated": 20, "index 2": 15, "index 3": 2, "splitter": 8,
     "submodels": 12, "for": 20, "nonlinear": 15, "nonlinear storage": 10, "time": 10,
 }  # fmt: skip
 
@@ -475,7 +475,6 @@ def _count(example: Example, compilation: Any) -> None:
     KINDS["states"] += len(space.states)
     KINDS["claims"] += len(space.claims)
     KINDS["set from outside"] += len(example.settings)
-    KINDS["forced by time"] += bool(space.forced)
     KINDS[f"index {space.index}"] += 1
     derivative = Counter(end.node for end in compilation.causal.derivative)
     KINDS["mixed fields"] += sum(0 < n < len(graph.nodes[node].ports) for node, n in derivative.items())

@@ -92,6 +92,7 @@ class EventIntegrator(SegmentIntegrator):
     def _happen(self, at: HybridState, flipped: BoolArray | None) -> HybridState:
         events, powers = self.events, self.powers
         now = events.happen(at, flipped, events.due(at.time) if flipped is None else ())
+        self.check_forced(at.time, at.mode, now.mode, at.state)
         if powers is not None and events.log[-1].events:
             both = (powers(m.time, m.state, m.mode) for m in (at, now))
             self.result.jumps.append((next(both), next(both)))
@@ -184,6 +185,7 @@ class EventIntegrator(SegmentIntegrator):
             if events.steers[flip.conditions].any() and not self._passes(flip, stretch.mode, mode, state_at):
                 self.flip = flip
                 break
+            self.check_forced(flip.time, stretch.mode, mode, flip.state)
             self.result.pieces.append(Segment(self.piece.start, flip.time, stretch.mode))
             self.piece = stretch = stretch.up_to(flip.time, stretch.stop, mode)
             start = flip.time

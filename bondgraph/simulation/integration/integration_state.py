@@ -27,7 +27,7 @@ from ..monitors.step_failure import MOST_COMPILED, MOST_STEPS, failure, not_fini
 from ..monitors.step_size_diagnosis import growth_notes, notes_of
 from ..monitors.validity import ValidityMonitor
 from ..segments.context import SegmentContext
-from ..segments.timeline import Segment, Signals, signals_on, with_time_of
+from ..segments.timeline import Segment, Signals, signals_on
 from ..segments.trajectory import Kept, Tolerances, Trajectory, empty
 
 if TYPE_CHECKING:
@@ -223,18 +223,17 @@ class IntegrationState:
             self.result.evaluations[name] = self.result.evaluations.get(name, 0) + count
 
     def check_forced(self, time: float, before: Array, after: Array, x: Array) -> None:
-        """Raise `RunFailed` if a differentiated input jumps where conditions on time change. `before`, `after`: modes."""
-        if self.mode is not None:
-            before, after = self.mode, with_time_of(self.program, after, self.mode)
-        if (before == after).all():
+        """Raise `RunFailed` if what is differentiated jumps where conditions change. `before`, `after`: modes."""
+        if not self.program.jumping.names or (before == after).all():
             return
         fixed = (x, self.inputs, self.constants)
         old, new = (np.asarray(self.program.forced(time, *fixed, mode)) for mode in (before, after))
         bad = np.flatnonzero(np.abs(new - old) > 1e-9 * np.maximum(np.abs(new), np.abs(old)))
         if len(bad):
             raise RunFailed(
-                "BR765", f"at t = {time:.9g} s what forces a storage in derivative form jumps from {old[bad[0]]:.6g} to {new[bad[0]]:.6g}: its flow would be "
-                "an impulse;", "put a resistor between source and storage, or let the source rise within a time",
+                "BR765", f"at t = {time:.9g} s `{self.program.jumping.names[bad[0]]}`, which is differentiated, jumps from {old[bad[0]]:.6g} to "
+                f"{new[bad[0]]:.6g}: its rate would be an impulse;",
+                "let it change within a time, or put a resistor between it and the storage that it forces",
             )  # fmt: skip
 
     def check_rates(self, start: float, x: Array, mode: Array) -> None:

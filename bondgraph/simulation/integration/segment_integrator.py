@@ -11,7 +11,7 @@ from compiler.api import Array
 
 from ...errors import UsageError
 from ..integrators.methods import METHODS
-from ..segments.timeline import Segment
+from ..segments.timeline import Segment, with_time_of
 from .integration_state import IntegrationState
 from .stateless import without_states
 
@@ -35,7 +35,10 @@ class SegmentIntegrator(IntegrationState):
         x = np.array(state, dtype=float)
         for number, stretch in enumerate(stretches):
             if number:
-                self.check_forced(stretch.start, stretches[number - 1].mode, stretch.mode, x)
+                before, after = stretches[number - 1].mode, stretch.mode
+                if self.mode is not None:
+                    before, after = self.mode, with_time_of(self.program, after, self.mode)
+                self.check_forced(stretch.start, before, after, x)
             x = self.run_to_end(stretch, x, not number)
             if self.result.handover is not None or self.result.stopped is not None:
                 break

@@ -26,6 +26,8 @@ def obstacle(lowered: Lowered) -> str | None:
         return f"the junction `{space.switches[0].junction}`, which goes on and off"
     if space.delays:
         return f"the delayed signal `{names[space.delays[0].variable].name}`"
+    if space.forced:
+        return f"the rate of `{names[space.forced[0].variable].name}`, which may jump"
     if space.invariants:
         return f"the closed loop at `{space.invariants[0].name}`"
     if space.unknowns:

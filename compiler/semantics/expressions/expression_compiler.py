@@ -51,7 +51,9 @@ from .template import (
 )
 from .vectors import VECTORS, compile_vector
 
-MEMORIES = {"integral": "integral(rate, start)", "delay": "delay(x, 1 ms)"}  # signals with memory
+# signals of their own: with memory, and rates
+MEMORIES = {"integral": "integral(rate, start)", "delay": "delay(x, 1 ms)", "der": "der(x)"}
+INSIDE = {"integral": "Integrate", "delay": "Delay it", "der": "Differentiate"}  # advice in a function
 MAXIMUM_ITEMS = 10_000  # of one list
 MAXIMUM_CALLS = 1000  # functions opened in one expression
 MOST_DECIBELS = 6000  # a ratio of 1e300
@@ -434,12 +436,13 @@ class ExpressionCompiler:
         return own or (None if shared is None else (shared, None))
 
     def _memory(self, node: tree.Call) -> Typed:
-        """Reading of `integral(rate, start)` or `delay(x, 1 ms)`, which are signals of their own with memory."""
-        if len(node.arguments) != 2:
-            usage = MEMORIES[node.function]
-            raise Wrong(WrongArguments(node.span, node.function, _arguments(2), len(node.arguments), usage))
+        """Reading of `integral(rate, start)`, `delay(x, 1 ms)` or `der(x)`, which are signals of their own."""
+        usage = MEMORIES[node.function]
+        count = usage.count(",") + 1
+        if len(node.arguments) != count:
+            raise Wrong(WrongArguments(node.span, node.function, _arguments(count), len(node.arguments), usage))
         if self.opening:
-            hint = "Integrate where the function is used." if node.function == "integral" else "Delay where it is used."
+            hint = f"{INSIDE[node.function]} where the function is used."
             raise Wrong(Unsupported(node.span, f"`{node.function}` inside a function", hint))
         found = self.resolve(node, self.scope)
         return Typed(Symbol(self._slot(node, None)), found.dimensions[0])

@@ -36,7 +36,7 @@ Value = Typed | tuple[Typed, ...]
 class Slot:
     """Reading of a slot: a path of the text, and the item if it is a list."""
 
-    path: tree.PathSyntax | tree.Call  # a call is `integral(…)` or `delay(…)`, a signal of its own
+    path: tree.PathSyntax | tree.Call  # a call is `integral(…)`, `delay(…)` or `der(…)`, a signal of its own
     item: int | None
     depth: int | None = None  # of a function's reading: loops around the scope of the function, in which it is read
 

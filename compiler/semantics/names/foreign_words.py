@@ -11,13 +11,13 @@ from ...source import read_text
 from ...syntax.outline import Outline
 
 _RATES = (
-    "Rates are read from elements: `spring.v` is the rate of `spring.x` of a C, `mass.F` that of `mass.p` of an I. A law has none: "
+    "A rate is `der(x)`; elements have theirs, `spring.v` of `spring.x` of a C, `mass.F` of `mass.p` of an I. A law has none: "
     "`I mass : p = m*v` and `C spring : F = k*x` store."
 )
 _INTEGRAL = "An integral over time is `integral(rate, start)`."
 _CURVE = 'A curve through points is `linear(x, xs, ys)`, `cubic(…)` or `monotone(…)`; a column of a file is the list `column("file.csv", "name")`.'
 FUNCTIONS = {
-    "der": _RATES, "ddt": _RATES, "diff": _RATES, "int": _INTEGRAL, "integrate": _INTEGRAL, "idt": _INTEGRAL,
+    "ddt": _RATES, "diff": _RATES, "int": _INTEGRAL, "integrate": _INTEGRAL, "idt": _INTEGRAL,
     "table": _CURVE, "interp": _CURVE, "interp1": _CURVE,
     "pow": "A power is written with `^`: `a^2`.",
     "round": "A rounded number is `floor(x + 0.5)`.",

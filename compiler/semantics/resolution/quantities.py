@@ -281,17 +281,24 @@ class QuantityResolver(Resolver):
 
     # ------------------------------------------------------------ signals with memory
     def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
-        """Integral or delay inside a larger expression: a signal that the author gave no name."""
+        """Integral, delay or rate inside a larger expression: a signal that the author gave no name."""
+        if call.function == "der" and self._inferring:
+            return Scalar(Quantity("der"), self._per_second(self._looked_at(call.arguments[0], scope)), "signal", "der")
         key = (id(call), id(scope))
         if key not in self._nested:
             self._keep_scopes.append(scope)
-            name = scope.full(f"{call.function} at line {call.span.line}{scope.suffix}")
-            names = {f"{name} ({i})" if i else name for i in range(len(self._nested) + 1)} - self.quantities.keys()
             if call.function == "delay":
-                self._nested[key] = self._delay(call, scope, min(names))
+                self._nested[key] = self._delay(call, scope)
+            elif call.function == "der":
+                self._nested[key] = self._rate(call, scope)
             else:
-                self._nested[key] = self._integral(call, scope, min(names), "signal", None, "")
+                self._nested[key] = self._integral(call, scope, "", "signal", None, "")
         return self._nested[key]
+
+    def _free_name(self, call: tree.Call, scope: Scope) -> str:
+        """Name of a nested signal; those in its arguments have theirs already."""
+        name = scope.full(f"{call.function} at line {call.span.line}{scope.suffix}")
+        return min({f"{name} ({i})" if i else name for i in range(len(self._nested) + 1)} - self.quantities.keys())
 
     def _integral(
         self, call: tree.Call, scope: Scope, name: str, role: str, declared: Dimension | None, description: str
@@ -302,17 +309,34 @@ class QuantityResolver(Resolver):
         dimension = declared or self._dimension(template.value)
         if dimension is None and not scope.plain:
             dimension = self._inferred(rate, scope)
-        named = Named(name, role, str(dimension or ONE), None, None, call.span, description)
-        self.quantities[name] = named
+        name = name or self._free_name(call, scope)
+        self.quantities[name] = Named(name, role, str(dimension or ONE), None, None, call.span, description)
         self._memories.append((name, call, scope, dimension))
         return Scalar(Quantity(name), dimension if not scope.plain else None, role, name)
 
-    def _delay(self, call: tree.Call, scope: Scope, name: str) -> Scalar:
+    def _delay(self, call: tree.Call, scope: Scope) -> Scalar:
         """Enter a delay. It is known at once, so that its argument can depend on it; the argument is read when all names are known."""
         dimension = None if scope.plain else self._looked_at(call.arguments[0], scope)
+        name = self._free_name(call, scope)
         self.quantities[name] = Named(name, "signal", str(dimension or ONE), None, None, call.span, "")
         self._delays.append((name, call, scope, dimension))
         return Scalar(Quantity(name), dimension, "signal", name)
+
+    def _rate(self, call: tree.Call, scope: Scope) -> Scalar:
+        """Enter the derivative of an expression by time, which is read at once: it cannot depend on itself."""
+        template = self.template(call.arguments[0], scope)
+        if not isinstance(template.value, Typed) or template.value.truth:
+            what = "a condition" if isinstance(template.value, Typed) else "a list"
+            raise Wrong(WrongType(call.arguments[0].span, "A single number", what, "Differentiate item by item."))
+        dimension = None if scope.plain else self._per_second(template.value.dimension)
+        bound = self.bind(template, template.formulas[0], scope)
+        name = self._free_name(call, scope)
+        self.quantities[name] = Named(name, "rate", str(dimension or ONE), bound, None, call.span, "")
+        return Scalar(Quantity(name), dimension, "signal", name)
+
+    @staticmethod
+    def _per_second(dimension: Dimension | None) -> Dimension | None:
+        return None if dimension is None else dimension / SECOND
 
     def _inferred(self, rate: tree.ExpressionSyntax, scope: Scope) -> Dimension | None:
         """Dimension of an integral from its rate. In the rate, the integral itself fits any dimension."""
@@ -366,8 +390,7 @@ class QuantityResolver(Resolver):
 
     def _read_integral(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Integral:
         bounds = []
-        per_second = None if dimension is None else dimension / SECOND
-        for part, wanted in zip(call.arguments, (per_second, dimension), strict=True):
+        for part, wanted in zip(call.arguments, (self._per_second(dimension), dimension), strict=True):
             template = self.template(part, scope)
             value = template.value
             if not isinstance(value, Typed):

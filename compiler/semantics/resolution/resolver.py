@@ -289,7 +289,7 @@ class Resolver(ABC):
         return found
 
     def resolve(self, path: tree.PathSyntax | tree.Call, scope: Scope) -> Readable:
-        """Dimensions of the quantity that a path reads, or of an integral."""
+        """Dimensions of the quantity that a path reads, or of a signal with memory or a rate."""
         if isinstance(path, tree.Call):
             return Readable((self.nested_memory(path, scope).dimension,), False)
         found = self.lookup(path, scope)
@@ -440,7 +440,7 @@ class Resolver(ABC):
 
     @abstractmethod
     def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
-        """Integral or delay inside a larger expression: a signal that the author gave no name."""
+        """Integral, delay or rate inside a larger expression: a signal that the author gave no name."""
 
 
 def _readable(scope: Scope) -> Iterator[str]:
