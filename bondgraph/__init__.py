@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .errors import UsageError as UsageError
     from .model import Model as Model
     from .model import load as load
+    from .model.cell import load_ipython_extension as load_ipython_extension
     from .results.archive import read_result as read_result
     from .results.ensemble import Ensemble as Ensemble
     from .results.result import Result as Result
@@ -51,9 +52,10 @@ _HOMES = {
     "check": "compiled_model",
     "compare": "studies.comparison",
     "load": "model",
+    "load_ipython_extension": "model.cell",
     "read_result": "results.archive",
 }
-__all__ = list(_HOMES)
+__all__ = [name for name in _HOMES if name != "load_ipython_extension"]  # which IPython calls
 
 
 def _connect_compiler() -> None:

@@ -67,9 +67,9 @@ class FollowedFiles:
 
     def changed(self, paths: Iterable[Path]) -> bool:
         """Return True if one of the files changed since a call had it; a file that is new to this has not."""
-        found = {path: _stamp(path) for path in paths}
-        changed = any(self._seen.get(path, stamp) != stamp for path, stamp in found.items())
-        self._seen = found
+        stamps = {path: _stamp(path) for path in paths}
+        changed = any(self._seen.get(path, stamp) != stamp for path, stamp in stamps.items())
+        self._seen = stamps
         return changed
 
 

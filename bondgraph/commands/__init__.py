@@ -56,7 +56,7 @@ GROUPS = {
         "fit": 'models/oscillator.bg --data measured.csv --parameter "k = 50 N/m .. 200 N/m"',
         "reproduce": "models/thesis",
     },
-    "Editors": {"editor": "vscode -o bondgraph.vsix", "lsp": ""},
+    "Editors and assistants": {"editor": "vscode -o bondgraph.vsix", "lsp": "", "mcp": ""},
 }
 EXAMPLES = {name: example for commands in GROUPS.values() for name, example in commands.items()}
 COMMANDS = tuple(sorted(EXAMPLES))

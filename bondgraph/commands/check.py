@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .error_reporting import WRONG
-from .options import given, model_option
+from .options import file_or_text, model_option
 
 if TYPE_CHECKING:
     from compiler.api import Diagnostic
@@ -26,7 +26,7 @@ def command(files: Sequence[str], as_json: bool, model: str | None) -> None:
     """Tell everything that is wrong with some files; of fine ones, what kind of equations a run solves."""
     from ..compiled_model import certify
 
-    examined = [certify(given(file), model) for file in files]
+    examined = [certify(file_or_text(file), model) for file in files]
     found = [d for diagnostics, _ in examined for d in diagnostics]
     if not gc.isenabled():  # the process ends with this: what was made need not be walked through at its end
         gc.freeze()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import click
 
 from .error_reporting import WRONG, harmless
-from .options import given
+from .options import file_or_text
 
 
 @click.command("fmt")
@@ -22,7 +22,7 @@ def command(files: Sequence[str], only_check: bool) -> None:
     changed = []
     for file in files:
         from_stream = file == "-"
-        source = Source("text", str(given(file))) if from_stream else read_source(file, newline="")
+        source = Source("text", str(file_or_text(file))) if from_stream else read_source(file, newline="")
         text = format_text(source)
         if from_stream and not only_check:
             click.echo(text, nl=False)

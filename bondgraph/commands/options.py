@@ -97,7 +97,7 @@ def taken(kind: type[Noun], options: dict[str, Any]) -> Noun:
     return kind(**{n: options.pop(n) for n in names})
 
 
-def given(file: str) -> Path | str:
+def file_or_text(file: str) -> Path | str:
     """Return the file; for `-` the text of standard input. Raises `UnicodeDecodeError`, `click.UsageError`."""
     if file != "-":
         return Path(file)
@@ -111,7 +111,7 @@ def given(file: str) -> Path | str:
 def load(file: str, model: str | None) -> Model:
     from .. import load
 
-    return load(given(file), model)
+    return load(file_or_text(file), model)
 
 
 def load_shown(file: str, model: str | None) -> Model:

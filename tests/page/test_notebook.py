@@ -7,6 +7,7 @@ import pytest
 
 import bondgraph
 from bondgraph import Graph
+from bondgraph.errors import UsageError
 from bondgraph.results.records import Column
 from bondgraph.results.result import Result
 from tests.compiling import MODELS
@@ -129,3 +130,22 @@ def test_studies_are_tables_of_pandas() -> None:
     assert list(table["a"]) == [1.0, 2.0] and list(table.index) == [1.0, 2.0]
     runs = model.simulate_many([{"U": 1.0}, {"U": 2.0}]).to_pandas()
     np.testing.assert_allclose(runs.loc[(1.0, 3.0), "a"], 2 * runs.loc[(0.0, 3.0), "a"], rtol=1e-12)
+
+
+def test_a_cell_of_a_notebook_is_a_model() -> None:
+    """`%%bg` in a shell of IPython: the name, the picture, errors that are shown, a name that is none."""
+    pytest.importorskip("IPython")
+    from IPython.core.interactiveshell import InteractiveShell
+    from traitlets.config import Config
+
+    shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
+    shell.run_line_magic("load_ext", "bondgraph")
+    text = (MODELS / "rlc.bg").read_text(encoding="utf-8")
+    shell.run_cell_magic("bg", "", text)
+    shown = shell.run_cell_magic("bg", "car", text)
+    assert shell.user_ns["car"] is shown and shell.user_ns["model"].name == shown.name
+    assert "<svg" in shown._repr_html_()
+    assert "BG101" in shell.run_cell_magic("bg", "wrong", "model A { C c : F = k*x }")._repr_html_()
+    with pytest.raises(UsageError, match="cannot be a name"):
+        shell.run_cell_magic("bg", "a b", text)
+    assert "a b" not in shell.user_ns
