@@ -103,8 +103,9 @@ class BranchFollower:
             except (RunFailed, np.linalg.LinAlgError):
                 share *= 0.25
                 continue
-            size = np.abs(there.state - first.state)[: self.count]
-            self.seen = np.maximum(self.seen, self._values(there, A, size) / share)
+            before, after = first.state[: self.count], there.state[: self.count]
+            moving = (self.seen > 0) | (self._values(there, A, np.abs(after)) > 0)
+            self.seen = np.maximum(self.seen, np.where(moving, np.abs(after - before) / share, 0.0))
             break
         values = np.zeros(there.all)
         values[: self.count] = largest_of_group(self.seen, self.units)

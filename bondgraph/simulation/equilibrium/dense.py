@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -35,11 +36,16 @@ class EquilibriumSearch:
         self.loops, self.mode = constraints.loops(), first.mode
         self.largest, self.unseen = np.zeros(self.count), np.zeros(self.count)
         self.names, units = program.states.names, program.states.units
-        self.kind = group_numbers(units)
+        self.group(units)
         self.basis: Any = None  # basis of the directions that loop joints allow at the current state
         self.farthest = LARGEST
         self.loop_terms: Any = 0.0  # terms of the loop unknowns in each rate at the current state
         self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
+
+    def group(self, units: Sequence[str]) -> None:
+        """Set the groups of states of one unit, and which are angles: those without a unit, unless no state has one."""
+        self.kind = group_numbers(units)
+        self.turns = np.array([unit == "1" and "1/s" in units for unit in units], dtype=bool)
 
     def at(self, full: Array) -> tuple[Any, Any, Any]:
         """Return state, rates, and their derivatives by the states alone."""
@@ -67,9 +73,11 @@ class EquilibriumSearch:
         return slope
 
     def first(self, slope: Array, jacobian: Any) -> float:
-        """Return the length of the first step: that of the fastest mode, or of the relative rates of the states."""
-        moving = slope != 0
-        reach = float((self.scale(np.zeros(self.count))[moving] / np.abs(slope[moving])).min())
+        """Return the length of the first step: that of the fastest mode, or of the relative rates of the states and of what these rates move."""
+        size, moved = self.scale(np.zeros(self.count)), np.abs(jacobian) @ np.abs(slope)
+        directly, later = slope != 0, moved > 0
+        reach = float((size[directly] / np.abs(slope[directly])).min())
+        reach = min(reach, float(np.sqrt(2 * size[later] / moved[later]).min(initial=np.inf)))
         fastest = self.fastest(jacobian)
         return min(1.0 / fastest, FIRST * reach) if fastest > 0 else FIRST * reach
 
@@ -87,7 +95,9 @@ class EquilibriumSearch:
         fastest = self.fastest(jacobian)
         if not 0 < fastest < np.inf:
             return
-        reach = np.maximum(self.largest, np.abs(slope) / fastest)
+        # an angle at zero may turn by a radian, however long the fastest mode takes where gravity has no moment
+        least = np.where(self.turns & ~(largest_of_group(self.largest, self.kind) > 0), 1.0, self.largest)
+        reach = np.where(least > 0, least, np.abs(slope) / fastest)
         for _ in range(self.count):
             further = np.where(reach > 0, reach, np.abs(jacobian) @ reach / fastest)
             if (further == reach).all():

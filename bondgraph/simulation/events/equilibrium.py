@@ -16,7 +16,6 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ...errors import RunFailed
-from ...numerics.scales import group_numbers
 from ..constraints.constraints import Constraints
 from ..equilibrium.dense import EquilibriumSearch
 from ..equilibrium.search import equilibrium, found_by
@@ -103,7 +102,7 @@ class SampledSearch(EquilibriumSearch):
         modes = program.hybrid.modes
         self.names = (*program.states.names, *(modes.names[p].removeprefix("late ") for p in self.places))
         units = (*program.states.units, *(modes.units[p] for p in self.places))
-        self.kind = group_numbers(units)
+        self.group(units)
         self.count = len(self.names)
         self.largest, self.unseen = np.zeros(self.count), np.zeros(self.count)
 
