@@ -177,6 +177,7 @@ FUNCTION_TEXTS: Mapping[str, str] = {
     "integral": "A signal with memory: the integral of its rate over time, from its start.",
     "delay": "The signal so long ago; the time is known before the run.",
     "der": "The exact rate of an expression: its derivative by time.",
+    "hysteresis": "A relay with memory: true from above the second limit on, false from below the first.",
     "linear": "A curve through points, straight between them.",
     "cubic": "A smooth curve through points.",
     "monotone": "A smooth curve through points without overshoot.",

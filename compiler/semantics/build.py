@@ -24,7 +24,7 @@ from .names.imports import Loader
 from .names.scope import Absent, Broken, FileScope, ModelDefinition, Scope
 from .names.statement_errors import MAXIMUM_MISTAKES, suggestion
 from .network.elaborate import Elaborator
-from .network.events import read_events, read_stops
+from .network.events import read_events, read_relays, read_stops
 from .network.nodes import Nodes
 from .network.requirements import read_requirements
 from .network.unconnected import unconnected
@@ -242,10 +242,13 @@ class _Opened:
         starts = read_initial_values(elaborator, self.experiment, elaborator.root, nodes.nodes)
         requirements = read_requirements(elaborator)
         events = (*read_events(elaborator, nodes.nodes), *read_stops(elaborator, self.experiment))
-        elaborator.integrals()  # these may read delays
-        delays = elaborator.delays()
+        elaborator.integrals()  # signals with memory may read each other
+        elaborator.delays()
+        read_relays(elaborator)
         plan, outputs = read_plan(elaborator, self.experiment, elaborator.root, self.scene)
         _check_overrides(elaborator, self.scene)
+        events = (*events, *read_relays(elaborator))
+        delays = elaborator.delays()
         elaborator.need_no_values()
         graph = BondGraph(
             self.definition.name,

@@ -199,6 +199,10 @@ LIMITS = [
     ("bytes of a file of columns", "compiler.semantics.names.column_file:MAXIMUM_SIZE"),
     ("rows of a file of columns", "compiler.semantics.names.column_file:MAXIMUM_ROWS"),
     ("points of a table that are parameters", "compiler.semantics.expressions.tables:MAXIMUM_POINTS"),
+    (
+        "places along the shorter side of a table of two variables",
+        "compiler.semantics.expressions.tables:MAXIMUM_CURVES",
+    ),
 ]
 
 

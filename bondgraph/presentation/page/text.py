@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 WORDS = frozenset((
     "model", "plain", "parameter", "constant", "input", "output", "signal", "port", "import", "from", "for", "in", "function", "multibody",
     "body", "frame", "mode", "when", "every", "experiment", "set", "sweep", "simulate", "report", "start", *ANALYSIS_STEPS,
-    "require", "integral", "delay", "der", "if", "else", "and", "or", "not", "true", "false", "time", "pi", "ground", "to", "over",
+    "require", "integral", "delay", "der", "hysteresis", "if", "else", "and", "or", "not", "true", "false", "time", "pi", "ground", "to", "over",
 ))  # fmt: skip
 _PIECES = re.compile(
     r'(?P<remark>#.*)|(?P<words>"[^"]*"?)|(?P<number>\b\d[\d.]*(?:[eE][-+]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<arrow>->|=>)'

@@ -52,8 +52,16 @@ from .template import (
 from .vectors import VECTORS, compile_vector
 
 # signals of their own: with memory, and rates
-MEMORIES = {"integral": "integral(rate, start)", "delay": "delay(x, 1 ms)", "der": "der(x)"}
-INSIDE = {"integral": "Integrate", "delay": "Delay it", "der": "Differentiate"}  # advice in a function
+MEMORIES = {
+    "integral": "integral(rate, start)",
+    "delay": "delay(x, 1 ms)",
+    "der": "der(x)",
+    "hysteresis": "hysteresis(x, low, high, false)",
+}
+RELAYS = ("hysteresis",)  # truths; their last argument is the start and may be left out
+INSIDE = {  # advice in a function
+    "integral": "Integrate", "delay": "Delay it", "der": "Differentiate", "hysteresis": "Let it be a parameter, and give it",
+}  # fmt: skip
 MAXIMUM_ITEMS = 10_000  # of one list
 MAXIMUM_CALLS = 1000  # functions opened in one expression
 MOST_DECIBELS = 6000  # a ratio of 1e300
@@ -439,13 +447,18 @@ class ExpressionCompiler:
         """Reading of `integral(rate, start)`, `delay(x, 1 ms)` or `der(x)`, which are signals of their own."""
         usage = MEMORIES[node.function]
         count = usage.count(",") + 1
-        if len(node.arguments) != count:
-            raise Wrong(WrongArguments(node.span, node.function, _arguments(count), len(node.arguments), usage))
+        relay = node.function in RELAYS
+        if len(node.arguments) not in (count, count - relay):
+            counts = f"{count - 1} or {_arguments(count)}" if relay else _arguments(count)
+            raise Wrong(WrongArguments(node.span, node.function, counts, len(node.arguments), usage))
         if self.opening:
             hint = f"{INSIDE[node.function]} where the function is used."
             raise Wrong(Unsupported(node.span, f"`{node.function}` inside a function", hint))
         found = self.resolve(node, self.scope)
-        return Typed(Symbol(self._slot(node, None)), found.dimensions[0])
+        symbol = Symbol(self._slot(node, None))
+        if relay:
+            return Typed(call("less", Number(0.5), symbol), ONE, truth=True)
+        return Typed(symbol, found.dimensions[0])
 
     def _open(self, function: tree.FunctionSyntax, home: Scope | None, node: tree.Call) -> Value:
         if len(node.arguments) != len(function.parameters):

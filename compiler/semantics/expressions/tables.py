@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
-from ...algebra.expression import Apply, Expression, Number, divide, evaluate
+from ...algebra.expression import Apply, Expression, Number, add, divide, evaluate, multiply, operations
 from ...algebra.interpolate import OutsideTable
 from ...algebra.table import KINDS, noise, table
 from ...fast_dataclass import dataclass
@@ -22,6 +22,8 @@ from .columns import read_column
 from .template import Check, Typed, Value, bare_number, common_dimension
 
 MAXIMUM_POINTS = 200  # of a table whose points are parameters
+MAXIMUM_CURVES = 50  # along the shorter side of a table of two variables
+GRID = "linear(x, (x1, x2), y, (y1, y2), ((z11, z12), (z21, z22)))"
 
 USAGE = {
     **{kind: f"{kind}(x, (x1, x2, x3), (y1, y2, y3))" for kind in KINDS},
@@ -29,6 +31,7 @@ USAGE = {
     "noise": "noise(time, 10 ms, 1)",
 }
 LENGTHS = {"mod": "length", "stairs": "tread", "pwm": "period"}  # second arguments, which must not be zero
+_GRID = ("x", "xs", "y", "ys", "rows")  # arguments of a table of two variables
 _COUNTS = {**dict.fromkeys(KINDS, 3), "column": 2, "noise": 3}
 
 
@@ -44,6 +47,8 @@ class Arguments:
 
 def compile_table(arguments: Arguments, node: tree.Call) -> Value:
     """A call of one of the functions in `USAGE`. Raises `Wrong`."""
+    if node.function in KINDS and len(node.arguments) == len(_GRID):
+        return _surface(arguments, node)
     if len(node.arguments) != _COUNTS[node.function]:
         count = f"{_COUNTS[node.function]} arguments"
         raise Wrong(WrongArguments(node.span, node.function, count, len(node.arguments), USAGE[node.function]))
@@ -87,6 +92,78 @@ def _curve(arguments: Arguments, node: tree.Call) -> Typed:
     return Typed(result, dimension)
 
 
+def _surface(arguments: Arguments, node: tree.Call) -> Typed:
+    """A table of two variables: the tensor product of two curves, a sum over one axis of the curve of each row times its share.
+
+    The share of a row is the curve through 1 at its place and 0 at the others, so values, slopes, bends and bounds are those of curves. Both
+    `linear` and `cubic` are linear in their values, so it does not matter over which axis the sum goes: it is the shorter one.
+    """
+    kind = node.function
+    if kind == "monotone":
+        hint = "Take `cubic`, or `linear`, which never leaves its points."
+        raise Wrong(WrongTable(node.span, "`monotone` has one variable: it is not linear in its values", hint))
+    axes = [_axis(arguments, node, node.arguments[i], node.arguments[i + 1]) for i in (0, 2)]
+    rows = _rows(arguments, node, node.arguments[4])
+    counts = [len(places) for _, places in axes]
+    if len(rows) != counts[0] or any(len(row) != counts[1] for _, row in rows):
+        bad = next((row for row in rows if len(row[1]) != counts[1]), None)
+        size = f"{len(rows)} rows" if bad is None else f"a row of {len(bad[1])}"
+        what = f"`{kind}` of {counts[0]} by {counts[1]} places has {size}"
+        raise Wrong(
+            WrongTable(
+                node.arguments[4].span if bad is None else bad[0].span,
+                what,
+                f"One row for each place of the first axis: `{GRID}`.",
+            )
+        )
+    placed = [cell for argument, row in rows for cell in _placed(row, argument)]
+    dimension = common_dimension(placed, f"The values of `{kind}` need one unit")
+    cells = [[t.expression for t in row] for _, row in rows]
+    fixed = all(isinstance(z, Number) for row in cells for z in row)
+    if min(counts) > MAXIMUM_CURVES or (not fixed and counts[0] * counts[1] > MAXIMUM_POINTS):
+        hint = f"One side has {MAXIMUM_CURVES} places at most; values that are parameters are {MAXIMUM_POINTS} at most."
+        raise Wrong(WrongTable(node.span, f"`{kind}` has {counts[0]} by {counts[1]} places", hint))
+    if counts[1] < counts[0]:
+        axes, cells = axes[::-1], [list(column) for column in zip(*cells, strict=True)]
+    (x, xs), (y, ys) = axes
+    units = ([Number(float(i == j)) for j in range(len(xs))] for i in range(len(xs)))
+    terms = [
+        multiply(table(kind, x, xs, unit), table(kind, y, ys, row)) for unit, row in zip(units, cells, strict=True)
+    ]
+    for part in (operation for term in terms for operation in operations(term)):
+        if part.operator == kind and isinstance(part.operands[1], Number):
+            _ask(part, node)
+    return Typed(add(*terms), dimension)
+
+
+def _axis(
+    arguments: Arguments, node: tree.Call, argument: tree.ExpressionSyntax, listed: tree.ExpressionSyntax
+) -> tuple[Expression, tuple[Expression, ...]]:
+    """Argument of a table along one axis, and its places there."""
+    x, places = arguments.scalar(argument), _points(arguments, node, listed)
+    at = [(x, argument.span), *_placed(places, listed)]
+    common_dimension(at, f"What `{node.function}` is asked at and its places need one unit")
+    if len(places) < 2:
+        raise Wrong(
+            WrongTable(
+                listed.span, f"`{node.function}` has {len(places)} place here", "An axis needs two places or more."
+            )
+        )
+    xs = tuple(t.expression for t in places)
+    _settle(arguments, Check(node.function, listed.span, xs, (), _cells(arguments, listed)))
+    return x.expression, xs
+
+
+def _rows(
+    arguments: Arguments, node: tree.Call, argument: tree.ExpressionSyntax
+) -> list[tuple[tree.ExpressionSyntax, tuple[Typed, ...]]]:
+    """Rows of values, each a list written in place, the name of one, or a column of a file, with its place in the text."""
+    if not isinstance(argument, tree.VectorSyntax):
+        hint = f"Write one list for each place of the first axis: `{GRID}`."
+        raise Wrong(WrongType(argument.span, "A list of rows", f"`{argument.span.words}`", hint))
+    return [(row, _points(arguments, node, row, GRID)) for row in argument.items]
+
+
 def _ask(result: Apply, node: tree.Call) -> None:
     """Check that a table read at a literal number has a value there. Raises `Wrong`."""
     try:
@@ -102,11 +179,13 @@ def _unknown(key: object) -> float:
     raise LookupError(key)
 
 
-def _points(arguments: Arguments, node: tree.Call, argument: tree.ExpressionSyntax) -> tuple[Typed, ...]:
+def _points(
+    arguments: Arguments, node: tree.Call, argument: tree.ExpressionSyntax, usage: str = ""
+) -> tuple[Typed, ...]:
     """A list of single numbers."""
     value = arguments.value(argument)
     if not isinstance(value, tuple):
-        hint = f"Write {USAGE[node.function]}, the name of a list, or a column of a file."
+        hint = f"Write {usage or USAGE[node.function]}, the name of a list, or a column of a file."
         raise Wrong(WrongType(argument.span, "A list", "a single number", hint))
     if any(t.truth for t in value):
         raise Wrong(WrongType(argument.span, "A list of numbers", "a list of conditions"))

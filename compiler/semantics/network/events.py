@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...algebra.expression import ZERO
+from ...algebra.expression import ZERO, Number
 from ...algebra.formula import Bound, Formula
 from ...graph.domains import DOMAINS
 from ...graph.network import Action, Element, Event, Node, Quantity, Reading, Sampling
@@ -12,7 +12,7 @@ from ...syntax import tree
 from ..names.errors import LateStorage, WrongEvent, WrongExperiment, WrongType
 from ..names.scope import Scalar, Scope
 from ..names.statement_errors import Wrong
-from ..resolution.structure import read_condition
+from ..resolution.resolver import read_condition
 from .elaborate import Elaborator
 from .samples import read_sampling
 from .values import read_value
@@ -36,6 +36,30 @@ def read_stops(elaborator: Elaborator, experiment: tree.Experiment | None) -> tu
         elaborator.tell(WrongExperiment(stops[0].span, "`stop when` ends a run, but this experiment has none", hint))
     found = [elaborator.guard(_stop, elaborator, step) for step in stops]
     return tuple(item for item in found if item is not None)
+
+
+def read_relays(elaborator: Elaborator) -> tuple[Event, ...]:
+    """Read the two events of each `hysteresis`. Errors are collected. The list of relays may grow: one may read another."""
+    pairs = [elaborator.guard(_relay, elaborator, *relay) for relay in elaborator.relays]
+    return tuple(event for pair in pairs if pair is not None for event in pair)
+
+
+def _relay(elaborator: Elaborator, name: str, call: tree.Call, scope: Scope) -> tuple[Event, Event]:
+    x, low, high, *_ = call.arguments
+
+    def event(operator: str, limit: tree.ExpressionSyntax, value: float) -> Event:
+        condition = elaborator.comparison(call, x, operator, limit)
+        _, bound = read_condition(elaborator, condition, scope, "")
+        action = Action(Quantity(name), Bound(Formula(0, Number(value)), ()), call.span.words, limit.span)
+        words = f"{x.span.words} {operator} {limit.span.words}"
+        return Event(_owner(scope), bound, words, (action,), limit.span)
+
+    pair = event(">", high, 1.0), event("<", low, 0.0)
+    least, most = (elaborator.known_value(limit, scope) for limit in (low, high))
+    if least is not None and most is not None and not least < most:
+        what = f"`hysteresis` goes off below `{low.span.words}` and on above `{high.span.words}`, which is not larger"
+        raise Wrong(WrongEvent(call.span, what, "Leave a gap: `hysteresis(T, 293 K, 295 K)`."))
+    return pair
 
 
 def _stop(elaborator: Elaborator, step: tree.StopSyntax) -> Event:
@@ -65,7 +89,12 @@ def _read(elaborator: Elaborator, scope: Scope, event: tree.EventSyntax, element
         actions.append(action)
     span = event.condition.span
     words = " ".join(span.source.text[span.start :].partition("{")[0].split())
-    return Event(scope.path.removesuffix("."), condition, words, tuple(actions), span, sampling)
+    return Event(_owner(scope), condition, words, tuple(actions), span, sampling)
+
+
+def _owner(scope: Scope) -> str:
+    """Instance of an event, and its round of a `for`: no two events of one place of the text have one name."""
+    return scope.path.removesuffix(".") + scope.suffix
 
 
 def _is_mode(elaborator: Elaborator, target: Quantity | Reading) -> bool:

@@ -29,7 +29,7 @@ from ..names.errors import UnknownAttribute, WrongLaw, WrongMechanism, WrongValu
 from ..names.scope import ElementEntry, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from ..resolution.elaboration_cache import ElaborationCache
-from ..resolution.structure import read_condition
+from ..resolution.resolver import read_condition
 from .connect import Connector
 from .elaborate import Elaborator
 from .laws import compile_law

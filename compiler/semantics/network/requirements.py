@@ -6,7 +6,7 @@ from ...graph.network import Requirement
 from ...graph.units import ONE
 from ...syntax import tree
 from ..names.scope import STATIC_ROLES, Scope
-from ..resolution.structure import read_condition
+from ..resolution.resolver import read_condition
 from .elaborate import Elaborator
 
 MAXIMUM_READINGS = 6  # values that a warning shows

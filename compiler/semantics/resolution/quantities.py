@@ -31,7 +31,7 @@ from ..names.errors import (
 from ..names.scope import STATIC_ROLES, Array, InstanceEntry, Items, Pending, Scalar, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
 from .elaboration_cache import ElaborationCache
-from .resolver import SHOWN, Resolver
+from .resolver import SHOWN, Resolver, read_condition
 
 UNCHANGING_ROLES = ("parameter", "constant", "mode")  # their values are known before the run; of a mode the first one
 MAXIMUM_ROW = 40  # quantities that wait for one another at once
@@ -45,8 +45,10 @@ class QuantityResolver(Resolver):
     def __init__(self, overrides: Iterable[Override], part: bool, known: ElaborationCache) -> None:
         super().__init__(overrides, part, known)
         self._memories: list[_Memory] = []
+        self._comparisons: dict[tuple[int, str], tree.Comparison] = {}
         self._remembered: dict[str, Integral] = {}
         self._delays: list[_Memory] = []
+        self.relays: list[tuple[str, tree.Call, Scope]] = []  # name, call, the scope in which it is read
         self._nested: dict[tuple[int, int], Scalar] = {}
         self._keep_scopes: list[Scope] = []  # their identity is a key above
         self._inferring = False
@@ -284,6 +286,8 @@ class QuantityResolver(Resolver):
         """Integral, delay or rate inside a larger expression: a signal that the author gave no name."""
         if call.function == "der" and self._inferring:
             return Scalar(Quantity("der"), self._per_second(self._looked_at(call.arguments[0], scope)), "signal", "der")
+        if call.function == "hysteresis" and self._inferring:
+            return Scalar(Quantity("hysteresis"), ONE, "mode", "hysteresis")
         key = (id(call), id(scope))
         if key not in self._nested:
             self._keep_scopes.append(scope)
@@ -291,6 +295,8 @@ class QuantityResolver(Resolver):
                 self._nested[key] = self._delay(call, scope)
             elif call.function == "der":
                 self._nested[key] = self._rate(call, scope)
+            elif call.function == "hysteresis":
+                self._nested[key] = self._relay(call, scope)
             else:
                 self._nested[key] = self._integral(call, scope, "", "signal", None, "")
         return self._nested[key]
@@ -334,6 +340,19 @@ class QuantityResolver(Resolver):
         self.quantities[name] = Named(name, "rate", str(dimension or ONE), bound, None, call.span, "")
         return Scalar(Quantity(name), dimension, "signal", name)
 
+    def _relay(self, call: tree.Call, scope: Scope) -> Scalar:
+        """Enter a relay with memory: a mode, which two events set. These are read when all names are known, so that what they read can depend on it."""
+        bound = Bound(_constant(0.0), ())
+        for start in call.arguments[3:]:
+            template, bound = read_condition(self, start, scope, "It is on or off at the start: `true` or `false`.")
+            for slot in template.slots:
+                if self.scalar_at(slot, scope).role not in STATIC_ROLES:
+                    raise Wrong(NotStatic(slot.path.span, "The start of a `hysteresis`", slot.words))
+        name = self._free_name(call, scope)
+        self.quantities[name] = Named(name, "mode", "1", bound, None, call.span, "")
+        self.relays.append((name, call, scope))
+        return Scalar(Quantity(name), ONE, "mode", name)
+
     @staticmethod
     def _per_second(dimension: Dimension | None) -> Dimension | None:
         return None if dimension is None else dimension / SECOND
@@ -350,6 +369,22 @@ class QuantityResolver(Resolver):
             return self._dimension(ExpressionCompiler(scope, self.resolve).compile(expression).value)
         finally:
             self._inferring = before
+
+    def comparison(
+        self, call: tree.Call, left: tree.ExpressionSyntax, operator: str, right: tree.ExpressionSyntax
+    ) -> tree.Comparison:
+        """Comparison of two arguments of a call; the same node for all instances, as templates are."""
+        key = (id(call), operator)
+        if key not in self._comparisons:
+            self._comparisons[key] = tree.Comparison(call.span, call.depth, operator, left, right)
+        return self._comparisons[key]
+
+    def known_value(self, expression: tree.ExpressionSyntax, scope: Scope) -> float | None:
+        """Value of an expression that is known before the run; None for any other."""
+        template = self.template(expression, scope)
+        if any(self.scalar_at(slot, scope).role not in STATIC_ROLES for slot in template.slots):
+            return None
+        return self.value_of(self.bind(template, template.formulas[0], scope), expression.span, decides=False)
 
     def remember(self, integral: Integral, unit: str) -> None:
         """Enter an integral of an element's own effort or flow."""

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import Any
 
-from ...algebra.expression import Expression, Number, evaluate
+from ...algebra.expression import ONE as TRUE
+from ...algebra.expression import ZERO, Expression, Number, evaluate, select
 from ...algebra.formula import Bound, Formula, bind
 from ...algebra.interpolate import OutsideTable
 from ...algebra.table import KINDS
@@ -441,6 +442,18 @@ class Resolver(ABC):
     @abstractmethod
     def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
         """Integral, delay or rate inside a larger expression: a signal that the author gave no name."""
+
+
+def read_condition(
+    resolver: Resolver, expression: tree.ExpressionSyntax, scope: Scope, hint: str
+) -> tuple[Template, Bound]:
+    """A condition, as a number that is 1 if it holds. Raises `Wrong`, with the hint, for an expression that is no condition."""
+    template = resolver.template(expression, scope)
+    typed = template.value
+    if not isinstance(typed, Typed) or not typed.truth:
+        raise Wrong(WrongType(expression.span, "A condition", "a number", hint))
+    formula = Formula(len(template.slots), select(typed.expression, TRUE, ZERO))
+    return template, resolver.bind(template, formula, scope)
 
 
 def _readable(scope: Scope) -> Iterator[str]:

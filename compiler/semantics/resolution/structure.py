@@ -4,36 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ...algebra.expression import ONE as TRUE
-from ...algebra.expression import ZERO, select
-from ...algebra.formula import Bound, Formula
 from ...graph.run_time_parameters import behind, quantities_in
 from ...syntax import tree
 from ...syntax.blocks import Statements, flat, inner_blocks
-from ..expressions.template import Template, Typed
 from ..names.domain_table import paths_of
-from ..names.errors import NotStatic, Unsupported, WrongStructure, WrongType
+from ..names.errors import NotStatic, Unsupported, WrongStructure
 from ..names.scope import STATIC_ROLES, Absent, Broken, Entry, ModelDefinition, Scope
 from ..names.statement_errors import AlreadyTold, Wrong
 from .declarations import Declarations
-from .resolver import Resolver
+from .resolver import Resolver, read_condition
 from .untaken import check_untaken
 
 Bindings = Mapping[str, tuple[tree.Attribute, Scope]]
 _CONDITION = "Parts depend on a condition: `if heated { … }`, `if n > 1 { … }`."
 _STRUCTURAL = "Parts depend on whole numbers, truths and choices: declare a parameter for this choice, as `parameter stiff = true`."
-
-
-def read_condition(
-    resolver: Resolver, expression: tree.ExpressionSyntax, scope: Scope, hint: str
-) -> tuple[Template, Bound]:
-    """A condition, as a number that is 1 if it holds. Raises `Wrong`, with the hint, for an expression that is no condition."""
-    template = resolver.template(expression, scope)
-    typed = template.value
-    if not isinstance(typed, Typed) or not typed.truth:
-        raise Wrong(WrongType(expression.span, "A condition", "a number", hint))
-    formula = Formula(len(template.slots), select(typed.expression, TRUE, ZERO))
-    return template, resolver.bind(template, formula, scope)
 
 
 def taken(
