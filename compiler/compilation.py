@@ -31,9 +31,11 @@ from .part import part_alone
 from .pipeline import Request, derive
 from .reduction import (
     Certificate,
+    LinearLoops,
     StateSpace,
     behind_loops,
     certify,
+    linear_loops,
     reduce_equations,
     refuse_idle_coordinates,
     refuse_singular_loops,
@@ -261,7 +263,7 @@ class Compilation:
                 space = self._reduced
                 if self.scene.companion:  # lossy at each valve, whatever its numbers are
                     return space
-                refuse_singular_loops(space, self.equations, self.scene.free)
+                refuse_singular_loops(linear_loops(space, self.equations), self.scene.free)
             except CompilationFailed as failed:
                 if not all(isinstance(d, SingularLoop) for d in failed.diagnostics) or not self._ties(
                     len(failed.diagnostics)
@@ -306,7 +308,7 @@ class Compilation:
         graph = preferring(self._wished, {**dict.fromkeys(self.given_way), **wishes})
         try:
             found = derive(graph, self._request)
-            refuse_singular_loops(found.reduced, found.equations, self.scene.free)
+            refuse_singular_loops(linear_loops(found.reduced, found.equations), self.scene.free)
         except CompilationFailed as failed:
             own = all(isinstance(d, SingularLoop) for d in failed.diagnostics)
             return len(failed.diagnostics) if own else MANY
@@ -324,7 +326,7 @@ class Compilation:
                 raise
         self.cancels = True
         # Parts that nothing reads any longer must have a solution too.
-        refuse_singular_loops(reduce_equations(less, True, span), less, self.scene.free)
+        refuse_singular_loops(linear_loops(reduce_equations(less, True, span), less), self.scene.free)
         return reduce_equations(less, self.everything, span, self.scene.opened)
 
     def look_at_laws(self) -> None:
@@ -391,9 +393,11 @@ class Compilation:
 
     def refuse_values(self, values: Mapping[str, float]) -> None:
         """Raise `CompilationFailed` if a linear loop has no solution with these values of quantities set when a run begins."""
-        space = self.whole_space
-        known = tuple(replace(v, value=values.get(v.name, v.value)) for v in space.variables)
-        refuse_singular_loops(replace(space, variables=known), self.equations, self.scene.free)
+        refuse_singular_loops(self._linear_loops, self.scene.free, values)
+
+    @cached_property
+    def _linear_loops(self) -> LinearLoops:
+        return linear_loops(self.whole_space, self.equations)
 
     @cached_property
     def program(self) -> Program:

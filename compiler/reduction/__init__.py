@@ -5,17 +5,19 @@ from .cancel import without_what_cancels
 from .certificate import certify
 from .idle import refuse_idle_coordinates
 from .reduce import reduce_equations
-from .singular import behind_loops, refuse_singular_loops
+from .singular import LinearLoops, behind_loops, linear_loops, refuse_singular_loops
 from .state_space import LinearLoop, StateSpace, TearingVariable
 
 __all__ = [
     "Certificate",
     "LinearLoop",
+    "LinearLoops",
     "LoopSummary",
     "StateSpace",
     "TearingVariable",
     "behind_loops",
     "certify",
+    "linear_loops",
     "reduce_equations",
     "refuse_idle_coordinates",
     "refuse_singular_loops",

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from dataclasses import replace
 from typing import NamedTuple
 
 from ..algebra.expression import Apply, Expression, Number, Symbol, evaluate
@@ -36,26 +37,39 @@ class Sized(NamedTuple):
         return math.isfinite(self.size) and abs(self.value) <= ROUNDING * self.size
 
 
-def refuse_singular_loops(space: StateSpace, system: EquationSystem, free: frozenset[str]) -> None:
-    """Raise `CompilationFailed` for loops of `space` (the reduced `system`) without a unique solution.
+class LinearLoops(NamedTuple):
+    """Linear loops of a reduced system, the assignments behind their matrices, in order, and the inputs of these."""
+
+    space: StateSpace
+    loops: tuple[LinearLoop, ...]
+    steps: tuple[Assignment, ...]
+    leaves: tuple[int, ...]
+    explicit: frozenset[int]  # targets of explicit assignments
+
+
+def linear_loops(space: StateSpace, system: EquationSystem) -> LinearLoops:
+    """Return the loops of `space`, the reduced `system`, that are looked at."""
+    loops = tuple(s for s in space.steps if isinstance(s, LinearLoop) and len(s.targets) <= LARGEST)
+    explicit = frozenset(a.target for a in system.assignments if not a.implicit) if loops else frozenset()
+    return LinearLoops(space, loops, *_behind(space, loops), explicit)
+
+
+def refuse_singular_loops(linear: LinearLoops, free: frozenset[str], values: Mapping[str, float] | None = None) -> None:
+    """Raise `CompilationFailed` for loops without a unique solution. `values`: of quantities set when a run begins, by name.
 
     `free` parameters may take other values ("*": all may).
     """
-    loops = [s for s in space.steps if isinstance(s, LinearLoop) and len(s.targets) <= LARGEST]
-    if not loops:
-        return
-    explicit = {a.target for a in system.assignments if not a.implicit}
-    fixed = {
-        number: Sized(variable.value, abs(variable.value))
-        for number, variable in enumerate(space.variables)
-        if variable.role == "parameter" and variable.value is not None and not {variable.name, "*"} & free
-    }
-    steps, leaves = _behind(space, loops)
-    singular = set()
-    for sample in range(SAMPLES):
-        known = _evaluated(steps, {leaf: _guess(sample, leaf) for leaf in leaves} | fixed)
+    loops, fixed, singular = [*linear.loops], dict[int, Sized](), set()
+    for number in linear.leaves if loops else ():
+        variable = linear.space.variables[number]
+        value = (values or {}).get(variable.name, variable.value)
+        if variable.role == "parameter" and value is not None and not {variable.name, "*"} & free:
+            fixed[number] = Sized(value, abs(value))
+    open_ = [leaf for leaf in linear.leaves if leaf not in fixed]
+    for sample in range(SAMPLES if loops else 0):
+        known = _evaluated(linear.steps, {leaf: _guess(sample, leaf) for leaf in open_} | fixed)
         for loop in [*loops]:
-            matrix = _matrix(loop, known, explicit)
+            matrix = _matrix(loop, known, linear.explicit)
             if matrix is not None and not _is_singular(matrix):
                 loops.remove(loop)
                 singular.discard(loop)
@@ -64,19 +78,24 @@ def refuse_singular_loops(space: StateSpace, system: EquationSystem, free: froze
         if not loops:
             return
     if singular:
+        space = linear.space
+        if values:
+            space = replace(
+                space, variables=tuple(replace(v, value=values.get(v.name, v.value)) for v in space.variables)
+            )
         raise CompilationFailed([SingularLoop(x.span, _members(space, x)) for x in loops if x in singular])
 
 
-def _behind(space: StateSpace, loops: Sequence[LinearLoop]) -> tuple[list[Assignment], list[int]]:
+def _behind(space: StateSpace, loops: Sequence[LinearLoop]) -> tuple[tuple[Assignment, ...], tuple[int, ...]]:
     """Assignments needed for the matrices of the loops, in order, and their inputs. Solutions of loops count as inputs."""
     wanted = {e for loop in loops for e in loop.gains}
     steps = []
-    for step in reversed(space.steps):
+    for step in reversed(space.steps) if loops else ():
         if isinstance(step, Assignment) and step.target in wanted:
             steps.append(step)
             wanted.remove(step.target)
             wanted |= {a for a in step.arguments if not isinstance(a, float)}
-    return steps[::-1], sorted(wanted)
+    return tuple(steps[::-1]), tuple(sorted(wanted))
 
 
 def _guess(sample: int, variable: int) -> Sized:

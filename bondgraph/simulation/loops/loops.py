@@ -261,7 +261,10 @@ class LoopSolver:
         full = self._full(state, unknowns)
         entries = self.program.jacobian_entries(time, full, self.inputs, self.constants, mode)
         result = np.zeros((*unknowns.shape, unknowns.shape[-1]))
-        result[(..., *self._place)] = entries[..., self._chosen]
+        if unknowns.ndim == 1:
+            result[self._place] = entries[self._chosen]
+        else:
+            result[(..., *self._place)] = entries[..., self._chosen]
         return result
 
     def separate(self) -> list[Any]:
@@ -279,6 +282,8 @@ class LoopSolver:
         return [np.flatnonzero(labels == i) for i in TopologicalSorter(waits).static_order()]
 
     def _full(self, state: Array, unknowns: Array) -> Any:
+        if unknowns.ndim == 1:  # most calls are for one point
+            return np.concatenate([state[: self.count], unknowns])
         known = np.broadcast_to(state[: self.count], (*unknowns.shape[:-1], self.count))
         return np.concatenate([known, unknowns], axis=-1)
 
