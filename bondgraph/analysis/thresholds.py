@@ -65,11 +65,11 @@ class _Neighbourhood:
 
     def _doubtful(self) -> IntArray:
         """Return the indices of the conditions within rounding of their thresholds."""
-        from ..simulation.events.indicators import NOISE
+        from ..simulation.integrators.acceptance.event_indicators import NOISE
 
         events, at = self.events, self.at
         roots = events.roots(at.time, at.state, at.mode)
-        noise = events.noise(at, roots)
+        noise = events.noise(at)
         parameters, inputs = events.constraints.parameters, np.asarray(events.inputs, dtype=float)
         for way in range(len(SIGNS)):
             steps = [1 + departure(np.ones(len(x)), SHARE, way) for x in (parameters, inputs)]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compiler.api import Array, BoolArray
+from compiler.api import Array
 
 PLACES = 12  # number of places of a part of a step, with both ends
 NODES = np.cos(np.pi * np.arange(PLACES - 1, -1, -1) / (PLACES - 1))
@@ -29,47 +29,15 @@ EXACT = 1e-9  # relative to the variation: a smaller part does not reduce this e
 
 @dataclass(frozen=True, slots=True)
 class Interpolants:
-    """Polynomials of all indicators on a part of a step: coefficients (PLACES, conditions), error and variation of each (conditions,).
+    """Polynomials through numbers at the places: coefficients (PLACES, …), error and variation of each."""
 
-    `finite`: mask of the values; `converged`: of the polynomials that are accurate between their places.
-    """
-
-    values: Array
-    finite: BoolArray
     coefficients: Array
     error: Array
     variation: Array
-    converged: BoolArray
 
     @classmethod
     def through(cls, values: Array) -> Interpolants:
-        """Return the polynomials through the values at the places; shape (PLACES, conditions)."""
-        finite = np.isfinite(values)
-        coefficients = COEFFICIENTS @ np.where(finite, values, 0.0)
+        """Return the polynomials through the values at the places; shape (PLACES, …)."""
+        coefficients = COEFFICIENTS @ np.where(np.isfinite(values), values, 0.0)
         size = np.abs(coefficients)
-        error, variation = size[-LAST:].sum(axis=0), size[1:].sum(axis=0)
-        return cls(
-            values, finite, coefficients, error, variation, (error <= CONVERGED * variation) & finite.all(axis=0)
-        )
-
-    def far(self, floor: Array) -> BoolArray:
-        """Return a mask of the indicators without a zero: the mean exceeds all variation, all values are below rounding, or no value is finite."""
-        middle = np.abs(self.coefficients[0])
-        around = np.where(self.converged, self.variation + SURE * self.error, 2 * self.variation)
-        still = (np.abs(self.values) < floor).all(axis=0)
-        return np.asarray(((middle > around) & self.finite.all(axis=0)) | still | ~self.finite.any(axis=0))
-
-    def dips(self, values: Array, left: BoolArray) -> BoolArray:
-        """Return a mask of the grid places near which a polynomial, with these values there, may touch or cross zero; shape as the values.
-
-        `left`: mask of the indicators that begin at zero, as after an event: that zero is none of these.
-        """
-        distance = np.abs(values)
-        here, beside = distance[1:-1], np.maximum(distance[:-2], distance[2:])
-        least = (here <= distance[:-2]) & (here <= distance[2:])
-        near = here - 0.5 * (beside - here) < SURE * self.error
-        found = np.zeros(values.shape, dtype=bool)
-        found[1:-1] = least & near & (here < beside)
-        found[-1] = distance[-1] < SURE * self.error
-        found[0] = (distance[0] < SURE * self.error) & ~left
-        return found
+        return cls(coefficients, size[-LAST:].sum(axis=0), size[1:].sum(axis=0))

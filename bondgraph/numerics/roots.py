@@ -1,42 +1,83 @@
-"""Zero of a function of one number between two places (Chandrupatla, Advances in Engineering Software 28, 1997)."""
+"""Zero of a function of one number between two places (Chandrupatla, Advances in Engineering Software 28, 1997).
+
+A step of the search is in the subset that becomes machine code.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+
+from compiler.api import Record
 
 MOST = 200  # evaluations; bisection alone needs about a hundred for any two doubles
 
 Place = tuple[float, float]  # a place and the value there
 
 
+class Bracket(Record):
+    """Two places with different signs: `a`, the last one, and `b`; `c` was given up last."""
+
+    a: float
+    at_a: float
+    b: float
+    at_b: float
+    c: float
+    at_c: float
+    share: float  # of the way from a to b: the next place
+
+
+def begin_bracket(k: Bracket, low: float, at_low: float, high: float, at_high: float) -> None:
+    """Begin with two places and the values there."""
+    k.b = low
+    k.at_b = at_low
+    k.a = high
+    k.at_a = at_high
+    k.c = high
+    k.at_c = at_high
+    k.share = 0.5
+
+
+def bracket_place(k: Bracket) -> float:
+    """Return the place at which the function is to be evaluated next."""
+    return k.a + k.share * (k.b - k.a)
+
+
+def closes_at(k: Bracket, place: float, value: float, tolerance: float) -> bool:
+    """Take the value at this place; return True if both places are closer than twice the tolerance, or one is a zero.
+
+    The next place is by inverse quadratic interpolation where it is safe, else by bisection.
+    """
+    if (value > 0.0) == (k.at_a > 0.0):
+        k.c = k.a
+        k.at_c = k.at_a
+    else:
+        k.c = k.b
+        k.at_c = k.at_b
+        k.b = k.a
+        k.at_b = k.at_a
+    k.a = place
+    k.at_a = value
+    least = tolerance / abs(k.b - k.a) if k.b != k.a else 1.0
+    if least > 0.5 or k.at_a == 0.0 or k.at_b == 0.0:
+        return True
+    xi = (k.a - k.b) / (k.c - k.b)
+    phi = (k.at_a - k.at_b) / (k.at_c - k.at_b)
+    share = 0.5
+    if phi * phi < xi and (1.0 - phi) * (1.0 - phi) < 1.0 - xi:  # a power would raise where it overflows
+        share = k.at_a / (k.at_b - k.at_a) * k.at_c / (k.at_b - k.at_c) + (k.c - k.a) / (k.b - k.a) * k.at_a / (
+            k.at_c - k.at_a
+        ) * k.at_b / (k.at_c - k.at_b)
+    k.share = min(1.0 - least, max(least, share))
+    return False
+
+
 def crossing(function: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
     """Return a zero between two places with different signs, to `tolerance`."""
     low, high = float(low), float(high)
-    (a, at_a), (b, at_b) = narrowed(function, (low, function(low)), (high, function(high)), tolerance)
-    return a if abs(at_a) < abs(at_b) else b
-
-
-def narrowed(function: Callable[[float], float], low: Place, high: Place, tolerance: float) -> tuple[Place, Place]:
-    """Return two places with different signs, closer than twice the tolerance; by inverse quadratic interpolation where it is safe, else bisection.
-
-    Both are the same place where the function is zero at one of them.
-    """
-    (b, fb), (a, fa) = low, high
-    c, fc, share = a, fa, 0.5
+    k = Bracket(a=0.0, at_a=0.0, b=0.0, at_b=0.0, c=0.0, at_c=0.0, share=0.0)
+    begin_bracket(k, low, function(low), high, function(high))
     for _ in range(MOST):
-        x = a + share * (b - a)
-        fx = function(x)
-        if (fx > 0) == (fa > 0):
-            c, fc = a, fa
-        else:
-            c, b, fc, fb = b, a, fb, fa
-        a, fa = x, fx
-        least = tolerance / abs(b - a) if b != a else 1.0
-        if least > 0.5 or fa == 0 or fb == 0:
+        place = bracket_place(k)
+        if closes_at(k, place, function(place), tolerance):
             break
-        xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
-        share = 0.5
-        if phi * phi < xi and (1 - phi) * (1 - phi) < 1 - xi:  # a power would raise where it overflows
-            share = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-        share = min(1 - least, max(least, share))
-    return (a, fa), (b, fb)
+    return k.a if abs(k.at_a) < abs(k.at_b) else k.b

@@ -178,7 +178,7 @@ class Phase:
 
     def _magnitudes(self) -> Any:
         """Return magnitudes of all states and unknowns."""
-        if self.begin is not None or self.companion is not None:
+        if self.begin is not None or (self.companion is not None and self.companion.valves):
             return self._with_doubts(self._searched_magnitudes())
         first, last = self.stretches[0], self.stretches[-1]
         on = () if self.events is None else (self.events.horizon, *sorted(self.events.on.items()))

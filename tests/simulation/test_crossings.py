@@ -18,7 +18,7 @@ from bondgraph.errors import RunFailed
 from bondgraph.numerics.roots import crossing
 from bondgraph.results.result import Result
 from bondgraph.simulation.constraints.singular import SingularPoseMonitor
-from bondgraph.simulation.events.locate import _narrowed
+from bondgraph.simulation.integrators.acceptance.crossing_search import narrow
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
 SOLVERS = ["automatic", "explicit", "radau", "rodas"]
@@ -311,17 +311,26 @@ def test_a_least_value_at_the_edge_of_a_crossing_is_no_pose() -> None:
     assert pose is not None and pose.time == pytest.approx(0.3, abs=1e-3)
 
 
+def narrowed(there: float, root: Callable[[float], float]) -> float:
+    """First zero crossing found in (0, 1] of a condition that does not hold at 0; `there`: its root at 1, before loops are solved for once more."""
+
+    def exactly(time: float, out: Any) -> None:
+        out[0] = root(time)
+
+    arrays = {name: np.zeros(1) for name in ("seen", "floor", "scale")}
+    numbers = {name: np.array([name == "strict"], dtype=int) for name in ("strict", "said", "flipping", "behind")}
+    part: Any = SimpleNamespace(
+        low=0.0, high=1.0, root_count=1, exactly=exactly, bracket=SimpleNamespace(), **arrays, **numbers
+    )
+    assert narrow(part, None, 1, 1, np.ones(1), np.array([there])) == 1  # type: ignore[arg-type]
+    return float(part.found)
+
+
 def test_a_flip_that_is_not_seen_again_is_where_it_was_seen() -> None:
     """A loop that is solved for twice at one instant may have two roundings, one on each side of zero."""
-    events: Any = SimpleNamespace(floor=np.zeros(1), truth=lambda roots: roots < 0)
-    said = np.array([False])
     for value in (0.0, 1e-300, 1e-18, 1.0):
-        found = _narrowed(
-            events, (0.0, 0.0, 1.0), np.array([-1e-18]), said, lambda times, _, v=value: np.full((len(times), 1), v)
-        )
-        assert found == 1.0
-    crossed = _narrowed(events, (0.0, 0.0, 1.0), np.array([-0.75]), said, lambda times, _: 0.25 - times[:, None])
-    assert crossed == pytest.approx(0.25, rel=1e-14)
+        assert narrowed(-1e-18, lambda _, v=value: v) == 1.0  # type: ignore[misc]
+    assert narrowed(-0.75, lambda time: 0.25 - time) == pytest.approx(0.25, rel=1e-14)
 
 
 BELLS = [

@@ -5,8 +5,8 @@ The truth of a condition *just after* an instant counts: where its root is zero 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
@@ -18,11 +18,9 @@ from compiler.api import Array, Hybrid
 from ...errors import RunFailed
 from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
+from ..integrators.compiled.indicator_record import indicator_record, interpreted_record
 
-NOISE = 1e-13  # relative to the magnitudes: rounding in a root that is zero
-REACHES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # relative to the magnitudes: how far the flow is followed to find a sign
-SHARE = 1e-7  # of a magnitude, and of the time in which the flow moves a state by one: steps by which rounding of roots is found
-LATE = 32  # units in the last place of a time: the change of a root within it counts as zero
+Flow = tuple[Any, float] | None  # rates, and the time in which they move a state by its magnitude; None without rates
 
 
 @dataclass(slots=True)
@@ -49,6 +47,7 @@ class EventIndicators:
         assert hybrid is not None
         self.hybrid: Hybrid = hybrid
         self.count = len(self.program.states.names)
+        self.record = indicator_record(self.program, self.inputs, self.constants, self.horizon)
         self.measure(self.magnitude)
         self.places = np.array([c.position for c in hybrid.conditions], dtype=int)
         self.counted = list(hybrid.counted)
@@ -61,18 +60,19 @@ class EventIndicators:
         """Set the magnitudes of states and unknowns."""
         self.magnitude = magnitude
         self.loops = self.constraints.loops(magnitude)
+        self.record["magnitude"][: len(magnitude)] = magnitude
         # of the last hybrid state: itself, then its roots, their rounding and its flow
-        self.last: tuple[object, tuple[Any, Any, tuple[Any, float] | None]] | None = None
+        self.last: tuple[object, tuple[Any, Any, Flow]] | None = None
 
     def measure_anew(self, magnitude: Array, at: HybridState) -> None:
         """Set better magnitudes, and what counts as rounding of the roots at this hybrid state by them: where nothing was known, a magnitude was 1."""
         if not self.floor.any() or (magnitude == self.magnitude).all():
             self.measure(magnitude)
             return
-        roots = self.roots(at.time, at.state, at.mode)
-        before = self.noise(at, roots)
+        before = self.noise(at)
         self.measure(magnitude)
-        share = np.minimum(self.noise(at, roots) / nonzero(before), 1.0)
+        roots, noise, _ = self.evaluated(at)
+        share = np.minimum(noise / nonzero(before), 1.0)
         against = self.truth(roots) != at.mode[self.places]  # the mode was decided, and the root has to leave first
         self.floor = np.maximum(share * self.floor, np.where(against, np.minimum(self.floor, 2 * np.abs(roots)), 0.0))
 
@@ -80,6 +80,7 @@ class EventIndicators:
         """Return the same conditions for other inputs, parameters and magnitudes: for `guess`, not for a search, whose bounds stay those of the first."""
         found = copy(self)
         found.constraints, found.inputs, found.constants = constraints, constraints.inputs, constraints.constants
+        found.record = indicator_record(found.program, found.inputs, found.constants, found.horizon)
         found.measure(magnitude)
         return found
 
@@ -127,105 +128,48 @@ class EventIndicators:
         """Return the truth of the conditions just after a hybrid state; where rounding hides it, the flow decides."""
         if not len(self.places):
             return np.zeros(0, dtype=bool)
-        roots, noise, flow = self.evaluated(at)
-        truth = self.truth(roots)
-        doubtful = np.abs(roots) <= noise
-        self.floor = np.zeros(len(roots))
-        if not doubtful.any():
-            return truth
-        truth[doubtful] = at.mode[self.places][doubtful] == 1.0  # where nothing moves, the truth values stay
-        moved, sought = np.zeros(len(roots)), doubtful.copy()
-        for reach in REACHES:
-            ahead = None if flow is None else self._ahead(at, reach, *flow)
-            if ahead is None:
-                break
-            change, again = (self.roots(m.time, m.state, at.mode) - roots for m in ahead)
-            # where iterations disagree on the sign, time constants are shorter than this reach
-            found = sought & (np.fmax(np.abs(change), np.abs(again)) > 4 * noise)
-            moved[found] = np.where(change * again > 0, change, 0.0)[found]
-            sought &= ~found
-            if not sought.any():
-                break
-        truth[moved != 0] = moved[moved != 0] < 0
-        # A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then. Nor must that of a law
-        # which is still on the other side: the law would change again and again.
-        still = np.maximum(0.25 * noise, 2 * np.abs(roots))
-        behind = self.steers & (truth != self.truth(roots))
-        self.floor = np.where(doubtful, np.where((moved != 0) & ~behind, 0.25 * noise, still), 0.0)
-        return truth
+        self.evaluated(at)
+        record = self.record
+        if record.call("doubt"):
+            ahead = record
+            if self.program.unknowns.names:
+                ahead = interpreted_record(self.program, record, {"solve": self._solve})
+            with suppress(RunFailed):  # loops may have no solution there
+                ahead.call("look_ahead")
+            record.call("decide")
+        self.floor = np.array(record["floor"])
+        return record["truth"] != 0
 
-    def noise(self, at: HybridState, roots: Array) -> Any:
-        """Return the rounding error of each root: from the states, in units of their magnitudes, and from the instant: its change along the flow
-        during the uncertainty of a located one, with unknowns of loops fixed."""
-        return self._rounding(at, roots, self.flow(at))
+    def _solve(self, time: float, state: Array, inputs: Array, constants: Array, mode: Array, out: Array) -> None:
+        out[:] = self.loops.solve(time, state, mode)
 
-    def evaluated(self, at: HybridState) -> tuple[Any, Any, tuple[Any, float] | None]:
+    def noise(self, at: HybridState) -> Any:
+        """Return the rounding error of each root."""
+        return self.evaluated(at)[1]
+
+    def flow(self, at: HybridState) -> Flow:
+        """Return the rates of the states, and the time in which the flow moves a state by its magnitude, or the run's length; None without rates."""
+        return self.evaluated(at)[2]
+
+    def evaluated(self, at: HybridState) -> tuple[Any, Any, Flow]:
         """Return the roots, their rounding errors and the flow of a hybrid state; those of the last one are kept."""
         key = at.time, at.state.tobytes(), at.mode.tobytes()
         if self.last is None or self.last[0] != key:
-            roots, flow = self.roots(at.time, at.state, at.mode), self.flow(at)
-            self.last = key, (roots, self._rounding(at, roots, flow), flow)
+            record = self.record
+            record.record.time = at.time
+            record["state"][:], record["mode"][:] = at.state, at.mode
+            record.call("evaluate")
+            flow = (np.array(record["rate"][: self.count]), record.record.whole) if record.record.flows else None
+            self.last = key, (np.array(record["root"]), np.array(record["noise"]), flow)
         return self.last[1]
 
-    def _rounding(self, at: HybridState, roots: Array, flow: tuple[Any, float] | None) -> Any:
-        """Return the same as `noise`; `flow`: that of the hybrid state."""
-        n = len(at.state)
-        sizes = self.sizes(flow)
-        times = np.empty(n + 2)
-        times[:] = at.time
-        times[n] += SHARE * max(abs(at.time), 1e-300)
-        states = np.empty((n + 2, n))
-        states[:] = at.state
-        states.reshape(-1)[: n * n : n + 1] += SHARE * np.maximum(sizes, np.abs(at.state))
-        shares = [NOISE / SHARE, 0.0]
-        if flow is not None:
-            first, whole = flow
-            late = LATE * math.ulp(max(abs(at.time), 1e-300))
-            span = max(SHARE * whole, late)
-            times[-1] += span
-            states[-1, : self.count] += span * first
-            shares[1] = late / span
-        change = np.abs(self.roots(times, states, at.mode) - roots)
-        if not np.isfinite(change).all():
-            change = np.where(np.isfinite(change), change, 0.0)
-        return shares[0] * change[:-1].sum(axis=0) + shares[1] * change[-1]
-
-    def flow(self, at: HybridState) -> tuple[Any, float] | None:
-        """Return the rates of the states, and the time in which the flow moves a state by its magnitude, or the run's length; None without rates."""
-        if not self.count:
-            return None
-        first = self.program.derivative(at.time, at.state, self.inputs, self.constants, at.mode)[: self.count]
-        magnitude = self.magnitude[: self.count]
-        speed = float((np.abs(first) / np.where(magnitude > 0, magnitude, np.inf)).max())
-        return (first, min(self.horizon, 1 / speed if speed > 0 else np.inf)) if np.isfinite(first).all() else None
-
-    def sizes(self, flow: tuple[Any, float] | None) -> Any:
+    def sizes(self, flow: Flow) -> Any:
         """Return the magnitudes; where one is not known, how far a flow moves the state in its time: a unit of its own would be a size of no meaning."""
         if flow is None or (self.magnitude[: self.count] > 0).all():
             return self.magnitude
         sizes = np.array(self.magnitude)
         sizes[: self.count] = np.where(sizes[: self.count] > 0, sizes[: self.count], flow[1] * np.abs(flow[0]))
         return sizes
-
-    def _ahead(
-        self, at: HybridState, reach: float, first: Array, whole: float
-    ) -> tuple[HybridState, HybridState] | None:
-        """Return the hybrid state a little later, such that no state moves by more than a fraction `reach`: by Heun's method, and iterated once more."""
-        span = reach * whole
-
-        def moved(rates: Array) -> HybridState:
-            state = np.concatenate([at.state[: self.count] + span * rates, at.state[self.count :]])
-            return HybridState(at.time + span, self.loops.solve(at.time + span, state, at.mode), at.mode)
-
-        def between(later: HybridState) -> Any:
-            rates = self.program.derivative(later.time, later.state, self.inputs, self.constants, at.mode)
-            return 0.5 * (first + rates[: self.count])
-
-        try:
-            heun = moved(between(moved(first)))
-            return heun, moved(between(heun))
-        except RunFailed:
-            return None
 
     def listed_conditions(self, numbers: Iterable[int]) -> str:
         """Return the conditions with these numbers, and their lines, as words."""

@@ -10,21 +10,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from compiler.api import Array, BoolArray, IntArray
 
 from ...errors import RunFailed
-from ...numerics.indicators import EXACT, FINER, LEFT, ON_GRID, SHARES, Interpolants
-from ...numerics.roots import narrowed
+from ...numerics.indicators import COEFFICIENTS, FINER, ON_GRID, SHARES
+from ..integrators.acceptance.crossing_search import WIDTH
+from ..integrators.compiled.indicator_record import interpreted_record
 from .bounds import Overlooked
 from .events import Events
 from .indicators import HybridState
 
-WIDTH = 4  # units in the last place of a time: end of the narrowing
-LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defined
 NARROWEST = 2.0**-44  # smallest part, as a fraction of the interval searched, for conditions with narrow peaks
 SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump lies at one of its places
 GOLDEN = 0.5 * (5**0.5 - 1)  # share of a bracket that a golden section keeps
@@ -33,8 +32,10 @@ MOST_HIDDEN = 1000  # most parts that are halved for a peak that their places do
 FEWEST = 1 / 64  # smallest first part, as a fraction of the interval searched
 MOST_PARTS = 1 << 15  # most parts of the interval searched
 
+if TYPE_CHECKING:
+    from ..integrators.compiled.run import CompiledMethod
+
 StateAt = Callable[[Any, bool], Any]  # instants (k,), True to solve loops exactly -> states (k, n)
-RootsAt = Callable[[Any, Any], Any]  # instants (k,), a mode -> roots of the conditions (k, conditions)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,15 +48,17 @@ class Flip:
 
 
 def first_flip(
-    events: Events, start: float, stop: float, mode: Array, state_at: StateAt, roots: Callable[[Any, bool], Any]
+    events: Events, start: float, stop: float, mode: Array, state_at: StateAt, within: CompiledMethod | None = None
 ) -> Flip | None:
     """Return the first zero crossing in (start, stop], or None. At the start itself the mode holds, whatever rounding leaves.
 
-    `roots`: of the conditions, as `state_at`; shape (k, conditions). Raises `RunFailed` where an indicator changes too often to be followed.
+    `within`: the method whose last step it is. Raises `RunFailed` where an indicator changes too often to be followed.
     """
     if not len(events.places):
         return None
-    said, step = np.asarray(mode)[events.places] == 1.0, _SearchedStep(events, mode, state_at, roots)
+    step = _SearchedStep(events, mode, np.asarray(mode)[events.places] == 1.0, state_at, within)
+    step.begin()
+    record, mask = events.record, step.mask
     resolved = 64 * float(np.spacing(max(abs(start), abs(stop))))
     smallest, least = (max(share * (stop - start), resolved) for share in (SMALLEST, NARROWEST))
     waiting, count, halved = _first_parts(start, stop, events.spacing), 0, 0
@@ -63,46 +66,37 @@ def first_flip(
         low, high, widths = waiting.pop()
         times = low + (high - low) * SHARES
         times[[0, -1]] = low, high
-        seen = Interpolants.through(roots(times, False))
-        wrong = _wrong(events, seen.values, said)
-        near = ~seen.far(events.floor) | wrong[1:].any(axis=0)
-        if low == start and wrong[0].any():
-            near &= ~_returns(events, seen.values, wrong[0])
+        step.survey((low, high), times, low == start)
         bounded, moves = step.bounds((low, high), times, widths)
-        hidden = np.zeros_like(near)
+        hidden = np.zeros(len(step.said), dtype=bool)
         if bounded is not None:
-            hidden, widths = moves & (bounded.unseen | ~seen.converged), bounded.widths
+            hidden, widths = moves & (bounded.unseen | ~mask("converged")), bounded.widths
             if halved > MOST_HIDDEN:
                 events.crowded |= hidden
                 hidden[:] = False
-        if not near.any() and not hidden.any():
+        if not record["near_count"] and not hidden.any():
             continue
         count += 1
         if count > MOST_PARTS:
-            raise _unresolved(events, low, np.flatnonzero((near & ~seen.converged) | hidden))
-        on_grid = ON_GRID @ seen.coefficients
-        dips = seen.dips(on_grid, (low == start) & (np.abs(seen.values[0]) <= LEFT * events.floor))
+            raise _unresolved(events, low, np.flatnonzero((mask("near") & ~mask("converged")) | hidden))
         if bounded is not None and halved <= MOST_HIDDEN:
-            hidden |= moves & dips.any(axis=0) & ~_wrong(events, on_grid, said).any(axis=0)
-        unsure = near & (~seen.converged | (dips.any(axis=0) & (seen.error > EXACT * seen.variation)))
-        if (unsure.any() and high - low > smallest) or hidden.any():
-            rounding = step.rounding(high, seen)
-            unsure &= seen.variation > rounding
+            hidden |= moves & mask("dipping") & ~mask("crosses")
+        unsure = record["unsure_count"] > 0 and high - low > smallest
+        if unsure or hidden.any():
+            rounding = step.rounding(high)
+            unsure = unsure and bool((mask("unsure") & (record["variation"] > rounding)).any())
             if bounded is not None:
                 hidden &= bounded.reach > rounding
-        if (unsure.any() and high - low > smallest) or (hidden.any() and high - low > least):
-            halved += not (unsure.any() and high - low > smallest)
+        if unsure or (hidden.any() and high - low > least):
+            halved += not unsure
             middle = 0.5 * (low + high)
             waiting += [(middle, high, widths), (low, middle, widths)]
             continue
-        times = _suspects(events, on_grid, wrong, _wrong(events, on_grid, said) & seen.converged, (low, high))
-        minima = step.minima((low, high), seen, dips, near & ~wrong.any(axis=0), said)
-        times = np.union1d(times, minima) if minima else times
-        found = _in_part(events, (low, high), times, said, roots)
+        found = step.first_in((low, high))
         if found is not None:
             events.spacing = high - low
             there = np.array([found])
-            return Flip(found, state_at(there, True)[0], _wrong(events, roots(there, True), said)[0])
+            return Flip(found, state_at(there, True)[0], _wrong(events, step.roots(there, True), step.said)[0])
     events.spacing = np.inf
     return None
 
@@ -113,15 +107,45 @@ class _SearchedStep:
 
     events: Events
     mode: Any
+    said: Any  # mask of the conditions that hold in the mode
     state_at: StateAt
-    roots: Callable[[Any, bool], Any]
+    within: CompiledMethod | None  # the method whose last step it is
     noise: Any = None  # rounding of the indicators, found on use
 
-    def rounding(self, time: float, seen: Interpolants) -> Any:
+    @property
+    def solved_for(self) -> bool:
+        """True if loops are solved for exact roots: elsewhere their unknowns come from the dense output."""
+        loops = self.events.loops
+        return len(loops.magnitude) > 0 and not loops.affine
+
+    def roots(self, times: Array, exactly: bool) -> Any:
+        """Return the roots of the conditions at instants, as `state_at`; shape (k, conditions)."""
+        if self.within is None or (exactly and self.solved_for):
+            return self.events.roots(times, self.state_at(times, exactly), self.mode)
+        return self.within.roots(times, self.mode)
+
+    def begin(self) -> None:
+        """Put the mode and the rounding of the roots into the record of the conditions."""
+        record = self.events.record
+        record["said"][:], record["floor"][:] = self.said, self.events.floor
+
+    def survey(self, part: tuple[float, float], times: Array, begins: bool) -> None:
+        """Examine the polynomials of a part through the roots at its places, which are these times; `begins`: it begins the step."""
+        record, values = self.events.record, self.roots(times, False)
+        coefficients = COEFFICIENTS @ np.where(np.isfinite(values), values, 0.0)
+        record["values"][:], record["form"][:] = values.reshape(-1), coefficients.reshape(-1)
+        record["grid"][:] = (ON_GRID @ coefficients).reshape(-1)
+        record.record.low, record.record.high = part
+        record.call("survey", int(begins), int(self.events.bounds is not None))
+
+    def mask(self, name: str) -> Any:
+        """Return a mask of the conditions that the last survey has marked."""
+        return self.events.record[name] != 0
+
+    def rounding(self, time: float) -> Any:
         """Return the rounding of the indicators, at the end of the first part that needs it: smaller changes are ignored."""
         if self.noise is None:
-            at = HybridState(time, self.state_at(np.array([time]), False)[0], self.mode)
-            self.noise = self.events.noise(at, seen.values[-1])
+            self.noise = self.events.noise(HybridState(time, self.state_at(np.array([time]), False)[0], self.mode))
         return self.noise
 
     def bounds(self, part: tuple[float, float], times: Array, widths: Array | None) -> tuple[Overlooked | None, Any]:
@@ -133,22 +157,42 @@ class _SearchedStep:
         events.reach = np.maximum(events.reach, np.where(np.isfinite(bounded.reach), bounded.reach, 0.0))
         return bounded, np.asarray(bounded.zero, dtype=bool) & ~(bounded.reach <= CONSTANT * events.reach)
 
-    def minima(
-        self, part: tuple[float, float], seen: Interpolants, dips: BoolArray, clear: BoolArray, said: BoolArray
-    ) -> list[float]:
-        """Return the instants of a part at which indicators are nearest to zero; `clear`: those that no place shows behind their zero crossing."""
-        brackets = [
-            (FINER[p], FINER[p + 2], j) for p, j in zip(*np.nonzero(dips[1:-1] & clear & seen.converged), strict=True)
-        ]
-        brackets += [(0.0, 1.0, j) for j in np.flatnonzero(clear & ~seen.converged)]
+    def minima(self, part: tuple[float, float]) -> list[float]:
+        """Return the instants of the surveyed part at which indicators that no place shows behind their zero crossing are nearest to zero."""
+        record, clear, valid = self.events.record, self.mask("near") & ~self.mask("shown"), self.mask("converged")
+        dips = (record["dips"] != 0).reshape(-1, len(clear))
+        brackets = [(FINER[p], FINER[p + 2], j) for p, j in zip(*np.nonzero(dips[1:-1] & clear & valid), strict=True)]
+        brackets += [(0.0, 1.0, j) for j in np.flatnonzero(clear & ~valid)]
         if not brackets:
             return []
-        (low, high), rounding = part, self.rounding(part[1], seen)
+        (low, high), rounding, variation = part, self.rounding(part[1]), record["variation"]
         return [
-            _bottom(self.events, (low + (high - low) * a, low + (high - low) * b), j, said, self.roots)
+            _bottom(self.events, (low + (high - low) * a, low + (high - low) * b), j, self.said, self.roots)
             for a, b, j in brackets
-            if seen.variation[j] > rounding[j]
+            if variation[j] > rounding[j]
         ]
+
+    def first_in(self, part: tuple[float, float]) -> float | None:
+        """Return the first zero crossing in the surveyed part of the step, or None."""
+        record, within = self.events.record, self.within
+        times = record["suspects"][: record["suspect_count"]].copy()
+        minima = self.minima(part) if record["clear_count"] else []
+        if minima:
+            times = np.union1d(times, minima)
+        if not len(times):
+            return None
+        # So far, unknowns of loops came from the dense output; here they are solved for.
+        roots = self.roots(times, True)
+        if within is not None and not self.solved_for:
+            crosses = within.narrow(record, times, roots, self.mode)
+        else:
+
+            def exactly(time: float, out: Array) -> None:
+                out[:] = self.roots(np.array([time]), True)[0]
+
+            record = interpreted_record(self.events.program, record, {"exactly": exactly})
+            crosses = record.call("narrow", None, 1, len(times), times, roots)
+        return float(record["found"]) if crosses else None
 
 
 def _first_parts(start: float, stop: float, spacing: float) -> list[tuple[float, float, Any]]:
@@ -162,24 +206,6 @@ def _first_parts(start: float, stop: float, spacing: float) -> list[tuple[float,
         ends.append(ends[-1] + spacing)
         spacing *= 2
     return [(low, high, None) for low, high in pairwise([*ends, stop])][::-1]
-
-
-def _suspects(events: Events, on_grid: Array, shown: BoolArray, wrong: BoolArray, part: tuple[float, float]) -> Any:
-    """Return sorted instants of a part at which conditions may have changed. `shown`, `wrong`: masks of the conditions that differ from the mode at the
-    places, and as the polynomials say on the grid.
-
-    These are places that show it, sign changes and extrema of the polynomials behind the crossing, and places with least distance from zero.
-    """
-    low, high = part
-    shares = [SHARES[shown.any(axis=1)]]
-    wrong[0] = False  # at the start the mode holds: a change just behind it begins there
-    begins = wrong & ~np.concatenate([np.zeros_like(wrong[:1]), wrong[:-1]])
-    depth = np.where(wrong, np.abs(on_grid), 0.0)
-    before, after = np.concatenate([depth[-1:], depth[:-1]]), np.concatenate([depth[1:], depth[:1]])
-    deepest = wrong & (depth >= before) & (depth >= after)
-    shares.append(FINER[(begins | deepest).any(axis=1)])
-    times = low + (high - low) * np.unique(np.concatenate(shares))
-    return times[times > low]
 
 
 def _bottom(
@@ -203,72 +229,9 @@ def _bottom(
     return low
 
 
-def _in_part(
-    events: Events, part: tuple[float, float], times: Array, said: BoolArray, roots: Callable[[Any, bool], Any]
-) -> float | None:
-    """Return the first zero crossing in a part of a step; `times`: the instants at which one is suspected."""
-    if not len(times):
-        return None
-    # So far, unknowns of loops came from the dense output; here they are solved for.
-    seen = roots(times, True)
-    wrong = _wrong(events, seen, said)
-    if not wrong.any():
-        return None
-    first = int(np.argmax(wrong.any(axis=1)))
-    high = float(times[first])
-    grid = part[0] + (part[1] - part[0]) * FINER
-    before = float(grid[max(int(np.searchsorted(grid, high)) - 1, 0)])
-    right = float(times[first - 1]) if first else part[0]
-    return _narrowed(events, (right, max(before, right), high), seen[first], said, roots)
-
-
-def _narrowed(
-    events: Events, places: tuple[float, float, float], there: Array, said: BoolArray, roots: Callable[[Any, bool], Any]
-) -> float:
-    """Return the first instant, to rounding, at which a condition has changed; `there`: the roots at the last of three places.
-
-    At the first place the mode holds. The crossing is between the others, unless rounding has hidden it from the search: then it is before both.
-    """
-    right, low, high = places
-    scale = np.where((there != 0) & np.isfinite(there), np.abs(there), 1.0)
-    flipping = _wrong(events, there, said)
-
-    def beyond(time: float) -> float:
-        """Return the largest distance of a condition behind its zero crossing; negative before all crossings."""
-        nonlocal flipping
-        seen = roots(np.array([time]), True)[0]
-        size, changed = np.abs(seen), events.truth(seen) != said
-        distance = np.where(changed, size, -size) - events.floor
-        wrong = np.isfinite(seen) & changed & (size >= events.floor)
-        if wrong.any():
-            flipping = wrong
-        found = float((distance / scale)[flipping].max())
-        return max(found, LEAST) if wrong.any() else min(found, -LEAST)
-
-    width = 0.5 * WIDTH * float(np.spacing(max(abs(low), abs(high))))
-    if high - low <= 2 * width:
-        return high
-    first = beyond(low)
-    if first > 0 and low > right:
-        low, high, first, last = right, low, beyond(right), first
-    else:
-        last = beyond(high)
-    if last < 0:  # a loop that is solved for once more has another rounding
-        return high
-    (a, at_a), (b, _) = narrowed(beyond, (low, -abs(first)), (high, last), width)
-    return a if at_a > 0 else b
-
-
 def _wrong(events: Events, roots: Array, said: BoolArray) -> Any:
     """Return a mask of the conditions that differ from the mode; shape as the roots."""
     return np.isfinite(roots) & (events.truth(roots) != said) & (np.abs(roots) >= events.floor)
-
-
-def _returns(events: Events, roots: Array, wrong: BoolArray) -> Any:
-    """Return a mask of the conditions that rounding left behind their zero crossing at the start, and that get no further in a part of a step.
-    `wrong`: those that differ from the mode at the start."""
-    left = wrong & (np.abs(roots[0]) <= 4 * events.floor)
-    return left & (np.abs(roots) <= 1.1 * np.abs(roots[0])).all(axis=0)
 
 
 def _unresolved(events: Events, time: float, conditions: IntArray) -> RunFailed:

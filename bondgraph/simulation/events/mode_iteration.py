@@ -15,7 +15,8 @@ import numpy as np
 from compiler.api import IntArray
 
 from ...errors import RunFailed
-from .indicators import REACHES, EventIndicators, HybridState
+from ..integrators.acceptance.event_indicators import REACHES
+from .indicators import EventIndicators, HybridState
 
 CLOSE = 1e-9  # relative to the magnitudes: rates and unknowns that agree so well are equal
 
@@ -32,9 +33,7 @@ def settled(indicators: EventIndicators, at: HybridState) -> HybridState:
             flipping = np.flatnonzero(np.ptp(loop, axis=0) > 0)
             between = _between(indicators, now, flipping)
             if between is None and _is_alike(indicators, now, trail[seen[key] :]):
-                indicators.floor[flipping] = (
-                    4 * indicators.noise(now, indicators.roots(now.time, now.state, now.mode))[flipping]
-                )
+                indicators.floor[flipping] = 4 * indicators.noise(now)[flipping]
                 return now
             if between is None:
                 raise _sliding(indicators, at.time, flipping)
@@ -88,7 +87,7 @@ def _stands(indicators: EventIndicators, at: HybridState, conditions: IntArray) 
     state = np.array(at.state)
     state[: indicators.count] += REACHES[-1] * whole * first
     before, after = indicators.roots(at.time, at.state, at.mode), indicators.roots(at.time, state, at.mode)
-    limit = indicators.noise(at, before)
+    limit = indicators.noise(at)
     if not (np.maximum(np.abs(before), np.abs(after)) <= limit)[conditions].all():
         return False
     indicators.floor[conditions] = np.maximum(0.25 * limit, 2 * np.abs(before))[conditions]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,13 +12,16 @@ from compiler.api import Array, BoolArray
 
 from ...errors import RunFailed, StepsCollapsed
 from ..events.indicators import HybridState
-from ..events.locate import Flip, RootsAt, StateAt, first_flip
+from ..events.locate import Flip, StateAt, first_flip
 from ..monitors.validity import ValidityMonitor
 from ..segments.timeline import Segment, discrete_variables, mode_after, with_time_of
 from ..segments.trajectory import Tolerances, Trajectory
 from ..segments.transition import PhaseTransition
 from .integration_state import PhaseProblem
 from .segment_integrator import SegmentIntegrator
+
+if TYPE_CHECKING:
+    from ..integrators.compiled.run import CompiledMethod
 
 PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a pilot run
 CLOSE = 1e-8  # fraction of the run: a zero crossing this soon after collapsed steps is their cause
@@ -158,21 +161,14 @@ class EventIntegrator(SegmentIntegrator):
         """Rounding errors of the roots of conditions."""
         return self.events.floor
 
-    def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None) -> Segment:  # fmt: skip
+    def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt, within: CompiledMethod | None = None) -> Segment:  # fmt: skip
         """Find the first event of a step, which ends it.
 
         Conditions that only events read change on the way, and so do those that have no effect yet.
         """
         events = self.events
-        looked_for = len(self.program.unknowns.names) > 0 and not self.loops.affine
-
-        def roots(times: Array, exactly: bool) -> Any:
-            if roots_at is None or (exactly and looked_for):
-                return events.roots(times, state_at(times, exactly), stretch.mode)
-            return roots_at(times, stretch.mode)
-
         while start < stop:
-            flip = first_flip(events, start, stop, stretch.mode, state_at, roots)
+            flip = first_flip(events, start, stop, stretch.mode, state_at, within)
             if flip is None:
                 break
             mode = np.array(stretch.mode)

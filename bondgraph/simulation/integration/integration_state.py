@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ..constraints.singular import SingularPoseMonitor
     from ..events.events import Events
     from ..events.history import History
-    from ..events.locate import Flip, RootsAt, StateAt
+    from ..events.locate import Flip, StateAt
     from ..integrators.compiled.run import CompiledMethod
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
@@ -250,18 +250,18 @@ class IntegrationState:
     def grow(self, x: Array) -> None:
         """Update the largest magnitudes; only for integrators with events."""
 
-    def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None) -> Segment:  # fmt: skip
+    def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt, within: CompiledMethod | None = None) -> Segment:  # fmt: skip
         """Search a step for events; only integrators with events do this, here the segment is returned unchanged."""
         return stretch
 
     def follow_step(
-        self, last: tuple[float, float], parts: int, stretch: Segment, state_at: StateAt, roots_at: RootsAt | None = None
+        self, last: tuple[float, float], parts: int, stretch: Segment, state_at: StateAt, within: CompiledMethod | None = None
     ) -> Segment:  # fmt: skip
         """Search the last step for events by `follow`, in as many parts as its method needs."""
         start, stop = self.followed = last
         edges = [start + (stop - start) * k / parts for k in range(parts)] + [stop]
         for a, b in pairwise(edges):
-            stretch = self.follow(a, b, stretch, state_at, roots_at)
+            stretch = self.follow(a, b, stretch, state_at, within)
             if self.flip is not None:
                 break
         return stretch

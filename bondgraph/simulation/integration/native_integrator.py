@@ -226,7 +226,7 @@ class NativeIntegrator:
         parts = PARTS[solver.record.method]
         mark, before, start = stepper.marked(), self.stretch, solver.last_step[0]
         self._look_at_places()  # in the mode so far
-        self.stretch = stepper.follow_step(solver.last_step, parts, self.stretch, self._states_at, solver.roots)
+        self.stretch = stepper.follow_step(solver.last_step, parts, self.stretch, self._states_at, solver)
         flip = stepper.flip
         exact = METHODS[solver.record.method].exact
         if (

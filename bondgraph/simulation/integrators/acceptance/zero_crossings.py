@@ -101,10 +101,17 @@ def keeps_away(s: IntegratorWorkspace, j: int, part: int, margin: float) -> bool
 
 def is_wrong(s: IntegratorWorkspace, j: int, root: float) -> bool:
     """Return True if a condition with this root differs from the mode."""
-    if not isfinite(root) or abs(root) < s.root_floor[j]:
-        return False
-    holds = 1 if root < 0.0 or (root == 0.0 and s.root_strict[j] == 0) else 0
-    return holds != s.root_said[j]
+    return contradicts(root, s.root_floor[j], s.root_strict[j], s.root_said[j]) != 0
+
+
+def contradicts(root: float, floor: float, strict: int, said: int) -> int:
+    """Return 1 if a condition with this root differs, beyond rounding, from what is said of it."""
+    return 1 if isfinite(root) and abs(root) >= floor and truth(root, strict) != said else 0
+
+
+def truth(root: float, strict: int) -> int:
+    """Return 1 if a condition with this root holds."""
+    return 1 if root < 0.0 or (root == 0.0 and strict == 0) else 0
 
 
 def roots_at(s: IntegratorWorkspace, time: float, out: Floats) -> None:

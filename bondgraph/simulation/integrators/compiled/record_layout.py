@@ -122,8 +122,10 @@ class RecordArray:
 
     def call(self, source: str, *arguments: Any) -> int:
         """Call a function of the source on this record, with integers and arrays."""
-        kinds = (WHOLE if isinstance(a, int) else POINTER for a in arguments)
-        values = (a if isinstance(a, int) else address_of(a) for a in arguments)
+        if not arguments:
+            return called(source, WHOLE, POINTER)(self.address)  # type: ignore[no-any-return]
+        kinds = [WHOLE if type(a) is int else POINTER for a in arguments]
+        values = [a if type(a) is int else address_of(a) for a in arguments]
         return called(source, WHOLE, POINTER, *kinds)(self.address, *values)  # type: ignore[no-any-return]
 
     def __getitem__(self, name: str) -> Any:

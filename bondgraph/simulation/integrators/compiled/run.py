@@ -32,6 +32,7 @@ from .record_layout import RecordArray, form_of
 if TYPE_CHECKING:
     from ...segments.context import SegmentContext
     from .constraint_functions import CompiledConstraints
+    from .plain import Plain
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # fields that are read often
@@ -309,6 +310,12 @@ class CompiledMethod:
     def states(self, times: Array, mode: Array) -> Any:
         """Return the states in SI there, with the multipliers that belong to them; shape (times, n)."""
         return self._all("states_along", times, mode, self._record.n)
+
+    def narrow(self, indicators: RecordArray | Plain, times: Array, roots: Array, mode: Array) -> int:
+        """Call `crossing_search.narrow` for the last step, under a mode."""
+        if mode is not self._mode:
+            self.put_mode(mode)
+        return int(indicators.call("narrow", self.values.address, 0, len(times), times, roots))
 
     def _all(self, source: str, times: Array, mode: Array, width: int) -> Any:
         if mode is not self._mode:

@@ -1,0 +1,236 @@
+"""Search of a part of a step for the first zero crossing of a condition: from polynomials through its roots, then by narrowing; see `events/locate.py`."""
+
+from __future__ import annotations
+
+from math import isfinite, ulp
+from typing import TYPE_CHECKING
+
+from ....numerics import indicators
+from ....numerics.roots import MOST, begin_bracket, bracket_place, closes_at
+from ..workspace import IntegratorWorkspace
+from .event_indicators import INFINITE, IndicatorWorkspace
+from .zero_crossings import contradicts, roots_at, truth
+
+if TYPE_CHECKING:
+    from compiler.api import Floats
+
+PLACES, GRID, LAST = indicators.PLACES, indicators.GRID, indicators.LAST
+SHARES, FINER = tuple(indicators.SHARES.tolist()), tuple(indicators.FINER.tolist())
+CONVERGED, SURE, LEFT, EXACT = indicators.CONVERGED, indicators.SURE, indicators.LEFT, indicators.EXACT
+RESTS = 4.0  # in units of the rounding of a root: as far behind its zero rounding may leave it where a step begins
+RETURNS = 1.1  # ratio of roots that get no further
+WIDTH = 4.0  # units in the last place of a time: end of the narrowing
+LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defined
+
+
+def survey(k: IndicatorWorkspace, begins: int, bounded: int) -> int:
+    """Examine the polynomials of a part: which conditions may have a crossing there, and where. `begins`: 1 if the part begins a step, whose mode holds
+    there; `bounded`: 1 if conditions far from zero are asked for, too."""
+    k.near_count = 0
+    k.unsure_count = 0
+    k.clear_count = 0
+    for place in range(PLACES):
+        k.at_place[place] = 0
+    for place in range(GRID + 1):
+        k.at_grid[place] = 0
+    for j in range(k.root_count):
+        k.near[j] = is_near(k, j, begins)
+        k.near_count += k.near[j]
+        if k.near[j] != 0 or k.shown[j] != 0 or bounded != 0:
+            mark_on_grid(k, j)
+            mark_dips(k, j, begins)
+        if k.near[j] != 0 and k.shown[j] == 0:
+            k.clear_count += 1
+        k.unsure[j] = 0
+        if k.near[j] != 0 and (k.converged[j] == 0 or (k.dipping[j] != 0 and k.error[j] > EXACT * k.variation[j])):
+            k.unsure[j] = 1
+            k.unsure_count += 1
+    put_suspects(k)
+    return 0
+
+
+def is_near(k: IndicatorWorkspace, j: int, begins: int) -> int:
+    """Return 1 if a condition may cross zero in the part; mark the places that show it."""
+    m = k.root_count
+    finite = 0
+    still = 0
+    returns = 1
+    first = k.values[j]
+    k.shown[j] = 0
+    behind = 0
+    for place in range(PLACES):
+        root = k.values[place * m + j]
+        if isfinite(root):
+            finite += 1
+        if abs(root) < k.floor[j]:
+            still += 1
+        if not abs(root) <= RETURNS * abs(first):
+            returns = 0
+        if differs(k, j, root) != 0:
+            k.at_place[place] = 1
+            k.shown[j] = 1
+            if place > 0:
+                behind = 1
+    k.variation[j] = 0.0
+    k.error[j] = 0.0
+    for place in range(1, PLACES):
+        size = abs(k.form[place * m + j])
+        k.variation[j] += size
+        if place >= PLACES - LAST:
+            k.error[j] += size
+    k.converged[j] = 1 if finite == PLACES and k.error[j] <= CONVERGED * k.variation[j] else 0
+    if begins != 0 and differs(k, j, first) != 0 and abs(first) <= RESTS * k.floor[j] and returns != 0:
+        return 0  # rounding left it behind its zero
+    if behind != 0:
+        return 1
+    if still == PLACES or finite == 0:
+        return 0
+    around = k.variation[j] + SURE * k.error[j] if k.converged[j] != 0 else 2.0 * k.variation[j]
+    return 0 if finite == PLACES and abs(k.form[j]) > around else 1
+
+
+def mark_on_grid(k: IndicatorWorkspace, j: int) -> None:
+    """Mark the places of the grid at which a polynomial begins to have the wrong sign, and those at which it is deepest behind its crossing."""
+    k.crosses[j] = 0
+    for place in range(GRID + 1):
+        if differs(k, j, k.grid[place * k.root_count + j]) != 0:
+            k.crosses[j] = 1
+            here = depth(k, j, place)
+            before = depth(k, j, place - 1)
+            if here >= 0.0 and (before < 0.0 or (here >= before and here >= depth(k, j, place + 1))):
+                k.at_grid[place] = 1
+
+
+def depth(k: IndicatorWorkspace, j: int, place: int) -> float:
+    """Return how far a polynomial that is valid is behind its crossing at a place of the grid; negative before it, as at the start, where the mode holds."""
+    if place < 1 or place > GRID or k.converged[j] == 0:
+        return -1.0
+    value = k.grid[place * k.root_count + j]
+    return abs(value) if differs(k, j, value) != 0 else -1.0
+
+
+def mark_dips(k: IndicatorWorkspace, j: int, begins: int) -> None:
+    """Mark the places of the grid near which a polynomial may touch or cross zero; not the zero with which a step begins, as after an event."""
+    m = k.root_count
+    margin = SURE * k.error[j]
+    k.dipping[j] = 0
+    for place in range(GRID + 1):
+        here = abs(k.grid[place * m + j])
+        touches = here < margin
+        if place == 0:
+            touches = touches and not (begins != 0 and abs(k.values[j]) <= LEFT * k.floor[j])
+        elif place < GRID:
+            before = abs(k.grid[(place - 1) * m + j])
+            after = abs(k.grid[(place + 1) * m + j])
+            beside = max(before, after)
+            touches = here <= before and here <= after and here < beside and here - 0.5 * (beside - here) < margin
+        k.dips[place * m + j] = 1 if touches else 0
+        if touches:
+            k.dipping[j] = 1
+
+
+def put_suspects(k: IndicatorWorkspace) -> None:
+    """Put the instants of all marked places behind the start of the part into `suspects`, sorted."""
+    k.suspect_count = 0
+    place = 0
+    on_grid = 0
+    while place < PLACES or on_grid <= GRID:
+        share = INFINITE
+        marked = 0
+        if place < PLACES:
+            share = SHARES[place]
+            marked = k.at_place[place]
+        if on_grid <= GRID and FINER[on_grid] <= share:
+            marked = k.at_grid[on_grid] if FINER[on_grid] < share else max(marked, k.at_grid[on_grid])
+            if FINER[on_grid] == share:
+                place += 1
+            share = FINER[on_grid]
+            on_grid += 1
+        else:
+            place += 1
+        time = k.low + (k.high - k.low) * share
+        if marked != 0 and time > k.low:
+            k.suspects[k.suspect_count] = time
+            k.suspect_count += 1
+
+
+def narrow(k: IndicatorWorkspace, s: IntegratorWorkspace, exact: int, count: int, times: Floats, roots: Floats) -> int:
+    """Put the first instant of a part, to rounding, at which a condition has changed into `found`; return 0 if none has at these instants.
+
+    The crossing is behind the last place of the grid before, unless rounding has hidden it from the search: then it is behind the instant before.
+    `exact`: 1 if loops are solved for the roots, by Python.
+    """
+    first = first_behind(k, count, roots)
+    if first < 0:
+        return 0
+    high = times[first]
+    right = times[first - 1] if first > 0 else k.low
+    low = right
+    for place in range(GRID + 1):
+        time = k.low + (k.high - k.low) * FINER[place]
+        if time >= high:
+            break
+        low = max(time, right)
+    for j in range(k.root_count):
+        k.scale[j] = abs(k.seen[j]) if k.seen[j] != 0.0 and isfinite(k.seen[j]) else 1.0
+        k.flipping[j] = differs(k, j, k.seen[j])
+    k.found = high
+    width = 0.5 * WIDTH * ulp(max(abs(low), abs(high)))
+    if high - low <= 2.0 * width:
+        return 1
+    at_low = distance(k, s, exact, low)
+    if at_low > 0.0 and low > right:
+        high = low
+        low = right
+        at_high = at_low
+        at_low = distance(k, s, exact, low)
+    else:
+        at_high = distance(k, s, exact, high)
+    if at_high < 0.0:  # a loop that is solved for once more has another rounding
+        k.found = high
+        return 1
+    begin_bracket(k.bracket, low, -abs(at_low), high, at_high)
+    for _ in range(MOST):
+        place_at = bracket_place(k.bracket)
+        if closes_at(k.bracket, place_at, distance(k, s, exact, place_at), width):
+            break
+    k.found = k.bracket.a if k.bracket.at_a > 0.0 else k.bracket.b
+    return 1
+
+
+def first_behind(k: IndicatorWorkspace, count: int, roots: Floats) -> int:
+    """Return the first of several instants at which a condition differs from the mode, with the roots there in `seen`; -1 if there is none."""
+    for place in range(count):
+        wrong = 0
+        for j in range(k.root_count):
+            k.seen[j] = roots[place * k.root_count + j]
+            wrong += differs(k, j, k.seen[j])
+        if wrong > 0:
+            return place
+    return -1
+
+
+def distance(k: IndicatorWorkspace, s: IntegratorWorkspace, exact: int, time: float) -> float:
+    """Return the largest distance of a condition behind its zero crossing at an instant of a step; negative before all crossings."""
+    if exact != 0:
+        k.exactly(time, k.seen)
+    else:
+        roots_at(s, time, k.seen)
+    wrong = 0
+    for j in range(k.root_count):
+        k.behind[j] = differs(k, j, k.seen[j])
+        wrong += k.behind[j]
+    largest = -INFINITE
+    for j in range(k.root_count):
+        if wrong > 0:
+            k.flipping[j] = k.behind[j]
+        if k.flipping[j] != 0:
+            size = abs(k.seen[j])
+            far = ((size if truth(k.seen[j], k.strict[j]) != k.said[j] else -size) - k.floor[j]) / k.scale[j]
+            largest = far if far > largest or far != far else largest
+    return max(largest, LEAST) if wrong > 0 else min(largest, -LEAST)
+
+
+def differs(k: IndicatorWorkspace, j: int, root: float) -> int:
+    """Return 1 if a condition with this root differs from the mode beyond rounding."""
+    return contradicts(root, k.floor[j], k.strict[j], k.said[j])

@@ -1,0 +1,232 @@
+"""Event indicators at an instant: rounding of their roots, and their signs where the flow leads; see `events/indicators.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isfinite, ulp
+from typing import TYPE_CHECKING
+
+from compiler.api import Record
+
+from ....numerics.roots import Bracket
+from ..workspace import Function
+from .zero_crossings import truth
+
+if TYPE_CHECKING:
+    from compiler.api import Floats, Ints
+
+NOISE = 1e-13  # relative to the magnitudes: rounding in a root that is zero
+REACHES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # relative to the magnitudes: how far the flow is followed to find a sign
+TRIES = len(REACHES)
+SHARE = 1e-7  # of a magnitude, and of the time in which the flow moves a state by one: steps by which rounding of roots is found
+ROUNDED = NOISE / SHARE
+LATE = 32.0  # units in the last place of a time: the change of a root within it counts as zero
+CERTAIN = 4.0  # in units of the rounding of a root: a larger change shows where it goes
+INFINITE = float("inf")
+
+
+# Arguments: an instant of a step, array for the roots there.
+RootsAt = Callable[[float, "Floats"], None]
+
+
+class IndicatorWorkspace(Record):
+    """Conditions of a program at an instant. n states and unknowns, of which `count` are states; m conditions."""
+
+    derivative: Function
+    roots: Function
+    solve: Function  # puts the unknowns of loops into a state; only of Python
+    exactly: RootsAt  # roots at an instant of a step, with loops solved; only of Python
+    inputs: Floats
+    constants: Floats
+    n: int
+    count: int
+    root_count: int
+    places: Ints  # m: index of the condition in the mode
+    strict: Ints  # m: 1 where the condition does not hold at zero
+    steers: Ints  # m: 1 where a law reads it, not only events
+    horizon: float  # length of the run, s
+    magnitude: Floats  # n: 0 where it is not known
+    # the hybrid state
+    time: float
+    state: Floats  # n
+    mode: Floats
+    # roots, their rounding, and the flow there
+    root: Floats  # m
+    noise: Floats  # m
+    flows: int  # 1 if there are rates, all finite
+    rate: Floats  # n
+    whole: float  # time in which the flow moves a state by its magnitude, at most the run's length
+    # roots a little later
+    truth: Ints  # m: 1 where the condition holds just after
+    sought: Ints  # m: 1 where the sign is sought, -1 where it was found, 0 where it was clear
+    moved: Floats  # m: change that shows it, or 0
+    later: Floats  # n
+    slope: Floats  # n
+    change: Floats  # m
+    again: Floats  # m
+    floor: Floats  # m: level below which a root is rounding
+    # a part of a step, and the roots there; places and grid as in `numerics/indicators.py`
+    low: float
+    high: float
+    said: Ints  # m: 1 where the condition holds in the mode
+    values: Floats  # PLACES m
+    form: Floats  # PLACES m: coefficients of the polynomials
+    grid: Floats  # (GRID + 1) m: their values on the grid
+    error: Floats  # m: of the polynomial
+    variation: Floats  # m
+    converged: Ints  # m: 1 where the polynomial is valid between the places
+    near: Ints  # m: 1 where there may be a crossing
+    near_count: int
+    unsure: Ints  # m: 1 where the polynomial does not show all of it
+    unsure_count: int
+    shown: Ints  # m: 1 where a place shows a crossing
+    crosses: Ints  # m: 1 where the grid does
+    clear_count: int  # number of near ones without such a place
+    dips: Ints  # (GRID + 1) m: 1 where the polynomial may touch zero
+    dipping: Ints  # m: 1 where it may somewhere
+    suspects: Floats  # PLACES + GRID + 1: instants at which conditions may have changed
+    suspect_count: int
+    at_place: Ints  # PLACES: 1 where a condition differs from the mode
+    at_grid: Ints  # GRID + 1: 1 where the polynomial of one begins to, or is deepest behind its crossing
+    # narrowing
+    seen: Floats  # m: roots at the last instant
+    scale: Floats  # m: size of the roots behind the crossing
+    flipping: Ints  # m: 1 for the conditions that are followed
+    behind: Ints  # m: 1 where a condition differs from the mode at the last instant
+    bracket: Bracket
+    found: float  # first instant behind the crossing
+
+
+def evaluate(k: IndicatorWorkspace) -> int:
+    """Compute the roots, the flow, and the rounding of the roots: from the states, in units of their magnitudes, and from the instant, its change
+    along the flow during the uncertainty of a located one, with unknowns of loops fixed."""
+    put_flow(k)
+    if k.root_count == 0:
+        return 0
+    k.roots(k.time, k.state, k.inputs, k.constants, k.mode, k.root)
+    for j in range(k.root_count):
+        k.noise[j] = 0.0
+    for i in range(k.n):
+        k.later[i] = k.state[i]
+    for i in range(k.n):
+        size = k.magnitude[i]
+        if k.flows != 0 and i < k.count and not size > 0.0:  # a unit of its own would be a size of no meaning
+            size = k.whole * abs(k.rate[i])
+        k.later[i] = k.state[i] + SHARE * max(size, abs(k.state[i]))
+        add_change(k, k.time, 1.0)
+        k.later[i] = k.state[i]
+    least = max(abs(k.time), 1e-300)
+    add_change(k, k.time + SHARE * least, 1.0)
+    for j in range(k.root_count):
+        k.noise[j] *= ROUNDED
+    if k.flows != 0:
+        late = LATE * ulp(least)
+        span = max(SHARE * k.whole, late)
+        for i in range(k.count):
+            k.later[i] = k.state[i] + span * k.rate[i]
+        add_change(k, k.time + span, late / span)
+    return 0
+
+
+def put_flow(k: IndicatorWorkspace) -> None:
+    """Compute the rates of the states, and the time in which they move a state by its magnitude."""
+    k.flows = 0
+    if k.count == 0:
+        return
+    k.derivative(k.time, k.state, k.inputs, k.constants, k.mode, k.rate)
+    speed = 0.0
+    for i in range(k.count):
+        if not isfinite(k.rate[i]):
+            return
+        if k.magnitude[i] > 0.0:
+            speed = max(speed, abs(k.rate[i]) / k.magnitude[i])
+    k.flows = 1
+    k.whole = min(k.horizon, 1.0 / speed if speed > 0.0 else INFINITE)
+
+
+def add_change(k: IndicatorWorkspace, time: float, share: float) -> None:
+    """Add a share of the change of the roots from the hybrid state to `later`, where it is finite."""
+    k.roots(time, k.later, k.inputs, k.constants, k.mode, k.change)
+    for j in range(k.root_count):
+        change = abs(k.change[j] - k.root[j])
+        if isfinite(change):
+            k.noise[j] += share * change
+
+
+def doubt(k: IndicatorWorkspace) -> int:
+    """Decide the truth of conditions just after the hybrid state that is evaluated, as far as rounding lets it; return the number of those in doubt,
+    which keep the truth that they have in the mode."""
+    count = 0
+    for j in range(k.root_count):
+        k.sought[j] = 1 if abs(k.root[j]) <= k.noise[j] else 0
+        k.moved[j] = 0.0
+        k.truth[j] = truth(k.root[j], k.strict[j])
+        if k.sought[j] != 0:
+            k.truth[j] = 1 if k.mode[k.places[j]] == 1.0 else 0
+            count += 1
+        k.floor[j] = 0.0
+    return count
+
+
+def look_ahead(k: IndicatorWorkspace) -> int:
+    """Put the changes of the sought roots along the flow into `moved`, at the least reach at which they are beyond doubt; 0 where they are not.
+
+    By Heun's method, and iterated once more: where iterations disagree on the sign, time constants are shorter than the reach.
+    """
+    if k.flows == 0:
+        return 0
+    for r in range(TRIES):
+        span = REACHES[r] * k.whole
+        put_later(k, span, k.rate)
+        put_slope(k, span)
+        put_later(k, span, k.slope)
+        k.roots(k.time + span, k.later, k.inputs, k.constants, k.mode, k.change)
+        put_slope(k, span)
+        put_later(k, span, k.slope)
+        k.roots(k.time + span, k.later, k.inputs, k.constants, k.mode, k.again)
+        left = 0
+        for j in range(k.root_count):
+            if k.sought[j] > 0:
+                change = k.change[j] - k.root[j]
+                again = k.again[j] - k.root[j]
+                if abs(change) > CERTAIN * k.noise[j] or abs(again) > CERTAIN * k.noise[j]:
+                    k.moved[j] = change if change * again > 0.0 else 0.0
+                    k.sought[j] = -1
+                else:
+                    left += 1
+        if left == 0:
+            return 0
+    return 0
+
+
+def decide(k: IndicatorWorkspace) -> int:
+    """Decide the truth of the conditions in doubt by the changes in `moved`, and put the rounding level of each into `floor`.
+
+    A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then. Nor must that of a law which
+    is still on the other side: the law would change again and again.
+    """
+    for j in range(k.root_count):
+        if k.sought[j] != 0:
+            k.floor[j] = max(0.25 * k.noise[j], 2.0 * abs(k.root[j]))
+            if k.moved[j] != 0.0:
+                k.truth[j] = 1 if k.moved[j] < 0.0 else 0
+                if k.steers[j] == 0 or k.truth[j] == truth(k.root[j], k.strict[j]):
+                    k.floor[j] = 0.25 * k.noise[j]
+    return 0
+
+
+def put_later(k: IndicatorWorkspace, span: float, rates: Floats) -> None:
+    """Put the state after some time with these rates into `later`, with the unknowns of loops that belong to it."""
+    for i in range(k.n):
+        k.later[i] = k.state[i]
+    for i in range(k.count):
+        k.later[i] = k.state[i] + span * rates[i]
+    if k.count < k.n:
+        k.solve(k.time + span, k.later, k.inputs, k.constants, k.mode, k.later)
+
+
+def put_slope(k: IndicatorWorkspace, span: float) -> None:
+    """Put the mean of the rates here and after some time into `slope`."""
+    k.derivative(k.time + span, k.later, k.inputs, k.constants, k.mode, k.slope)
+    for i in range(k.count):
+        k.slope[i] = 0.5 * (k.rate[i] + k.slope[i])
