@@ -208,6 +208,31 @@ def test_a_nonlinear_loop_is_solved_by_newton() -> None:
     np.testing.assert_allclose(module.jacobian(0.0, x, p), differences, rtol=1e-6, atol=1e-9)
 
 
+HIGH_AND_SOFT = """model Two {
+  Se high : u = 1e9 V
+  R steep : u = 1 ohm*i + 1e-24 [ohm/A^2]*i^3
+  R load : i = u/1 [ohm] + 1e-24 [A/V^3]*u^3
+  1 a : electric
+  high -> a -> steep, load
+  Se push : M = 1e-9 [N*m]
+  R soft : M = 1 [N*m*s]*omega + 1e20 [N*m*s^3]*omega^3
+  R hard : omega = 1 [1/(N*m*s)]*M + 1e20 [1/(N^3*m^3*s)]*M^3
+  1 b : rotation
+  push -> b -> soft, hard
+  output i = load.i, omega = soft.omega
+}
+"""
+
+
+def test_a_loop_of_volts_does_not_end_that_of_newtons() -> None:
+    """Each unit has a magnitude of its own: moments of 1e-10 N*m were rounding beside 5e8 V, and omega 180 times too large."""
+    module = module_of(bondgraph.load(HIGH_AND_SOFT).compilation())
+    current, omega = module.outputs(0.0, np.zeros(0), module.Parameters())
+    assert current == pytest.approx(5e8, rel=1e-6)
+    moment = omega + 1e20 * omega**3  # of the soft one; the rest of 1e-9 N*m turns the hard one equally fast
+    assert (1e-9 - moment) + 1e20 * (1e-9 - moment) ** 3 == pytest.approx(omega, rel=1e-9)
+
+
 BALL = """model Ball {
   parameter e = 0.8, g = 9.81 [m/s^2]
   mode bounces = 0

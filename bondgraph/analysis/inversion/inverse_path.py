@@ -202,7 +202,7 @@ def _start(point: OperatingPoint, states: Array) -> dict[str, float]:
     program, n = point.program, point.count
     own = np.asarray(program.start(point.constants), dtype=float)[:n]
     largest = largest_of_group(np.maximum(np.abs(own), np.abs(states)), group_numbers(program.states.units))
-    if (np.abs(states - own) <= np.maximum(NEAR * largest, 1e-18)).all():
+    if (np.abs(states - own) <= NEAR * np.maximum(largest, point.sizes[:n])).all():
         return {}
     return point.stored(states)
 

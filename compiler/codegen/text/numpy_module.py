@@ -171,8 +171,13 @@ class _NumpyModule:
         words = "Derivatives of the rates and residuals (rows) by states and unknowns (columns)."
         size = n + len(e.unknowns)
         yield self._matrix("partials", arguments, words, e.partials, size, size)
-        yield NEWTON.format(more=self.more, passed=self.passed, states=n, unknowns=len(e.unknowns))
+        yield NEWTON.format(more=self.more, passed=self.passed, states=n, unknowns=len(e.unknowns), alike=self._alike())
         yield self._vector("outputs", self.arguments, "Outputs.", e.outputs)
+
+    def _alike(self) -> list[list[int]]:
+        """Return the unknowns of each one's unit, which share a magnitude; all lists of one length."""
+        units = [q.unit for q in self.equations.unknowns]
+        return [[j if unit == other else i for j, other in enumerate(units)] for i, unit in enumerate(units)]
 
     def _hybrid(self) -> Iterator[str]:
         """Functions for events, discrete variables and delays."""
@@ -331,7 +336,7 @@ NEWTON = '''def unknowns(t, x{more}, z=None):
     for _ in range(100):
         residual = equations(t, x, z{passed})[{states}:]
         step = np.linalg.solve(partials(t, x, z{passed})[{states}:, {states}:], residual)
-        if np.all(np.abs(step) <= 1e-10 * np.abs(z) + 1e-14 * np.abs(z).max()):
+        if np.all(np.abs(step) <= 1e-10 * np.abs(z) + 1e-14 * np.abs(z[{alike}]).max(axis=1)):
             return z - step
         for _ in range(40):
             if np.linalg.norm(equations(t, x, z - step{passed})[{states}:]) <= np.linalg.norm(residual):
