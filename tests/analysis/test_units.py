@@ -52,6 +52,7 @@ def test_a_plate_is_pulled_in_at_a_third_of_its_gap(powers: dict[str, int]) -> N
     assert found.stable[0] and found.unstable[-1]
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("powers", ({}, *POWERS[::2], *SMALLER[1::2]), ids=str)
 def test_a_column_leans_from_its_critical_load_on(powers: dict[str, int]) -> None:
     """Nothing moves on the way there: the state that leans has no value, and no size, until the branch is crossed."""
@@ -69,6 +70,7 @@ def test_a_column_leans_from_its_critical_load_on(powers: dict[str, int]) -> Non
     assert {math.copysign(1, o["aside"][-1]) for o in found.others} == {-1.0, 1.0}
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("powers", ({}, *POWERS[::2]), ids=str)
 def test_a_disc_has_the_temperature_of_the_air(powers: dict[str, int]) -> None:
     """Its entropy counts from there: what rounding leaves of it was taken for its magnitude, and the branch ended where it began."""
@@ -78,6 +80,7 @@ def test_a_disc_has_the_temperature_of_the_air(powers: dict[str, int]) -> None:
     assert len(found) > 5 and found.stable.all()
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("powers", ({}, *POWERS[::2]), ids=str)
 def test_an_amplifier_is_linear_between_its_limits(powers: dict[str, int]) -> None:
     """Displacements by a millionth of an SI unit found its limits, in small units, instead of its slopes."""
@@ -95,6 +98,7 @@ def test_an_amplifier_is_linear_between_its_limits(powers: dict[str, int]) -> No
     assert model.equilibrium().stable
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("powers", ({}, *POWERS[1::2], {"time": 6}), ids=str)
 def test_a_pendulum_that_starts_level_hangs_at_rest(powers: dict[str, int]) -> None:
     """Gravity has no moment's slope there: the time of the fastest mode was rounding, and the first step led some thousand turns away."""

@@ -36,15 +36,16 @@ def jobs(given: argparse.Namespace, known: set[tuple[str, int]]) -> Iterator[tup
 
 
 def in_other_units(numbers: range, seconds: int) -> int:
-    """Run models at powers of ten of their units; print what differs."""
-    from tests.second_opinion.scales import campaign
+    """Run and analyse models at powers of ten of their units; print what differs."""
+    from tests.second_opinion import scaled_analyses, scales
 
     tried = wrong = 0
-    for name, words in campaign(numbers, 100 * seconds):
+    runs, analyses = (room.campaign(numbers, 100 * seconds) for room in (scales, scaled_analyses))
+    for name, words in itertools.chain(runs, analyses):
         tried, wrong = tried + 1, wrong + bool(words)
         if words:
             print(f"{name}: {words}", flush=True)
-    print(f"{tried} runs in other units, {wrong} of them differ")
+    print(f"{tried} runs and analyses in other units, {wrong} of them differ")
     return 1 if wrong else 0
 
 
@@ -60,7 +61,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--seconds", type=int, default=5, help="of the processor, at most, for one model")
     parser.add_argument(
-        "--scales", type=int, default=0, help="only run as many of each kind, and all texts, in other units"
+        "--scales", type=int, default=0, help="only run and analyse as many of each kind, and all texts, in other units"
     )
     parser.add_argument("--counts", action="store_true", help="only say what the journal has")
     given = parser.parse_args()

@@ -9,6 +9,7 @@ import pytest
 
 import bondgraph
 from tests.compiling import MODELS
+from tests.second_opinion import scaled_analyses
 from tests.second_opinion.random_models import network
 from tests.second_opinion.scales import POWERS, SCALES, difference, in_other_units, scaled_run, unscaled, with_units
 
@@ -74,3 +75,25 @@ def test_a_mechanism_of_nanometres_has_inertia() -> None:
     text = (MODELS / "flexure.bg").read_text(encoding="utf-8")
     small, _ = in_other_units(text, {"length": -6})
     assert bondgraph.load(small).certificate == bondgraph.load(text).certificate
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("powers", POWERS[::2], ids=str)
+@pytest.mark.parametrize("name", ["plates", "pendulum", "solenoid", "active_filter"])
+def test_no_unit_changes_an_analysis(name: str, powers: dict[str, int]) -> None:
+    """Rest, modes, linear model, branches along parameters and inversions, or their refusals."""
+    path = MODELS / f"{name}.bg"
+    found = dict(scaled_analyses.cases(name, path.read_text(encoding="utf-8"), path, [powers]))
+    assert len(found) >= 5 and not any(found.values()), {case: words for case, words in found.items() if words}
+
+
+def test_a_difference_of_analyses_is_seen() -> None:
+    """Another number in its sixth digit, a verdict, a refusal, and the unit of an entry of A."""
+    one = {"x": ("m", 3.0), "stable": ("", True), "A[p, x]": ("N*s|m|/s", 2.0)}
+    assert scaled_analyses.differing(one, one, unscaled) == ""
+    assert "x: 3" in scaled_analyses.differing(one, one | {"x": ("m", 3.00001)}, unscaled)
+    assert "stable" in scaled_analyses.differing(one, one | {"stable": ("", None)}, unscaled)
+    assert "there" in scaled_analyses.differing(one, "RunFailed", unscaled)
+    factors = {"m": 100.0, "s": 10.0, "N*s": 20.0}
+    same = {"x": ("m", 300.0), "stable": ("", True), "A[p, x]": ("N*s|m|/s", 2.0 * 20 / 100 / 10)}
+    assert scaled_analyses.differing(one, same, factors.__getitem__) == ""
