@@ -14,12 +14,14 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import UsageError
-from ..rendering import Plotted, Summarised
+from ..rendering import Plotted, Summarised, draw
 from ..results.exports import Arrays, Exported, write_csv
 from .json_values import finite, head
 from .outcome_numbers import numbers_of
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ..results.records import LimitLeft
     from ..results.result import Result
     from .equilibrium import Equilibrium
@@ -192,6 +194,10 @@ class Outcome(Sequence[Point], Summarised, Plotted, Exported):
             self.to_csv(path)
         else:
             super().write(path)
+
+    def plot_curves(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Plot the runs of all points over time: a curve for each, or bands of many. Raises as `plot`, `UsageError` where nothing is simulated."""
+        return draw(self, path, "curves")
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write the table as .csv into a file of any name. Raises OSError."""

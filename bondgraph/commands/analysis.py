@@ -55,7 +55,14 @@ class AnalysisCall:
 
     def answer(self, found: Any) -> None:
         """Write the files of a result, and print it."""
-        for path, write in ((self.files.out, "write"), (self.files.plot, "plot"), (self.files.tornado, "plot_tornado")):
+        files = self.files
+        writers = (
+            (files.out, "write"),
+            (files.plot, "plot"),
+            (files.tornado, "plot_tornado"),
+            (files.curves, "plot_curves"),
+        )
+        for path, write in writers:
             if path is not None:
                 getattr(found, write)(path)
         self.print(found)

@@ -83,11 +83,17 @@ class OutputFiles:
     plot: str | None = None
     plot_energy: str | None = None
     tornado: str | None = None
+    curves: str | None = None
     as_json: bool = False
 
     def check(self) -> None:
         """Check before any computation that they can be written."""
-        pictures = (self.plot, "--plot"), (self.plot_energy, "--plot-energy"), (self.tornado, "--tornado")
+        pictures = (
+            (self.plot, "--plot"),
+            (self.plot_energy, "--plot-energy"),
+            (self.tornado, "--tornado"),
+            (self.curves, "--curves"),
+        )
         check_targets((self.out, TABLES, "--out"), *((path, PICTURES, option) for path, option in pictures))
 
 

@@ -24,6 +24,7 @@ from .options import jobs_option, journal_option, settings_by_name, shared_out
 @journal_option
 @click.option("--out", metavar="S.csv|.npz|.nc|.mat", help="Write the table.")
 @picture_option("S.png", "Draw what was found over what was swept last")
+@click.option("--curves", metavar="C.png", help="Draw all runs over time: a curve for each, bands of more than twelve.")
 def command(
     asked: AnalysisCall, over: Sequence[str], of: Sequence[str], together: bool, to: str | None, jobs: int | None, journal: str | None
 ) -> None:  # fmt: skip

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from compiler.api import Array
 
 from ..errors import RunFailed, UsageError
+from ..rendering import Plotted
 from .exports import Arrays, Exported
 
 if TYPE_CHECKING:
@@ -17,12 +18,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Ensemble(Exported):
+class Ensemble(Plotted, Exported):
     """Runs in the order of their settings.
 
     `ensemble[3]` is the result of the fourth run (raises its error), `ensemble["x"]` the output `x` of all of them, shape (runs, points), NaN where a run
     failed, and after the end of one that a `stop when` ended (that instant itself is in its own result, and in `final`). `failures` has the failed
-    runs with their errors. Exports are over `run` and `time`, with the settings; they raise as `time`.
+    runs with their errors. `plot` draws all over time: a curve for each, or bands of many. Exports are over `run` and `time`, with the settings;
+    they raise as `time`.
     """
 
     settings: tuple[Mapping[str, str | float], ...]

@@ -117,7 +117,7 @@ def without_frame(panel: Axes) -> None:
 
 
 def legend(panel: Axes, names: Iterable[str], beside: bool = False, longest: int = 30, **options: Any) -> None:
-    """Name the lines of a panel, `beside` it if they would lie below the legend.
+    """Name the bands and lines of a panel, `beside` it if they would lie below the legend.
 
     The texts are set afterwards: as labels, names that begin with `_` would be omitted, and `$` would begin a formula.
     """
@@ -125,7 +125,9 @@ def legend(panel: Axes, names: Iterable[str], beside: bool = False, longest: int
     if beside:
         options |= {"loc": "upper left", "bbox_to_anchor": (1.005, 1.02), "borderaxespad": 0.0}
     made = panel.legend(
-        panel.get_lines(), [str(i) for i in range(len(names))], **({"frameon": False, "fontsize": 8} | options)
+        [*panel.collections, *panel.get_lines()],
+        [str(i) for i in range(len(names))],
+        **({"frameon": False, "fontsize": 8} | options),
     )
     for text, name in zip(made.get_texts(), names, strict=True):
         text.set_parse_math(False)

@@ -1,0 +1,72 @@
+"""Pictures of many runs: a curve for each, bands of many, what is told where there is nothing to draw."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.errors import RunFailed, UsageError
+
+pytest.importorskip("matplotlib")
+
+TEXT = """model Decay {
+  parameter R = 1 ohm
+  R r : u = R*i
+  C c : q = 1 F*u { start q = 1 C }
+  0 n : electric
+  n -> r, c
+  output u = c.u
+  experiment go { simulate 0 .. 2 s { points = 5 }; report u in mV }
+}
+"""
+TIMES = np.linspace(0, 2, 5)
+
+
+@pytest.fixture(scope="module")
+def model() -> Any:
+    return bondgraph.load(TEXT)
+
+
+def texts(panel: Any) -> list[str]:
+    return [text.get_text() for text in panel.get_legend().get_texts()]
+
+
+def test_a_curve_for_each_run(model: Any, tmp_path: Path) -> None:
+    found = model.sweep({"R": "1 ohm, 2 ohm, 4 ohm"}, "simulate", experiment="go")
+    figure = found.plot_curves(tmp_path / "curves.png")
+    (panel,) = figure.axes
+    for line, resistance in zip(panel.get_lines(), (1, 2, 4), strict=True):
+        np.testing.assert_allclose(line.get_xdata(), TIMES)
+        np.testing.assert_allclose(line.get_ydata(), 1e3 * np.exp(-TIMES / resistance), rtol=1e-6)
+    assert texts(panel) == ["R = 1 ohm", "R = 2 ohm", "R = 4 ohm"]
+    assert panel.get_ylabel() == "u [mV]" and (tmp_path / "curves.png").stat().st_size > 0
+
+
+def test_bands_of_many(model: Any) -> None:
+    resistances = np.linspace(1, 3, 41)
+    (panel,) = model.simulate_many([{"R": float(r)} for r in resistances], experiment="go").plot().axes
+    curves = 1e3 * np.exp(-TIMES / resistances[:, None])
+    (median,) = panel.get_lines()
+    np.testing.assert_allclose(median.get_ydata(), np.median(curves, axis=0), rtol=1e-6)
+    for band, shares in zip(panel.collections, ((0, 100), (5, 95)), strict=True):
+        edge = band.get_paths()[0].vertices[:, 1]
+        np.testing.assert_allclose([edge.min(), edge.max()], [np.percentile(curves[:, -1], shares[0]), 1e3], rtol=1e-6)
+    assert texts(panel) == ["all runs", "5 to 95 % of the runs", "median"]
+
+
+def test_runs_that_end_at_other_instants_are_curves(model: Any) -> None:
+    text = TEXT.replace("{ simulate", "{ stop when u < 0.5 V; simulate")
+    (panel,) = bondgraph.load(text).simulate_many([{"R": 1 + k / 20} for k in range(20)], experiment="go").plot().axes
+    assert len(panel.get_lines()) == 20 and not panel.collections
+    assert all(line.get_ydata()[-1] == pytest.approx(500) for line in panel.get_lines())
+
+
+def test_nothing_to_draw(model: Any) -> None:
+    with pytest.raises(UsageError, match="nothing is simulated"):
+        model.sweep({"R": "1 ohm, 2 ohm"}, "equilibrium").plot_curves()
+    with pytest.raises(RunFailed, match="none of the runs"):
+        model.simulate_many([{"R": "1/0"}, {"R": 0.0}], experiment="go").plot()
