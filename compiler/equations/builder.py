@@ -22,7 +22,7 @@ from ..graph.network import (
 from ..graph.prune import adjustable
 from ..source import Span
 from .collection import EquationCollection
-from .errors import NothingLeft
+from .errors import NothingLeft, SignalOfItself
 from .naming import bond_names, port_name, unit_of
 from .system import (
     Argument,
@@ -73,7 +73,10 @@ class EquationBuilder(EquationCollection):
         arguments = tuple(self.reference(a) for a in bound.arguments)
         expression = bound.formula.expression
         if isinstance(expression, Symbol) and isinstance(arguments[0], int) and self.same_unit(target, arguments[0]):
-            self.join(target, arguments[0], span, owner)
+            if self.root(target) == self.root(arguments[0]):
+                self.diagnostics.append(SignalOfItself(span, owner))
+            else:
+                self.join(target, arguments[0], span, owner)
             return
         self.add(Assignment(target, bound.formula, arguments, span, owner))
 

@@ -30,6 +30,16 @@ class Undetermined(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class SignalOfItself(Diagnostic):
+    """BG407."""
+
+    code = "BG407"
+    title = "Nothing decides the signal `{name}`: its definition leads back to it unchanged"
+    advice = "Say what one of the signals of this circle depends on, or let it be an `input`."
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class NotConservative(Diagnostic):
     """BG405."""
 

@@ -134,7 +134,7 @@ class Bond:
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A parameter, constant, input, signal, mode or output, or the rate of an expression, `der(x)`.
+    """A parameter, constant, input, signal, mode or output, the rate of an expression, `der(x)`, or a "loop", a signal that depends on itself.
 
     `definition` computes it (None: it comes from outside; for a mode it is the start; of a rate it is the integral, x). `value` is known if it is constant
     during a run.

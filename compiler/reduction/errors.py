@@ -15,7 +15,8 @@ class SingularLoop(Diagnostic):
     title = "The algebraic loop through {members} has no unique solution"
     advice = (
         "Nothing in it decides its flow or its effort: no loss, no storage, or they add up to nothing, or no node has a potential. "
-        "Put a resistor or a storage into it; a circuit that floats needs an earth, `Se earth : u = 0 V`."
+        "Put a resistor or a storage into it; a circuit that floats needs an earth, `Se earth : u = 0 V`. "
+        "Of signals one follows from the others: look for a sign."
     )
     members: str
 

@@ -14,7 +14,7 @@ from ...graph.units import ONE, SECOND, Dimension, Scale
 from ...scene import Override
 from ...source import Span
 from ...syntax import tree
-from ..expressions.expression_compiler import ExpressionCompiler
+from ..expressions.expression_compiler import MEMORIES, ExpressionCompiler
 from ..expressions.scales import scale_of
 from ..expressions.template import Template, Typed, Value
 from ..names.domain_table import paths_of
@@ -47,6 +47,8 @@ class QuantityResolver(Resolver):
         self._memories: list[_Memory] = []
         self._comparisons: dict[tuple[int, str], tree.Comparison] = {}
         self._remembered: dict[str, Integral] = {}
+        self._guessing: list[str] = []  # signals of loops whose units are being looked for
+        self._loops: dict[str, Scalar] = {}  # signals that depend on themselves, as they are read within
         self._delays: list[_Memory] = []
         self.relays: list[tuple[str, tree.Call, Scope]] = []  # name, call, the scope in which it is read
         self._nested: dict[tuple[int, int], Scalar] = {}
@@ -64,7 +66,9 @@ class QuantityResolver(Resolver):
         if pending.state == "broken":
             raise AlreadyTold
         if pending.state == "busy" and self._inferring:
-            return Scalar(Quantity(pending.name), None, pending.role, pending.name)
+            return Scalar(Quantity(pending.name), self._guessed_unit(pending), pending.role, pending.name)
+        if pending.state == "busy" and (loop := self._in_loop(pending)) is not None:
+            return loop
         if pending.state == "busy":
             pending.state = "broken"
             what = (
@@ -86,6 +90,8 @@ class QuantityResolver(Resolver):
         self._waiting += 1
         try:
             pending.result = self._resolve_quantity(pending)
+            if pending.name in self._loops:
+                self._close(pending, self._loops[pending.name])
         except (Wrong, AlreadyTold) as problem:
             pending.state = "broken"
             if isinstance(problem, Wrong):
@@ -95,6 +101,58 @@ class QuantityResolver(Resolver):
             self._waiting -= 1
         pending.state = "done"
         return pending.result
+
+    def _in_loop(self, pending: Pending) -> Scalar | None:
+        """Signal that depends on itself, read before its definition is known; None for a list, or what must be known before the run.
+
+        Its unit is the declared one, or that of its definition, in which signals that are being resolved fit any unit.
+        """
+        if pending.role not in ("signal", "output", "input"):
+            return None
+        if pending.name not in self._loops:
+            if pending.value is None or isinstance(pending.value, tree.VectorSyntax):
+                return None
+            self._guessing.append(pending.name)
+            try:
+                value = self._guessed(pending.value, pending.scope)
+            finally:
+                self._guessing.pop()
+            if isinstance(value, tuple):
+                return None
+            unit = None if pending.item.unit is None else scale_of(pending.item.unit).dimension
+            if unit is None and pending.role == "input" and pending.item.value is not None:
+                unit = self._looked_at(pending.item.value, pending.owner)
+            dimension = None if pending.owner.plain else unit or value.dimension or ONE
+            loop = Scalar(Quantity(pending.name), dimension, pending.role, pending.name, truth=value.truth)
+            self._loops[pending.name] = loop
+        return self._loops[pending.name]
+
+    def _guessed_unit(self, pending: Pending) -> Dimension | None:
+        """Unit of a signal of a loop whose unit is looked for; None, which fits any, if it is that one, or in other places."""
+        value = pending.value
+        memory = value is None or (isinstance(value, tree.Call) and value.function in MEMORIES)
+        if not self._guessing or pending.name in self._guessing or memory or isinstance(value, tree.VectorSyntax):
+            return None
+        if pending.item.unit is not None:
+            return scale_of(pending.item.unit).dimension
+        self._guessing.append(pending.name)
+        try:
+            assert value is not None
+            return self._looked_at(value, pending.scope)
+        finally:
+            self._guessing.pop()
+
+    def _close(self, pending: Pending, loop: Scalar) -> None:
+        """Mark a signal as one that a run solves for, and check that it is what was read of it."""
+        result = pending.result
+        if not isinstance(result, Scalar) or result.truth is not loop.truth:
+            what = "A signal depends on itself, now as a number and now as a list or condition"
+            raise Wrong(Cycle(pending.item.span, what, f"{pending.name} -> {pending.name}"))
+        if loop.dimension is not None and result.dimension != loop.dimension:
+            what = f"`{pending.item.name}` depends on itself, as {describe(loop.dimension)}, but its definition is {describe(result.dimension)}"
+            hint = f"Say its unit: `{pending.role} {pending.item.name} : m = …`, and check its terms."
+            raise Wrong(DimensionMismatch(pending.item.span, what, hint))
+        self.quantities[pending.name] = replace(self.quantities[pending.name], role="loop")
 
     def _too_long(self, pending: Pending) -> TooMany:
         if self._inferring:  # an integral's rate is read later; only its unit is inferred now
@@ -364,9 +422,13 @@ class QuantityResolver(Resolver):
 
     def _looked_at(self, expression: tree.ExpressionSyntax, scope: Scope) -> Dimension | None:
         """Dimension of an expression. Quantities that are being resolved fit any dimension."""
+        return self._dimension(self._guessed(expression, scope))
+
+    def _guessed(self, expression: tree.ExpressionSyntax, scope: Scope) -> Value:
+        """Value of an expression for its dimension, in which quantities that are being resolved fit any."""
         before, self._inferring = self._inferring, True
         try:
-            return self._dimension(ExpressionCompiler(scope, self.resolve).compile(expression).value)
+            return ExpressionCompiler(scope, self.resolve).compile(expression).value
         finally:
             self._inferring = before
 
