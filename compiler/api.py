@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from .codegen.structure import ProgramStructure, structure_of
     from .codegen.tape import Tape
     from .codegen.text.targets import target_of, text_targets
+    from .codegen.time_functions import narrow_conditions
     from .compilation import Compilation
     from .examination import examine
     from .examination import check as check_source

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from ..simulation.integrators.compiled.advance import STEPS
+from ..simulation.integrators.methods import EXPLICIT, RADAU
 from .runtime import exchange, memory, stepping, values
 
 # Types of C, and of LLVM.
@@ -73,11 +75,13 @@ FMI_2 = (
     _row("SetRealInputDerivatives", "c: pointer, vr: pointer, count: size, order: pointer, value: pointer", values.have_none, "c, count"),
     _row("GetRealOutputDerivatives", "c: pointer, vr: pointer, count: size, order: pointer, value: pointer", values.have_none, "c, count"),
     _row("GetStatus", "c: pointer, kind: int, value: pointer", values.refuse, "c"),
-    _row("GetRealStatus", "c: pointer, kind: int, value: pointer", values.refuse, "c"),
+    _row("GetRealStatus", "c: pointer, kind: int, value: pointer", exchange.get_number),
     _row("GetIntegerStatus", "c: pointer, kind: int, value: pointer", values.refuse, "c"),
-    _row("GetBooleanStatus", "c: pointer, kind: int, value: pointer", values.refuse, "c"),
+    _row("GetBooleanStatus", "c: pointer, kind: int, value: pointer", exchange.get_truth),
     _row("GetStringStatus", "c: pointer, kind: int, value: pointer", values.refuse, "c"),
 )  # fmt: skip
+# Methods with which no unit integrates.
+LEFT_OUT = frozenset(STEPS) - {STEPS[EXPLICIT], STEPS[RADAU]}
 # Functions that are written by hand, with those that handle memory.
 BY_HAND = (
     "GetTypesPlatform", "GetVersion", "SetDebugLogging", "Instantiate", "FreeInstance", "Reset", "GetFMUstate", "SetFMUstate", "FreeFMUstate",

@@ -6,7 +6,7 @@ from compiler.api import C_ARGUMENTS as ARGUMENTS
 from compiler.api import C_BEGINNING, c_source, record_of
 
 from .. import cache
-from .functions import FMI_2, TYPES, FmiFunction, sources
+from .functions import FMI_2, LEFT_OUT, TYPES, FmiFunction, sources
 from .image import ModelImage
 from .interface import BEFORE
 from .messages import MESSAGES
@@ -28,7 +28,7 @@ def _runtime() -> str:
     key = cache.key_of("runtime of exported units in C")
     text = cache.fetch(key)
     if not isinstance(text, str):
-        text = c_source(sources())
+        text = c_source(sources(), LEFT_OUT)
         cache.keep(key, text)
     return text
 

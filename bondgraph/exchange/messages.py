@@ -14,5 +14,11 @@ _SENTENCES = {
     instance.TABLE_LEFT: "A table of the model is asked outside of its range.",
     instance.WRONG_TIME: "The communication point is not the time that the instance has reached.",
     instance.NO_SLOPE: "There are directional derivatives of outputs and rates by inputs and states alone.",
+    instance.SLIDES: "Conditions can neither hold nor fail: either side leads back to the other. Give the model a mode that sticks, or a smooth law.",
+    instance.WITHOUT_END: "Events cause each other without end.",
+    instance.PILED_UP: "Events accumulate: end them by a mode that an event sets where little is left.",
+    instance.SET_TWICE: "Two events set one quantity at one instant.",
+    instance.WRONG_SAMPLING: "The period, offset, delay, jitter or seed of a sampled event is out of its range.",
+    instance.ENDED: "An event has ended the run.",
 }  # fmt: skip
 MESSAGES = tuple(_SENTENCES.get(number, "") for number in range(max(_SENTENCES) + 1))

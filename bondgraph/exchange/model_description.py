@@ -32,6 +32,7 @@ class UnitHead:
     stop: float | None
     tolerance: float
     points: int
+    indicators: int  # number of event indicators
     sources: tuple[str, ...]  # files in the folder `sources`
 
 
@@ -45,7 +46,7 @@ def _lines(head: UnitHead, variables: Sequence[FmuVariable], shown: Mapping[str,
     convention = "structured" if is_structured(variables) else "flat"
     top = {
         "fmiVersion": "2.0", "modelName": head.name, "guid": head.token, "description": head.description, "generationTool": "bondgraph",
-        "variableNamingConvention": convention, "numberOfEventIndicators": "0",
+        "variableNamingConvention": convention, "numberOfEventIndicators": str(head.indicators),
     }  # fmt: skip
     yield f"<fmiModelDescription{_attributes(top)}>"
     kinds = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from compiler.api import CompilationFailed, NotInUnit
+from compiler.api import CompilationFailed, NotInUnit, narrow_conditions
 
 if TYPE_CHECKING:
     from compiler.api import Compilation, Span
@@ -22,15 +22,16 @@ def refuse(compilation: Compilation) -> None:
 def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
     space, graph = compilation.state_space, compilation.whole_graph
     lowered = compilation.lowered
-    if space.events or space.discretes:
-        yield space.events[0].span if space.events else graph.span, "events (`when`, `every`)", _RUN
-    elif space.switches:
+    if space.switches:
         yield space.switches[0].span, "switched junctions", _RUN
-    elif lowered.events.present:
-        yield graph.span, "conditions on states whose crossing a run locates", _RUN
     if space.forced:
         name = space.variables[space.forced[0].variable].name
         yield space.forced[0].span, f"the rate of `{name}`, which may jump as only a run sees,", _RUN
+    for event in lowered.events.events:
+        for setting in event.settings:
+            if setting.kind == "computed":
+                text = "Set the state of a storage, or a `mode`."
+                yield setting.span, f"`{setting.words}`, which an event sets and states compute", text
     if space.delays:
         yield space.delays[0].span, "delayed signals", _RUN
     if space.invariants:
@@ -42,5 +43,8 @@ def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
     if space.claims:
         text = "Give the start of the storage itself."
         yield graph.span, "starts of quantities that are computed from states", text
-    if lowered.crossings or lowered.recurring:
+    for number, _, _ in narrow_conditions(lowered):
+        text = "Compare without quotients, exponentials and high powers of what moves: multiply by the divisor, take logarithms or roots."
+        yield lowered.events.located[number].note.span, "a condition that may hold for less than a step shows", text
+    if lowered.crossings:
         yield graph.span, "instants that only a search over time finds", _RUN

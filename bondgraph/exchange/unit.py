@@ -19,8 +19,9 @@ from .. import cache
 from ..compiled_scene import chosen_target
 from ..errors import UsageError
 from ..native import compiled_for, kernel
+from ..simulation.integrators.compiled.sources import VECTORS
 from ..simulation.run_options import DEFAULT_POINTS
-from .functions import exported, sources
+from .functions import LEFT_OUT, exported, sources
 from .image import FUNCTIONS, ModelImage, image_of, llvm_data
 from .interface import llvm_interface
 from .interface_c import c_unit
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 SOURCES = ("program.c", "fmu.c")
 READABLE = 0o644 << 16
 OPTIMISED = 1  # level of the runtime
+CHOICES = api.Choices(LEFT_OUT, VECTORS)
 LONG_AGO = (1980, 1, 1, 0, 0, 0)  # date of the files, so that equal models give equal bytes
 
 
@@ -96,7 +98,7 @@ def _head(compilation: Compilation, plan: Plan, values: StartValues, token: str)
     points = round(plan.settings.get("points", DEFAULT_POINTS))
     return UnitHead(
         name, identifier if not identifier[:1].isdigit() else f"_{identifier}", token, _description(compilation), plan.start, plan.stop,
-        values.tolerances.relative, points, SOURCES,
+        values.tolerances.relative, points, len(compilation.lowered.events.located), SOURCES,
     )  # fmt: skip
 
 
@@ -110,7 +112,10 @@ def _description(compilation: Compilation) -> str:
 def _library(parts: _UnitParts, platform: str) -> bytes:
     """Return the shared library of a platform."""
     runtime = kernel(
-        "runtime of exported units", lambda: api.translate(sources()) + llvm_interface(), OPTIMISED, platform
+        "runtime of exported units",
+        lambda: api.translate(sources(), choices=CHOICES) + llvm_interface(),
+        OPTIMISED,
+        platform,
     )
     text = parts.module.text + llvm_data(parts.image, parts.head.token)
     own, row = compiled_for(text, parts.module.level, platform), PLATFORMS[platform]

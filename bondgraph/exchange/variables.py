@@ -41,7 +41,7 @@ def variables_of(
     groups = (
         [FmuVariable("time", "independent", "continuous", "s")], _states(lowered, values, descriptions), _rates(lowered, structure),
         _inputs(lowered, values, descriptions), _parameters(lowered, structure, values, descriptions),
-        _outputs(lowered, structure, descriptions),
+        _outputs(lowered, structure, descriptions), _discretes(lowered, descriptions),
     )  # fmt: skip
     return tuple(_unique([item for group in groups for item in group]))
 
@@ -83,17 +83,31 @@ def _parameters(
 def _outputs(lowered: Lowered, structure: ProgramStructure, descriptions: Mapping[str, str]) -> Iterator[FmuVariable]:
     for row, (name, number) in enumerate(lowered.space.outputs.items(), len(lowered.space.states)):
         unit, reads = lowered.space.variables[number].unit, _reads(lowered, structure, row)
-        description = descriptions.get(name, "")
-        yield FmuVariable(name, "output", "continuous", unit, "calculated", description=description, reads=reads)
+        description, variability = (
+            descriptions.get(name, ""),
+            "discrete" if name in structure.discrete else "continuous",
+        )
+        yield FmuVariable(name, "output", variability, unit, "calculated", description=description, reads=reads)
+
+
+def _discretes(lowered: Lowered, descriptions: Mapping[str, str]) -> Iterator[FmuVariable]:
+    """Yield what only events change. One whose start parameters decide is calculated, and others can be set."""
+    for discrete, start in zip(lowered.space.discretes, lowered.events.starts, strict=True):
+        item = lowered.space.variables[discrete.variable]
+        number = float(start.value) if isinstance(start, Number) else None
+        initial, description = "calculated" if number is None else "exact", descriptions.get(item.name, "")
+        yield FmuVariable(
+            _name(item, lowered, "mode"), "local", "discrete", item.unit, initial, number, None, description
+        )
 
 
 def _state_variables(lowered: Lowered) -> list[Variable]:
     return [lowered.space.variables[s.variable] for s in lowered.space.states]
 
 
-def _name(state: Variable, lowered: Lowered) -> str:
+def _name(item: Variable, lowered: Lowered, kind: str = "state") -> str:
     """Return the name of a state; with `state.` before it, where an output is called so, as one that is an integral."""
-    return f"state.{state.name}" if state.name in lowered.space.outputs else state.name
+    return f"{kind}.{item.name}" if item.name in lowered.space.outputs else item.name
 
 
 def _reads(lowered: Lowered, structure: ProgramStructure, row: int) -> tuple[tuple[int, str], ...]:

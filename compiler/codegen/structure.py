@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from ..algebra.expression import ZERO, Apply, Expression, Number, Symbol
 from ..algebra.operators import OPERATORS
 from ..fast_dataclass import dataclass
+from .dependence import EVENT, MODE, PARAMETER
 from .functions import ProgramFunction
 from .limits import Leaf
 from .lowered import Lowered
@@ -15,6 +16,8 @@ from .order import operations_in_order
 CONSTANT, BY_PARAMETERS, CHANGING = "constant", "tunable", "dependent"  # kinds of slopes, in the words of FMI
 # Operators without a row of their own in the table, through which slopes pass smoothly.
 _SMOOTH = frozenset(("add", "multiply", "divide", "power", "item", "solve", "banded"))
+
+_AT_EVENTS = EVENT | MODE | PARAMETER  # what changes at events alone depends on nothing else
 
 _SLOPES = ProgramFunction(
     "slopes", "Slopes of the rates, then the outputs, by the states, then the inputs.", lambda lowered: None
@@ -32,10 +35,12 @@ class Dependency:
 
 @dataclass(frozen=True, slots=True)
 class ProgramStructure:
-    """Dependencies by rows, and the parameters (by number) that rates, outputs or limits read: others decide starts alone."""
+    """Dependencies by rows, the parameters (by number) that rates, outputs, events or limits read (others decide starts alone), and the outputs
+    that change at events only."""
 
     dependencies: tuple[Dependency, ...]
     read: frozenset[int]
+    discrete: frozenset[str]
 
 
 def row_variables(lowered: Lowered) -> list[int]:
@@ -77,12 +82,18 @@ def structure_of(lowered: Lowered) -> ProgramStructure:
     rows = row_variables(lowered)
     roots = [lowered.values[variable] for variable in rows]
     others = [*(limit.condition for limit in lowered.limits), *lowered.switches, *lowered.instants, *lowered.periods]
+    others += [*lowered.events.roots(), *lowered.events.sampling]
     reads = _Reads(lowered, [*roots, *others])
     read = 0
     for root in [*roots, *others]:
         read |= reads.parameters(root)
     parameters = frozenset(i for i in range(len(lowered.parameters)) if read >> i & 1)
-    return ProgramStructure(tuple(_dependencies(lowered, rows, roots, reads)), parameters)
+    discrete = [
+        n
+        for n, x in lowered.outputs.items()
+        if lowered.dependence(x) & EVENT and not lowered.dependence(x) & ~_AT_EVENTS
+    ]
+    return ProgramStructure(tuple(_dependencies(lowered, rows, roots, reads)), parameters, frozenset(discrete))
 
 
 def _dependencies(lowered: Lowered, rows: Sequence[int], roots: Sequence[Expression], reads: _Reads) -> Iterator[Dependency]:  # fmt: skip
@@ -110,8 +121,22 @@ class _Reads:
         self.count = states + len(lowered.inputs)
         self._first = {"state": 0, "input": states}
         self._known: dict[Expression, tuple[int, int, int]] = {}
+        # What events read, a discrete variable and a condition jump with. A mode that they read themselves adds nothing to it.
+        self._behind_mode = (0, 0, 0)
+        if lowered.events.present:
+            behind = self.of(lowered.events.roots())
+            self._known.clear()
+            self._behind_mode = 0, behind, behind
+        self.of(roots)
+
+    def of(self, roots: Sequence[Expression]) -> int:
+        """Read some expressions; return the states and inputs behind any of them."""
+        columns = 0
         for node in operations_in_order(roots, {}):
             self._known[node] = self._joined(node)
+        for root in roots:
+            columns |= self.columns(root)
+        return columns
 
     def parameters(self, node: Expression) -> int:
         """Return the parameters that an expression reads."""
@@ -129,6 +154,8 @@ class _Reads:
         if isinstance(node, Symbol) and isinstance(node.key, Leaf):
             if node.key.role == "parameter":
                 return 1 << node.key.position, 0, 0
+            if node.key.role == "mode":
+                return self._behind_mode
             if node.key.role in self._first:
                 return 0, 1 << self._first[node.key.role] + node.key.position, 0
         return self._known.get(node, (0, 0, 0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from typing import Any
 
 from .kinds import (
@@ -47,9 +47,9 @@ static inline int64_t more(int64_t a, int64_t b) { return b > a ? b : a; }
 """
 
 
-def c_source(exported: Sequence[Callable[..., Any]]) -> str:
-    """Definitions of these functions, after those of all functions that they call."""
-    writer = _CModule({f.__name__ for f in exported})
+def c_source(exported: Sequence[Callable[..., Any]], left_out: Set[Callable[..., Any]] = frozenset()) -> str:
+    """Definitions of these functions, after those of all functions that they call. `left_out`: functions that a call by number never reaches."""
+    writer = _CModule({f.__name__ for f in exported}, left_out)
     for function in exported:
         writer.need(function)
     while writer.waiting:
@@ -73,8 +73,8 @@ def c_number(value: float) -> str:
 class _CModule:
     """Common data of the functions."""
 
-    def __init__(self, exported: set[str]) -> None:
-        self.exported = exported
+    def __init__(self, exported: set[str], left_out: Set[Callable[..., Any]]) -> None:
+        self.exported, self.left_out = exported, left_out
         self.waiting: list[Callable[..., Any]] = []
         self.seen: set[Callable[..., Any]] = set()
         self.records: dict[str, Fields] = {}
@@ -271,12 +271,11 @@ class _CFunction:
     def _chosen(self, which: ast.Subscript) -> str:
         """The item of a tuple of functions that an index names; the last for any other index."""
         functions = self.home[ast.unparse(which.value)]
-        index = self._value(which.slice)
-        chosen: str = functions[-1].__name__
-        for number, function in reversed([*enumerate(functions)]):
+        index, chosen = self._value(which.slice), ""
+        present = [(i, f) for i, f in enumerate(functions) if f not in self.writer.left_out]
+        for number, function in reversed(present):
             self.writer.need(function)
-            if function is not functions[-1]:
-                chosen = f"{index} == {number} ? {function.__name__} : {chosen}"
+            chosen = f"{index} == {number} ? {function.__name__} : {chosen}" if chosen else function.__name__
         return chosen
 
     def _kind(self, node: ast.expr) -> Any:

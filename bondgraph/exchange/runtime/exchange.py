@@ -11,14 +11,18 @@ from ...simulation.integrators.tolerances import (
     newton_tolerance,
     stagnation_tolerance,
 )  # fmt: skip
+from .conditions import indicate
+from .events import instant, steady
 from .instance import ERROR, EVENTS, INITIALIZING, INSTANTIATED, NOT_NOW, OK, RUNNING, TERMINATED, FmuInstance
-from .values import INFINITE, check_limits, find_rates, forget, settle
+from .segment import INFINITE, forget
+from .values import check_limits, find_rates, settle
 
 if TYPE_CHECKING:
     from compiler.api import Floats, ShortInts
 
 
 LEAST, LARGEST = 1e-13, 0.1  # relative tolerances
+LAST_TIME, TERMINATED_STATUS = 2, 3  # kinds of status that an importer asks for
 
 
 def set_up(s: FmuInstance, has_tolerance: int, tolerance: float, start: float, has_stop: int, stop: float) -> int:
@@ -56,11 +60,16 @@ def end_initialization(s: FmuInstance) -> int:
         s.message = NOT_NOW
         return ERROR
     settle(s)
+    s.phase = RUNNING if s.makes_steps != 0 else EVENTS
+    s.broken = 1
+    if s.has_events != 0:
+        failed = instant(s)
+        if failed != OK:
+            return failed
+        steady(s)
     failed = find_rates(s)
     if failed != OK:
         return failed
-    s.phase = RUNNING if s.makes_steps != 0 else EVENTS
-    s.broken = 1
     return check_limits(s)
 
 
@@ -77,11 +86,19 @@ def enter_continuous(s: FmuInstance) -> int:
 
 
 def update_events(s: FmuInstance, flags: ShortInts, numbers: Floats) -> int:
-    """Act on an instant: pass into the next segment of time. `flags` and `numbers` are the same structure of the importer."""
+    """Act on an instant: pass into the next segment of time, let events act. `flags` and `numbers` are the same structure of the importer."""
     s.segment_known = 0
     settle(s)
     for k in range(5):
         flags[k] = 0
+    if s.has_events != 0:
+        s.events.resets = 0
+        failed = instant(s)
+        if failed != OK:
+            return failed
+        steady(s)
+        flags[1] = s.events.ended
+        flags[3] = s.events.resets
     if s.next_instant < INFINITE:
         flags[4] = 1
         numbers[3] = s.next_instant
@@ -134,8 +151,14 @@ def get_nominals(s: FmuInstance, nominals: Floats, count: int) -> int:
 
 
 def get_indicators(s: FmuInstance, indicators: Floats, count: int) -> int:
-    """Put the event indicators into an array: there are none."""
-    return OK if count == 0 else ERROR
+    """Put the event indicators into an array."""
+    if count != s.solver.root_count:
+        s.message = NOT_NOW
+        return ERROR
+    settle(s)
+    if count > 0:
+        indicate(s, indicators)
+    return OK
 
 
 def end_step(s: FmuInstance, no_return: int, events: ShortInts, ends: ShortInts) -> int:
@@ -143,6 +166,24 @@ def end_step(s: FmuInstance, no_return: int, events: ShortInts, ends: ShortInts)
     events[0] = 0
     ends[0] = 0
     return check_limits(s)
+
+
+def get_truth(s: FmuInstance, kind: int, value: ShortInts) -> int:
+    """Tell if an event has ended the run."""
+    if kind != TERMINATED_STATUS:
+        s.message = NOT_NOW
+        return ERROR
+    value[0] = s.events.ended if s.has_events != 0 else 0
+    return OK
+
+
+def get_number(s: FmuInstance, kind: int, value: Floats) -> int:
+    """Tell the time that a communication step has reached."""
+    if kind != LAST_TIME:
+        s.message = NOT_NOW
+        return ERROR
+    value[0] = s.time
+    return OK
 
 
 def terminate(s: FmuInstance) -> int:

@@ -14,33 +14,104 @@ if TYPE_CHECKING:
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3  # answers to an importer
 INSTANTIATED, INITIALIZING, EVENTS, RUNNING, TERMINATED, FAILED = 0, 1, 2, 3, 4, 5  # phases of an instance
 # Messages, by their numbers in `messages.py`.
-SAID_NOTHING, NO_VALUE, NOT_NOW, TOO_MANY_STEPS, NO_STEP, NOT_FINITE, LIMIT_LEFT, TABLE_LEFT, WRONG_TIME, NO_SLOPE = (
-    range(10)
-)
+(
+    SAID_NOTHING, NO_VALUE, NOT_NOW, TOO_MANY_STEPS, NO_STEP, NOT_FINITE, LIMIT_LEFT, TABLE_LEFT, WRONG_TIME, NO_SLOPE,
+    SLIDES, WITHOUT_END, PILED_UP, SET_TWICE, WRONG_SAMPLING, ENDED,
+) = range(16)  # fmt: skip
+
+
+class EventData(Record):
+    """Events of a model, and what their search has seen so far. n states, m conditions, c events.
+
+    The conditions, their roots and what counts as zero are those of the integration (`root_…` of the workspace).
+    """
+
+    find_modes: Function
+    find_counts: Function
+    find_triggers: Function
+    find_values: Function
+    find_sampling: Function
+    discrete_count: int  # the first items of the mode
+    counted_count: int
+    event_count: int
+    setting_count: int
+    sample_count: int
+    places: Ints  # m: places of the conditions in the mode
+    steers: Ints  # m: 0 where only events read the condition
+    counted: Ints  # counted_count: places of whole numbers of states
+    counts: Floats  # counted_count
+    is_set: Ints  # discrete_count: 1 where the importer has set the start
+    starts: Floats  # discrete_count
+    stops: Ints  # c: 1 where the event ends the run
+    late: Ints  # c: 1 where it sets what the event before it has computed
+    at_once: Ints  # c: 1 where it does so at the same instant
+    owner: Ints  # setting_count: the event
+    position: Ints  # setting_count: place in the mode or among the states
+    is_mode: Ints  # setting_count
+    values: Floats  # setting_count
+    sampled: Ints  # sample_count: the event
+    sampling: Floats  # 5 sample_count: period, offset, delay, jitter, seed
+    number: Floats  # sample_count: of the next tick
+    triggers: Floats  # c
+    was_true: Ints  # c
+    due: Ints  # c
+    acts: Ints  # c
+    acted: Ints  # c: 1 for those that acted at this instant
+    left: Ints  # c: how often in a row an event made its condition false
+    when: Floats  # c: instant at which it acted last
+    intervals: Floats  # 4 c: between the last instants at which it acted, the latest first; then the longest one
+    roots: Floats  # m
+    noise: Floats  # m: their rounding
+    again: Floats  # m: roots elsewhere
+    change: Floats  # m
+    floor: Floats  # m: before this instant
+    truth: Ints  # m: just after
+    doubtful: Ints  # m: 2 where rounding hides the sign, 1 where the flow has told it since
+    flips: Ints  # m: conditions that change again and again
+    crossed: Ints  # m: those that have crossed zero
+    moved: Floats  # n
+    flow: Floats  # n
+    middle: Floats  # n: rates
+    whole: float  # time in which the flow moves a state by its magnitude
+    flowing: int  # 1 if there are rates
+    alike: int  # 1 if the rates are equal in the modes of a cycle
+    modes_known: int
+    resets: int  # 1 if a state was set at this instant
+    ended: int
+    located: int  # 1 if the last step was cut at an event
+    done: float  # up to here all that is due has acted
+    recent: float  # instant from which on events count as simultaneous
+    simultaneous: int
+    wrong: int  # 1 if the sampling is out of its range
 
 
 class FmuInstance(Record):
     """Values of a model and the state of its integration. n states; sizes of arrays after the names.
 
-    Value references count: time, states, their rates, inputs, parameters, outputs.
+    Value references count: time, states, their rates, inputs, parameters, outputs, discrete variables.
     """
 
     find_constants: Function
     find_start: Function
     find_instants: Function
+    find_recurring: Function
     find_periods: Function
     find_switches: Function
     find_output: Function
     find_slopes: Function
     find_limits: Function
     solver: IntegratorWorkspace  # it also has the inputs, the constants and the mode
+    events: EventData  # nothing where the model has none
+    has_events: int
     parameter_count: int
     input_count: int
     output_count: int
     instant_count: int
     period_count: int
     slope_count: int
-    mode_count: int
+    mode_count: int  # of conditions on time
+    timed: Ints  # mode_count: their places in the mode
+    switches: Floats  # mode_count
     parameters: Floats  # parameter_count
     state: Floats  # n
     is_set: Ints  # n: 1 where the importer has set the start
@@ -48,6 +119,8 @@ class FmuInstance(Record):
     rates: Floats  # n
     outputs: Floats  # output_count
     instants: Floats  # instant_count
+    recurring_count: int
+    recurring: Floats  # recurring_count: value at time 0 and slope of functions that jump at integers
     periods: Floats  # period_count
     slope_rows: Ints  # slope_count: rates, then outputs
     slope_columns: Ints  # slope_count: states, then inputs

@@ -7,12 +7,28 @@ from math import isfinite, ulp
 from ...simulation.integrators.compiled.advance import advance, begin
 from ...simulation.integrators.dop853 import LOOK_AGAIN
 from ...simulation.integrators.methods import EXPLICIT, RADAU
-from ...simulation.integrators.outcomes import FINISHED, LOOK, MORE, STIFF
+from ...simulation.integrators.outcomes import FINISHED, FLIP, LOOK, MORE, STIFF
 from ...simulation.integrators.workspace import IntegratorWorkspace
-from .instance import DISCARD, ERROR, NO_STEP, NOT_NOW, OK, RUNNING, TOO_MANY_STEPS, WARNING, WRONG_TIME, FmuInstance
-from .values import INFINITE, check_limits, forget, judge_limits, settle
+from .conditions import said
+from .events import CUT, UNSURE, cut_at_event, instant
+from .instance import (
+    DISCARD,
+    ENDED,
+    ERROR,
+    NO_STEP,
+    NOT_NOW,
+    OK,
+    RUNNING,
+    TOO_MANY_STEPS,
+    WARNING,
+    WRONG_TIME,
+    FmuInstance,
+)
+from .segment import INFINITE, forget
+from .values import check_limits, judge_limits, settle
 
 BATCH = 1000
+AGAIN = 0.25  # first step, as a share of one that an event has cut badly
 MOST = 10_000_000  # steps within one communication step
 ROUNDING = 64.0  # units in the last place by which an importer's time may be off
 
@@ -26,36 +42,70 @@ def do_step(s: FmuInstance, time: float, size: float) -> int:
         s.message = WRONG_TIME
         return ERROR
     settle(s)
-    answer = go_to(s, time + size)
+    answer = OK
+    if s.has_events != 0 and s.broken != 0:  # an input or a parameter may have moved a condition
+        answer = happens(s)
+    if answer == OK:
+        answer = go_to(s, time + size)
     if answer > WARNING:
         return answer
     return max(answer, check_limits(s))
 
 
 def go_to(s: FmuInstance, target: float) -> int:
-    """Integrate to a time, from segment to segment."""
-    w = s.solver
+    """Integrate to a time, from event to event and from segment to segment."""
     result = OK
     while s.time < target:
         until = min(target, s.next_instant)
-        if w.n > 0:
-            if s.broken != 0 or w.time != s.time:
-                start_steps(s, until)
-            w.stop = until
-            w.until = until
-            answer = make_steps(s)
-            if answer > WARNING:
-                return answer
-            result = max(result, answer)
-            for i in range(w.n):
-                s.state[i] = w.state[i] * w.magnitude[i]
-        s.time = until
-        forget(s)
-        if until == s.next_instant:
-            s.segment_known = 0
-            s.broken = 1
-            settle(s)
+        answer = go_along(s, until)
+        if answer > WARNING:
+            return answer
+        result = max(result, answer)
+        if s.has_events != 0 and s.events.located != 0:
+            s.events.located = 0
+        else:
+            s.time = until
+            if until < s.next_instant - ROUNDING * ulp(s.next_instant):
+                forget(s)
+                continue
+        answer = happens(s)
+        if answer != OK:
+            return answer
     return result
+
+
+def happens(s: FmuInstance) -> int:
+    """Act on an instant."""
+    s.segment_known = 0
+    s.broken = 1
+    settle(s)
+    if s.has_events != 0:
+        failed = instant(s)
+        if failed == OK and s.events.ended != 0:
+            s.message = ENDED
+            return DISCARD
+        return failed
+    return OK
+
+
+def go_along(s: FmuInstance, until: float) -> int:
+    """Integrate within a segment, up to a time or to the first event."""
+    w = s.solver
+    if s.broken != 0 or w.time != s.time:
+        start_steps(s, until)
+    w.stop = until
+    w.until = until
+    if w.n == 0:
+        w.time = until
+        w.ends = 2
+        if w.root_count > 0:
+            cut_at_event(s)
+        return OK
+    answer = make_steps(s)
+    if answer <= WARNING and (s.has_events == 0 or s.events.located == 0):
+        for i in range(w.n):
+            s.state[i] = w.state[i] * w.magnitude[i]
+    return answer
 
 
 def make_steps(s: FmuInstance) -> int:
@@ -74,6 +124,14 @@ def make_steps(s: FmuInstance) -> int:
             w.automatic = 0
             forget_steps(w)
             begin(w)
+        elif answer == FLIP:
+            found = cut_at_event(s)
+            if found == CUT:
+                return result
+            if found == UNSURE:
+                size = w.time - s.time
+                start_steps(s, w.stop)
+                w.size = min(w.size, AGAIN * size)
         elif answer == LOOK:
             for i in range(w.n):
                 s.state[i] = w.state[i] * w.magnitude[i]
@@ -115,8 +173,12 @@ def start_steps(s: FmuInstance, until: float) -> None:
     w.held_by_stability = 0
     w.free_steps = 0
     w.negative = 0
+    for j in range(w.root_count):
+        w.root_said[j] = said(s, j)
     forget_steps(w)
-    begin(w)
+    w.end_time[0] = s.time
+    if w.n > 0:
+        begin(w)
     s.broken = 0
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from math import isfinite, ulp
+from math import isfinite
 from typing import TYPE_CHECKING
 
+from .events import start_modes
 from .instance import (
     ERROR,
     INITIALIZING,
@@ -20,24 +21,14 @@ from .instance import (
     WARNING,
     FmuInstance,
 )
+from .segment import enter_segment, forget, inside, place_ticks
 
 if TYPE_CHECKING:
     from compiler.api import Floats, ShortInts
 
-INFINITE = 1.7976931348623157e308
-GOLDEN = 0.6180339887498949  # place within a segment at which no periods meet
-ROUNDING = 16.0  # units in the last place of a time
-
-
-def forget(s: FmuInstance) -> None:
-    """Discard what was computed from values that have changed since."""
-    s.rates_known = 0
-    s.outputs_known = 0
-    s.slopes_known = 0
-
 
 def settle(s: FmuInstance) -> None:
-    """Compute what follows from the parameters, and the segment of time."""
+    """Compute what follows from the parameters, the segment of time, and before the run begins the mode."""
     w = s.solver
     if s.constants_known == 0:
         s.find_constants(0.0, s.state, w.inputs, s.parameters, w.mode, w.constants)
@@ -46,6 +37,8 @@ def settle(s: FmuInstance) -> None:
             for i in range(w.n):
                 if s.is_set[i] == 0:
                     s.state[i] = s.starts[i]
+        if s.has_events != 0:
+            place_ticks(s)
         s.constants_known = 1
         s.segment_known = 0
         forget(s)
@@ -53,38 +46,9 @@ def settle(s: FmuInstance) -> None:
         enter_segment(s)
         s.segment_known = 1
         forget(s)
-
-
-def enter_segment(s: FmuInstance) -> None:
-    """Find the next instant at which an expression of time jumps or bends, and the truth of the conditions on time up to it."""
-    w = s.solver
-    if s.instant_count > 0:
-        s.find_instants(0.0, s.state, w.inputs, w.constants, w.mode, s.instants)
-    s.next_instant = INFINITE
-    for k in range(s.instant_count):
-        near = ROUNDING * max(ulp(s.time), ulp(s.instants[k]))
-        if s.instants[k] > s.time + near:
-            s.next_instant = min(s.next_instant, s.instants[k])
-    margin = ROUNDING * ulp(s.time)
-    w.earliest = s.time + margin
-    w.latest = s.next_instant
-    if s.next_instant < INFINITE:
-        w.latest = s.next_instant - ROUNDING * max(ulp(s.time), ulp(s.next_instant))
-    if s.mode_count > 0:
-        within = s.time + max(1.0, abs(s.time))
-        if s.next_instant < INFINITE:
-            within = s.time + GOLDEN * (s.next_instant - s.time)
-        s.find_switches(within, s.state, w.inputs, w.constants, w.mode, w.mode)
-
-
-def inside(s: FmuInstance) -> float:
-    """Return the time; just inside of the segment where it is an end of it, because ends are rounded."""
-    w = s.solver
-    if s.time < w.earliest:
-        return w.earliest
-    if s.time > w.latest and s.time - s.next_instant <= s.next_instant - w.latest:
-        return w.latest
-    return s.time
+    if s.has_events != 0 and s.phase <= INITIALIZING and s.events.modes_known == 0:
+        start_modes(s)
+        s.events.modes_known = 1
 
 
 def find_rates(s: FmuInstance) -> int:
@@ -146,9 +110,22 @@ def get_values(s: FmuInstance, references: ShortInts, count: int, values: Floats
             if failed != OK:
                 return failed
             values[k] = s.outputs[place - 1 - 2 * n - s.input_count - s.parameter_count]
+        elif is_mode(s, mode_place(s, place)):
+            settle(s)
+            values[k] = s.solver.mode[mode_place(s, place)]
         else:
             return unknown(s)
     return OK
+
+
+def mode_place(s: FmuInstance, reference: int) -> int:
+    """Return the place of a discrete variable in the mode."""
+    return reference - 1 - 2 * s.solver.n - s.input_count - s.parameter_count - s.output_count
+
+
+def is_mode(s: FmuInstance, place: int) -> bool:
+    """Return True if there is a discrete variable at a place of the mode."""
+    return s.has_events != 0 and place >= 0 and place < s.events.discrete_count
 
 
 def unknown(s: FmuInstance) -> int:
@@ -158,7 +135,7 @@ def unknown(s: FmuInstance) -> int:
 
 
 def set_values(s: FmuInstance, references: ShortInts, count: int, values: Floats) -> int:
-    """Set states, inputs and parameters."""
+    """Set states, inputs, parameters, and before the run begins discrete variables."""
     n = s.solver.n
     for k in range(count):
         if not isfinite(values[k]):
@@ -181,6 +158,10 @@ def set_values(s: FmuInstance, references: ShortInts, count: int, values: Floats
             s.parameters[place - 2 * n - s.input_count] = values[k]
             s.constants_known = 0
             s.broken = 1
+        elif is_mode(s, mode_place(s, references[k])) and s.phase <= INITIALIZING:
+            s.solver.mode[mode_place(s, references[k])] = values[k]
+            s.events.is_set[mode_place(s, references[k])] = 1
+            forget(s)
         else:
             return unknown(s)
     return OK

@@ -1,0 +1,341 @@
+"""Events at an instant: what is due, conditions that have crossed zero, resets, until nothing changes any more; see `simulation/events/events.py`."""
+
+from __future__ import annotations
+
+from math import isfinite, ulp
+
+from ...numerics import indicators
+from ...simulation.events import events, locate
+from ...simulation.integration import cut
+from ...simulation.integrators.acceptance.zero_crossings import full_at, is_wrong, roots_at
+from ...simulation.integrators.methods import PARTS
+from .conditions import count_in, evaluate, guess_mode, holds, put, reread, said, settle_mode
+from .instance import (
+    ERROR,
+    NOT_FINITE,
+    OK,
+    PILED_UP,
+    SET_TWICE,
+    WITHOUT_END,
+    WRONG_SAMPLING,
+    EventData,
+    FmuInstance,
+)
+from .segment import collect_ticks, enter_segment, forget
+
+FINER = tuple(indicators.FINER.tolist())
+GRID = indicators.GRID
+WIDTH, GOLDEN = float(locate.WIDTH), locate.GOLDEN
+SHORT, BEYOND, ALIKE, SHRUNK = events.SHORT, float(events.BEYOND), float(events.ALIKE), events.SHRUNK
+MOST_ROUNDS, MOST_AT_ONCE, LEFT = events.MOST_ROUNDS, events.MOST_AT_ONCE, events.LEFT
+NEAR, ALLOWED, SHORTEST, PARTED = cut.NEAR, cut.ALLOWED, cut.SHORTEST, len(cut.BACK)
+HALVES, BACK, SLOPE = cut.PLACES, tuple(cut.BACK.tolist()), tuple(cut.SLOPE.tolist())
+NOTHING, CUT, UNSURE = 0, 1, 2  # answers of the search for an event in a step
+KEPT = LEFT + 1  # intervals kept for each event: the last ones, and the longest
+
+
+def start_modes(s: FmuInstance) -> None:
+    """Put the start of discrete variables and the truth of all conditions into the mode."""
+    e = s.events
+    w = s.solver
+    if e.discrete_count > 0:
+        e.find_modes(0.0, s.state, w.inputs, w.constants, w.mode, e.starts)
+    for k in range(e.discrete_count):
+        if e.is_set[k] == 0:
+            w.mode[k] = e.starts[k]
+    guess_mode(s)
+
+
+def instant(s: FmuInstance) -> int:
+    """Let act what acts at the time of the instance."""
+    e = s.events
+    w = s.solver
+    if e.wrong != 0:
+        s.message = WRONG_SAMPLING
+        return ERROR
+    collect_ticks(s)
+    enter_segment(s)
+    s.segment_known = 1
+    w.roots(s.time, s.state, w.inputs, w.constants, w.mode, e.roots)
+    crossed = 0
+    for j in range(w.root_count):
+        w.root_said[j] = said(s, j)
+        e.floor[j] = w.root_floor[j]
+        e.crossed[j] = 1 if is_wrong(w, j, e.roots[j]) else 0
+        crossed += e.crossed[j]
+    for j in range(w.root_count):
+        if e.crossed[j] != 0:
+            put(s, j, 1 - w.root_said[j])
+    count_in(s)
+    for k in range(e.event_count):
+        e.acted[k] = 0
+    failed = happen(s)
+    forget(s)
+    if failed != OK:
+        return failed
+    acted = 0
+    for k in range(e.event_count):
+        acted += e.acted[k]
+    if acted + crossed == 0:
+        return OK
+    again = is_simultaneous(s)
+    if acted == 0:
+        doubt(s, again)
+    if e.simultaneous > MOST_AT_ONCE or is_piled_up(s):
+        s.message = PILED_UP
+        return ERROR
+    return OK
+
+
+def happen(s: FmuInstance) -> int:
+    """Let events act, and those that follow from them, until none does."""
+    e = s.events
+    w = s.solver
+    failed = settle_mode(s)
+    for _ in range(MOST_ROUNDS):
+        if failed != OK:
+            return failed
+        acting = 0
+        if e.event_count > 0:
+            e.find_triggers(s.time, s.state, w.inputs, w.constants, w.mode, e.triggers)
+        for k in range(e.event_count):
+            true = 1 if e.triggers[k] == 1.0 else 0
+            e.acts[k] = 1 if e.due[k] != 0 or (true != 0 and e.was_true[k] == 0) else 0
+            e.was_true[k] = true
+            e.due[k] = 0
+            e.acted[k] = max(e.acted[k], e.acts[k])
+            acting += e.acts[k]
+            if e.acts[k] != 0 and e.stops[k] != 0:
+                e.ended = 1
+        if acting == 0:
+            return OK
+        failed = act(s, 0)
+        if failed == OK:
+            failed = act(s, 1)
+        if failed == OK:
+            reread(s)
+            count_in(s)
+            failed = settle_mode(s)
+    s.message = WITHOUT_END
+    return ERROR
+
+
+def act(s: FmuInstance, at_once: int) -> int:
+    """Set what the acting events set, all from the values before. `at_once`: 1 for those that act after the others."""
+    e = s.events
+    w = s.solver
+    if e.setting_count > 0:
+        e.find_values(s.time, s.state, w.inputs, w.constants, w.mode, e.values)
+    for k in range(e.setting_count):
+        if acts_now(e, k, at_once):
+            for i in range(k):
+                if acts_now(e, i, at_once) and e.is_mode[i] == e.is_mode[k] and e.position[i] == e.position[k]:
+                    s.message = SET_TWICE
+                    return ERROR
+            if not isfinite(e.values[k]):
+                s.message = NOT_FINITE
+                return ERROR
+            if e.is_mode[k] != 0:
+                w.mode[e.position[k]] = e.values[k]
+            else:
+                s.state[e.position[k]] = e.values[k]
+                e.resets = 1
+    return OK
+
+
+def acts_now(e: EventData, k: int, at_once: int) -> bool:
+    """Return True if the event of a setting acts."""
+    return e.acts[e.owner[k]] != 0 and e.at_once[e.owner[k]] == at_once
+
+
+def is_simultaneous(s: FmuInstance) -> bool:
+    """Count the instants that are one but for rounding; return True if this is not the first of them."""
+    e = s.events
+    if e.simultaneous > 0 and s.time - e.recent <= SHORT * abs(s.time):
+        e.simultaneous += 1
+        return True
+    e.recent = s.time
+    e.simultaneous = 1
+    return False
+
+
+def doubt(s: FmuInstance, again: bool) -> None:
+    """Keep conditions as they are that the flow leads back within rounding of their zero crossing, until they are beyond doubt."""
+    e = s.events
+    w = s.solver
+    evaluate(s)
+    for j in range(w.root_count):
+        most = BEYOND * e.noise[j]
+        least = min(e.floor[j], most) if again else 0.0
+        if e.crossed[j] != 0 and said(s, j) == w.root_said[j]:
+            least = most
+        w.root_floor[j] = max(w.root_floor[j], least)
+
+
+def is_piled_up(s: FmuInstance) -> bool:
+    """Return True if an event accumulates: its reset has become too small to make its condition false again."""
+    e = s.events
+    piled = False
+    for k in range(e.event_count):
+        if e.acted[k] != 0:
+            first = KEPT * k
+            for i in range(LEFT - 1, 0, -1):
+                e.intervals[first + i] = e.intervals[first + i - 1]
+            e.intervals[first] = s.time - e.when[k]
+            e.when[k] = s.time
+            if e.was_true[k] == 0:
+                e.left[k] += 1
+                if e.left[k] > 1:
+                    e.intervals[first + LEFT] = max(e.intervals[first + LEFT], e.intervals[first])
+            else:
+                if e.left[k] >= LEFT and shrinks(e, first, s.makes_steps):
+                    piled = True
+                e.left[k] = 0
+    return piled
+
+
+def shrinks(e: EventData, first: int, exact: int) -> bool:
+    """Return True if the last intervals get shorter, and are much shorter than the longest one. `exact`: also by nearly one factor, which the
+    instants of an importer need not show."""
+    if e.intervals[first] >= SHRUNK * e.intervals[first + LEFT]:
+        return False
+    least = 1.0
+    most = 0.0
+    for i in range(LEFT - 1):
+        factor = e.intervals[first + i] / e.intervals[first + i + 1]
+        least = min(least, factor)
+        most = max(most, factor)
+    return most < 1.0 and (most < ALIKE * least or exact == 0)
+
+
+def steady(s: FmuInstance) -> None:
+    """Raise what counts as zero to the rounding of the roots, so that an importer sees no indicator rest at zero."""
+    e = s.events
+    w = s.solver
+    evaluate(s)
+    for j in range(w.root_count):
+        w.root_floor[j] = max(w.root_floor[j], 0.25 * e.noise[j])
+        e.floor[j] = w.root_floor[j]
+        if holds(e.roots[j], w.root_strict[j]) != said(s, j) and isfinite(e.roots[j]):
+            w.root_floor[j] = max(w.root_floor[j], 2.0 * abs(e.roots[j]))
+
+
+def cut_at_event(s: FmuInstance) -> int:
+    """Find the first zero crossing in the last step; put the instant and the state there into the instance, or those of the start of a step that
+    is to be made again with shorter ones."""
+    w = s.solver
+    e = s.events
+    start = w.end_time[w.ends - 2]
+    parts = PARTS[w.method]
+    begin = start
+    before = start
+    last = start
+    roots_at(w, start, e.again)
+    for j in range(w.root_count):
+        e.change[j] = e.again[j]
+    for k in range(parts):
+        end = w.time if k + 1 == parts else start + (w.time - start) * float(k + 1) / float(parts)
+        for place in range(1, GRID + 1):
+            time = end if place == GRID else begin + (end - begin) * FINER[place]
+            roots_at(w, time, e.roots)
+            wrong = any_wrong(s)
+            for j in range(w.root_count):
+                if last > start and may_touch(e, j) and not is_wrong(w, j, e.again[j]):
+                    found = bottom(s, j, before, time)
+                    if found > before:
+                        return narrow(s, before, found)
+            if wrong:
+                return narrow(s, last, time)
+            for j in range(w.root_count):
+                e.change[j] = e.again[j]
+                e.again[j] = e.roots[j]
+            before = last
+            last = time
+        begin = end
+    return NOTHING
+
+
+def any_wrong(s: FmuInstance) -> bool:
+    """Return True if one of the roots differs from the mode."""
+    wrong = False
+    for j in range(s.solver.root_count):
+        if is_wrong(s.solver, j, s.events.roots[j]):
+            wrong = True
+    return wrong
+
+
+def may_touch(e: EventData, j: int) -> bool:
+    """Return True if a root may come to zero beside the middle one of three places."""
+    here = abs(e.again[j])
+    beside = max(abs(e.change[j]), abs(e.roots[j]))
+    return here <= abs(e.change[j]) and here < abs(e.roots[j]) and here < 0.5 * (beside - here)
+
+
+def bottom(s: FmuInstance, j: int, low: float, high: float) -> float:
+    """Return an instant at which a condition differs from the mode, by golden sections towards the place nearest to zero; `low` if there is none."""
+    w = s.solver
+    e = s.events
+    start = low
+    width = WIDTH * ulp(max(abs(low), abs(high)))
+    while high - low > width:
+        first = high - GOLDEN * (high - low)
+        then = low + GOLDEN * (high - low)
+        roots_at(w, first, e.noise)
+        left = abs(e.noise[j])
+        if is_wrong(w, j, e.noise[j]):
+            return first
+        roots_at(w, then, e.noise)
+        if is_wrong(w, j, e.noise[j]):
+            return then
+        if left < abs(e.noise[j]):
+            high = then
+        else:
+            low = first
+    return start
+
+
+def narrow(s: FmuInstance, low: float, high: float) -> int:
+    """Halve the time between an instant at which the mode holds and one at which it does not, down to rounding."""
+    w = s.solver
+    e = s.events
+    while high - low > WIDTH * ulp(max(abs(low), abs(high))):
+        middle = 0.5 * (low + high)
+        roots_at(w, middle, e.roots)
+        if any_wrong(s):
+            high = middle
+        else:
+            low = middle
+    start = w.end_time[w.ends - 2]
+    if is_sure(s, start, high):
+        s.time = high
+        full_at(w, high, s.state)
+        e.located = 1
+        return CUT
+    s.time = start
+    for i in range(w.n):
+        s.state[i] = w.end_state[(w.ends - 2) * w.n + i] * w.magnitude[i]
+    return UNSURE
+
+
+def is_sure(s: FmuInstance, start: float, stop: float) -> bool:
+    """Return True if the dense output of a step satisfies the equations up to the event that cuts it: see `cut.py` of a run."""
+    w = s.solver
+    e = s.events
+    size = stop - start
+    if size < SHORTEST * ulp(max(abs(start), abs(stop))):
+        return True
+    for p in range(2):
+        time = start + size * HALVES[p]
+        full_at(w, time, e.moved)
+        w.derivative(time, e.moved, w.inputs, w.constants, w.mode, e.flow)
+        for i in range(w.n):
+            e.middle[i] = 0.0
+        for k in range(PARTED):
+            full_at(w, time + NEAR * size * BACK[k], w.si)
+            for i in range(w.n):
+                e.middle[i] += SLOPE[k] / NEAR * w.si[i]
+        for i in range(w.n):
+            allowed = w.absolute[i] * w.magnitude[i] + w.relative * abs(e.moved[i])
+            if abs(size * e.flow[i] - e.middle[i]) > ALLOWED * allowed:
+                return False
+    return True

@@ -1,0 +1,301 @@
+"""Units of models with events in another tool: closed forms, our own runs, instants, states in the middle of events, refusals at run time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import bondgraph
+from compiler.errors import CompilationFailed
+from tests.exchange.unit_files import exported, instance, run
+
+pytestmark = pytest.mark.machine_code
+KINDS = ("ModelExchange", "CoSimulation")
+# The developers of FMI list this model: a ball that loses speed at each bounce, and rests when it is slow.
+BALL = """model BouncingBall {
+  parameter g = 9.81 [m/s^2], e = 0.7, v_min = 0.1 [m/s]
+  mode falls = 1
+  MSe weight : F = -1 kg*g*falls
+  1 body : translation
+  I mass : p = 1 kg*v
+  weight -> body -> mass
+  signal height = integral(mass.v, 1 m)
+  when height <= 0 m and mass.v < 0 [m/s] {
+    height = 0 m
+    mass.v = (-e*mass.v if -e*mass.v >= v_min else 0 [m/s])
+    falls = (1 if -e*mass.v >= v_min else 0)
+  }
+  output h = height, v = mass.v
+  experiment drop { simulate 0 .. 3 s }
+}
+"""
+HEATER = """model Heater {
+  parameter T_0 = 290 K, high = 295 K
+  mode heats = true, starts = 0
+  signal T = integral((2 [K/s] if heats else 0 [K/s]) - (T - 285 K)/(10 s), T_0)
+  when T > high or time > 40 s { heats = false }
+  when T < 293 K and time < 40 s { heats = true, starts = starts + 1 }
+  output temperature = T, n = starts
+}
+"""
+SERVO = """model Servo {
+  parameter target = 3 rad, period = 10 ms
+  mode volt = 0 V, error = 0 rad, sum = 0
+  I rotor  : L = 0.002 [kg*m^2]*omega
+  R drag   : M = 1 [mN*m*s]*omega
+  GY motor : u1 = 0.1 [V*s]*omega2
+  R coil   : u = 2 ohm*i
+  MSe supply : u = volt
+  supply -> 1(coil) -> motor -> 1(rotor, drag)
+  signal angle = integral(rotor.omega, 0 rad)
+  every period offset 3 ms delay 2 ms jitter 4 ms seed 3 {
+    error = angle - target
+    sum   = sum - 0.01*error
+    volt  = min(max(-10 V*error + 1 V*sum - 1 [V*s]*rotor.omega, -12 V), 12 V)
+  }
+  output phi = angle, u = volt, stairs = integral(floor(angle/1 rad) + floor(2*time/1 s), 0 s)
+}
+"""
+# A start event that resets a state, and a chain of events that each other's settings cause.
+CHAIN = """plain model Chain {
+  mode a = 0, b = 0
+  input u = 0
+  signal x = integral(1, 0)
+  when x < 0.5 { x = 2, a = a + 1 }
+  when a > 0.5 { b = a + x }
+  when b > 1.5 { a = 10*b }
+  when u > 1 { b = -x }
+  output y = x, p = a, q = b
+}
+"""
+ENDLESS = {
+    "Events accumulate": BALL.replace(" if -e*mass.v >= v_min else 0 [m/s]", "").replace("1 if -e*mass.v >= v_min else 0", "1"),
+    "cause each other": CHAIN.replace("when u > 1", "when x > 2.5 and b > 0").replace("b = -x }", "b = -1 }\n when x > 2.5 and b < 0 { b = 1 }"),
+    "set one quantity": CHAIN.replace("when u > 1", "when x > 2.5 { b = 7 }\n when 2*x > 5"),
+    "neither hold nor fail": BALL.replace("weight -> body -> mass", "R f : F = 20 N*sign(v)\n weight -> body -> mass, f").replace("1 kg*v\n", "1 kg*v { start v = 5 [m/s] }\n"),
+}  # fmt: skip
+
+
+def bounces(e: float, v_min: float, stop: float) -> list[tuple[float, float]]:
+    """Instants and speeds after them, of a ball that falls from 1 m."""
+    speed = (2 * 9.81) ** 0.5
+    time, found = speed / 9.81, []
+    while time <= stop and speed > 0:
+        speed = e * speed if e * speed >= v_min else 0.0
+        found.append((time, speed))
+        time += 2 * speed / 9.81
+    return found
+
+
+def height(times: np.ndarray, e: float, v_min: float) -> np.ndarray:
+    h = np.maximum(1 - 0.5 * 9.81 * times**2, 0.0)
+    for start, speed in bounces(e, v_min, float(times[-1])):
+        since = times - start
+        h = np.where(since >= 0, np.maximum(speed * since - 0.5 * 9.81 * since**2, 0.0), h)
+    return h
+
+
+def after_events(found: Any) -> Any:
+    """The last row of each instant."""
+    return found[np.append(np.diff(found["time"]) > 0, True)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bouncing_ball_follows_its_closed_form(kind: str, tmp_path: Path) -> None:
+    exported(BALL, tmp_path)
+    for e, v_min in ((0.7, 0.1), (0.5, 0.4)):
+        found = run(tmp_path, kind, rtol=1e-9, start_values={"e": e, "v_min": v_min}, output=["h", "v"])
+        rows = after_events(found)
+        assert np.abs(rows["h"] - height(rows["time"], e, v_min)).max() < (1e-12 if kind == "CoSimulation" else 1e-7)
+        assert rows["v"][-1] == rows["h"][-1] == 0.0
+        if kind == "ModelExchange":
+            instants = found["time"][1:][np.diff(found["time"]) == 0]
+            for time, _ in bounces(e, v_min, 3.0):
+                assert np.abs(instants - time).min() < 1e-6  # CVode's, which adds up
+
+
+@pytest.mark.parametrize(("text", "end"), [(HEATER, 60.0), (SERVO, 1.0)])
+def test_outputs_are_those_of_a_run(text: str, end: float, tmp_path: Path) -> None:
+    """Located conditions, conditions on time, samples with offset, delay and jitter, whole numbers of states and of time."""
+    exported(text, tmp_path)
+    mine = bondgraph.load(text).simulate(to=end, points=41, rtol=1e-11)
+    for kind, tolerance in zip(KINDS, (1e-6, 1e-9), strict=True):
+        found = after_events(run(tmp_path, kind, rtol=1e-9, stop_time=end, output_interval=end / 40))
+        at = np.searchsorted(found["time"], mine.time - 1e-9 * end)
+        assert len(at) == 41
+        for name in mine.names:
+            assert np.abs(found[name][at] - mine[name]).max() < tolerance * np.abs(mine[name]).max(), (kind, name)
+
+
+def test_description_of_what_events_change(tmp_path: Path) -> None:
+    found = exported(SERVO, tmp_path)
+    by_name = {v.name: v for v in found.modelVariables}
+    assert [by_name[n].variability for n in ("phi", "u", "volt")] == ["continuous", "discrete", "discrete"]
+    assert [by_name[n].variability for n in ("target", "period")] == ["tunable", "tunable"]
+    assert (by_name["volt"].causality, by_name["volt"].initial, by_name["volt"].start) == ("local", "exact", "0.0")
+    assert found.numberOfEventIndicators == 2  # a whole number of a state has two conditions
+    reads = {u.variable.name: [v.name for v in u.dependencies] for u in found.outputs}
+    assert reads == {"phi": ["angle"], "u": ["rotor.L", "angle"], "stairs": ["state.stairs"]}
+    assert exported(BALL, tmp_path).numberOfEventIndicators == 2
+
+
+def test_starts_of_discrete_variables_and_parameters_of_conditions(tmp_path: Path) -> None:
+    exported(HEATER, tmp_path)
+    with instance(tmp_path, values={"heats": 0.0, "T_0": 294.0, "starts": 5.0}) as (unit, place):
+        assert unit.getReal([place["heats"], place["n"], place["temperature"]]) == [0.0, 5.0, 294.0]
+        unit.doStep(0.0, 1.0)  # 285 + 9 exp(-t/10), to 293 at 10 log(9/8)
+        assert unit.getReal([place["temperature"]])[0] == pytest.approx(285 + 9 * np.exp(-0.1), rel=1e-9)
+        unit.doStep(1.0, 1.0)
+        assert unit.getReal([place["heats"], place["n"]]) == [1.0, 6.0]
+        unit.setReal([place["high"]], [290.0])  # it is already hotter
+        unit.doStep(2.0, 0.01)
+        assert unit.getReal([place["heats"]]) == [0.0]
+
+
+def test_events_at_the_start_in_a_chain_and_by_an_input(tmp_path: Path) -> None:
+    """At the start x = 2 and a = 1, so b = 3, so a = 30: x is 2 + t from there on."""
+    exported(CHAIN, tmp_path)
+    for kind in KINDS:
+        with instance(tmp_path, kind) as (unit, place):
+            assert unit.getReal([place[n] for n in ("y", "p", "q")]) == [2.0, 30.0, 3.0]
+            if kind == "CoSimulation":
+                unit.doStep(0.0, 0.5)
+                unit.setReal([place["u"]], [2.0])
+                unit.doStep(0.5, 0.25)
+                assert unit.getReal([place["y"], place["q"]]) == pytest.approx([2.75, -2.5], rel=1e-12)
+            else:
+                unit.setReal([place["u"]], [2.0])
+                assert unit.newDiscreteStates()[:4] == (False, False, False, False)
+                assert unit.getReal([place["q"]]) == [-2.0]
+
+
+def test_states_in_the_middle_of_events_are_brought_back_bit_by_bit(tmp_path: Path) -> None:
+    """Also those of samples: both runs go on from a copy and from a file as they went on before."""
+    for text, names in ((BALL, ("h", "v", "falls")), (SERVO, ("phi", "u", "stairs"))):
+        (tmp_path / text[6:9]).mkdir()
+        exported(text, tmp_path / text[6:9])
+        with instance(tmp_path / text[6:9]) as (unit, place):
+            values = [place[n] for n in names]
+            unit.doStep(0.0, 0.5)
+            state = unit.getFMUState()
+            saved = unit.serializeFMUState(state)
+            trace = [unit.doStep(0.5 + 0.1 * i, 0.1) or tuple(unit.getReal(values)) for i in range(15)]
+            assert len(set(trace)) > 5
+            for brought in (state, unit.deserializeFMUState(saved)):
+                unit.setFMUState(brought)
+                assert [unit.doStep(0.5 + 0.1 * i, 0.1) or tuple(unit.getReal(values)) for i in range(15)] == trace
+
+
+def test_instances_with_events_do_not_touch_each_other(tmp_path: Path) -> None:
+    exported(BALL, tmp_path)
+    times = 0.1 * np.arange(1, 21)
+    with instance(tmp_path, values={"e": 0.7}) as (one, place), instance(tmp_path, values={"e": 0.4}) as (two, _):
+        found = []
+        for time in times:
+            for unit in (one, two):
+                unit.doStep(time - 0.1, 0.1)
+            found.append([unit.getReal([place["h"]])[0] for unit in (one, two)])
+    for e, own in zip((0.7, 0.4), np.array(found).T, strict=True):
+        assert np.abs(own - height(times, e, 0.1)).max() < 1e-10
+
+
+def test_indicators_cross_zero_at_events_only(tmp_path: Path) -> None:
+    """Where an event has left the ball at the floor, or behind it by rounding, the indicator is beyond zero, and keeps its sign while the ball rises."""
+    import ctypes
+
+    exported(BALL, tmp_path)
+
+    def indicators() -> list[float]:
+        values = (ctypes.c_double * 2)()
+        unit.fmi2GetEventIndicators(unit.component, values, 2)
+        return list(values)
+
+    def put(h: float, v: float) -> None:
+        values = (ctypes.c_double * 2)(v, h)
+        unit.fmi2SetContinuousStates(unit.component, values, 2)
+
+    with instance(tmp_path, "ModelExchange") as (unit, place):
+        unit.newDiscreteStates()
+        unit.enterContinuousTimeMode()
+        for behind in (0.0, 1e-15, 1e-9):
+            put(0.2, -2.0)
+            before = indicators()
+            put(-behind - 1e-12, -2.0)
+            assert before[0] * indicators()[0] < 0
+            unit.enterEventMode()
+            assert unit.newDiscreteStates()[3]
+            left = indicators()
+            put(1e-12, 1.4)
+            assert all(a * b > 0 for a, b in zip(left, indicators(), strict=True))
+            assert unit.getReal([place["h"]])[0] == 1e-12
+            unit.enterContinuousTimeMode()
+
+
+@pytest.mark.parametrize("words", ENDLESS)
+def test_events_that_do_not_end_are_errors(words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from fmpy.fmi1 import FMICallException
+
+    exported(ENDLESS[words], tmp_path)
+    for kind in KINDS:
+        with pytest.raises(FMICallException):
+            run(tmp_path, kind, rtol=1e-8, stop_time=3.0, output_interval=0.1)
+        assert words in capsys.readouterr().out
+
+
+def test_reference_units_behave_as_documented(tmp_path: Path) -> None:
+    """The others that the developers of FMI list; of the types of numbers a unit has real ones alone."""
+    stair = "plain model Stair { mode count = 1\n every 1 { count = count + (1 if time > 0.5 else 0) }\n output counter = count\n experiment climb { simulate 0 .. 10; stop when count >= 10 } }"
+    exported(stair, tmp_path, "climb")
+    for kind in KINDS:
+        found = run(tmp_path, kind, output_interval=0.2)
+        assert found["time"][-1] == 9.0  # the unit ends the run
+        rows = after_events(found)[:-1]
+        assert (rows["counter"] == 1 + np.floor(rows["time"] + 1e-9)).all()
+    exported(
+        "plain model Dahlquist { parameter k = 1\n output x = integral(-k*x, 1)\n experiment decay { simulate 0 .. 10 } }",
+        tmp_path,
+    )
+    found = run(tmp_path, "CoSimulation", start_values={"k": 0.5}, output_interval=0.1)
+    assert np.abs(found["x"] - np.exp(-0.5 * found["time"])).max() < 1e-6
+    exported(
+        "plain model VanDerPol { parameter mu = 1\n signal x1 = integral(mu*(1 - x0^2)*x1 - x0, 0)\n output x0 = integral(x1, 2), y = x1\n experiment swing { simulate 0 .. 20 } }",
+        tmp_path,
+    )
+    found = run(tmp_path, "CoSimulation", rtol=1e-9, output_interval=0.1)
+    theirs = solve_ivp(
+        lambda _, x: (x[1], (1 - x[0] ** 2) * x[1] - x[0]), (0, 20), (2, 0), "DOP853", rtol=1e-12, atol=1e-12
+    )
+    assert (found["x0"][-1], found["y"][-1]) == pytest.approx(tuple(theirs.y[:, -1]), abs=1e-7)
+    exported(
+        "plain model Feedthrough { parameter tunable = 0\n input continuous_in = 0\n output continuous_out = continuous_in + tunable }",
+        tmp_path,
+    )
+    signal = np.array([(0.0, 0.0), (1.0, 3.0)], dtype=[("time", float), ("continuous_in", float)])
+    found = run(
+        tmp_path,
+        "CoSimulation",
+        stop_time=1.0,
+        output_interval=0.25,
+        input=signal,
+        output=["continuous_out"],
+        start_values={"tunable": 1.0},
+    )
+    assert found["continuous_out"][-1] == pytest.approx(1 + 3.0, abs=0.76)  # an input acts from the next step on
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (BALL.replace("1 body : translation", "1 body : translation { active = falls > 0.5 }"), "switched junctions"),
+        (CHAIN.replace("when u > 1", "when u > exp(x)*x^7"), "less than a step"),
+        (CHAIN.replace("when u > 1", "when u > 1 and delay(x, 1) > 3"), "delayed signals"),
+    ],
+)  # fmt: skip
+def test_events_that_a_unit_cannot_hold_are_named(text: str, words: str) -> None:
+    with pytest.raises(CompilationFailed) as failed:
+        bondgraph.load(text).to_fmu("never.fmu")
+    assert words in " ".join(d.sentence for d in failed.value.diagnostics)
