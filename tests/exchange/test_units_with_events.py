@@ -274,17 +274,12 @@ def test_reference_units_behave_as_documented(tmp_path: Path) -> None:
         "plain model Feedthrough { parameter tunable = 0\n input continuous_in = 0\n output continuous_out = continuous_in + tunable }",
         tmp_path,
     )
-    signal = np.array([(0.0, 0.0), (1.0, 3.0)], dtype=[("time", float), ("continuous_in", float)])
-    found = run(
-        tmp_path,
-        "CoSimulation",
-        stop_time=1.0,
-        output_interval=0.25,
-        input=signal,
-        output=["continuous_out"],
-        start_values={"tunable": 1.0},
-    )
-    assert found["continuous_out"][-1] == pytest.approx(1 + 3.0, abs=0.76)  # an input acts from the next step on
+    with instance(tmp_path, values={"tunable": 1.0, "continuous_in": 0.5}) as (unit, place):
+        assert unit.getReal([place["continuous_out"]]) == [1.5]
+        unit.setReal([place["continuous_in"]], [-3.0])
+        assert unit.getReal([place["continuous_out"]]) == [-2.0]
+        unit.doStep(0.0, 1.0)
+        assert unit.getReal([place["continuous_out"]]) == [-2.0]
 
 
 @pytest.mark.parametrize(

@@ -134,18 +134,18 @@ def look_ahead(s: FmuInstance, span: float) -> int:
     mean_rates(s, span)
     move_on(s, span)
     w.roots(s.time + span, e.moved, w.inputs, w.constants, w.mode, e.again)
-    found = 0
+    signs = 0
     for j in range(w.root_count):
         first = e.change[j] - e.roots[j]
         then = e.again[j] - e.roots[j]
         if e.doubtful[j] == HIDDEN and (abs(first) > 4.0 * e.noise[j] or abs(then) > 4.0 * e.noise[j]):
-            found += 1
+            signs += 1
             e.doubtful[j] = TOLD
             if first * then > 0.0:
                 e.truth[j] = 1 if first < 0.0 else 0
                 if e.steers[j] == 0 or e.truth[j] == holds(e.roots[j], w.root_strict[j]):
                     w.root_floor[j] = 0.25 * e.noise[j]
-    return found
+    return signs
 
 
 def move_on(s: FmuInstance, span: float) -> None:
@@ -226,7 +226,7 @@ def rest_between(s: FmuInstance) -> int:
     for j in range(w.root_count):
         if e.truth[j] != said(s, j):
             fits = 0
-    if fits != 0 or stands(s):
+    if fits != 0 or is_at_rest(s):
         return OK
     if e.alike == 0 or e.flowing == 0:
         s.message = SLIDES
@@ -237,7 +237,7 @@ def rest_between(s: FmuInstance) -> int:
     return OK
 
 
-def stands(s: FmuInstance) -> bool:
+def is_at_rest(s: FmuInstance) -> bool:
     """Return True if the rates leave the roots of these conditions zero but for rounding."""
     e = s.events
     w = s.solver

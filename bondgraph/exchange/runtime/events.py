@@ -241,9 +241,9 @@ def cut_at_event(s: FmuInstance) -> int:
             wrong = any_wrong(s)
             for j in range(w.root_count):
                 if last > start and may_touch(e, j) and not is_wrong(w, j, e.again[j]):
-                    found = bottom(s, j, before, time)
-                    if found > before:
-                        return narrow(s, before, found)
+                    touch = bottom(s, j, before, time)
+                    if touch > before:
+                        return narrow(s, before, touch)
             if wrong:
                 return narrow(s, last, time)
             for j in range(w.root_count):
@@ -281,13 +281,13 @@ def bottom(s: FmuInstance, j: int, low: float, high: float) -> float:
         first = high - GOLDEN * (high - low)
         then = low + GOLDEN * (high - low)
         roots_at(w, first, e.noise)
-        left = abs(e.noise[j])
+        distance = abs(e.noise[j])
         if is_wrong(w, j, e.noise[j]):
             return first
         roots_at(w, then, e.noise)
         if is_wrong(w, j, e.noise[j]):
             return then
-        if left < abs(e.noise[j]):
+        if distance < abs(e.noise[j]):
             high = then
         else:
             low = first

@@ -125,10 +125,10 @@ def make_steps(s: FmuInstance) -> int:
             forget_steps(w)
             begin(w)
         elif answer == FLIP:
-            found = cut_at_event(s)
-            if found == CUT:
+            event = cut_at_event(s)
+            if event == CUT:
                 return result
-            if found == UNSURE:
+            if event == UNSURE:
                 size = w.time - s.time
                 start_steps(s, w.stop)
                 w.size = min(w.size, AGAIN * size)
