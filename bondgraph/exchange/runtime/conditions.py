@@ -8,14 +8,20 @@ from __future__ import annotations
 from math import isfinite, ulp
 from typing import TYPE_CHECKING
 
-from ...simulation.events import indicators, mode_iteration
+from ...simulation.events import mode_iteration
+from ...simulation.integrators.acceptance import event_indicators
 from .instance import ERROR, OK, SLIDES, EventData, FmuInstance
 from .segment import INFINITE
 
 if TYPE_CHECKING:
     from compiler.api import Floats
 
-NOISE, REACHES, SHARE, LATE = indicators.NOISE, indicators.REACHES, indicators.SHARE, float(indicators.LATE)
+NOISE, REACHES, SHARE, LATE = (
+    event_indicators.NOISE,
+    event_indicators.REACHES,
+    event_indicators.SHARE,
+    event_indicators.LATE,
+)
 CLOSE = mode_iteration.CLOSE
 FAR, COUNT = REACHES[-1], len(REACHES)
 HIDDEN, TOLD = 2, 1  # values of `doubtful`

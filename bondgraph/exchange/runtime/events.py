@@ -7,6 +7,7 @@ from math import isfinite, ulp
 from ...numerics import indicators
 from ...simulation.events import events, locate
 from ...simulation.integration import cut
+from ...simulation.integrators.acceptance import crossing_search
 from ...simulation.integrators.acceptance.zero_crossings import full_at, is_wrong, roots_at
 from ...simulation.integrators.methods import PARTS
 from .conditions import count_in, evaluate, guess_mode, holds, put, reread, said, settle_mode
@@ -25,7 +26,7 @@ from .segment import collect_ticks, enter_segment, forget
 
 FINER = tuple(indicators.FINER.tolist())
 GRID = indicators.GRID
-WIDTH, GOLDEN = float(locate.WIDTH), locate.GOLDEN
+WIDTH, GOLDEN = crossing_search.WIDTH, locate.GOLDEN
 SHORT, BEYOND, ALIKE, SHRUNK = events.SHORT, float(events.BEYOND), float(events.ALIKE), events.SHRUNK
 MOST_ROUNDS, MOST_AT_ONCE, LEFT = events.MOST_ROUNDS, events.MOST_AT_ONCE, events.LEFT
 NEAR, ALLOWED, SHORTEST, PARTED = cut.NEAR, cut.ALLOWED, cut.SHORTEST, len(cut.BACK)
