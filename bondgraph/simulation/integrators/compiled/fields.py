@@ -30,6 +30,7 @@ UNMEASURED = {"fastest": 0.0, "since_looked": dop853.LOOK_AGAIN, "held_by_stabil
 FORGOTTEN = dict.fromkeys(
     ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending", "last_size", "last_error", "contraction"), 0
 )  # fmt: skip
+BEGUN = UNMEASURED | dict.fromkeys(COUNTS, 0)  # of a new segment
 LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with a sparse ordering
 
 
@@ -124,9 +125,9 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
 def fields_at(stretch: Segment, signals: Signals, method: int, automatic: int) -> dict[str, Any]:
     """Return the numbers with which a `IntegratorWorkspace` goes on at the start of another segment; `FORGOTTEN` are the others."""
     earliest, latest = inside(stretch)
-    return signal_fields(signals, stretch.start) | UNMEASURED | {
+    return signal_fields(signals, stretch.start) | BEGUN | {
         "time": stretch.start, "stop": float(stretch.stop), "until": float(stretch.stop), "earliest": earliest, "latest": latest,
-        "method": method, "automatic": automatic, **dict.fromkeys(COUNTS, 0),
+        "method": method, "automatic": automatic,
     }  # fmt: skip
 
 
@@ -134,6 +135,6 @@ def signal_fields(signals: Signals, start: float) -> dict[str, Any]:
     """Return the fields of a `IntegratorWorkspace` for the signals of time, from a start on."""
     return {
         "node_time": signals.times, "node_value": signals.values.ravel(), "signal_nodes": len(signals.times),
-        "node_next": int(np.searchsorted(signals.times, start)), "steady": int(signals.steady), "signal_count": len(signals.allowed),
+        "node_next": int(signals.times.searchsorted(start)), "steady": int(signals.steady), "signal_count": len(signals.allowed),
         "allowed": signals.allowed,
     }  # fmt: skip
