@@ -130,14 +130,16 @@ class Compilation:
         return preferring(self._wished, dict.fromkeys(self.given_way))
 
     @cached_property
+    def _switched_off(self) -> BondGraph:
+        """The whole graph of a companion with its other switched junctions off; what shares with a port does not decide for it."""
+        ports = {**dict.fromkeys(self.gaps, ()), **{v.junction: v.events for v in self.valves}}
+        return switch_off(self._switched[0], self.off, ports, frozenset(ports))
+
+    @cached_property
     def _wished(self) -> BondGraph:
-        valves = {v.junction: v.events for v in self.valves}
-        if self.scene.companion:  # what holds a flow beside a port shares its effort, and does not decide for it
-            ports = {**dict.fromkeys(self.gaps, ()), **valves}
-            return prune(
-                companion(switch_off(self._switched[0], self.off, ports, frozenset(ports)), self.gaps), self.zeros
-            )
-        graph = switch_off(self._switched[0], self.off, valves)
+        if self.scene.companion:
+            return prune(companion(self._switched_off, self.gaps), self.zeros)
+        graph = switch_off(self._switched[0], self.off, {v.junction: v.events for v in self.valves})
         return preferring(prune(graph, self.zeros), dict(self.scene.preferences))
 
     @cached_property
@@ -162,7 +164,7 @@ class Compilation:
         return (
             self.scene.free
             if not self.scene.companion
-            else self.scene.free | {*companion_inputs(self._switched[0], self.gaps)}
+            else self.scene.free | {*companion_inputs(self._switched_off, self.gaps)}
         )
 
     @cached_property

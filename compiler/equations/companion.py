@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..algebra.derivative import derivative
-from ..algebra.expression import Expression, Number, Symbol, add, depends_on, multiply, substitute
+from ..algebra.expression import ONE, Expression, Number, Symbol, add, depends_on, multiply, substitute
 from ..algebra.formula import Bound, Formula
 from ..graph.elements import Kind
 from ..graph.network import (
@@ -46,11 +46,12 @@ def wave(port: str) -> str:
 
 
 def companion_inputs(graph: BondGraph, ports: Sequence[str]) -> tuple[str, ...]:
-    """Inputs of the companion: step, impedance, the waves, and the jumps of storages with nonlinear laws."""
+    """Inputs of the companion of a graph in which other switched junctions are off already: step, impedance, the waves, and the jumps of storages with
+    nonlinear laws."""
     return (
         STEP,
         IMPEDANCE,
-        *map(wave, ports),
+        *map(wave, _ports(graph, ports).values()),
         *(JUMP + n for s in _storages(graph) if is_curved(s) for n in _states(s)),
     )
 
@@ -59,14 +60,26 @@ def _storages(graph: BondGraph) -> list[Element]:
     return [n for n in graph.nodes if isinstance(n, Element) and n.stored]
 
 
+def _ports(graph: BondGraph, ports: Sequence[str]) -> dict[str, str]:
+    """Return the labels of all ports by junction: these, and those with one bond that are off and share with them (`graph/sharing.py`), with their state."""
+    ends = [n for i, n in enumerate(graph.nodes) if isinstance(n, Junction) and len(graph.incident[i]) == 1]
+    states = {n.name: "blocks" if n.kind is Kind.ZERO else "conducts" for n in ends if n.name not in ports}
+    return {**{port: port for port in ports}, **{name: f"{name}, which {state}" for name, state in states.items()}}
+
+
 def companion(graph: BondGraph, ports: Sequence[str]) -> BondGraph:
-    """Return the companion of a graph in which other switched junctions are off already. `ports`: its valves and other two-terminal switches.
-    Outputs: effort, then flow of each port, then the rates of all integrals, what these multiply, and what passes to storages."""
+    """Return the companion of a graph in which other switched junctions are off already. `ports`: its valves and other two-terminal switches; those
+    that share with them become ports too. Outputs: effort, then flow of each port, then the rates of all integrals, what these multiply, and what passes to storages."""
     nodes, bonds = list(graph.nodes), list(graph.bonds)
     renamed: dict[str, str] = {}
+    signs: dict[str, Number] = {}
+    labels = _ports(graph, ports)
     for number, node in enumerate(graph.nodes):
-        if isinstance(node, Junction) and node.name in ports:
-            nodes[number] = _port(node)
+        if isinstance(node, Junction) and node.name in labels:
+            into = graph.bonds[graph.incident[number][0]].head.node == number
+            nodes[number] = _port(
+                node, wave(labels[node.name]), signs.setdefault(node.name, Number(1.0 if into else -1.0))
+            )
         elif isinstance(node, Element) and (made := _resistor(node)) is not None:
             nodes[number] = made
             renamed[node.name] = made.name
@@ -74,8 +87,8 @@ def companion(graph: BondGraph, ports: Sequence[str]) -> BondGraph:
     known = [Named(n, "input", "1", _number(1e-6 if n == STEP else 1.0), None, graph.span) for n in (STEP, IMPEDANCE)]
     zero = companion_inputs(graph, ports)[2:]
     known += [Named(n, "input", "1", _number(0.0), None, graph.span) for n in zero]
-    sides = [(port, variable) for variable in "ef" for port in ports]
-    outputs = {f"{j} {variable}": _reading(j, variable, graph) for j, variable in sides}
+    outputs = {f"{label} e": _reading(port, "e", graph) for port, label in labels.items()}
+    outputs |= {f"{label} f": _reading(port, "f", graph, sign=signs.get(port, ONE)) for port, label in labels.items()}
     outputs |= {
         f"rate of {n}": Named(f"rate of {n}", "output", "1", i.rate, None, i.span) for n, i in graph.integrals.items()
     }
@@ -101,15 +114,16 @@ def _number(value: float) -> Bound:
     return Bound(Formula(0, Number(value)), ())
 
 
-def _reading(node: str, variable: str, graph: BondGraph, name: str = "", port: str = "") -> Named:
-    bound = Bound(Formula(1, Symbol(0)), (Reading(node, port, variable),))
+def _reading(node: str, variable: str, graph: BondGraph, name: str = "", port: str = "", sign: Number = ONE) -> Named:
+    bound = Bound(Formula(1, multiply(sign, Symbol(0))), (Reading(node, port, variable),))
     return Named(name or f"{node} {variable}", "output", "1", bound, None, graph.span)
 
 
-def _port(node: Junction) -> Element:
-    """A matched source in place of a two-terminal switch."""
-    law = Law(((Symbol(PortVariable(0, "e")), Symbol(0) + Symbol(1) * Symbol(PortVariable(0, "f"))),), None, 2)
-    arguments = (Quantity(wave(node.name)), Quantity(IMPEDANCE))
+def _port(node: Junction, incident: str, sign: Number) -> Element:
+    """A matched source in place of a two-terminal switch. `incident`: the name of its wave; `sign`: -1 where the arrow points out of it."""
+    flow = multiply(sign, Symbol(PortVariable(0, "f")))
+    law = Law(((Symbol(PortVariable(0, "e")), Symbol(0) + Symbol(1) * flow),), None, 2)
+    arguments = (Quantity(incident), Quantity(IMPEDANCE))
     ports = (Port("", node.domain),)
     return Element(
         node.name, Kind.RESISTOR, True, ports, law, arguments, (), {}, {}, None, None, node.definition, node.span

@@ -35,11 +35,13 @@ UNKNOWN = 1.3719  # ratio of a transformer that no value is known of
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Condition of a switch that becomes a source: minus the weighted sum of others', by name; `scale` multiplies it. `note`: if the model reads the share."""
+    """Condition of a switch that becomes a source: minus the weighted sum of others', by name; `scale` multiplies it. `note`: if the model reads the share;
+    `among`: the names of all that share."""
 
     others: Mapping[str, float]
     scale: Bound | None = None
     note: str = ""
+    among: frozenset[str] = frozenset()
 
 
 def shared(
@@ -53,7 +55,7 @@ def shared(
 
     `closed`: junctions that have become sources of no effort. Open are the valves and switches that are still 0-junctions with one bond, and
     `holding`: sources of no flow in the place of 1-junctions. Several that hold one flow at zero share the effort as well. `ports` of a companion
-    count as open and as closed, and stay as they are, so that nothing decides for them.
+    count as open and as closed, and stay as they are. A source that shares with one is a junction with one bond, which says the same: it becomes a port too.
     """
     if not valves and not holding:
         return graph
@@ -80,7 +82,8 @@ def shared(
         for name, share in _open(graph, among, kind, frozenset(own), events).items():
             notes += [share.note] if share.note else []
             if name not in ports:
-                nodes[among[name]] = _source(graph, among[name], kind, share)
+                alone = ports.isdisjoint(share.among)
+                nodes[among[name]] = (_source if alone else _junction)(graph, among[name], kind, share)
     return replace(graph, nodes=tuple(nodes), undetermined=(*graph.undetermined, *notes))
 
 
@@ -147,7 +150,7 @@ def _open(
             share = Share({} if signs else loop)
             how = "what reads these shares depends on how this program chooses them"
         note = _note(kind, sorted([own[g], *loop], key=among.__getitem__), how) if read else ""
-        shares[own[g]] = replace(share, note=note)
+        shares[own[g]] = replace(share, note=note, among=frozenset(loop))
     return shares
 
 
@@ -286,6 +289,14 @@ def _without(row: Row, g: int, pivot: Row) -> Row:
         return row
     result = {k: row.get(k, Fraction(0)) - factor * pivot.get(k, Fraction(0)) for k in {*row, *pivot}}
     return {k: c for k, c in result.items() if c}
+
+
+def _junction(graph: BondGraph, number: int, kind: Kind, _: Share) -> Junction:
+    """A source of no flow as a 0-junction with one bond, one of no effort as a 1-junction."""
+    node = graph.nodes[number]
+    domain = graph.bonds[graph.incident[number][0]].domain
+    joins = Kind.ONE if kind is Kind.FLOW_SOURCE else Kind.ZERO
+    return Junction(node.name, joins, domain, node.definition, node.span)
 
 
 def _source(graph: BondGraph, number: int, kind: Kind, share: Share) -> Element:

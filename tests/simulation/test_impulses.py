@@ -192,3 +192,45 @@ def test_small_charges_are_shared_as_large_ones(near: str, far: str) -> None:
     sizes = [float(text.split()[0]) * {"pF": 1e-12, "fF": 1e-15, "F": 1.0}[text.split()[1]] for text in (near, far)]
     shared = 5 * sizes[0] / sum(sizes)
     assert run.final("u") == pytest.approx(shared, rel=1e-9) and run.final("w") == pytest.approx(shared, rel=1e-9)
+
+
+STOPPED = """plain model Stopped {
+  I m : p = 2*f { start p = 3 }
+  R r : e = 0.3*f
+  R q : e = 0.2*f
+  Se push : e = PUSH
+  1 j
+  1 other { active = time < 0.9 or time > 1.5 }
+  1 line
+  0 gap { active = not open }
+  mode open = true
+  push -> j -> m, r
+  j -> line -> gap
+  j -> other -> q
+  when not open and gap.e > 0 { open = true }
+  when open and line.f < 0 { open = false }
+  output p = m.p, passed = integral(m.e, 0)
+  experiment go { simulate 0 .. 2 }
+}
+"""
+STOPPED_DUAL = (
+    STOPPED.replace("I m : p = 2*f", "C m : q = 2*e").replace("start p", "start q").replace("m.p,", "m.q,")
+    .replace("R r : e = 0.3*f", "R r : f = 0.3*e").replace("R q : e = 0.2*f", "R q : f = 0.2*e").replace("m.e,", "m.f,")
+    .replace("Se push : e", "Sf push : f").replace("1 j", "0 j").replace("1 other", "0 other").replace("open = true\n", "open = false\n")
+    .replace("gap.e > 0", "gap.e < 0").replace("line.f < 0", "line.f > 0")
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("text", [STOPPED, STOPPED_DUAL], ids=["momentum", "charge"])
+@pytest.mark.parametrize("push", [-0.5, 0.5])
+@pytest.mark.parametrize("arrow", ["j -> other", "other -> j"])
+def test_what_is_held_beside_a_valve_passes_its_impulse(text: str, push: float, arrow: str) -> None:
+    """A junction that goes off stops all, whatever a valve beside it does; the integral of the force is the change of the momentum."""
+    written = text.replace("PUSH", str(push)).replace("j -> other -> q", f"{arrow}\n  other -> q")
+    run = bondgraph.load(written).simulate(points=21, rtol=1e-9)
+    times, steady, after = np.asarray(run.time), 4 * push, 4 * max(push, 0.0)
+    expected = np.where(times < 0.9, steady + (3 - steady) * np.exp(-times / 4), 0.0)
+    expected = np.where(times > 1.5, after * (1 - np.exp(-(times - 1.5) / 4)), expected)
+    where = np.abs(times - 0.9) > 1e-6  # at the instant itself both are right
+    np.testing.assert_allclose(run["p"][where], expected[where], atol=1e-8)
+    np.testing.assert_allclose(run["passed"][where], expected[where] - 3, atol=1e-8)

@@ -47,6 +47,7 @@ BEGINNINGS = (
     *(10.0 ** np.arange(-30, 31, 6)).tolist(),
 )  # its first values, in SI, from below: above the network's own all is rounding
 STEP, IMPEDANCE = "step of the companion", "impedance of the valves"  # its inputs, besides the waves
+CONDUCTS = ", which conducts"  # end of the label of a port whose state is fixed
 # of stored quantities: an input where a law is nonlinear, and an output
 JUMP, PASSED = "jump of ", "rate of what passes to "
 BALANCED = 1e-6  # relative to a jump: largest misfit of the impulse that passes
@@ -76,6 +77,9 @@ class CompanionNetwork:
     program: Program
     constraints: Constraints
     places: Mapping[str, int]  # indices of its inputs
+    fixed: tuple[
+        bool, ...
+    ]  # of the ports behind the two-terminal switches, which share with these: True where one conducts
     waves: tuple[tuple[int, int], ...]  # indices of the ports whose waves it reads, each with that of the input
     conditions: ConditionFunction | None  # None without discrete variables
     linear: bool  # True if one row of difference quotients is exact
@@ -296,7 +300,8 @@ class Companion:
         self, at: Instant, guess: BoolArray, step: float, valves: int | None, moved: Array
     ) -> tuple[Any, Outputs] | None:
         """Return the same with nonlinear laws linearized at these jumps."""
-        network, count = self._network(at.off), len(self.gaps)
+        network = self._network(at.off)
+        count = len(self.gaps) + len(network.fixed)
         jumped = dict(zip(network.curved, moved.tolist(), strict=True))
         at = replace(
             at, stored={**at.stored, **{n: at.stored.get(n, 0.0) + x for n, x in jumped.items()}},
@@ -305,8 +310,10 @@ class Companion:
         network.impedance = z = network.impedance or self._impedance(network, at)
         where = self._state(network, at, step)
         others = [name in at.off for name in self.gaps[len(self.valves) :]]  # a switch whose junction is off conducts
-        waves, on = np.zeros(count), np.array([*guess, *others], dtype=bool)
-        network.wave = network.wave or self._largest_wave(self._outputs(network, at, where, (step, z, waves[None])), z)
+        waves, on = np.zeros(count), np.array([*guess, *others, *network.fixed], dtype=bool)
+        network.wave = network.wave or _largest_wave(
+            self._outputs(network, at, where, (step, z, waves[None])), z, count
+        )
         size = network.wave or 1.0
         for _ in range(NEWTON):
             rows = np.concatenate([waves[None], waves + size * np.eye(count)])
@@ -315,12 +322,13 @@ class Companion:
                 return None
             back = seen[:, :count] + z * seen[:, count : 2 * count]
             slopes = (back[1:] - back[0]).T / size
-            offset = self.signs * (back[0] - slopes @ waves)
-            slopes = self.signs[:, None] * slopes * self.signs
+            signs = np.concatenate([self.signs, np.ones(len(network.fixed))])
+            offset = signs * (back[0] - slopes @ waves)
+            slopes = signs[:, None] * slopes * signs
             found = complementary(slopes, offset, on, len(self.valves) if valves is None else valves)
             if found is None:
                 return None
-            before, waves, on = waves, self.signs * found[1], found[0]
+            before, waves, on = waves, signs * found[1], found[0]
             if network.linear or np.abs(waves - before).max(initial=0.0) <= SETTLED * np.abs(waves).max(initial=0.0):
                 break
             network.wave = max(network.wave, float(np.abs(waves).max()))
@@ -359,11 +367,12 @@ class Companion:
             constraints = Constraints(program, parameters, inputs, np.ones(len(program.states.names)))
             places = {n: i for i, n in enumerate(program.inputs.names)}
             curved = tuple(n.removeprefix(JUMP) for n in program.inputs.names if n.startswith(JUMP))
-            named = (places.get(f"wave of {name}") for name in self.gaps)
+            ports = [n.removesuffix(" e") for n in program.outputs.names if n.endswith(" e")]
+            named = (places.get(f"wave of {name}") for name in ports)
             waves = tuple((port, place) for port, place in enumerate(named) if place is not None)
             start = np.array(program.start(constraints.constants), dtype=float)
             self.networks[off] = CompanionNetwork(
-                program, constraints, places, waves, None if program.hybrid is None else self.conditions(constraints), made.certificate.linear,
+                program, constraints, places, tuple(p.endswith(CONDUCTS) for p in ports[len(self.gaps) :]), waves, None if program.hybrid is None else self.conditions(constraints), made.certificate.linear,
                 curved, start, start[len(program.states.names) :], np.zeros(len(start)),
             )  # fmt: skip
         return self.networks[off]
@@ -385,9 +394,9 @@ class Companion:
         self, network: CompanionNetwork, at: Instant, where: tuple[Any, Any], values: tuple[float, float]
     ) -> float | None:
         """Return the ratio of the network's impedance to that of the waves; None if all that it shows is that one is far larger than the other."""
-        (step, z), count = values, len(self.gaps)
+        (step, z), count = values, len(self.gaps) + len(network.fixed)
         here = self._outputs(network, at, where, (step, z, np.zeros((1, count))))
-        size = self._largest_wave(here, z) or 1.0  # smaller waves are lost in those of the sources
+        size = _largest_wave(here, z, count) or 1.0  # smaller waves are lost in those of the sources
         waves = size * np.concatenate([np.zeros((1, count)), np.eye(count), 2 * np.eye(count)])
         moved = self._outputs(network, at, where, (step, z, waves))[1:] - here
         back = (moved[:, :count] + z * moved[:, count : 2 * count]).reshape(2, count, count)
@@ -395,12 +404,6 @@ class Companion:
         # without sources and floating parts, which have no impedance, and without what is rounding
         own = change[(np.abs(change) < 1 - 1e-6) & (np.abs(again - change) < 0.5 * (1 - np.abs(change)))]
         return float(np.exp(np.mean(np.log((1 + own) / (1 - own))))) if len(own) else None
-
-    def _largest_wave(self, seen: Array, z: float) -> float:
-        """Return the largest effort, or flow times the impedance, at the valves; 0 if it is not finite."""
-        count = len(self.gaps)
-        size = float(np.maximum(np.abs(seen[:, :count]), np.abs(z * seen[:, count : 2 * count])).max(initial=0.0))
-        return size if np.isfinite(size) else 0.0
 
     def _state(self, network: CompanionNetwork, at: Instant, step: float) -> tuple[Any, Any]:
         """Return the state and the mode of a companion program at an instant."""
@@ -413,6 +416,12 @@ class Companion:
             mode = with_discrete_variables(program.hybrid, mode, at.modes)
             mode = network.conditions(at.time + step, state, mode)
         return state, mode
+
+
+def _largest_wave(seen: Array, z: float, count: int) -> float:
+    """Return the largest effort, or flow times the impedance, at the first ports; 0 if it is not finite."""
+    size = float(np.maximum(np.abs(seen[:, :count]), np.abs(z * seen[:, count : 2 * count])).max(initial=0.0))
+    return size if np.isfinite(size) else 0.0
 
 
 def complementary(slopes: Array, offset: Array, guess: BoolArray, valves: int) -> tuple[Any, Any, Any] | None:
