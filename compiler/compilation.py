@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .causality import CausalGraph, assign_causality
+from .causality.valves import with_fitting_modes
 from .codegen.common_factors import with_shared_products
 from .codegen.identity import identity
 from .codegen.lower import lower, moving
@@ -151,7 +152,15 @@ class Compilation:
     def _switched(self) -> tuple[BondGraph, tuple[Valve, ...]]:
         """The whole graph with a gap for each ideal valve, and these."""
         graph = decided(self.whole_graph, self._settable) if self.whole_graph.switches else self.whole_graph
-        return with_gaps(graph) if graph.switches else (graph, ())
+        if not graph.switches:
+            return graph, ()
+        graph, valves = with_gaps(graph)
+        if valves and self.scene.off is None:
+            off, own = off_at_the_start(graph, self.plan.start), {v.junction: v.events for v in valves}
+            graph = with_fitting_modes(
+                graph, valves, off, lambda g, names: prune(switch_off(g, names, own), self.zeros)
+            )
+        return graph, valves
 
     @cached_property
     def gaps(self) -> tuple[str, ...]:

@@ -69,7 +69,8 @@ def _ports(graph: BondGraph, ports: Sequence[str]) -> dict[str, str]:
 
 def companion(graph: BondGraph, ports: Sequence[str]) -> BondGraph:
     """Return the companion of a graph in which other switched junctions are off already. `ports`: its valves and other two-terminal switches; those
-    that share with them become ports too. Outputs: effort, then flow of each port, then the rates of all integrals, what these multiply, and what passes to storages."""
+    that share with them become ports too. Outputs: effort, then flow of each port, then the rates of all integrals, what these multiply, and what passes
+    to storages."""
     nodes, bonds = list(graph.nodes), list(graph.bonds)
     renamed: dict[str, str] = {}
     signs: dict[str, Number] = {}

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -25,7 +25,7 @@ from ..algebra.formula import Bound, Formula, bind, over
 from ..fast_dataclass import dataclass
 from .elements import Kind
 from .limits import Readers, Readings
-from .network import BondGraph, Element, Junction, Law, Port, PortVariable, Quantity, Reading
+from .network import BondGraph, Element, Event, Junction, Law, Port, PortVariable, Quantity, Reading
 
 Row = dict[int, Fraction]  # group of bonds -> coefficient
 ValveEvents = Mapping[str, tuple[tuple[str, int], ...]]  # junction of an ideal valve -> owner and place of its events
@@ -73,35 +73,62 @@ def shared(
     ends |= {name: i for name, i in gaps.items() if name in ports}
     gaps |= {n.name: i for i, n in enumerate(graph.nodes) if n.name in holding}
     nodes = list(graph.nodes)
-    events = frozenset(key for own in valves.values() for key in own)
+    valve_events = frozenset(key for own in valves.values() for key in own)
     notes: list[str] = []
-    for kind, among, own in (
-        (Kind.FLOW_SOURCE, ends, valves.keys()),
-        (Kind.EFFORT_SOURCE, gaps, valves.keys() | holding),
+    zeros: set[tuple[str, str]] = (
+        set()
+    )  # switch and variable: its effort where closed ones make a loop with it, its flow where open ones cut it off
+    for kind, among, others, own in (
+        (Kind.FLOW_SOURCE, ends, gaps, valves.keys()),
+        (Kind.EFFORT_SOURCE, gaps, ends, valves.keys() | holding),
     ):
-        for name, share in _open(graph, among, kind, frozenset(own), events).items():
+        shares, idle = _open(graph, among, {} if ports else others, kind, frozenset(own), valve_events)
+        zeros |= {(name, "e" if kind is Kind.FLOW_SOURCE else "f") for name in (*shares, *idle)}
+        for name, share in shares.items():
             notes += [share.note] if share.note else []
             if name not in ports:
                 alone = ports.isdisjoint(share.among)
                 nodes[among[name]] = (_source if alone else _junction)(graph, among[name], kind, share)
-    return replace(graph, nodes=tuple(nodes), undetermined=(*graph.undetermined, *notes))
+    events = _with_zeros(graph, zeros) if zeros else graph.events
+    return replace(graph, nodes=tuple(nodes), events=events, undetermined=(*graph.undetermined, *notes))
+
+
+def _with_zeros(graph: BondGraph, zeros: Collection[tuple[str, str]]) -> tuple[Event, ...]:
+    """Return the events with conditions that read zero, and not its rounding, where switches (by name) have none of a variable."""
+    places = {n.name: i for i, n in enumerate(graph.nodes)}
+    readings, none = {}, {}
+    for variable, joins in (("e", Kind.ZERO), ("f", Kind.ONE)):
+        group = groups(graph, joins, frozenset())
+        readings[variable] = Readings(graph, variable, group)
+        none[variable] = {group[b] for name, v in zeros if v == variable for b in graph.incident[places[name]]}
+
+    def known(argument: object) -> object:
+        if isinstance(argument, Reading) and argument.variable in "ef":
+            behind = readings[argument.variable].of((argument,))
+            return 0.0 if behind and behind <= none[argument.variable] else argument
+        return argument
+
+    bounds = (replace(e.condition, arguments=tuple(map(known, e.condition.arguments))) for e in graph.events)
+    return tuple(replace(e, condition=bound) for e, bound in zip(graph.events, bounds, strict=True))
 
 
 def _open(
     graph: BondGraph,
     among: Mapping[str, int],
+    others: Mapping[str, int],
     kind: Kind,
     valves: frozenset[str],
     valve_events: frozenset[tuple[str, int]],
-) -> dict[str, Share]:
-    """Return the share of each switch that becomes a source, by the others of its loop, or of its cut. `valve_events` read no share: a
-    companion decides on valves."""
-    if not among.keys() & valves:
-        return {}
+) -> tuple[dict[str, Share], list[str]]:
+    """Return the share of each switch that becomes a source, by the others of its loop, or of its cut, and those of `others` that alone close one (or
+    bridge one). `valve_events` read no share: a companion decides on valves."""
+    if not among or not valves & {*among, *others}:
+        return {}, []
     joins, sums = (Kind.ONE, Kind.ZERO) if kind is Kind.FLOW_SOURCE else (Kind.ZERO, Kind.ONE)
     variable = "f" if kind is Kind.FLOW_SOURCE else "e"
     group = groups(graph, joins, frozenset(among.values()))
-    grounds = frozenset(i for i, n in enumerate(graph.nodes) if i not in among.values() and _is_ground(n, kind))
+    switches = {*among.values(), *others.values()}
+    grounds = frozenset(i for i, n in enumerate(graph.nodes) if i not in switches and _is_ground(n, kind))
     transformers = {
         i: law
         for i, n in enumerate(graph.nodes)
@@ -111,25 +138,30 @@ def _open(
     still = {
         group[b]
         for i, n in enumerate(graph.nodes)
-        if not isinstance(n, Junction) and i not in among.values() and i not in grounds and i not in transformers
+        if not isinstance(n, Junction) and i not in switches and i not in grounds and i not in transformers
         for b in graph.incident[i]
     }
     rows = [
         row
         for i, n in enumerate(graph.nodes)
-        if n.kind is sums and i not in among.values()
+        if n.kind is sums and i not in switches
         if (row := _sum(graph, i, group, still))
     ]
     sides = {i: _side_groups(graph, i, group) for i in transformers}
     rows += [row for i, law in transformers.items() if (row := _turned(sides[i], law.slopes, still))]
     places = {name: group[graph.incident[i][0]] for name, i in among.items()}
     number = Counter(places.values())
+    outer = Counter(group[graph.incident[i][0]] for i in others.values())
     # Closed ones in a row carry the same: one shares for all. Open ones at one node leave it without an effort.
     own = {places[n]: n for n in sorted(places, key=valves.__contains__) if joins is Kind.ONE or number[places[n]] == 1}
-    inner = sorted({g for row in rows for g in row} - own.keys())
+    inner = sorted({g for row in rows for g in row} - own.keys() - outer.keys())
     readings = Readings(graph, variable, group)
     readers = readings.readers(valve_events)
-    pivots = _eliminated(rows, [*inner, *sorted(own, key=lambda g: (g in readers.events, own[g] not in valves))])
+    inside = sorted(own, key=lambda g: (g in readers.events, own[g] not in valves))
+    pivots = _eliminated(rows, [*inner, *inside, *sorted(outer.keys() - own.keys())])
+    behind = {g for p, row in pivots.items() if p in outer for g in row}
+    free = {g for g, n in outer.items() if n == 1 and g not in behind and g not in still}
+    idle = [n for n, i in others.items() if group[graph.incident[i][0]] in free]
     shares = {}
     for g in [g for g in own if g not in pivots and g not in still]:
         loop = {own[p]: -float(row[g] * number[p] / number[g]) for p, row in pivots.items() if g in row and p in own}
@@ -151,7 +183,7 @@ def _open(
             how = "what reads these shares depends on how this program chooses them"
         note = _note(kind, sorted([own[g], *loop], key=among.__getitem__), how) if read else ""
         shares[own[g]] = replace(share, note=note, among=frozenset(loop))
-    return shares
+    return shares, idle
 
 
 def _in_proportion(readings: Readings, readers: Readers, members: Sequence[int]) -> Expression | None:

@@ -311,9 +311,10 @@ class Companion:
         where = self._state(network, at, step)
         others = [name in at.off for name in self.gaps[len(self.valves) :]]  # a switch whose junction is off conducts
         waves, on = np.zeros(count), np.array([*guess, *others, *network.fixed], dtype=bool)
-        network.wave = network.wave or _largest_wave(
-            self._outputs(network, at, where, (step, z, waves[None])), z, count
-        )
+        here = self._outputs(network, at, where, (step, z, waves[None]))
+        network.wave = max(
+            network.wave, _largest_wave(here, z, count)
+        )  # quotients over less are the rounding of what is stored
         size = network.wave or 1.0
         for _ in range(NEWTON):
             rows = np.concatenate([waves[None], waves + size * np.eye(count)])
@@ -372,7 +373,8 @@ class Companion:
             waves = tuple((port, place) for port, place in enumerate(named) if place is not None)
             start = np.array(program.start(constraints.constants), dtype=float)
             self.networks[off] = CompanionNetwork(
-                program, constraints, places, tuple(p.endswith(CONDUCTS) for p in ports[len(self.gaps) :]), waves, None if program.hybrid is None else self.conditions(constraints), made.certificate.linear,
+                program, constraints, places, tuple(p.endswith(CONDUCTS) for p in ports[len(self.gaps) :]), waves,
+                None if program.hybrid is None else self.conditions(constraints), made.certificate.linear,
                 curved, start, start[len(program.states.names) :], np.zeros(len(start)),
             )  # fmt: skip
         return self.networks[off]
