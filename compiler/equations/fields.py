@@ -15,6 +15,7 @@ from functools import lru_cache
 from ..algebra.expression import Symbol, add, divide, evaluate, multiply
 from ..algebra.formula import Bound
 from ..errors import Diagnostic
+from ..graph.domains import DOMAINS
 from ..graph.elements import STORAGES, Kind
 from ..graph.inertia import inertia_notes
 from ..graph.network import BondGraph, Element, Law, PortVariable
@@ -49,8 +50,14 @@ def without_energy(element: Element, graph: BondGraph) -> Diagnostic | None:
 
 
 def _by_equations(element: Element) -> bool:
-    """Return True for a field of several ports whose law gives no energy."""
-    return element.law.energy is None and len(element.ports) > 1
+    """Return True for a field of several ports whose law gives no energy, and that has one."""
+    return element.law.energy is None and len(element.ports) > 1 and _has_power(element)
+
+
+def _has_power(element: Element) -> bool:
+    """Return True if effort times flow is a power at all ports, as in a plain model; of heat times temperature no sign says anything."""
+    domains = [DOMAINS[p.domain] for p in element.ports]
+    return all(d.has_power or not d.typed for d in domains)
 
 
 def _sides(stored: tuple[str, ...]) -> tuple[tuple[PortVariable, ...], tuple[PortVariable, ...]]:
@@ -140,7 +147,7 @@ def notes(graph: BondGraph) -> tuple[str, ...]:
     found: list[str] = []
     for node in graph.nodes:
         if isinstance(node, Element) and node.kind is Kind.RESISTOR:
-            found += _notes(node, graph)
+            found += () if not _has_power(node) else _notes(node, graph)
         elif isinstance(node, Element) and node.kind in STORAGES and not _checked(node, graph):
             found.append(
                 f"`{node.name}` may create energy: its law can be solved neither way, so its symmetry is not checked"

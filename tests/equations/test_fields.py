@@ -154,6 +154,20 @@ class TestPassivity:
         assert bondgraph.load(text).certificate.notes == ()
         assert "`pad` creates energy" in bondgraph.load(text.replace("0.4", "-0.4")).certificate.notes[0]
 
+    @pytest.mark.parametrize("law", ["f = (e - 293 K)*40 [W/K]", "e = 293 K + f/40 [W/K]"])
+    def test_heat_times_temperature_is_no_power(self, law: str) -> None:
+        """A wall to air of 293 K, which heats what is colder: the product is negative there, and no energy is made."""
+        text = f"model A {{\n  C air : e = 280 K + q/50 [kJ/K]\n  R wall : {law}\n  0 room : pseudothermal\n  room -> air, wall\n}}\n"
+        assert bondgraph.load(text).certificate.notes == ()
+
+    def test_a_field_of_heat_has_no_energy_to_keep(self) -> None:
+        """Heat that raises the temperature of another port more than the other way round: in `electric` it is refused, BG405."""
+        law = "C c(a, b) : a.e = (a.q + 2*b.q)*k, b.e = (b.q + a.q)*k"
+        ends = "".join(f"  Sf s{p} : f = 1 [{{unit}}]\n  0 n{p} : {{domain}}\n  s{p} -> n{p} -> c.{p}\n" for p in "ab")
+        text = f"model A {{{{\n  parameter k = 1 [{{slope}}]\n  {law}\n{ends}}}}}\n"
+        assert mistakes(text.format(unit="W", domain="pseudothermal", slope="K/J")) == ()
+        assert [d.code for d in mistakes(text.format(unit="A", domain="electric", slope="V/C"))] == ["BG405"]
+
     def test_notes_are_printed_where_the_certificate_is(self) -> None:
         text = "plain model A {\n  I m : p = 2*f { start p = 1 }\n  R r : e = -0.1*f\n  1 j\n  j -> m, r\n  output p = m.p\n}\n"
         model = bondgraph.load(text)

@@ -117,3 +117,12 @@ def test_what_grows_before_the_run_is_refused(gain: float) -> None:
     text = f"plain model Loop {{ signal y = 10 + ({gain})*delay(y, 1); output a = y }}"
     with pytest.raises(RunFailed, match="do not settle on each other"):
         bondgraph.load(text).simulate(to=4)
+
+
+def test_what_moves_after_a_dead_time_does_not_grow_without_bound() -> None:
+    """A look ahead sees nothing of it, so its magnitude is what another signal of its unit lends it, which says nothing of growth."""
+    text = "model Late {\n  signal y = integral((step(time - 0.1 s) - y)/0.01 s, 0)\n  signal z = integral((20*delay(y, 2 s) - z)/1 s, 0)\n  output last = z\n}\n"
+    found = bondgraph.load(text).simulate(to="20 s", points=3)
+    begins, share = 2.1, 0.01 / (1 - 0.01)  # after both lags, 20 (1 - (e^-t/1 - 0.01 e^-t/0.01)/0.99)
+    assert found["last"][1] == pytest.approx(20 * (1 - (1 + share) * np.exp(-(10 - begins))), rel=1e-6)
+    assert found.notes == ()

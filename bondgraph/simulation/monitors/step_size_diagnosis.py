@@ -13,6 +13,9 @@ import numpy as np
 
 from compiler.api import Array
 
+from ...numerics.scales import largest_of_group
+from ..integrators.pilot.schedule import unit_numbers
+from ..magnitudes.nominal_magnitudes import SLIGHT
 from ..segments.context import LastStep, SegmentContext
 
 LARGEST = 200  # most states for which modes are computed
@@ -24,6 +27,7 @@ APART = 30.0  # ratio of two rates: the slower mode could be followed with much 
 BEYOND = (
     1e4  # factor on the largest value in the pilot run; no other check sees a motion made unstable by loose tolerances
 )
+LENT = 1.001 * SLIGHT  # relative to the largest magnitude of the unit: no more than what it lends
 SHARE = 0.05  # least share of an element, relative to the largest
 
 
@@ -86,14 +90,20 @@ def notes_of(context: SegmentContext, solver: LastStep, steps: int, mode: Array,
 
 
 def growth_notes(context: SegmentContext, solver: LastStep, notes: Sequence[str]) -> list[str]:
-    """Return a note on the state farthest beyond its magnitude at the end of a segment; none if its magnitude was given, or after a first note in `notes`."""
+    """Return a note on the state farthest beyond its magnitude at the end of a segment; none if its magnitude was given, or after a first note in `notes`.
+
+    One that nothing moved in the pilot run (behind a dead time, before an event) has the magnitude that others of its unit lend it, and is measured
+    by theirs.
+    """
     names, units = context.program.states.names, context.program.states.units
     tolerances = context.tolerances
     count = len(names)
     far = np.abs(np.asarray(solver.state)[:count])
     if not (far > BEYOND).any():
         return []
-    far = np.where(tolerances.held[:count], 0.0, far)
+    sizes = tolerances.magnitude[:count]
+    lending = largest_of_group(sizes, unit_numbers(context.program)[:count])
+    far = np.where(tolerances.held[:count], 0.0, np.where(sizes > LENT * lending, far, far * sizes / lending))
     if not (far > BEYOND).any():
         return []
     worst = int(np.argmax(far))
