@@ -224,6 +224,8 @@ def power(base: Expression, exponent: Expression) -> Expression:
             return call("sqrt", base)
         if isinstance(base, Number):
             return call("power", base, exponent)
+        if n != int(n) and (root := _of_sizes(base, n)) is not None:
+            return root
         if isinstance(base, Apply) and n == int(n):
             if base.operator == "multiply":
                 return multiply(*(power(f, exponent) for f in base.operands))
@@ -234,6 +236,22 @@ def power(base: Expression, exponent: Expression) -> Expression:
             if base.operator == "abs" and n % 2 == 0:
                 return power(base.operands[0], exponent)
     return call("power", base, exponent)
+
+
+def _of_sizes(x: Expression, exponent: float) -> Expression | None:
+    """A root of even powers alone, by the absolute values of their bases: sqrt(4 x^2) = 2 abs(x), whose bend is known; None for any other base."""
+    totals: dict[Expression, float] = {}
+    for factor in x.operands if _opens(x, "multiply") else (x,):
+        match factor:
+            case Apply(operator="power", operands=(base, Number(n))) if n == int(n):
+                totals[base] = totals.get(base, 0.0) + n
+            case _:
+                totals[factor] = totals.get(factor, 0.0) + 1.0
+    if any(n % 2 and not (isinstance(b, Number) and b.value >= 0) for b, n in totals.items()) or not any(
+        n % 2 == 0 for n in totals.values()
+    ):
+        return None
+    return multiply(*(power(call("abs", base), Number(n * exponent)) for base, n in totals.items()))
 
 
 def _never_negative(x: Expression) -> bool:
@@ -257,6 +275,8 @@ def call(operator: str, *operands: Expression) -> Expression:
         return multiply(*operands)
     if operator == "select":
         return select(*operands)
+    if operator == "sqrt" and (root := _of_sizes(operands[0], 0.5)) is not None:
+        return root
     numbers = [x.value for x in operands if isinstance(x, Number)]
     if operator in OPERATORS and operator not in CONDITIONS and len(numbers) == len(operands):
         try:

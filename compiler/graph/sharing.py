@@ -96,19 +96,19 @@ def shared(
 def _with_zeros(graph: BondGraph, zeros: Collection[tuple[str, str]]) -> tuple[Event, ...]:
     """Return the events with conditions that read zero, and not its rounding, where switches (by name) have none of a variable."""
     places = {n.name: i for i, n in enumerate(graph.nodes)}
-    readings, none = {}, {}
+    readings, zero_groups = {}, {}
     for variable, joins in (("e", Kind.ZERO), ("f", Kind.ONE)):
         group = groups(graph, joins, frozenset())
         readings[variable] = Readings(graph, variable, group)
-        none[variable] = {group[b] for name, v in zeros if v == variable for b in graph.incident[places[name]]}
+        zero_groups[variable] = {group[b] for name, v in zeros if v == variable for b in graph.incident[places[name]]}
 
-    def known(argument: object) -> object:
+    def replaced(argument: object) -> object:
         if isinstance(argument, Reading) and argument.variable in "ef":
             behind = readings[argument.variable].of((argument,))
-            return 0.0 if behind and behind <= none[argument.variable] else argument
+            return 0.0 if behind and behind <= zero_groups[argument.variable] else argument
         return argument
 
-    bounds = (replace(e.condition, arguments=tuple(map(known, e.condition.arguments))) for e in graph.events)
+    bounds = (replace(e.condition, arguments=tuple(map(replaced, e.condition.arguments))) for e in graph.events)
     return tuple(replace(e, condition=bound) for e, bound in zip(graph.events, bounds, strict=True))
 
 

@@ -261,10 +261,34 @@ def test_many_operands(build: Callable[..., Expression]) -> None:
     assert evaluate(found, lambda key: 1.0) in (5000.0, 1.0)
 
 
-@pytest.mark.parametrize("inner", [X**2, 3 * X**2, X**2 + call("abs", Y), X**4 * call("exp", Y) + 1, call("cosh", X), Apply("add", (Number(0.0), X**2))])  # fmt: skip
+@pytest.mark.parametrize("inner", [X**2, 4 * X**2, X**2 + call("abs", Y), X**4 * call("exp", Y) + 1, call("cosh", X), Apply("add", (Number(0.0), X**2))])  # fmt: skip
 def test_the_square_of_a_root_of_what_is_never_negative_is_that(inner: Expression) -> None:
     assert power(call("sqrt", inner), Number(2.0)) == inner
-    assert power(call("sqrt", inner), Number(4.0)) == power(inner, Number(2.0))
+    fourth, values = power(call("sqrt", inner), Number(4.0)), {"x": -1.7, "y": 0.3}
+    assert evaluate(fourth, values.__getitem__) == pytest.approx(evaluate(inner, values.__getitem__) ** 2, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("base", "exponent", "root"),
+    [
+        (X**2, 0.5, call("abs", X)),
+        (X * X, 0.5, call("abs", X)),
+        (4 * X**2, 0.5, 2 * call("abs", X)),
+        ((X - 1) ** 2, 0.5, call("abs", X - 1)),
+        (X**2 * Y**4, 0.5, call("abs", X) * Y**2),
+        (X**2, 1.5, call("abs", X) ** 3),
+        (X**-2, 0.5, call("abs", X) ** -1),
+        (X**2, 1 / 3, call("abs", X) ** (2 / 3)),
+    ],
+)
+def test_roots_of_even_powers_are_absolute_values(base: Expression, exponent: float, root: Expression) -> None:
+    """Their bends are located, and their slopes known, as those of `abs` are."""
+    assert power(base, Number(exponent)) == root
+
+
+@pytest.mark.parametrize("base", [X, X**3, X * Y, -4 * X**2, X**2 + Y**2, X**2 * Y])
+def test_other_roots_stay(base: Expression) -> None:
+    assert call("sqrt", base) == Apply("sqrt", (base,))
 
 
 @pytest.mark.parametrize("inner", [X, X**3, -(X**2), X**2 - 1, X**2 + Y, X**2 * Y, call("sin", X), X**0.5 * Y, X**1.5, Apply("power", (X, Y)), X / Y])  # fmt: skip

@@ -150,3 +150,13 @@ def test_a_long_loop_is_a_band(tmp_path: Path) -> None:
     compilation = Compilation(Source("row.bg", row_of_resistors(30)), Scene(None, None))
     assert re.search(r"solve\(29, 2, 2, 1, ", write_c(compilation.lowered))
     agree(compilation, tmp_path, 1e-11)
+
+
+def test_a_root_of_a_square_bends_where_the_absolute_value_does() -> None:
+    """Fixed steps look for the bends that they know; `sqrt(v^2)` was passed over."""
+    body = "Se push : F = 1 N*sin(time*3 [1/s])\n  I mass : p = 1 kg*v\n  R r : F = 2 [N*s/m]*v + 1 [N*s/m]*{}\n  push -> 1(mass, r)\n  output v = mass.v"
+    first, *others = (
+        bondgraph.load(f"model Bent {{\n  {body.format(size)}\n}}\n").compile("c")
+        for size in ("abs(v)", "sqrt(v^2)", "norm((v, 0 [m/s]))")
+    )
+    assert others == [first, first] and "fabs(" in first

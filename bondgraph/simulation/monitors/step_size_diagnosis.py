@@ -15,7 +15,6 @@ from compiler.api import Array
 
 from ...numerics.scales import largest_of_group
 from ..integrators.pilot.schedule import unit_numbers
-from ..magnitudes.nominal_magnitudes import SLIGHT
 from ..segments.context import LastStep, SegmentContext
 
 LARGEST = 200  # most states for which modes are computed
@@ -27,7 +26,7 @@ APART = 30.0  # ratio of two rates: the slower mode could be followed with much 
 BEYOND = (
     1e4  # factor on the largest value in the pilot run; no other check sees a motion made unstable by loose tolerances
 )
-LENT = 1.001 * SLIGHT  # relative to the largest magnitude of the unit: no more than what it lends
+LENT = 1e-3  # relative to the largest magnitude of the unit: little more than what that lends to what rests
 SHARE = 0.05  # least share of an element, relative to the largest
 
 
