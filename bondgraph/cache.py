@@ -73,6 +73,12 @@ def keep(key: str, value: object) -> None:
         return  # a full or read-only disk is no error
 
 
+def folder_of(name: str) -> Path | None:
+    """Return the path of a folder of files in the cache folder; None if nothing can be stored."""
+    folder = _folder()
+    return None if folder is None else folder / name
+
+
 def key_of(*parts: object) -> str:
     """Return a key for all data on which a value depends; it includes the version of our own code."""
     digest = hashlib.sha256(code_version().encode())
@@ -116,6 +122,8 @@ def _prune(folder: Path) -> None:
     entries = []
     with os.scandir(folder) as found:
         for entry in found:
+            if entry.is_dir(follow_symlinks=False):
+                continue
             told = entry.stat(follow_symlinks=False)
             entries.append((told.st_mtime, told.st_size, entry.path))
     total = sum(size for _, size, _ in entries)

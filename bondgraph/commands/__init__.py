@@ -57,6 +57,7 @@ GROUPS = {
         "reproduce": "models/thesis",
     },
     "Editors and assistants": {"editor": "vscode -o bondgraph.vsix", "lsp": "", "mcp": ""},
+    "Pages about it": {"manual": "tearing"},
 }
 EXAMPLES = {name: example for commands in GROUPS.values() for name, example in commands.items()}
 COMMANDS = tuple(sorted(EXAMPLES))

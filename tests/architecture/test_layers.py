@@ -132,6 +132,7 @@ RUN_ONCE = {
     ROOT / "compiler" / "jit" / "vectorise.py": [
         "exec"
     ],  # of our own source of the steps, loops written as array operations
+    ROOT / "bondgraph" / "manual" / "running.py": ["exec"],  # of the Python that our own pages show
 }
 
 

@@ -47,6 +47,7 @@ CALLS = {
     "library": ("diode", "pins"),
     "linearize": ("m.bg",),
     "lsp": ("--help",),
+    "manual": ("--help",),
     "mcp": ("--help",),
     "modes": ("m.bg",),
     "montecarlo": ("m.bg", "--vary", "R=1 %", "--samples", "4", "--jobs", "1"),

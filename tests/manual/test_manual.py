@@ -1,0 +1,100 @@
+"""The manual: it builds strictly, everything on it runs, its inner links hold, and its search knows words that users look for."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import warnings
+from pathlib import Path
+from urllib.parse import unquote, urldefrag
+
+import pytest
+
+from tests.compiling import ROOT
+
+pytest.importorskip("sphinx", reason="the manual needs the extra `manual`")
+pytest.importorskip("myst_parser", reason="the manual needs the extra `manual`")
+
+MANUAL = ROOT / "bondgraph" / "manual"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The built pages, and what the build printed. Pictures of the library's parts are left out: `tests/library` draws them."""
+    from contextlib import redirect_stderr, redirect_stdout
+    from io import StringIO
+
+    from sphinx.cmd.build import build_main
+
+    folder, printed = tmp_path_factory.mktemp("manual"), StringIO()
+    with warnings.catch_warnings(), redirect_stdout(printed), redirect_stderr(printed):
+        warnings.filterwarnings("ignore", module=r"(sphinx|myst_parser|furo|docutils|sphinx_design)\b")
+        code = build_main(["-W", "-n", "-N", "-D", "manual_pictures=0", str(MANUAL), str(folder)])
+    problems = re.findall(r"^.*(?:WARNING|ERROR|rror:).*$", printed.getvalue(), re.MULTILINE)
+    assert (code, problems) == (0, [])
+    return folder, printed.getvalue()
+
+
+@pytest.mark.machine_code
+def test_what_it_shows_was_run(site: tuple[Path, str]) -> None:
+    """The count at the end of the build; a failure of any of them has ended the build."""
+    counts = re.findall(r"(\d+) (commands|models checked|pieces of Python)", site[1])
+    number = {kind: int(count) for count, kind in counts}
+    fences = [f for p in MANUAL.rglob("*.md") if p.name != "README.md" for f in re.findall(r"^```\{(\w+)\}", p.read_text(encoding="utf-8"), re.MULTILINE)]  # fmt: skip
+    assert number["pieces of Python"] == fences.count("python") > 10
+    assert number["commands"] > 60 and number["models checked"] > 60
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize(
+    ("page", "printed"),
+    [
+        ("python", r"^0\.0(6|599999\d*|600000\d*)\nmodel Chain {"),  # three times 2 N over 100 N/m
+        ("python", r"^1119\.48\d+ "),
+        ("python", r"^(8|7\.99999\d*|8\.00000\d*)e-06\n42\.45\d* "),
+        ("first_hour", r"^x +9\.67[56]\d* .* um$"),
+        ("how_to/fit", r"^fold +2\.6885\d* +(1e-06|9\.9999\d*e-07)$"),  # a third of the gap, volt^2 = 8*k*gap^3/(27*eps0*A)
+        ("explanations", r"^ +v +0\.458177\d* +V$"),
+    ],
+)  # fmt: skip
+def test_it_prints_what_is_known(site: tuple[Path, str], page: str, printed: str) -> None:
+    text = html.unescape(re.sub(r"<[^>]*>", "", (site[0] / f"{page}.html").read_text(encoding="utf-8")))
+    assert re.search(printed, text, re.MULTILINE)
+
+
+@pytest.mark.machine_code
+def test_inner_links_hold(site: tuple[Path, str]) -> None:
+    """Each page, picture and place in a page that a page names is there."""
+    pages = {p: p.read_text(encoding="utf-8") for p in site[0].rglob("*.html")}
+    places = {p: set(re.findall(r'\bid="([^"]+)"', text)) for p, text in pages.items()}
+    missing = []
+    for page, text in pages.items():
+        for link in re.findall(r'(?:href|src)="([^"]+)"', text):
+            path, place = urldefrag(unquote(link))
+            target = (page.parent / path.partition("?")[0]).resolve() if path else page
+            if re.match(r"\w+:", link) or (target.is_file() and (not place or place in places.get(target, {place}))):
+                continue
+            missing.append(f"{page.name}: {link}")
+    assert len(pages) > 20 and missing == []
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize(
+    ("words", "page"),
+    [("tearing", "explanations"), ("BG301", "errors"), ("gyrator", "language"), ("pull-in", "how_to/fit")],
+)
+def test_the_search_finds(site: tuple[Path, str], words: str, page: str) -> None:
+    """The index has the page for each word, stemmed as the search of the page stems it."""
+    from sphinx.search.en import SearchEnglish
+
+    text = (site[0] / "searchindex.js").read_text(encoding="utf-8")
+    index = json.loads(text[text.index("{") : text.rindex("}") + 1])
+    language = SearchEnglish({})
+    for word in re.findall(r"\w+", words.lower()):
+        if not language.word_filter(word):
+            continue
+        stem = language.stem(word)
+        found = [n for table in ("terms", "titleterms") for n in [index[table].get(stem, [])]]
+        numbers = {n for entry in found for n in (entry if isinstance(entry, list) else [entry])}
+        assert page in {index["docnames"][n] for n in numbers}, (word, stem)
