@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import TypeVar
 
 from ...algebra.expression import ZERO, Number, select, substitute, symbols
 from ...algebra.formula import Bound, Formula
 from ...errors import ValuesNeeded
-from ...graph.network import Delay, Integral, Named, Quantity
-from ...graph.units import ONE, SECOND, Dimension, Scale
+from ...graph.network import Named, Quantity
+from ...graph.units import ONE, Dimension, Scale
 from ...scene import Override
 from ...source import Span
 from ...syntax import tree
-from ..expressions.expression_compiler import MEMORIES, ExpressionCompiler
+from ..expressions.expression_compiler import MEMORIES
 from ..expressions.scales import scale_of
-from ..expressions.template import Template, Typed, Value
+from ..expressions.template import Template, Typed
 from ..names.domain_table import paths_of
 from ..names.errors import (
     Cycle,
@@ -31,29 +30,20 @@ from ..names.errors import (
 from ..names.scope import STATIC_ROLES, Array, InstanceEntry, Items, Pending, Scalar, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
 from .elaboration_cache import ElaborationCache
-from .resolver import SHOWN, Resolver, read_condition
+from .memories import MemoryResolver, constant
+from .resolver import SHOWN
 
 UNCHANGING_ROLES = ("parameter", "constant", "mode")  # their values are known before the run; of a mode the first one
 MAXIMUM_ROW = 40  # quantities that wait for one another at once
-_Memory = tuple[str, tree.Call, Scope, Dimension | None]  # name, call, the scope in which it is read, dimension
-Signal = TypeVar("Signal", Integral, Delay)
 
 
-class QuantityResolver(Resolver):
+class QuantityResolver(MemoryResolver):
     """Resolver of quantities, each once. A cycle is found at the reference that closes it."""
 
     def __init__(self, overrides: Iterable[Override], part: bool, known: ElaborationCache) -> None:
         super().__init__(overrides, part, known)
-        self._memories: list[_Memory] = []
-        self._comparisons: dict[tuple[int, str], tree.Comparison] = {}
-        self._remembered: dict[str, Integral] = {}
         self._guessing: list[str] = []  # signals of loops whose units are being looked for
         self._loops: dict[str, Scalar] = {}  # signals that depend on themselves, as they are read within
-        self._delays: list[_Memory] = []
-        self.relays: list[tuple[str, tree.Call, Scope]] = []  # name, call, the scope in which it is read
-        self._nested: dict[tuple[int, int], Scalar] = {}
-        self._keep_scopes: list[Scope] = []  # their identity is a key above
-        self._inferring = False
         self._waiting = 0  # quantities that are being resolved, one because of the other
         self._entered: set[int] = set()  # those whose turn comes
 
@@ -265,7 +255,7 @@ class QuantityResolver(Resolver):
         if override.value is None:
             return self._enter_later(pending, "", declared, pending.item.span)
         if isinstance(override.value, float):
-            return self._enter_quantity(pending, "", Bound(_constant(override.value), ()), declared, pending.item.span)
+            return self._enter_quantity(pending, "", Bound(constant(override.value), ()), declared, pending.item.span)
         return self._valued(pending, override.value, self.root, declared, None)
 
     def _valued(
@@ -339,174 +329,6 @@ class QuantityResolver(Resolver):
             hints = {"input": "An input is one signal.", "mode": "Declare a mode for each: `mode on[i] = false`."}
             raise Wrong(WrongType(value.span, "A single number", "a list", hints[pending.role]))
 
-    # ------------------------------------------------------------ signals with memory
-    def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
-        """Integral, delay or rate inside a larger expression: a signal that the author gave no name."""
-        if call.function == "der" and self._inferring:
-            return Scalar(Quantity("der"), self._per_second(self._looked_at(call.arguments[0], scope)), "signal", "der")
-        if call.function == "hysteresis" and self._inferring:
-            return Scalar(Quantity("hysteresis"), ONE, "mode", "hysteresis")
-        key = (id(call), id(scope))
-        if key not in self._nested:
-            self._keep_scopes.append(scope)
-            if call.function == "delay":
-                self._nested[key] = self._delay(call, scope)
-            elif call.function == "der":
-                self._nested[key] = self._rate(call, scope)
-            elif call.function == "hysteresis":
-                self._nested[key] = self._relay(call, scope)
-            else:
-                self._nested[key] = self._integral(call, scope, "", "signal", None, "")
-        return self._nested[key]
-
-    def _free_name(self, call: tree.Call, scope: Scope) -> str:
-        """Name of a nested signal; those in its arguments have theirs already."""
-        name = scope.full(f"{call.function} at line {call.span.line}{scope.suffix}")
-        return min({f"{name} ({i})" if i else name for i in range(len(self._nested) + 1)} - self.quantities.keys())
-
-    def _integral(
-        self, call: tree.Call, scope: Scope, name: str, role: str, declared: Dimension | None, description: str
-    ) -> Scalar:
-        """Enter an integral. It is known at once, so that it can depend on itself; its rate is read when all names are known."""
-        rate, start = call.arguments
-        template = self.template(start, scope)
-        dimension = declared or self._dimension(template.value)
-        if dimension is None and not scope.plain:
-            dimension = self._inferred(rate, scope)
-        name = name or self._free_name(call, scope)
-        self.quantities[name] = Named(name, role, str(dimension or ONE), None, None, call.span, description)
-        self._memories.append((name, call, scope, dimension))
-        return Scalar(Quantity(name), dimension if not scope.plain else None, role, name)
-
-    def _delay(self, call: tree.Call, scope: Scope) -> Scalar:
-        """Enter a delay. It is known at once, so that its argument can depend on it; the argument is read when all names are known."""
-        dimension = None if scope.plain else self._looked_at(call.arguments[0], scope)
-        name = self._free_name(call, scope)
-        self.quantities[name] = Named(name, "signal", str(dimension or ONE), None, None, call.span, "")
-        self._delays.append((name, call, scope, dimension))
-        return Scalar(Quantity(name), dimension, "signal", name)
-
-    def _rate(self, call: tree.Call, scope: Scope) -> Scalar:
-        """Enter the derivative of an expression by time, which is read at once: it cannot depend on itself."""
-        template = self.template(call.arguments[0], scope)
-        if not isinstance(template.value, Typed) or template.value.truth:
-            what = "a condition" if isinstance(template.value, Typed) else "a list"
-            raise Wrong(WrongType(call.arguments[0].span, "A single number", what, "Differentiate item by item."))
-        dimension = None if scope.plain else self._per_second(template.value.dimension)
-        bound = self.bind(template, template.formulas[0], scope)
-        name = self._free_name(call, scope)
-        self.quantities[name] = Named(name, "rate", str(dimension or ONE), bound, None, call.span, "")
-        return Scalar(Quantity(name), dimension, "signal", name)
-
-    def _relay(self, call: tree.Call, scope: Scope) -> Scalar:
-        """Enter a relay with memory: a mode, which two events set. These are read when all names are known, so that what they read can depend on it."""
-        bound = Bound(_constant(0.0), ())
-        for start in call.arguments[3:]:
-            template, bound = read_condition(self, start, scope, "It is on or off at the start: `true` or `false`.")
-            for slot in template.slots:
-                if self.scalar_at(slot, scope).role not in STATIC_ROLES:
-                    raise Wrong(NotStatic(slot.path.span, "The start of a `hysteresis`", slot.words))
-        name = self._free_name(call, scope)
-        self.quantities[name] = Named(name, "mode", "1", bound, None, call.span, "")
-        self.relays.append((name, call, scope))
-        return Scalar(Quantity(name), ONE, "mode", name)
-
-    @staticmethod
-    def _per_second(dimension: Dimension | None) -> Dimension | None:
-        return None if dimension is None else dimension / SECOND
-
-    def _inferred(self, rate: tree.ExpressionSyntax, scope: Scope) -> Dimension | None:
-        """Dimension of an integral from its rate. In the rate, the integral itself fits any dimension."""
-        found = self._looked_at(rate, scope)
-        return None if found is None else found * SECOND
-
-    def _looked_at(self, expression: tree.ExpressionSyntax, scope: Scope) -> Dimension | None:
-        """Dimension of an expression. Quantities that are being resolved fit any dimension."""
-        return self._dimension(self._guessed(expression, scope))
-
-    def _guessed(self, expression: tree.ExpressionSyntax, scope: Scope) -> Value:
-        """Value of an expression for its dimension, in which quantities that are being resolved fit any."""
-        before, self._inferring = self._inferring, True
-        try:
-            return ExpressionCompiler(scope, self.resolve).compile(expression).value
-        finally:
-            self._inferring = before
-
-    def comparison(
-        self, call: tree.Call, left: tree.ExpressionSyntax, operator: str, right: tree.ExpressionSyntax
-    ) -> tree.Comparison:
-        """Comparison of two arguments of a call; the same node for all instances, as templates are."""
-        key = (id(call), operator)
-        if key not in self._comparisons:
-            self._comparisons[key] = tree.Comparison(call.span, call.depth, operator, left, right)
-        return self._comparisons[key]
-
-    def known_value(self, expression: tree.ExpressionSyntax, scope: Scope) -> float | None:
-        """Value of an expression that is known before the run; None for any other."""
-        template = self.template(expression, scope)
-        if any(self.scalar_at(slot, scope).role not in STATIC_ROLES for slot in template.slots):
-            return None
-        return self.value_of(self.bind(template, template.formulas[0], scope), expression.span, decides=False)
-
-    def remember(self, integral: Integral, unit: str) -> None:
-        """Enter an integral of an element's own effort or flow."""
-        self._remembered[integral.name] = integral
-        self.quantities[integral.name] = Named(integral.name, "signal", unit, None, None, integral.span)
-
-    def is_integral(self, name: str) -> bool:
-        """Return True for an integral."""
-        return name in self._remembered or any(name == known for known, *_ in self._memories)
-
-    def integrals(self) -> dict[str, Integral]:
-        """Signals with memory, with their rates read now."""
-        return self._remembered | self._read_all(self._memories, self._read_integral)
-
-    def delays(self) -> dict[str, Delay]:
-        """Delayed signals, with their arguments and delay times."""
-        return self._read_all(self._delays, self._read_delay)
-
-    def _read_all(self, signals: list[_Memory], read: Callable[..., Signal]) -> dict[str, Signal]:
-        """Read signals with memory by their names. The list may grow: a rate or an argument may contain another one."""
-        results = ((signal[0], self.guard(read, *signal)) for signal in signals)
-        return {name: result for name, result in results if result is not None}
-
-    def _read_delay(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Delay:
-        value, lag = (self.template(part, scope) for part in call.arguments)
-        typed = value.value
-        if not isinstance(typed, Typed) or typed.truth:
-            raise Wrong(WrongType(call.arguments[0].span, "A single number", "something else"))
-        if not scope.plain and typed.dimension not in (None, dimension or ONE):
-            what = f"What is delayed is {describe(typed.dimension)}, but where it is read it is {describe(dimension or ONE)}"
-            raise Wrong(DimensionMismatch(call.arguments[0].span, what, unit_hint(typed.dimension, dimension or ONE)))
-        late = self.static(call.arguments[1], scope, "A delay", ONE if scope.plain else SECOND)
-        if not late > 0:
-            raise Wrong(WrongType(call.arguments[1].span, "A time", f"{late:g} s", "A delay is longer than nothing."))
-        return Delay(
-            name, self.bind(value, value.formulas[0], scope), self.bind(lag, lag.formulas[0], scope), call.span
-        )
-
-    def _read_integral(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Integral:
-        bounds = []
-        for part, wanted in zip(call.arguments, (self._per_second(dimension), dimension), strict=True):
-            template = self.template(part, scope)
-            value = template.value
-            if not isinstance(value, Typed):
-                raise Wrong(WrongType(part.span, "A single number", "a list"))
-            if not scope.plain and value.dimension is not None and wanted is not None and value.dimension != wanted:
-                what = f"`{part.span.text}` is {describe(value.dimension)}, but an integral in [{dimension}] needs {describe(wanted)}"
-                raise Wrong(DimensionMismatch(part.span, what, unit_hint(value.dimension, wanted)))
-            bounds.append(self.bind(template, template.formulas[0], scope))
-        for slot in self.template(call.arguments[1], scope).slots:
-            if self.scalar_at(slot, scope).role not in STATIC_ROLES:
-                raise Wrong(NotStatic(slot.path.span, "The start of an integral", slot.words))
-        self.value_of(bounds[1], call.arguments[1].span, decides=False)
-        return Integral(name, bounds[0], bounds[1], call.span)
-
-    @staticmethod
-    def _dimension(value: Value) -> Dimension | None:
-        parts = value if isinstance(value, tuple) else (value,)
-        return next((p.dimension for p in parts if p.dimension is not None), None)
-
     def _require_static(self, template: Template, scope: Scope, pending: Pending) -> None:
         for slot in template.slots:
             scalar = self.scalar_at(slot, scope)
@@ -524,7 +346,7 @@ class QuantityResolver(Resolver):
             if override is None:
                 return self._enter_later(pending, suffix, dimension, span)
             if isinstance(override, float):
-                bound = Bound(_constant(override), ())
+                bound = Bound(constant(override), ())
             else:
                 template = self.template(override, self.root)
                 self._require_static(template, self.root, pending)
@@ -550,10 +372,6 @@ class QuantityResolver(Resolver):
         description = pending.item.description or ""
         self.quantities[name] = Named(name, "parameter", str(dimension or ONE), None, None, span, description)
         return Scalar(Quantity(name), dimension, pending.role, name)
-
-
-def _constant(value: float) -> Formula:
-    return Formula(0, Number(value))
 
 
 def _reads_nothing(bound: Bound) -> bool:
