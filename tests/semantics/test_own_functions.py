@@ -46,7 +46,7 @@ def test_a_law_s_own_letters_are_not_read_by_a_function() -> None:
     [
         ("function f(x) = u*x", "BG101"), ("function f(x) = place*x", "BG101"), ("function f(x) = spring.x*x", "BG101"), ("function f(x) = f(x)", "BG107"), ("function f(x) = g(x)\n  function g(x) = f(x)", "BG107"),
         ("function f(x) = k + x", "BG103"), ("function f(x, y) = x*y", "BG108"), ("function f(x) = x\n  function f(y) = 2*y", "BG104"), ("function of_file(x) = x", "BG104"), ("function k(x) = x", "BG104"),
-        ("function spring(x) = x", "BG104"), ("function time(x) = x", "BG134"), ("function f(x) = x*integral(1, 0)", "BG130"), ("if true { function h(x) = x }", "BG130"), ("function f(x) = other(x)", "BG109"),
+        ("function spring(x) = x", "BG104"), ("function time(x) = x", "BG134"), ("function f(x) = x*integral(1, 0)", "BG130"), ("function f(x) = other(x)", "BG109"),
     ],
 )  # fmt: skip
 def test_wrong_ones(function: str, code: str) -> None:
@@ -62,3 +62,40 @@ def test_a_function_of_the_file_sees_nothing_of_the_model() -> None:
         "BG101",
     )
     assert found.span.line == 1
+
+
+def test_in_branches_of_an_if() -> None:
+    """Each instance has the function of its own branch, in laws, signals and rounds, and those of one name do not mix."""
+    text = (
+        "model Part {\n  parameter stiff = true, k = 2\n  input x = 0\n  if stiff {\n    function f(z) = k*z^2\n  } else {\n    function f(z) = g(z) + 1\n"
+        "    function g(z) = 3*z\n  }\n  signal s = f(x)\n  MR r : u = f(i/1 A)*(1 V) + x*0 V\n  Sf c : i = 5 A\n  c -> r\n"
+        "  for j in 1..2 {\n    if j == 1 { function h(z) = z } else { function h(z) = 10*z }\n    signal t[j] = h(f(x))\n  }\n"
+        "  output y = s, u = r.u, a = t[1], b = t[2]\n}\n"
+        "model M {\n  Part p { x = 4 }\n  Part q { stiff = false, x = 4 }\n  Part w { stiff = true, k = 1, x = 4 }\n"
+        "  output y = p.y, z = q.y, w1 = w.y, u = p.u, v = q.u, a = p.a, b = q.b, c = w.b\n}\n"
+    )
+    for given in (
+        text,
+        text.replace(
+            "Part p { x = 4 }\n  Part q { stiff = false, x = 4 }", "Part q { stiff = false, x = 4 }\n  Part p { x = 4 }"
+        ),
+    ):
+        assert numbers(given) == {"y": 32, "z": 13, "w1": 16, "u": 50, "v": 16, "a": 32, "b": 130, "c": 160}
+
+
+@pytest.mark.parametrize(
+    ("body", "code"),
+    [
+        ("parameter on = false\n  if on { function f(x) = x }\n  output y = f(1)", "BG109"),
+        ("if true { function f(x) = x; function f(x) = 2*x }", "BG104"),
+        ("function f(x) = x\n  if true { function f(x) = 2*x }", "BG104"),
+    ],
+)
+def test_refused_in_branches(body: str, code: str) -> None:
+    assert code in {d.code for d in mistakes(f"model M {{\n  {body}\n}}\n")}
+
+
+@pytest.mark.parametrize("first", ["Part p; Part q { own = true }", "Part q { own = true }; Part p"])
+def test_a_branch_may_have_a_function_of_the_language_for_itself(first: str) -> None:
+    text = f"model Part {{\n  parameter own = false\n  if own {{ function cosh(x) = 7*x }}\n  output y = cosh(0) + 1\n}}\nmodel M {{\n  {first}\n  output a = p.y, b = q.y\n}}\n"
+    assert numbers(text) == {"a": 2.0, "b": 1.0}

@@ -85,12 +85,20 @@ class ExpressionCompiler:
         self.opened = 0
         self.checks: list[Check] = []
         self.lists: dict[str, tuple[tree.PathSyntax, int]] = {}
+        self.functions: dict[str, tree.FunctionSyntax | None] = {}  # of the model, as they are here
 
     def compile(self, expression: tree.ExpressionSyntax) -> Template:
         value = self._in_unit(expression) if self.unit is not None else self.value(expression)
         parts = value if isinstance(value, tuple) else (self._no_choice(value, expression.span),)
         formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts)
-        return Template(value, tuple(self.slot_list), formulas, tuple(self.checks), tuple(self.lists.values()))
+        return Template(
+            value,
+            tuple(self.slot_list),
+            formulas,
+            tuple(self.checks),
+            tuple(self.lists.values()),
+            tuple(self.functions.items()),
+        )
 
     def _in_unit(self, expression: tree.ExpressionSyntax) -> Value:
         """Value after `name : unit =`: a bare number, alone or in a list, is in that unit; any other expression has its own."""
@@ -440,6 +448,8 @@ class ExpressionCompiler:
     def _function(self, name: str) -> tuple[tree.FunctionSyntax, Scope | None] | None:
         """The author's function of that name, and its scope. A function of the file cannot call functions of the model."""
         own = self.home.function(name) if self.home is not None else None
+        if self.home is not None and (own is not None or name in self.scope.definition.branched):
+            self.functions[name] = None if own is None else own[0]
         shared = self.scope.definition.file.functions.get(name)
         return own or (None if shared is None else (shared, None))
 

@@ -81,6 +81,9 @@ class Template:
     formulas: tuple[Formula, ...]
     checks: tuple[Check, ...] = ()
     lists: tuple[tuple[tree.PathSyntax, int], ...] = ()  # lists that it reads, with the lengths that they had
+    functions: tuple[
+        tuple[str, tree.FunctionSyntax | None], ...
+    ] = ()  # the model's own that it calls; None where a branch that is not taken has one
 
     @property
     def scalar(self) -> Typed:
@@ -123,6 +126,9 @@ class CompiledLaw:
     remembered: tuple[str, ...]
     checks: tuple[Check, ...]  # points of tables, known per instance
     lists: tuple[tuple[tree.PathSyntax, int], ...]  # lists that it reads, with their lengths
+    functions: tuple[
+        tuple[str, tree.FunctionSyntax | None], ...
+    ] = ()  # the model's own that it calls; None where a branch that is not taken has one
 
 
 def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot], Reference]) -> Bound:

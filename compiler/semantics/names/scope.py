@@ -12,6 +12,7 @@ from ...graph.network import Reference
 from ...graph.units import Dimension
 from ...source import Source, Span
 from ...syntax import tree
+from ...syntax.blocks import flat, inner_blocks
 from ...syntax.outline import Outline
 from .column_file import Sheet
 from .port_domains import DomainTable
@@ -233,9 +234,14 @@ class ModelDefinition:
     file: FileScope
     domains: DomainTable | None = None
     functions: dict[str, tree.FunctionSyntax] = field(init=False)  # its own, beside those of the file
+    branched: frozenset[str] = field(init=False)  # names of functions in its conditional parts
 
     def __post_init__(self) -> None:
         self.functions = functions_in(self.model.statements)
+        conditional = (s for s in flat(self.model.statements) if isinstance(s, tree.ConditionalSyntax))
+        self.branched = frozenset(
+            name for s in conditional for block in inner_blocks(s) for name in functions_in(flat(block))
+        )
 
     @property
     def name(self) -> str:
@@ -261,7 +267,9 @@ class Scope:
     outer: Scope | None = None
     entries: dict[str, Entry] = field(default_factory=dict)
     stands: Span | None = None  # declaration of the instance
-    functions: dict[str, tree.FunctionSyntax] = field(default_factory=dict)  # of a round of a loop
+    functions: dict[str, tree.FunctionSyntax] = field(
+        default_factory=dict
+    )  # of a round of a loop, and of the branches that are taken
 
     @property
     def plain(self) -> bool:
@@ -288,7 +296,7 @@ class Scope:
         """The function of that name in this scope, or in the scopes around it within the instance, and the scope that has it."""
         scope: Scope | None = self
         while scope is not None:
-            functions = scope.functions if scope.outer is not None else scope.definition.functions
+            functions = scope.functions or ({} if scope.outer is not None else scope.definition.functions)
             if name in functions:
                 return functions[name], scope
             scope = scope.outer

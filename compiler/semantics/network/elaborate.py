@@ -129,11 +129,12 @@ class Elaborator(Declarations):
         bindings: Mapping[str, tuple[tree.Attribute, Scope]],
         chain: tuple[ModelDefinition, ...],
     ) -> None:
-        if scope.outer is not None:
-            scope.functions = functions_in(statements)
+        scope.functions = functions_in(statements)
         later: list[tree.SyntaxNode] = []
         functions: list[tree.FunctionSyntax] = []
-        for statement in taken(self, scope, scope.base(), statements, bindings):
+        statements = taken(self, scope, scope.base(), statements, bindings)
+        scope.functions = functions_in(statements)
+        for statement in statements:
             match statement:
                 case tree.PortsSyntax():
                     self.guard(self._declare_ports, scope, statement)
@@ -145,7 +146,7 @@ class Elaborator(Declarations):
                     self.requirements.append((scope, statement))
                 case tree.EventSyntax():
                     self.events.append((scope, statement))
-                case tree.FunctionSyntax() if statement in statements:  # those of an `if` are refused
+                case tree.FunctionSyntax():
                     functions.append(statement)
         for statement in later:
             match statement:

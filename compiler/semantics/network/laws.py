@@ -71,7 +71,13 @@ def compile_law(
         equations.append(_heat(len(ports)))
     law, remembered = reader.remembered(Law(tuple(equations), energy, len(slots)))
     return CompiledLaw(
-        law, slots, reader.stored(law), remembered, tuple(compiler.checks), tuple(compiler.lists.values())
+        law,
+        slots,
+        reader.stored(law),
+        remembered,
+        tuple(compiler.checks),
+        tuple(compiler.lists.values()),
+        tuple(compiler.functions.items()),
     )
 
 

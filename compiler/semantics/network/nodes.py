@@ -142,7 +142,7 @@ class Nodes:
         """
         elaborator = self.elaborator
         known = self._laws.setdefault(id(declaration), [])
-        found = next((law for law in known if elaborator.same_lists(law.lists, scope)), None)
+        found = next((law for law in known if elaborator.fits(law, scope)), None)
         alike: _Wording | None = None
         if found is None and declaration.definition is not None:
             domains = tuple((port, domain.name, domain.typed) for port, domain in entry.ports.items())

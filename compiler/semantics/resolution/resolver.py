@@ -28,7 +28,7 @@ from ...syntax import tree
 from ..expressions.expression_compiler import ExpressionCompiler
 from ..expressions.scales import scale_of
 from ..expressions.tables import LENGTHS, check_static
-from ..expressions.template import Check, Readable, Slot, Template, Typed, bind_template
+from ..expressions.template import Check, CompiledLaw, Readable, Slot, Template, Typed, bind_template
 from ..names.errors import (
     NO_NAMES,
     AbsentName,
@@ -220,15 +220,19 @@ class Resolver(ABC):
         """Compile an expression, once per place in the text (and per lengths of the lists that it reads)."""
         known = self._templates.setdefault((id(expression), unit), [])
         for template in known:
-            if self.same_lists(template.lists, scope):
+            if self.fits(template, scope):
                 return template
         self._keep.append(expression)
         known.append(ExpressionCompiler(scope, self.resolve, unit=unit).compile(expression))
         return known[-1]
 
-    def same_lists(self, lists: Iterable[tuple[tree.PathSyntax, int]], scope: Scope) -> bool:
-        """Return True if the lists have the same lengths here as when the template was made."""
-        for path, length in lists:
+    def fits(self, made: Template | CompiledLaw, scope: Scope) -> bool:
+        """Return True if lists have the same lengths here as when a template or law was made, and functions are those of the same branches."""
+        for name, function in made.functions:
+            here = scope.function(name)
+            if (None if here is None else here[0]) is not function:
+                return False
+        for path, length in made.lists:
             found = self.lookup(path, scope)
             if not isinstance(found, Items) or len(found.items) != length:
                 return False

@@ -54,18 +54,12 @@ def taken(
 
 
 def check_blocks(declarations: Declarations, definition: ModelDefinition) -> None:
-    """Report experiments in the blocks of `for` and `if`, and functions in those of `if`."""
+    """Report experiments in the blocks of `for` and `if`."""
     for outer in definition.model.statements:
         for statement in (s for block in inner_blocks(outer) for s in flat(block)):
             if isinstance(statement, tree.Experiment):
                 hint = "An experiment stands in the model itself; its `set` chooses values and branches."
                 declarations.tell(Unsupported(statement.span, "An experiment in a `for` or `if`", hint))
-    for conditional in flat(definition.model.statements):
-        if isinstance(conditional, tree.ConditionalSyntax):
-            for statement in flat((*conditional.statements, *conditional.otherwise)):
-                if isinstance(statement, tree.FunctionSyntax):
-                    hint = "Define it outside, with the choice in it: `function f(x) = 2*x if on else x`."
-                    declarations.tell(Unsupported(statement.span, "A function in an `if`", hint))
 
 
 def _branches(conditional: tree.ConditionalSyntax) -> tuple[tuple[Statements, str], tuple[Statements, str]]:
