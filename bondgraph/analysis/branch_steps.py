@@ -22,7 +22,7 @@ from ..simulation.equilibrium.steady import given_terms
 from ..simulation.magnitudes.nominal_magnitudes import rounding_levels
 from ..simulation.segments.timeline import Segment
 from .operating_point import OperatingPoint
-from .sizes import of_parameters, reach
+from .sizes import natural, of_parameters, reach
 from .verdict import EPS, Eigenvalues, decisive, resting_rates
 
 ITERATIONS = 12
@@ -111,7 +111,8 @@ class BranchFollower:
         values[: self.count] = largest_of_group(self.seen, self.units)
         values = np.where(values > 0, values, of_parameters(first.program, first.constraints.parameters))
         units = group_numbers(first.program.variables.units)
-        self.unseen = nonzero(reach(there.slopes_here, values, self.count, units)[: self.count])
+        moved = reach(there.slopes_here, values, self.count, units)[: self.count]
+        self.unseen = np.where(moved > 0, moved, natural(first.program, first.constraints.parameters)[: self.count])
 
     def see(self, point: OperatingPoint, A: Array) -> None:
         """Raise the magnitudes of the states: those of one unit share the largest; an estimate for units without any value."""

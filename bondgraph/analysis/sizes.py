@@ -7,24 +7,26 @@ the time of the fastest mode. So a charge of 0 C beside volts has a size, the sa
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from compiler.api import Array, IntArray
 
-from ..numerics.scales import group_numbers, largest_of_group, nonzero
+from ..numerics.scales import group_numbers, largest_of_group
 
 if TYPE_CHECKING:
     from compiler.api import Program
 
 ROUNDING = 1e-13  # relative to the size that a state would have without a value: less is rounding of zero
 RESTING = 1e-8  # relative to the terms in a rate: less is rounding of zero
+SPANNED = 1e-9  # of the exponents of a dimension: what others leave of it
 ROUNDS = 64  # products with the matrix, whose growth gives its largest eigenvalue, whatever the units
 
 
 def sizes(program: Program, parameters: Array, state: Array, rates: Array, jacobian: Array) -> Any:
-    """Return the sizes (n + m,) of states and unknowns; 1 where nothing tells. `jacobian` (n + m, n + m): of rates (n,) and residuals."""
+    """Return the sizes (n + m,) of states and unknowns; natural units where nothing tells. `jacobian` (n + m, n + m): of rates (n,) and residuals."""
     units, count = group_numbers(program.variables.units), len(program.states.names)
     values, typical = largest_of_group(np.abs(state), units), of_parameters(program, parameters)
     certain = np.where(typical > 0, np.where(values > ROUNDING * typical, values, typical), 0.0)
@@ -37,7 +39,32 @@ def sizes(program: Program, parameters: Array, state: Array, rates: Array, jacob
         )
         started = largest_of_group(np.append(np.nan_to_num(driven), np.zeros(len(values) - count)), units)
         values = reach(jacobian, np.where(values > 0, values, started), count, units)
-    return nonzero(values)
+    return np.where(values > 0, values, natural(program, parameters))
+
+
+def natural(program: Program, parameters: Array) -> Any:
+    """Return the natural units of a model for its states and unknowns, (n + m,): powers of base units in which its parameters are, on the whole, numbers
+    about 1. So a flux linkage has a size where there are henries and amperes."""
+    numbers = [
+        (unit, value)
+        for unit, value in zip(program.parameters.units, np.abs(parameters).tolist(), strict=True)
+        if value > 0
+    ]
+    if not numbers:
+        return np.ones(len(program.variables.units))
+    powers = np.array([_exponents(unit) for unit, _ in numbers])
+    exponents = np.array([_exponents(unit) for unit in program.variables.units]).reshape(-1, powers.shape[1])
+    bases, *_ = np.linalg.lstsq(powers, np.log([value for _, value in numbers]), rcond=None)
+    # a dimension that parameters do not span has no unit
+    spanned = np.linalg.norm(exponents - exponents @ np.linalg.pinv(powers) @ powers, axis=1) < SPANNED
+    return np.where(spanned, np.exp(exponents @ bases), 1.0)
+
+
+@lru_cache(maxsize=1024)
+def _exponents(unit: str) -> tuple[float, ...]:
+    from compiler.api import Source, read_unit
+
+    return tuple(map(float, read_unit(Source("unit", unit)).dimension.exponents))
 
 
 def of_parameters(program: Program, parameters: Array) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -71,7 +72,20 @@ class Problem:
         self.compiled_in = False  # True if each value is compiled into a separate program
         self._kept: tuple[bytes, Array, Array] | None = None
         self.start = self._start()
-        self.scale = np.where(self.start != 0, np.abs(self.start), 1.0)
+        self.scale = np.array([self._size(s, abs(value)) for s, value in zip(given, self.start.tolist(), strict=True)])
+
+    def _size(self, sought: BoundedParameter, value: float) -> float:
+        """Return the size of a parameter: its start, else its farther bound, else the smallest parameter of its unit, else 1 in SI."""
+        if value:
+            return value
+        quantities = self.model.compilation(self.model.scene(self.experiment, self.settings)).whole_graph.quantities
+        others = [
+            q
+            for q in quantities.values()
+            if q.role in ("parameter", "constant") and q.unit == quantities[sought.name].unit
+        ]
+        bounds = [abs(b) for b in (sought.low, sought.high) if b is not None and 0 < abs(b) < math.inf]
+        return max(bounds, default=0.0) or min((abs(q.value) for q in others if q.value), default=1.0)
 
     def _start(self) -> Array:
         graph = self.model.compilation(self.model.scene(self.experiment, self.settings)).whole_graph

@@ -106,3 +106,26 @@ def test_a_pendulum_that_starts_level_hangs_at_rest(powers: dict[str, int]) -> N
     found = bondgraph.load(text).equilibrium()
     assert [found["upper"], found["lower"]] == pytest.approx([-math.pi / 2] * 2, rel=1e-9)
     assert found["y"] == pytest.approx(-1.5 * units.of_unit("m"), rel=1e-9) and found.stable
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("powers", POWERS[::2], ids=str)
+def test_a_relay_without_current_is_away_from_its_threshold(powers: dict[str, int]) -> None:
+    """No parameter has the unit of its flux linkage, and nothing moves it: its size is that of henries and amperes, the natural one of the model."""
+    text = """import Resistor, Relay from electric
+model M {
+  input volt = 0 V
+  MSe control : u = volt
+  Se supply : u = 24 V
+  Resistor lamp { R = 48 ohm }
+  Relay part
+  control -> part.coil
+  supply -> 1(lamp.pins, part.contact)
+  output i = lamp.current
+}"""
+    scene = scene_of(Source("relay", text, None), LIBRARY, (None, None), None, {})
+    changed, units = in_other_units(scene.text, powers)
+    model, same = bondgraph.load(text), bondgraph.load(changed, model=scene.model)
+    assert same.equilibrium().stable is model.equilibrium().stable is True
+    expected = [m.eigenvalue / units.of_unit("s") for m in model.modes()]
+    assert [m.eigenvalue for m in same.modes()] == pytest.approx(expected, rel=1e-9)

@@ -235,3 +235,24 @@ def test_the_command(tmp_path: Path) -> None:
     data.write_text("load [N],x [mm]\n1,10\n")
     assert CliRunner().invoke(commands, [*arguments, "--plot", str(tmp_path / "f.svg")]).exit_code == 0
     assert "fitted" in (tmp_path / "f.svg").read_text("utf-8")
+
+
+@pytest.mark.parametrize("bounds", ["-8 pm .. 8 pm", BoundedParameter("d")])
+def test_a_length_of_picometres_begins_at_zero(bounds: str | BoundedParameter) -> None:
+    """x = L (exp(d/L) - 1): a metre was the size of what has no value, and d = 0 was said to be fitted."""
+    text = """model Bias {
+  parameter d = 0 m, L = 1 pm
+  input load = 0 N
+  MSe push : F = load
+  signal bias = 1 [N/m]*L*(exp(d/L) - 1)
+  MSe pull : F = bias
+  C spring : F = 1 [N/m]*x
+  R air : F = 1 [N*s/m]*v
+  1 j : translation
+  push -> j -> spring, air
+  pull -> j
+  output x = spring.x
+}"""
+    data = measured({"load": [0.0, 1e-12]}, {"x": np.array([0.0, 1e-12]) + 1e-12 * math.expm1(1.5)})
+    found = bondgraph.load(text).fit(data, {"d": bounds})
+    assert found["d"] == pytest.approx(1.5e-12, rel=1e-6)
