@@ -119,18 +119,25 @@ def _events(hybrid: Hybrid, n: int) -> dict[str, Any]:
     sampled = [i for i, event in enumerate(events) if event.sampled]
     m, c = len(conditions), len(events)
     lists = {
-        "places": [x.position for x in conditions], "steers": [x.steers for x in conditions], "counted": hybrid.counted,
+        "counted": hybrid.counted,
         "stops": [e.stops for e in events], "late": [e.late for e in events], "owner": [i for i, _ in settings],
         "position": [s.position for _, s in settings], "is_mode": [s.kind == "mode" for _, s in settings], "sampled": sampled,
     }  # fmt: skip
     whole = dict.fromkeys(("at_once", "was_true", "due", "acts", "acted", "left"), c)
-    whole |= dict.fromkeys(("truth", "doubtful", "flips", "crossed"), m) | {"is_set": len(hybrid.modes.names)}
-    sizes = dict.fromkeys(("roots", "noise", "again", "change", "floor"), m)
-    sizes |= dict.fromkeys(("moved", "flow", "middle"), n) | {
+    whole |= dict.fromkeys(("flips", "crossed"), m) | {"is_set": len(hybrid.modes.names)}
+    sizes = {
+        "floor": m,
         "counts": len(hybrid.counted), "starts": len(hybrid.modes.names), "values": len(settings), "sampling": COLUMNS * len(sampled),
         "number": len(sampled), "triggers": c, "when": c, "intervals": KEPT * c,
     }  # fmt: skip
+    indicators: dict[str, Any] = {name: np.zeros(m) for name in ("root", "noise", "moved", "change", "again")}
+    indicators |= {name: _whole(m) for name in ("truth", "sought")}
+    indicators |= {name: np.zeros(n) for name in ("rate", "later", "slope")}
+    indicators |= {"n": n, "count": n, "root_count": m, "bracket": {}}
+    of_conditions = {"places": [x.position for x in conditions], "steers": [x.steers for x in conditions]}
+    indicators |= {name: np.array(values, dtype=np.int64) for name, values in of_conditions.items()}
     return {
+        "conditions": indicators,
         "discrete_count": len(hybrid.modes.names), "counted_count": len(hybrid.counted), "event_count": c, "setting_count": len(settings),
         "sample_count": len(sampled), **{k: np.array(v, dtype=np.int64) for k, v in lists.items()},
         **{k: _whole(v) for k, v in whole.items()}, **{k: np.zeros(v) for k, v in sizes.items()},

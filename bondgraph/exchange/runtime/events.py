@@ -8,9 +8,9 @@ from ...numerics import indicators
 from ...simulation.events import events, locate
 from ...simulation.integration import cut
 from ...simulation.integrators.acceptance import crossing_search
-from ...simulation.integrators.acceptance.zero_crossings import full_at, is_wrong, roots_at
+from ...simulation.integrators.acceptance.zero_crossings import full_at, is_wrong, roots_at, truth
 from ...simulation.integrators.methods import PARTS
-from .conditions import count_in, evaluate, guess_mode, holds, put, reread, said, settle_mode
+from .conditions import count_in, guess_mode, look, put, reread, said, settle_mode
 from .instance import (
     ERROR,
     NOT_FINITE,
@@ -50,6 +50,7 @@ def start_modes(s: FmuInstance) -> None:
 def instant(s: FmuInstance) -> int:
     """Let act what acts at the time of the instance."""
     e = s.events
+    k = e.conditions
     w = s.solver
     if e.wrong != 0:
         s.message = WRONG_SAMPLING
@@ -57,31 +58,31 @@ def instant(s: FmuInstance) -> int:
     collect_ticks(s)
     enter_segment(s)
     s.segment_known = 1
-    w.roots(s.time, s.state, w.inputs, w.constants, w.mode, e.roots)
+    w.roots(s.time, s.state, w.inputs, w.constants, w.mode, k.root)
     crossed = 0
     for j in range(w.root_count):
         w.root_said[j] = said(s, j)
         e.floor[j] = w.root_floor[j]
-        e.crossed[j] = 1 if is_wrong(w, j, e.roots[j]) else 0
+        e.crossed[j] = 1 if is_wrong(w, j, k.root[j]) else 0
         crossed += e.crossed[j]
     for j in range(w.root_count):
         if e.crossed[j] != 0:
             put(s, j, 1 - w.root_said[j])
     count_in(s)
-    for k in range(e.event_count):
-        e.acted[k] = 0
+    for i in range(e.event_count):
+        e.acted[i] = 0
     failed = happen(s)
     forget(s)
     if failed != OK:
         return failed
     acted = 0
-    for k in range(e.event_count):
-        acted += e.acted[k]
+    for i in range(e.event_count):
+        acted += e.acted[i]
     if acted + crossed == 0:
         return OK
     again = is_simultaneous(s)
     if acted == 0:
-        doubt(s, again)
+        keep_doubtful(s, again)
     if e.simultaneous > MOST_AT_ONCE or is_piled_up(s):
         s.message = PILED_UP
         return ERROR
@@ -160,13 +161,14 @@ def is_simultaneous(s: FmuInstance) -> bool:
     return False
 
 
-def doubt(s: FmuInstance, again: bool) -> None:
+def keep_doubtful(s: FmuInstance, again: bool) -> None:
     """Keep conditions as they are that the flow leads back within rounding of their zero crossing, until they are beyond doubt."""
     e = s.events
+    k = e.conditions
     w = s.solver
-    evaluate(s)
+    look(s)
     for j in range(w.root_count):
-        most = BEYOND * e.noise[j]
+        most = BEYOND * k.noise[j]
         least = min(e.floor[j], most) if again else 0.0
         if e.crossed[j] != 0 and said(s, j) == w.root_said[j]:
             least = most
@@ -212,13 +214,14 @@ def shrinks(e: EventData, first: int, exact: int) -> bool:
 def steady(s: FmuInstance) -> None:
     """Raise what counts as zero to the rounding of the roots, so that an importer sees no indicator rest at zero."""
     e = s.events
+    k = e.conditions
     w = s.solver
-    evaluate(s)
+    look(s)
     for j in range(w.root_count):
-        w.root_floor[j] = max(w.root_floor[j], 0.25 * e.noise[j])
+        w.root_floor[j] = max(w.root_floor[j], 0.25 * k.noise[j])
         e.floor[j] = w.root_floor[j]
-        if holds(e.roots[j], w.root_strict[j]) != said(s, j) and isfinite(e.roots[j]):
-            w.root_floor[j] = max(w.root_floor[j], 2.0 * abs(e.roots[j]))
+        if truth(k.root[j], w.root_strict[j]) != said(s, j) and isfinite(k.root[j]):
+            w.root_floor[j] = max(w.root_floor[j], 2.0 * abs(k.root[j]))
 
 
 def cut_at_event(s: FmuInstance) -> int:
@@ -226,30 +229,31 @@ def cut_at_event(s: FmuInstance) -> int:
     is to be made again with shorter ones."""
     w = s.solver
     e = s.events
+    k = e.conditions
     start = w.end_time[w.ends - 2]
     parts = PARTS[w.method]
     begin = start
     before = start
     last = start
-    roots_at(w, start, e.again)
+    roots_at(w, start, k.again)
     for j in range(w.root_count):
-        e.change[j] = e.again[j]
-    for k in range(parts):
-        end = w.time if k + 1 == parts else start + (w.time - start) * float(k + 1) / float(parts)
+        k.change[j] = k.again[j]
+    for part in range(parts):
+        end = w.time if part + 1 == parts else start + (w.time - start) * float(part + 1) / float(parts)
         for place in range(1, GRID + 1):
             time = end if place == GRID else begin + (end - begin) * FINER[place]
-            roots_at(w, time, e.roots)
+            roots_at(w, time, k.root)
             wrong = any_wrong(s)
             for j in range(w.root_count):
-                if last > start and may_touch(e, j) and not is_wrong(w, j, e.again[j]):
+                if last > start and may_touch(e, j) and not is_wrong(w, j, k.again[j]):
                     touch = bottom(s, j, before, time)
                     if touch > before:
                         return narrow(s, before, touch)
             if wrong:
                 return narrow(s, last, time)
             for j in range(w.root_count):
-                e.change[j] = e.again[j]
-                e.again[j] = e.roots[j]
+                k.change[j] = k.again[j]
+                k.again[j] = k.root[j]
             before = last
             last = time
         begin = end
@@ -260,35 +264,37 @@ def any_wrong(s: FmuInstance) -> bool:
     """Return True if one of the roots differs from the mode."""
     wrong = False
     for j in range(s.solver.root_count):
-        if is_wrong(s.solver, j, s.events.roots[j]):
+        if is_wrong(s.solver, j, s.events.conditions.root[j]):
             wrong = True
     return wrong
 
 
 def may_touch(e: EventData, j: int) -> bool:
     """Return True if a root may come to zero beside the middle one of three places."""
-    here = abs(e.again[j])
-    beside = max(abs(e.change[j]), abs(e.roots[j]))
-    return here <= abs(e.change[j]) and here < abs(e.roots[j]) and here < 0.5 * (beside - here)
+    k = e.conditions
+    here = abs(k.again[j])
+    beside = max(abs(k.change[j]), abs(k.root[j]))
+    return here <= abs(k.change[j]) and here < abs(k.root[j]) and here < 0.5 * (beside - here)
 
 
 def bottom(s: FmuInstance, j: int, low: float, high: float) -> float:
     """Return an instant at which a condition differs from the mode, by golden sections towards the place nearest to zero; `low` if there is none."""
     w = s.solver
     e = s.events
+    k = e.conditions
     start = low
     width = WIDTH * ulp(max(abs(low), abs(high)))
     while high - low > width:
         first = high - GOLDEN * (high - low)
         then = low + GOLDEN * (high - low)
-        roots_at(w, first, e.noise)
-        distance = abs(e.noise[j])
-        if is_wrong(w, j, e.noise[j]):
+        roots_at(w, first, k.noise)
+        distance = abs(k.noise[j])
+        if is_wrong(w, j, k.noise[j]):
             return first
-        roots_at(w, then, e.noise)
-        if is_wrong(w, j, e.noise[j]):
+        roots_at(w, then, k.noise)
+        if is_wrong(w, j, k.noise[j]):
             return then
-        if distance < abs(e.noise[j]):
+        if distance < abs(k.noise[j]):
             high = then
         else:
             low = first
@@ -299,9 +305,10 @@ def narrow(s: FmuInstance, low: float, high: float) -> int:
     """Halve the time between an instant at which the mode holds and one at which it does not, down to rounding."""
     w = s.solver
     e = s.events
+    k = e.conditions
     while high - low > WIDTH * ulp(max(abs(low), abs(high))):
         middle = 0.5 * (low + high)
-        roots_at(w, middle, e.roots)
+        roots_at(w, middle, k.root)
         if any_wrong(s):
             high = middle
         else:
@@ -322,21 +329,22 @@ def is_sure(s: FmuInstance, start: float, stop: float) -> bool:
     """Return True if the dense output of a step satisfies the equations up to the event that cuts it: see `cut.py` of a run."""
     w = s.solver
     e = s.events
+    k = e.conditions
     size = stop - start
     if size < SHORTEST * ulp(max(abs(start), abs(stop))):
         return True
     for p in range(2):
         time = start + size * HALVES[p]
-        full_at(w, time, e.moved)
-        w.derivative(time, e.moved, w.inputs, w.constants, w.mode, e.flow)
+        full_at(w, time, k.later)
+        w.derivative(time, k.later, w.inputs, w.constants, w.mode, k.rate)
         for i in range(w.n):
-            e.middle[i] = 0.0
-        for k in range(PARTED):
-            full_at(w, time + NEAR * size * BACK[k], w.si)
+            k.slope[i] = 0.0
+        for b in range(PARTED):
+            full_at(w, time + NEAR * size * BACK[b], w.si)
             for i in range(w.n):
-                e.middle[i] += SLOPE[k] / NEAR * w.si[i]
+                k.slope[i] += SLOPE[b] / NEAR * w.si[i]
         for i in range(w.n):
-            allowed = w.absolute[i] * w.magnitude[i] + w.relative * abs(e.moved[i])
-            if abs(size * e.flow[i] - e.middle[i]) > ALLOWED * allowed:
+            allowed = w.absolute[i] * w.magnitude[i] + w.relative * abs(k.later[i])
+            if abs(size * k.rate[i] - k.slope[i]) > ALLOWED * allowed:
                 return False
     return True

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from compiler.api import Record
 
+from ...simulation.integrators.acceptance.event_indicators import IndicatorWorkspace
 from ...simulation.integrators.workspace import Function, IntegratorWorkspace
 
 if TYPE_CHECKING:
@@ -36,8 +37,7 @@ class EventData(Record):
     event_count: int
     setting_count: int
     sample_count: int
-    places: Ints  # m: places of the conditions in the mode
-    steers: Ints  # m: 0 where only events read the condition
+    conditions: IndicatorWorkspace
     counted: Ints  # counted_count: places of whole numbers of states
     counts: Floats  # counted_count
     is_set: Ints  # discrete_count: 1 where the importer has set the start
@@ -60,20 +60,9 @@ class EventData(Record):
     left: Ints  # c: how often in a row an event made its condition false
     when: Floats  # c: instant at which it acted last
     intervals: Floats  # 4 c: between the last instants at which it acted, the latest first; then the longest one
-    roots: Floats  # m
-    noise: Floats  # m: their rounding
-    again: Floats  # m: roots elsewhere
-    change: Floats  # m
     floor: Floats  # m: before this instant
-    truth: Ints  # m: just after
-    doubtful: Ints  # m: 2 where rounding hides the sign, 1 where the flow has told it since
     flips: Ints  # m: conditions that change again and again
     crossed: Ints  # m: those that have crossed zero
-    moved: Floats  # n
-    flow: Floats  # n
-    middle: Floats  # n: rates
-    whole: float  # time in which the flow moves a state by its magnitude
-    flowing: int  # 1 if there are rates
     alike: int  # 1 if the rates are equal in the modes of a cycle
     modes_known: int
     resets: int  # 1 if a state was set at this instant
