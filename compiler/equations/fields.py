@@ -19,6 +19,7 @@ from ..graph.domains import DOMAINS
 from ..graph.elements import STORAGES, Kind
 from ..graph.inertia import inertia_notes
 from ..graph.network import BondGraph, Element, Law, PortVariable
+from ..graph.placement import placement_notes
 from .errors import NotConservative
 from .laws import GIVEN
 from .naming import port_name
@@ -152,7 +153,7 @@ def notes(graph: BondGraph) -> tuple[str, ...]:
             found.append(
                 f"`{node.name}` may create energy: its law can be solved neither way, so its symmetry is not checked"
             )
-    return (*found, *inertia_notes(graph))
+    return (*found, *inertia_notes(graph), *placement_notes(graph))
 
 
 def _checked(element: Element, graph: BondGraph) -> bool:

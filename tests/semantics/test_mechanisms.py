@@ -408,3 +408,31 @@ def test_parts_keep_their_places() -> None:
     mechanism, _ = drawn(BODIES + "frame tip : a { at = (1 m, 0, 0) }\nball k : a to b")
     parts: list[Body | Frame | Joint] = [*mechanism.bodies, *mechanism.frames, *mechanism.joints]
     assert [(p.name, p.span.text) for p in parts] == [(n, n) for n in ("a", "b", "c", "tip", "k")]
+
+
+HINGED = """model Pair {
+  multibody m {
+    body a { mass = 1 kg; inertia = 0.1 [kg*m^2]; at = A }
+    body b { mass = 1 kg; inertia = 0.1 [kg*m^2]; at = B }
+    hinge wall : ground to a { at = (0, 0) }
+    hinge pin : a to b AT
+  }
+  output phi = m.pin.phi
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "at", "told"),
+    [
+        ("(1 m, 0)", "(3 m, 0)", "", True),
+        ("(1 m, 0)", "(3 m, 0)", "{ at = (2 m, 0) }", False),
+        ("(1 m, 0)", "(3 m, 0)", "{ at = (0, 0) }", False),
+        ("(1 m, 0)", "(0, 0)", "", False),
+        ("(0, 0)", "(3 m, 0)", "", False),
+    ],
+)
+def test_a_hinge_without_a_place_is_told_where_neither_body_is_drawn(a: str, b: str, at: str, told: bool) -> None:
+    text = HINGED.replace("= A ", f"= {a} ").replace("= B ", f"= {b} ").replace("AT", at)
+    found = [n for n in bondgraph.load(text).certificate.notes if "says no `at`" in n]
+    assert len(found) == told and all("`m.pin`" in n and "`a`" in n and "`b`" in n for n in found)
