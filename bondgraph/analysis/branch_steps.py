@@ -195,7 +195,7 @@ class BranchFollower:
             try:
                 point = start.point.elsewhere({self.name: value}, full)
                 A, b = self.slopes(point)
-            except RunFailed:
+            except (RunFailed, np.linalg.LinAlgError):  # beyond what joints reach, a mechanism has no values
                 return None
             here = np.concatenate([point.state[: self.count] / self.scale, guess[-1:]])
             rows, whole, kept = self.system(point, A, b)
@@ -219,7 +219,11 @@ class BranchFollower:
             if norm < CLOSE or (norm < ENOUGH and norm >= 0.5 * before):
                 value = float(guess[-1] * self.range)
                 full = np.concatenate([guess[:-1] * self.scale, point.state[self.count :]])
-                return self.place(point.elsewhere({self.name: value}, full), value, start.tangent)
+                try:
+                    point = point.elsewhere({self.name: value}, full)
+                except (RunFailed, np.linalg.LinAlgError):
+                    return None
+                return self.place(point, value, start.tangent)
             before = norm
         return None
 
