@@ -62,7 +62,7 @@ def unit_after(dimension: Dimension) -> str:
 
 def word_of(name: str) -> str | None:
     """`mass` for the names `mass` and `mass[2]`; None for an invalid name."""
-    match = re.fullmatch(r"([A-Za-z_][A-Za-z_0-9]*)(\[[0-9]{1,9}\])?", name)
+    match = re.fullmatch(r"([A-Za-z_][A-Za-z_0-9]*)(\[(?:0|[1-9][0-9]{0,8})\])?", name)
     return None if match is None else match.group(1)
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import bondgraph
@@ -89,6 +89,7 @@ SIMILAR = [
 
 
 @settings(max_examples=200, deadline=None)
+@example(["a[1]", "a[01]", "a[0]"])
 @given(st.lists(st.one_of(st.text(max_size=8), st.sampled_from(SIMILAR)), min_size=3, max_size=3, unique=True))
 def test_any_names_are_mapped_one_to_one(names: list[str]) -> None:
     graph = small()
