@@ -301,6 +301,12 @@ def test_h_bridges(seed: int) -> None:
     agree(h_bridge(seed))
 
 
+@pytest.mark.parametrize("seed", [4, 6])
+def test_a_phase_whose_current_has_no_rate_at_the_start(seed: int) -> None:
+    """At the start it conducts beside another, and the sum of three voltages that cancel to rounding says that it does not."""
+    agree(three_phase(seed))
+
+
 @pytest.mark.few(4)
 @pytest.mark.parametrize("seed", range(10))
 def test_three_phases(seed: int) -> None:

@@ -20,6 +20,7 @@ from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
 from ..integrators.compiled.indicator_record import indicator_record, interpreted_record
 
+SHAKES, LAST_PLACES = 8, 2.0**-52  # evaluations, with values moved by some units in the last place
 Flow = tuple[Any, float] | None  # rates, and the time in which they move a state by its magnitude; None without rates
 
 
@@ -146,6 +147,19 @@ class EventIndicators:
     def noise(self, at: HybridState) -> Any:
         """Return the rounding error of each root."""
         return self.evaluated(at)[1]
+
+    def rounding_of_terms(self, at: HybridState) -> Any:
+        """Return how far the roots move if all given values change in their last places: the rounding of terms that cancel, which no magnitude of a state
+        tells, as in a sum of the three phases of a star."""
+        roots = self.roots(at.time, at.state, at.mode)
+        found, random = np.zeros(len(roots)), np.random.default_rng(0)
+        for _ in range(SHAKES):
+            inputs, constants = (
+                v * (1 + LAST_PLACES * random.integers(-4, 5, len(v))) for v in (self.inputs, self.constants)
+            )
+            moved = self.hybrid.roots(at.time, at.state, inputs, constants, at.mode)
+            found = np.fmax(found, np.abs(moved - roots))
+        return found
 
     def flow(self, at: HybridState) -> Flow:
         """Return the rates of the states, and the time in which the flow moves a state by its magnitude, or the run's length; None without rates."""

@@ -82,7 +82,7 @@ class ValveSwitching:
         roots = indicators.roots(at.time, at.state, at.mode)
         against = np.zeros(len(roots), dtype=bool)
         against[places] = indicators.truth(roots)[places]
-        limit = UPHELD * indicators.noise(at)
+        limit = UPHELD * np.maximum(indicators.noise(at), indicators.rounding_of_terms(at))
         if (np.abs(roots[against]) > limit[against]).any():
             return False
         at.mode[indicators.places[against]] = 0.0
