@@ -61,6 +61,14 @@ def test_rounds_of_a_loop_have_relays_and_events_of_their_own() -> None:
     assert found.final("x") == 1 and found.final("y") == 0
 
 
+def test_limits_that_a_run_sets_have_a_gap() -> None:
+    model = bondgraph.load("model A {\n  parameter h: V = 2\n  output y = hysteresis(1 [V/s]*time, 1 V, h)\n}\n")
+    assert model.simulate(settings={"h": 1.5}, to="2 s").final("y") == 1
+    for high in (1, 0.5):
+        with pytest.raises(bondgraph.CompilationFailed, match=r"BG153.*not larger"):
+            model.simulate(settings={"h": high}, to="2 s")
+
+
 @pytest.mark.parametrize(
     ("line", "code", "words"),
     [

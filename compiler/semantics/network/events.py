@@ -12,6 +12,7 @@ from ...syntax import tree
 from ..names.errors import LateStorage, WrongEvent, WrongExperiment, WrongType
 from ..names.scope import Scalar, Scope
 from ..names.statement_errors import Wrong
+from ..resolution.conditions import known_or_later, rising
 from ..resolution.resolver import read_condition
 from .elaborate import Elaborator
 from .samples import read_sampling
@@ -55,8 +56,9 @@ def _relay(elaborator: Elaborator, name: str, call: tree.Call, scope: Scope) -> 
         return Event(_owner(scope), bound, words, (action,), limit.span)
 
     pair = event(">", high, 1.0), event("<", low, 0.0)
-    least, most = (elaborator.known_value(limit, scope) for limit in (low, high))
-    if least is not None and most is not None and not least < most:
+    limits = [b for b in (elaborator.known_bound(limit, scope) for limit in (low, high)) if b is not None]
+    known = known_or_later(elaborator, limits, call.span, call.span.words, rising) if len(limits) == 2 else None
+    if known is not None and not known[0] < known[1]:
         what = f"`hysteresis` goes off below `{low.span.words}` and on above `{high.span.words}`, which is not larger"
         raise Wrong(WrongEvent(call.span, what, "Leave a gap: `hysteresis(T, 293 K, 295 K)`."))
     return pair

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from ...algebra.expression import Expression, Number, add, call, multiply, negate
+from ...algebra.expression import ONE, Expression, Number, add, call, multiply, negate, select
 from ...algebra.formula import Bound, bind
 from ...source import Span
 
@@ -42,6 +42,11 @@ def not_zero(numbers: Sequence[Expression]) -> list[Expression]:
 def not_negative(numbers: Sequence[Expression]) -> list[Expression]:
     """Condition that no value is negative."""
     return [*numbers]
+
+
+def rising(numbers: Sequence[Expression]) -> list[Expression]:
+    """Condition that the second of two values is the larger one."""
+    return [select(call("less", *numbers), ONE, negate(ONE))]
 
 
 def not_parallel(share: float) -> Condition:

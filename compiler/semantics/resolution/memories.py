@@ -138,12 +138,12 @@ class MemoryResolver(Resolver):
             self._comparisons[key] = tree.Comparison(call.span, call.depth, operator, left, right)
         return self._comparisons[key]
 
-    def known_value(self, expression: tree.ExpressionSyntax, scope: Scope) -> float | None:
-        """Value of an expression that is known before the run; None for any other."""
+    def known_bound(self, expression: tree.ExpressionSyntax, scope: Scope) -> Bound | None:
+        """Definition of an expression that is known before the run; None for any other."""
         template = self.template(expression, scope)
         if any(self.scalar_at(slot, scope).role not in STATIC_ROLES for slot in template.slots):
             return None
-        return self.value_of(self.bind(template, template.formulas[0], scope), expression.span, decides=False)
+        return self.bind(template, template.formulas[0], scope)
 
     def remember(self, integral: Integral, unit: str) -> None:
         """Enter an integral of an element's own effort or flow."""
