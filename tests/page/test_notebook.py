@@ -138,7 +138,9 @@ def test_a_cell_of_a_notebook_is_a_model() -> None:
     from IPython.core.interactiveshell import InteractiveShell
     from traitlets.config import Config
 
-    shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
+    shell = InteractiveShell(
+        config=Config({"HistoryManager": {"enabled": False}, "InteractiveShell": {"warn_venv": False}})
+    )
     shell.run_line_magic("load_ext", "bondgraph")
     text = (MODELS / "rlc.bg").read_text(encoding="utf-8")
     shell.run_cell_magic("bg", "", text)
