@@ -76,7 +76,7 @@ _ROWS = (
                     _sorted(lambda low: low.jacobian), hot=True),
     ProgramFunction("output", "The outputs.", lambda low: list(low.outputs.values())),
     ProgramFunction("claims", "By how much the starts that the author gave to computed quantities are missed.", lambda low: low.claims),
-    ProgramFunction("forced", "What is differentiated and may not jump.", lambda low: low.forced),
+    ProgramFunction("forced", "Quantities that are differentiated: none may jump.", lambda low: low.forced),
     ProgramFunction("dependent", "What storages in derivative form hold.", lambda low: low.dependents),
     ProgramFunction("sensitivities", "Slopes of what storages in derivative form hold by the states, where they change in a run.",
                     _sorted(lambda low: low.sensitivities)),
