@@ -42,6 +42,9 @@ BESIDE = 0.2  # fraction of that: largest distance of the next equilibrium from 
 NEWTON = 8
 REST = 1e-10  # relative to the terms of a rate
 SEED = 20
+DOUBTFUL = 1e-5  # relative to the fastest: growth that the rounding of terms that cancel may have made, as its root
+EVALUATIONS = 4
+CANCELLED = 2.0  # in units of that rounding: smaller entries of A are nothing else
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +106,14 @@ def decisive(point: OperatingPoint, A: Array, known: int = 0) -> tuple[Eigenvalu
         return Eigenvalues(
             np.linalg.eigvals(A).astype(complex), np.full(len(A), np.inf), np.zeros(len(A), dtype=bool)
         ), known
-    active, sizes, neutral = _without_neutral(point, A, known)
-    return bounded_eigenvalues(active, sizes, lossless(point)), neutral
+    active, sizes, neutral = _without_neutral(point, A, np.abs(A), known)
+    found = bounded_eigenvalues(active, sizes, lossless(point))
+    if found.growing and found.values.real.max() < DOUBTFUL * np.abs(found.values).max() and len(A) <= EXTENDED:
+        rounding = rounding_of(point)
+        A = np.where(np.abs(A) > CANCELLED * rounding, A, 0.0)
+        active, sizes, neutral = _without_neutral(point, A, np.maximum(np.abs(A), rounding / EPS), known)
+        found = bounded_eigenvalues(active, sizes, lossless(point))
+    return found, neutral
 
 
 def lossless(point: OperatingPoint) -> bool:
@@ -190,7 +199,8 @@ def _of_pencil(A: Array, terms: Array, scale: float, count: int) -> tuple[Any, A
 
     rows, columns = equilibrated(A, scale)
     values, left, right = eig(A / rows[:, None] / columns, np.diag(scale / (rows * columns)), left=True, right=True)
-    values = np.where(np.isfinite(values), values * scale, np.inf)
+    with np.errstate(invalid="ignore"):
+        values = np.where(np.isfinite(values), values * scale, np.inf)
     chosen = np.argsort(np.abs(values), kind="stable")[:count]
     v, w = right[:, chosen] / columns[:, None], left[:, chosen] / rows[:, None]
     return values[chosen], _bounds(A, terms, values[chosen], w, v)
@@ -215,7 +225,8 @@ def _bounds(A: Array, terms: Array, values: ComplexArray, left: Array | ComplexA
         long = A.astype(np.longdouble)
         real, imaginary = right.real.astype(np.longdouble), right.imag.astype(np.longdouble)
         moved = long @ real + 1j * (long @ imaginary)
-        residual = np.abs(moved - values * (real + 1j * imaginary)).astype(float)
+        with np.errstate(invalid="ignore"):
+            residual = np.abs(moved - values * (real + 1j * imaginary)).astype(float)
     else:
         residual = np.abs(A @ right - values * right) + len(A) * EPS * (np.abs(A) @ np.abs(right))
     lengths = np.abs(np.einsum("ij,ij->j", left.conj(), right))
@@ -256,9 +267,30 @@ def _reduced_columns(vectors: Array) -> Any:
     return found
 
 
-def _without_neutral(point: OperatingPoint, A: Array, known: int) -> tuple[Any, Any, int]:
+def rounding_of(point: OperatingPoint) -> Any:
+    """Return the rounding (r, r) of the entries of A, where terms of one cancel: how far it is from a second evaluation, in another order of operations
+    and with all values moved in their last places."""
+    space, reduced, n = point.compilation.state_space, point.reduced, point.count
+    slopes = point.slopes_of(tuple([s.rate for s in space.states] + [u.residual for u in space.unknowns]))
+    inside = slopes.columns < point.all
+    random, largest = np.random.default_rng(SEED), np.zeros((len(reduced.chosen),) * 2)
+    for _ in range(EVALUATIONS):
+        change = -np.asarray(point.slopes_here)
+        values = slopes.tape.values(
+            lambda leaf: point.lookup(leaf) * (1 + EPS * random.integers(-2, 3) * (leaf.role != "mode"))
+        )
+        np.add.at(change, (slopes.rows[inside], slopes.columns[inside]), np.asarray(values, dtype=float)[inside])
+        rates, held = change @ np.concatenate([np.eye(n), reduced.unknowns[:, :n]]), point.slopes_here
+        moved = rates[reduced.chosen]
+        if point.all > n:
+            moved = moved - held[reduced.chosen][:, n:] @ np.linalg.lstsq(held[n:, n:], rates[n:], rcond=None)[0]
+        largest = np.fmax(largest, np.abs(moved @ reduced.directions if reduced.tied else moved))
+    return largest
+
+
+def _without_neutral(point: OperatingPoint, A: Array, sizes: Array, known: int) -> tuple[Any, Any, int]:
     """Return the matrix without directions of continua of equilibria and of conserved sums, the sizes of its terms, and the number removed."""
-    sizes, neutral = np.abs(A), 0
+    neutral = 0
     vectors = null_space(A)
     if not vectors.shape[1]:
         return A, sizes, 0

@@ -262,3 +262,22 @@ class TestLimits:
         assert done.exit_code != 0
         told = json.loads(CliRunner().invoke(commands, ["equilibrium", str(file), "--json"]).stdout)
         assert told["stable"] is True and math.isclose(told["outputs"]["x"]["value"], 0.1, rel_tol=1e-9)
+
+
+def test_rounding_of_terms_that_cancel_is_no_growth() -> None:
+    """A ball that rolls without slip, held by a spring in one direction: along the other it may roll on for ever. The moment of its weight is
+    m g r - m g r, whose last place would grow as its root, 9e-8 1/s."""
+    text = """model Ball {
+      parameter r = 0.1 m
+      multibody s : spatial {
+        gravity = (0, 0, -9.81 [m/s^2])
+        body marble { mass = 2 kg, inertia = 0.4*2 kg*r^2*(1, 1, 1), at = (0, 0, r) }
+        wheel w : ground to marble { at = (0, 0, r), radius = r }
+      }
+      C spring : F = 2 [N/m]*(x - 1 mm)
+      s.marble.x -> spring
+      output x = s.marble.x
+    }"""
+    found = bondgraph.load(text).equilibrium()
+    assert found.stable is None and found.verdict.word == "not decided"
+    assert max(v.imag for v in found.verdict.undamped) == pytest.approx(math.sqrt(2 / (1.4 * 2)))
