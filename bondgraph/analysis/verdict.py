@@ -107,13 +107,17 @@ def decisive(point: OperatingPoint, A: Array, known: int = 0) -> tuple[Eigenvalu
             np.linalg.eigvals(A).astype(complex), np.full(len(A), np.inf), np.zeros(len(A), dtype=bool)
         ), known
     active, sizes, neutral = _without_neutral(point, A, np.abs(A), known)
-    found = bounded_eigenvalues(active, sizes, lossless(point))
-    if found.growing and found.values.real.max() < DOUBTFUL * np.abs(found.values).max() and len(A) <= EXTENDED:
+    eigenvalues = bounded_eigenvalues(active, sizes, lossless(point))
+    if (
+        eigenvalues.growing
+        and eigenvalues.values.real.max() < DOUBTFUL * np.abs(eigenvalues.values).max()
+        and len(A) <= EXTENDED
+    ):
         rounding = rounding_of(point)
         A = np.where(np.abs(A) > CANCELLED * rounding, A, 0.0)
         active, sizes, neutral = _without_neutral(point, A, np.maximum(np.abs(A), rounding / EPS), known)
-        found = bounded_eigenvalues(active, sizes, lossless(point))
-    return found, neutral
+        eigenvalues = bounded_eigenvalues(active, sizes, lossless(point))
+    return eigenvalues, neutral
 
 
 def lossless(point: OperatingPoint) -> bool:

@@ -152,14 +152,14 @@ class EventIndicators:
         """Return how far the roots move if all given values change in their last places: the rounding of terms that cancel, which no magnitude of a state
         tells, as in a sum of the three phases of a star."""
         roots = self.roots(at.time, at.state, at.mode)
-        found, random = np.zeros(len(roots)), np.random.default_rng(0)
+        largest, random = np.zeros(len(roots)), np.random.default_rng(0)
         for _ in range(SHAKES):
             inputs, constants = (
                 v * (1 + LAST_PLACES * random.integers(-4, 5, len(v))) for v in (self.inputs, self.constants)
             )
             moved = self.hybrid.roots(at.time, at.state, inputs, constants, at.mode)
-            found = np.fmax(found, np.abs(moved - roots))
-        return found
+            largest = np.fmax(largest, np.abs(moved - roots))
+        return largest
 
     def flow(self, at: HybridState) -> Flow:
         """Return the rates of the states, and the time in which the flow moves a state by its magnitude, or the run's length; None without rates."""
