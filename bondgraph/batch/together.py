@@ -16,6 +16,7 @@ from ..numerics.threads import one_thread
 from ..results.checkpoint import Checkpoint
 from ..results.result import Result
 from ..simulation.integrators.exponential import RunsPart
+from ..simulation.phases.cancellation import EXACT, doubtful_outputs, terms_of_outputs
 from ..simulation.run_options import RunOptions
 from ..simulation.segments.timeline import mode_after
 from ..simulation.settings import settle_all
@@ -27,7 +28,7 @@ from .steps import BatchIntegrator
 from .trajectories import BatchTrajectories
 
 if TYPE_CHECKING:
-    from compiler.api import Array
+    from compiler.api import Array, BoolArray
 
     from ..compiled_model import CompiledModel
 
@@ -93,7 +94,11 @@ def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tup
     if trajectories is None or course.crowded:
         return
     values = _outputs(scene, runs, course, trajectories)
-    sound = trajectories.sound & np.isfinite(values).all(axis=(1, 2))
+    sound = (
+        trajectories.sound
+        & np.isfinite(values).all(axis=(1, 2))
+        & ~_doubtful(scene, runs, course, trajectories, values)
+    )
     final, last = trajectories.states[:, -1], course.segments[-1]
     stored = trajectories.choice.contents(float(scene.instants[-1]), final, last.mode)
     peaks = trajectories.choice.peak
@@ -117,6 +122,16 @@ def _outputs(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: B
     modes = np.array([mode_after(program, constants, last.stop, last) for constants in runs.constants])
     values[:, -1] = program.output(instants[-1], states[:, -1], scene.inputs, runs.constants, modes)
     return values
+
+
+def _doubtful(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: BatchTrajectories, values: Array) -> BoolArray:  # fmt: skip
+    """Return a mask of the runs (runs,) that have to warn of outputs whose terms cancel: each is made alone."""
+    terms = terms_of_outputs(
+        lambda times, states, mode: scene.program.output(times, states, scene.inputs, runs.constants[:, None, None], mode),
+        scene.instants, trajectories.states, course.segments,
+    )  # fmt: skip
+    accuracy = EXACT if scene.linear else max(scene.options.rtol, EXACT)
+    return np.asarray(doubtful_outputs(values, terms, accuracy)[0].any(axis=-1))
 
 
 def _checkpoint(scene: BatchScene, parameters: Array, stored: Array, peaks: Array, magnitude: Any) -> Checkpoint:

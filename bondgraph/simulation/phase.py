@@ -20,6 +20,7 @@ from .magnitudes.nominal_magnitudes import least_tolerances
 from .monitors.extremes import ExtremesMonitor
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor
+from .phases.cancellation import terms_of_outputs
 from .phases.failures import explained, modes_in
 from .phases.notes import phase_doubts, phase_notes
 from .phases.solution import PhaseSolution, phase_energy
@@ -233,6 +234,16 @@ class Phase:
 
     def _solution(self) -> PhaseSolution:
         return PhaseSolution(self.constraints, self.instants, self.trajectory, self.stretches)
+
+    def terms_of_outputs(self) -> Any:
+        """Return the largest term (outputs,) of a state in each output."""
+        solution = self._solution()
+
+        def output(times: Array, rows: Array, mode: Array) -> Any:  # machine code takes one row after another
+            values = solution.output(times.repeat(rows.shape[-2]), rows.reshape(-1, rows.shape[-1]), mode)
+            return values.reshape(*rows.shape[:-1], -1)
+
+        return terms_of_outputs(output, self.instants, self.trajectory.states, solution.segments)
 
     def go(self) -> None:
         """Integrate and evaluate the outputs, up to the end or to the instant from which other states should be integrated.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compiler.api import CompilationFailed
+from compiler.api import SOLVERS, CompilationFailed
 
 from ..errors import RunFailed
 from ..quantities import behind
@@ -18,6 +18,7 @@ from ..results.records import EnergyBalance, EventRecord, Extremes, LimitLeft, w
 from ..results.result import Result
 from .monitors.state_selection import WORST
 from .phase import Phase, PhaseOptions, SwitchedStart
+from .phases.cancellation import EXACT, doubts_on_outputs
 from .phases.start import no_rest
 from .segments.transition import PhaseTransition
 
@@ -165,7 +166,7 @@ class PhaseSequence:
         found = Result(
             program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.options.rtol, clock.perf_counter() - self.began,
-            balance, _warnings(legs), legs[0].compilation.certificate,
+            balance, (*_warnings(legs), *_cancelled(legs, values, self.options.rtol)), legs[0].compilation.certificate,
             tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs), *_halts(acted)])),
             acted, stopped, end, lacking, accuracy=self.accuracy, searched=_extremes(legs),
         )  # fmt: skip
@@ -256,6 +257,17 @@ def _warnings(legs: Sequence[Phase]) -> tuple[LimitLeft, ...]:
     for item in (w for leg in legs for w in (*leg.doubts, *leg.watch.warnings)):
         first.setdefault((item.owner, item.condition, item.place), item)
     return tuple(first.values())
+
+
+def _cancelled(legs: Sequence[Phase], values: Array, rtol: float) -> tuple[LimitLeft, ...]:
+    """Return warnings on outputs that are less than the tolerance leaves of their terms."""
+    exact = all(list(leg.trajectory.solvers) == [SOLVERS["exponential"].name] for leg in legs)
+    accuracy = EXACT if exact else max(rtol, EXACT)
+    with np.errstate(all="ignore"):
+        terms = (
+            np.max([leg.terms_of_outputs() for leg in legs], axis=0) if len(legs) > 1 else legs[0].terms_of_outputs()
+        )
+        return doubts_on_outputs(legs[0].program.outputs.names, values, terms, accuracy, float(legs[0].instants[0]))
 
 
 def _solver(program: Program, legs: Sequence[Phase]) -> str:

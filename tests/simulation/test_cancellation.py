@@ -1,0 +1,77 @@
+"""Outputs that are small differences of large numbers: what may be wrong as a whole is told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bondgraph
+from tests.compiling import MODELS
+
+TEXT = """model Filter {
+  parameter tau = 1 ms
+  Se s : u = 1 V*sin(2*pi*50 Hz*time)
+  R r : u = 1 ohm*i
+  C c : q = tau*1 [1/ohm]*u
+  1 l : electric
+  s -> l -> r, c
+  output i = r.i, u = c.u
+}"""
+W = 2 * np.pi * 50
+
+
+@pytest.fixture(scope="module")
+def model() -> Any:
+    return bondgraph.load(TEXT)
+
+
+def error(result: Any, tau: float) -> float:
+    """Largest error of the current, relative to its size: i = C u' behind a transient."""
+    t = result.time
+    exact = W * tau * (np.cos(W * t) + W * tau * np.sin(W * t) - np.exp(-t / tau)) / (1 + (W * tau) ** 2)
+    return float(np.abs(result["i"] - exact).max() / np.abs(exact).max())
+
+
+@pytest.mark.parametrize("solver", ["automatic", "radau", "rodas"])
+@pytest.mark.parametrize("tau", [1e-3, 1e-6, 1e-8, 1e-9, 1e-12, 1e-15])
+def test_what_may_be_wrong_is_told(model: Any, solver: str, tau: float) -> None:
+    result = model.simulate(settings={"tau": tau}, to="20 ms", points=101, solver=solver)
+    told = [w for w in result.warnings if "terms that cancel" in w.condition]
+    assert [w.owner for w in told] == ["i"] or error(result, tau) < 0.1
+    assert not told or tau < 1e-7  # nothing is told of a current that is a thousandth of what its terms are
+
+
+def test_the_advice_helps(model: Any) -> None:
+    loose, tight = (model.simulate(settings={"tau": 1e-8}, to="20 ms", solver="rodas", rtol=r) for r in (1e-6, 1e-9))
+    assert "set a smaller `rtol`" in str(loose.warnings[-1]) and error(loose, 1e-8) > 0.1
+    assert not tight.warnings and error(tight, 1e-8) < 1e-2
+
+
+def test_many_runs_tell_what_each_alone_tells(model: Any) -> None:
+    settings = [{"tau": tau} for tau in (1e-3, 2e-3, 3e-3, 1e-15, 2e-15, 3e-15)]
+    together = model.simulate_many(settings, to="20 ms", points=21)
+    alone = [model.simulate(settings=s, to="20 ms", points=21) for s in settings]
+    assert [[str(w) for w in r.warnings] for r in together] == [[str(w) for w in r.warnings] for r in alone]
+    assert [bool(r.warnings) for r in alone] == [False] * 3 + [True] * 3
+
+
+def test_zero_by_a_symmetry_is_no_doubt() -> None:
+    """Two equal masses on equal springs: their difference is rounding."""
+    text = "model Twins {\n  Se s : F = 1 N*sin(3 [1/s]*time)\n  0 ends\n"
+    for k in (1, 2):
+        text += f"  I m{k} : p = 1 kg*v\n  C c{k} : F = (2 [N/m])*x + 1 [N/m^3]*x^3\n  1 j{k}\n  s{k} -> j{k} -> m{k}, c{k}\n  Se s{k} : F = 1 N*sin(3 [1/s]*time)\n"
+    text = (
+        text.replace("  Se s : F = 1 N*sin(3 [1/s]*time)\n  0 ends\n", "") + "  output gap = c1.x - c2.x, x = c1.x\n}"
+    )
+    result = bondgraph.load(text).simulate(to="5 s")
+    assert not result.warnings and np.abs(result["gap"]).max() < 1e-13
+
+
+@pytest.mark.parametrize(
+    "name", ["manipulator", "quarter_car", "rectifier", "robot_arm", "loudspeaker", "pid_dc_motor"]
+)
+def test_models_of_the_gallery_have_no_doubt(name: str) -> None:
+    model = bondgraph.load(MODELS / f"{name}.bg")
+    assert not any("terms that cancel" in w.condition for w in model.simulate(model.experiments[0]).warnings)
