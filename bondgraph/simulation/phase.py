@@ -243,7 +243,8 @@ class Phase:
             values = solution.output(times.repeat(rows.shape[-2]), rows.reshape(-1, rows.shape[-1]), mode)
             return values.reshape(*rows.shape[:-1], -1)
 
-        return terms_of_outputs(output, self.instants, self.trajectory.states, solution.segments)
+        terms = terms_of_outputs(output, self.instants, self.trajectory.states, solution.segments)
+        return terms + np.zeros(len(self.program.outputs.names))  # of a phase without instants, too
 
     def go(self) -> None:
         """Integrate and evaluate the outputs, up to the end or to the instant from which other states should be integrated.
