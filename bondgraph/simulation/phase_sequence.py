@@ -166,7 +166,7 @@ class PhaseSequence:
         found = Result(
             program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.options.rtol, clock.perf_counter() - self.began,
-            balance, (*_warnings(legs), *_cancelled(legs, values, self.options.rtol)), legs[0].compilation.certificate,
+            balance, (*_warnings(legs), *_cancelled(legs, values, self.options.rtol, plan.start)), legs[0].compilation.certificate,
             tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs), *_halts(acted)])),
             acted, stopped, end, lacking, accuracy=self.accuracy, searched=_extremes(legs),
         )  # fmt: skip
@@ -259,7 +259,7 @@ def _warnings(legs: Sequence[Phase]) -> tuple[LimitLeft, ...]:
     return tuple(first.values())
 
 
-def _cancelled(legs: Sequence[Phase], values: Array, rtol: float) -> tuple[LimitLeft, ...]:
+def _cancelled(legs: Sequence[Phase], values: Array, rtol: float, begin: float) -> tuple[LimitLeft, ...]:
     """Return warnings on outputs that are less than the tolerance leaves of their terms."""
     exact = all(list(leg.trajectory.solvers) == [SOLVERS["exponential"].name] for leg in legs)
     accuracy = EXACT if exact else max(rtol, EXACT)
@@ -267,7 +267,7 @@ def _cancelled(legs: Sequence[Phase], values: Array, rtol: float) -> tuple[Limit
         terms = (
             np.max([leg.terms_of_outputs() for leg in legs], axis=0) if len(legs) > 1 else legs[0].terms_of_outputs()
         )
-        return doubts_on_outputs(legs[0].program.outputs.names, values, terms, accuracy, float(legs[0].instants[0]))
+        return doubts_on_outputs(legs[0].program.outputs.names, values, terms, accuracy, begin)
 
 
 def _solver(program: Program, legs: Sequence[Phase]) -> str:
