@@ -16,6 +16,7 @@ from ..simulation.integrators.compiled.run import obstacle
 from ..simulation.integrators.exponential import DEGREE
 from ..simulation.monitors.state_selection import Choice
 from ..simulation.phase import PhaseOptions
+from ..simulation.phases.cancellation import MOST_STATES, PLACES
 from ..simulation.run_options import RunOptions, planned
 
 if TYPE_CHECKING:
@@ -55,9 +56,14 @@ class BatchScene:
 
     @property
     def numbers(self) -> int:
-        """Count of the numbers that a run needs at once: states and outputs, or what drives the states at the nodes between the reported instants."""
-        width = len(self.program.variables.names) * (2 * (DEGREE + 1) if self.linear else 1)
-        return len(self.instants) * (width + len(self.program.outputs.names))
+        """Count of the numbers that a run needs at once: states and outputs, or what drives the states at the nodes between the reported instants; or
+        the states that are moved to find the terms of outputs."""
+        states, outputs = len(self.program.variables.names), len(self.program.outputs.names)
+        width = states * (2 * (DEGREE + 1) if self.linear else 1)
+        return max(
+            len(self.instants) * (width + outputs),
+            len(PLACES) * (states + 1) * (states + outputs) * (states <= MOST_STATES),
+        )
 
 
 def batch_scene(model: CompiledModel, scene: Scene, wanted: RunOptions) -> BatchScene | None:
