@@ -34,7 +34,7 @@ from .sizes import sizes
 from .thresholds import Thresholds, thresholds
 
 if TYPE_CHECKING:
-    from compiler.api import Compilation, Expression, Lowered, Program
+    from compiler.api import Compilation, Expression, Lowered, Plan, Program
 
     from ..results.records import LimitLeft
     from ..simulation.constraints.constraints import Constraints
@@ -45,7 +45,12 @@ JUMP = 1e-9  # relative to the terms of a rate: a smaller change at a condition 
 Lookup = Callable[[Leaf], float]
 LIMITS = 1e-9  # relative to a table's range: rounding beyond its ends
 ROUNDING, AT_ONCE = 1e-12, 1e-200  # relative, and s: just after an instant
-AHEAD = 1.0  # s: length of the timeline that is searched for a single instant
+AHEAD = 1.0  # s: length of time that is looked at where no experiment tells one
+
+
+def length_of(plan: Plan) -> float:
+    """Return the length of time beside which an instant is short: that of the experiment's run, s."""
+    return AHEAD if plan.stop is None or plan.stop <= plan.start else plan.stop - plan.start
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,7 +320,7 @@ class OperatingPoint:
 
         first: EventIndicators | None = self.made.kept.get("conditions")
         if first is None:
-            first = self.made.kept["conditions"] = EventIndicators(self.constraints, self.sizes, AHEAD)
+            first = self.made.kept["conditions"] = EventIndicators(self.constraints, self.sizes, length_of(self.made.plan))
         return first.with_values(self.constraints, self.sizes)
 
     def _without_slope(self, name: str) -> RunFailed:

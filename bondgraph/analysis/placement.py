@@ -13,7 +13,7 @@ from compiler.api import Array, NotDifferentiable
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
 from .movable import refuse_structural
-from .operating_point import AnalysisRequest, OperatingPoint
+from .operating_point import AnalysisRequest, OperatingPoint, length_of
 
 if TYPE_CHECKING:
     from compiler.api import Scene
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Prepare = Callable[[Scene, bool], CompiledScene]
 
 SAME_REST = 1e-6  # relative to the largest state of its unit: difference of one rest found twice
-AHEAD = 1.0  # s: length of the timeline that is searched for a single instant
+SHORTER, TOO_MANY = 1e-3, ("BR761", "BR762", "BR763")  # a part of a length of time, and refusals of one with too many instants
 KEPT = 1e-9  # relative: change of what is stored where junctions go on or off
 
 
@@ -118,13 +118,23 @@ def placed(prepare: Prepare, scene: Scene, asked: AnalysisRequest, values: Mappi
     if program.delays is not None:
         raise _delayed(compiled)
     with np.errstate(all="ignore"):
-        start = _Start(prepare, scene, PhaseOptions(plan, 1e-6, None, False, values or {}))
-        leg = start.phase()
+        leg = _phase(prepare, scene, PhaseOptions(plan, 1e-6, None, False, values or {}), length_of(compiled.plan))
         state, mode = leg.state, leg.stretches[0].mode
         if isinstance(asked.state, Mapping):
             left_out = compiled.certificate.unneeded if compiled.scene.upstream else ()
             state, mode = _given(leg, {n: v for n, v in asked.state.items() if n not in left_out}, begins, mode)
     return OperatingPoint(leg.compilation, leg.constraints, state, mode, begins, asked.by, values).check_limits()
+
+
+def _phase(prepare: Prepare, scene: Scene, options: PhaseOptions, length: float) -> Phase:
+    """Return the phase with which a run begins. A single instant is asked for: where the instants of a length of time are too many, those of less are."""
+    while True:
+        try:
+            return _Start(prepare, scene, options, options.plan.start + length).phase()
+        except RunFailed as failed:
+            length *= SHORTER
+            if failed.code not in TOO_MANY or length <= np.spacing(abs(options.plan.start)):
+                raise
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +144,7 @@ class _Start:
     prepare: Prepare
     scene: Scene
     options: PhaseOptions
+    until: float  # s: end of the time that is searched for instants
 
     def phase(self) -> Phase:
         """Return the phase. Raises `RunFailed` where there is none, and `UsageError` where an impulse passes at the start."""
@@ -141,7 +152,7 @@ class _Start:
         from ..simulation.phases.start import no_rest
 
         plan, compiled, modes = self.options.plan, self.prepare(self.scene, True), dict[str, float]()
-        span, tried = np.array([plan.start, plan.start + AHEAD]), set[SwitchedStart]()
+        span, tried = np.array([plan.start, self.until]), set[SwitchedStart]()
         companion, first = self._companion(compiled), None
         while True:
             try:
@@ -171,10 +182,8 @@ class _Start:
             return None
         from ..simulation.events.begin import companion_of
 
-        plan = self.options.plan
-        return companion_of(
-            self.prepare, self.scene, compiled.facts, self.options.values, (plan.start, plan.start + AHEAD)
-        )
+        span = self.options.plan.start, self.until
+        return companion_of(self.prepare, self.scene, compiled.facts, self.options.values, span)
 
     def _check_kept(self, first: Phase, last: Phase, modes: Mapping[str, float]) -> None:
         """Raise `UsageError` where a storage has to change at once when the junctions switch at the start."""
