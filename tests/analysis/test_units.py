@@ -7,6 +7,7 @@ import math
 import pytest
 
 import bondgraph
+from bondgraph.errors import RunFailed
 from compiler.api import Source, scene_of
 from tests.compiling import LIBRARY, MODELS
 from tests.second_opinion.scales import POWERS, in_other_units
@@ -129,3 +130,50 @@ model M {
     assert same.equilibrium().stable is model.equilibrium().stable is True
     expected = [m.eigenvalue / units.of_unit("s") for m in model.modes()]
     assert [m.eigenvalue for m in same.modes()] == pytest.approx(expected, rel=1e-9)
+
+CLOCKED = """model Clocked {
+  parameter R = 2 ohm, L = 8 mH, k = 3 ohm
+  mode drive = 0 V
+  R winding : u = R*i
+  I coil : lambda = L*i
+  MSe bridge : u = drive
+  every 1 ms { drive = k*(1 A - coil.i) }
+  bridge -> 1(winding, coil)
+}"""
+TIMED = """model Timed {
+  parameter R = 2 kohm, C = 1 nF, T = 1 us
+  R lead : u = R*i
+  C store : u = q/C
+  Se source : u = 3 V if mod(time, T) < T/2 else 1 V
+  source -> 1(lead, store)
+}"""
+FASTER = tuple({"time": -k} for k in range(0, 19, 3))
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize("powers", (*FASTER, {"time": 5}, *POWERS[::3]), ids=str)
+def test_an_analysis_of_one_instant_looks_at_no_second(powers: dict[str, int]) -> None:
+    """Samples every 1e-18 s are no million too many, and a period of 1e-21 s is none: no experiment tells a length of time."""
+    text, units = in_other_units(CLOCKED, powers)
+    rest = bondgraph.load(text).equilibrium()
+    assert rest.states["coil.lambda"] == pytest.approx(8e-3 * 3 / (2 + 3) * units.of_unit("V*s"), rel=1e-12)
+    assert rest.stable
+    text, units = in_other_units(TIMED, powers)
+    model = bondgraph.load(text)
+    assert model.equilibrium().states["store.q"] == pytest.approx(3e-9 * units.of_unit("C"), rel=1e-12)
+    (mode,) = model.modes()
+    assert mode.eigenvalue == pytest.approx(-1 / 2e-6 / units.of_unit("s"), rel=1e-12)
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("powers", ({}, *POWERS), ids=str)
+def test_a_limited_controller_is_inverted_at_rest(powers: dict[str, int]) -> None:
+    """At its limit the command reads no state, and the angle goes on while Newton's step is zero: no rest. It was told as one."""
+    path = MODELS / "pid_dc_motor.bg"
+    scene = scene_of(Source(path.name, path.read_text(encoding="utf-8"), path), LIBRARY, (None, None), None, {})
+    model = bondgraph.load(in_other_units(scene.text, powers)[0], model=scene.model)
+    for angle in (-7.0, 1e-3, 0.5):
+        try:
+            assert model.invert({"phi": angle}, ("wanted",)).inputs["wanted"] == pytest.approx(angle, rel=1e-9)
+        except RunFailed as refused:
+            assert powers and refused.code == "BR323"

@@ -19,6 +19,8 @@ from compiler.api import Array
 from ...errors import RunFailed, UsageError
 from ...numerics.scales import equilibrated
 from ...rendering import Summarised
+from ...simulation.equilibrium.search import search_at
+from ...simulation.segments.timeline import Segment
 from ..equilibrium import units_of
 from ..json_values import head, named, with_units
 from ..operating_point import OperatingPoint
@@ -159,7 +161,7 @@ class Search:
     def _checked(
         self, settings: Mapping[str, float], state: Array, strengths: Array, wanted: Array
     ) -> tuple[OperatingPoint, Any] | None:
-        """Return the point and strengths if outputs and rates have their values: a zero step may also mean that no input has an effect."""
+        """Return the point and strengths if outputs and rates have their values: a zero step may also mean that no input has an effect, or no state."""
         point = self.point.elsewhere(settings, state)
         by_states, by_strengths = self._slopes(point, strengths)
         chosen = point.reduced.chosen
@@ -169,7 +171,7 @@ class Search:
         missed = np.abs(point.outputs[self.rows] - wanted) + np.abs(seen @ settling)[:, 0]
         gains = by_strengths[r:] + seen @ balanced_step(by_states[:r], by_strengths[:r])[0]
         allowed = ENOUGH * (np.abs(gains) @ np.abs(strengths) + np.abs(wanted))
-        return (point, strengths) if (missed <= allowed).all() else None
+        return (point, strengths) if (missed <= allowed).all() and _rests(point) else None
 
     def _slopes(self, point: OperatingPoint, strengths: Array) -> tuple[Any, Any]:
         """Return the derivatives of rates and outputs by the free coordinates and by the strengths."""
@@ -203,6 +205,16 @@ class Search:
         largest = np.maximum(np.abs(strengths), np.abs(strengths + moved))
         norm = float((np.abs(moved) / max(float(largest.max(initial=0.0)), 1e-300)).max(initial=0.0))
         return change, moved, norm
+
+
+def _rests(point: OperatingPoint) -> bool:
+    """Return True if a point is an equilibrium as the search for one would have it: at a limit a rate may read no state, and remain."""
+    search = search_at(point.program, point.constraints, point.inputs, Segment(point.time, point.time, point.mode))
+    try:
+        search.rested(point.state)
+    except (RunFailed, np.linalg.LinAlgError):
+        return False
+    return True
 
 
 def _told(search: Search, targets: Mapping[str, float]) -> Inversion:

@@ -29,7 +29,7 @@ def equilibrium(program: Program, constraints: Constraints, inputs: Array, state
     """Return the equilibrium that is reached from a state, with the unknowns of loops. Raises `RunFailed` if there is none."""
     if not len(program.states.names):
         return state
-    return found_by(_search(program, constraints, inputs, first), np.array(state))
+    return found_by(search_at(program, constraints, inputs, first), np.array(state))
 
 
 @np.errstate(all="ignore")  # a trial may lead to where a law has no value
@@ -71,8 +71,8 @@ def found_by(search: EquilibriumSearch, state: Array) -> Any:
     raise search.no_rest(slope)
 
 
-def _search(program: Program, constraints: Constraints, inputs: Array, first: Segment) -> EquilibriumSearch:
-    """Return a dense search, or a sparse one for a large model. Directions left by loop joints are dense in any case."""
+def search_at(program: Program, constraints: Constraints, inputs: Array, first: Segment) -> EquilibriumSearch:
+    """Return a dense search at the begin of a segment, or a sparse one for a large model. Directions left by loop joints are dense in any case."""
     rows, _ = program.pattern
     if not constraints and is_large(len(program.states.names), len(rows)):
         from .sparse import SparseSearch
