@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from compiler import api
 
@@ -25,6 +25,7 @@ LIBRARY = Path(__file__).with_name("library")
 PARTS = "BONDGRAPH_PARTS"  # environment variable: most instances, elements, junctions, quantities and rounds of a model
 MOST_KEPT = 64  # most scenes whose stages and programs are kept
 MOST_DIGITS = 15  # of that number
+_Answer = TypeVar("_Answer")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,7 @@ class CompiledModel:
         self.extra_outputs = tuple((extra_outputs or {}).items())
         self._compilations: dict[tuple[Scene, bool], Compilation] = {}
         self._prepared: dict[tuple[Scene, bool, str], CompiledScene] = {}
+        self.kept: dict[object, Any] = {}  # answers that need no other run of the compiler, by all that decides them
 
     def __repr__(self) -> str:
         return f"<bondgraph model {self.model or ''} of {self.source.name}>"
@@ -79,14 +81,23 @@ class CompiledModel:
         """Discard all compiled forms; they are made again, or taken from the cache, at the next use."""
         self._compilations.clear()
         self._prepared.clear()
+        self.kept.clear()
+
+    def recall(self, key: object, find: Callable[[], _Answer]) -> _Answer:
+        """Return the answer for a key, which has all that decides it beside the text; found at its first use. Nobody changes it."""
+        answer: _Answer | None = self.kept.get(key)
+        if answer is None:
+            answer = find()
+            keep(self.kept, key, answer, MOST_KEPT)
+        return answer
 
     def compiled_scene(self, scene: Scene, everything: bool, target: str) -> CompiledScene:
         """Return the compiled scene: its program and the data for a run; from the cache if it exists there."""
-        from .compiled_scene import CompiledScene
-
         key = (scene, everything, target)
         made = self._prepared.get(key)
         if made is None:
+            from .compiled_scene import CompiledScene
+
             made = CompiledScene(
                 self.source, scene, everything, target, lambda: self.compilation(scene, everything),
                 lambda: self.compiled_scene(replace(scene, opened=True), everything, target),

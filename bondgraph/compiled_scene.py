@@ -12,6 +12,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from compiler import api
+
 from . import cache
 from .errors import ManyRuns, UsageError
 from .results.records import Column
@@ -25,9 +27,7 @@ HIDDEN = "BONDGRAPH_WITHOUT_LLVM"  # environment variable: any value disables LL
 
 def chosen_target(target: str | None) -> str:
     """Return the requested target, or the fastest that this machine has. Raises `UsageError`."""
-    from compiler.api import native_available
-
-    possible = not os.environ.get(HIDDEN) and native_available()
+    possible = not os.environ.get(HIDDEN) and api.native_available()
     if target is None:
         return "native" if possible else "numpy"
     if target not in TARGETS:

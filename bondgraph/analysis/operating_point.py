@@ -320,7 +320,9 @@ class OperatingPoint:
 
         first: EventIndicators | None = self.made.kept.get("conditions")
         if first is None:
-            first = self.made.kept["conditions"] = EventIndicators(self.constraints, self.sizes, length_of(self.made.plan))
+            first = self.made.kept["conditions"] = EventIndicators(
+                self.constraints, self.sizes, length_of(self.made.plan)
+            )
         return first.with_values(self.constraints, self.sizes)
 
     def _without_slope(self, name: str) -> RunFailed:

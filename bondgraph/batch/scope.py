@@ -52,7 +52,7 @@ class BatchScene:
 
     def state_selection(self, constants: Array) -> Choice:
         """Return the monitor of the state selection of runs with these constants, (runs, K)."""
-        return Choice(self.program, constants, self.inputs, frozenset(self.compiled_scene.facts.storages), None)
+        return Choice(self.program, constants, self.inputs, self.compiled_scene.facts.storages, None)
 
     @property
     def numbers(self) -> int:

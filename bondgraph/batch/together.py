@@ -127,7 +127,7 @@ def _outputs(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: B
 def _doubtful(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: BatchTrajectories, values: Array) -> BoolArray:  # fmt: skip
     """Return a mask of the runs (runs,) that have to warn of outputs whose terms cancel: each is made alone."""
     terms = terms_of_outputs(
-        lambda times, states, mode: scene.program.output(times, states, scene.inputs, runs.constants[:, None, None], mode),
+        lambda times, states, mode: scene.program.output(times[:, None], states, scene.inputs, runs.constants[:, None, None], mode),
         scene.instants, trajectories.states, course.segments,
     )  # fmt: skip
     accuracy = EXACT if scene.linear else max(scene.options.rtol, EXACT)

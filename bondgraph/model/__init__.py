@@ -207,22 +207,24 @@ class Model(Shown, AnalysedModel):
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if the numbers fail; the latter, and the `RunInterrupted` that Ctrl-C raises, have the
         `result` up to then.
         """
-        from dataclasses import replace
-
-        from ..errors import UsageError
-        from ..results.archive import read_result
         from ..simulation.repetition import simulate
 
-        before = read_result(start) if isinstance(start, str | Path) else start
+        if isinstance(start, str | Path):
+            from ..results.archive import read_result
+
+            before: Result | None = read_result(start)
+        else:
+            before = start
         if before is not None and (check or error):
+            from ..errors import UsageError
+
             raise UsageError(
                 "BR608",
                 "a run that goes on from a result cannot be checked, and its error is not known:",
                 "check the whole run",
             )
-        chosen = _options({**options, "to": to, "points": points})
-        run_options = replace(chosen.wanted, check=check, error=error) if check or error else chosen.wanted
-        return simulate(self, experiment, settings or {}, chosen.outputs, run_options, before)
+        chosen = _options({**options, "to": to, "points": points, "check": check, "error": error})
+        return simulate(self, experiment, settings or {}, chosen.outputs, chosen.wanted, before)
 
     @checked
     def simulate_many(

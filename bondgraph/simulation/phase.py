@@ -221,8 +221,7 @@ class Phase:
         return largest
 
     def _choice(self) -> Choice:
-        storages = frozenset(self.compilation.facts.storages)
-        return Choice(self.program, self.constants, self.inputs, storages, self.begin)
+        return Choice(self.program, self.constants, self.inputs, self.compilation.facts.storages, self.begin)
 
     def _problem(self, events: Events | None, choice: Choice | None) -> PhaseProblem:
         """Return the integration of this phase, with its events or a copy of them."""

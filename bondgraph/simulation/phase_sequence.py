@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time as clock
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -145,9 +144,10 @@ class PhaseSequence:
         legs, plan = self.legs, self.plan
         program = legs[0].program
         columns = legs[0].compilation.columns
-        evaluations: Counter[str] = Counter()
+        evaluations: dict[str, int] = {}
         for leg in legs:
-            evaluations.update(leg.trajectory.evaluations)
+            for kind, count in leg.trajectory.evaluations.items():
+                evaluations[kind] = evaluations.get(kind, 0) + count
         values = legs[0].values if len(legs) == 1 else np.concatenate([leg.values for leg in legs])
         with np.errstate(all="ignore"):  # a run may end where a quantity has no value
             end = legs[-1].end(self.stop)
@@ -165,7 +165,7 @@ class PhaseSequence:
         told = () if lacking is None else (lacking.sentence({column.name: column.unit for column in columns}),)
         found = Result(
             program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
-            sum(leg.trajectory.steps for leg in legs), dict(evaluations), self.options.rtol, clock.perf_counter() - self.began,
+            sum(leg.trajectory.steps for leg in legs), evaluations, self.options.rtol, clock.perf_counter() - self.began,
             balance, (*_warnings(legs), *_cancelled(legs, values, self.options.rtol, plan.start)), legs[0].compilation.certificate,
             tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs), *_halts(acted)])),
             acted, stopped, end, lacking, accuracy=self.accuracy, searched=_extremes(legs),
@@ -194,6 +194,8 @@ def _halts(acted: Sequence[EventRecord]) -> Iterator[str]:
 
 def _left_out(legs: Sequence[Phase], balance: EnergyBalance | None) -> TruncationReport | None:
     """Return the joined truncation report of all phases, with the removed energy; None if nothing was truncated."""
+    if all(leg.left_out is None for leg in legs):
+        return None
     from ..results.truncation import joined
 
     found = None

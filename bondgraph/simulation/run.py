@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,18 @@ if TYPE_CHECKING:
 
     from ..compiled_model import CompiledModel
     from ..compiled_scene import CompiledScene
+    from .phase import PhaseOptions
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRun:
+    """Scene of a run as its solver needs it, compiled; the reported instants (points,), the options of its phases, and its accuracy, if it has one."""
+
+    scene: Scene
+    compiled_scene: CompiledScene
+    instants: Any
+    options: PhaseOptions
+    accuracy: float | None
 
 
 def simulate_once(
@@ -34,8 +46,9 @@ def simulate_once(
     A `RunFailed` or `RunInterrupted` carries the result up to the instant at which it was raised.
     """
     energy = wanted.energy or (start is not None and start.energy is not None)
-    wanted = replace(wanted, target=chosen_target(wanted.target), energy=energy)
-    settled = settle(model, experiment, settings, outputs, energy, wanted.target or "")
+    target = chosen_target(wanted.target)
+    wanted = replace(wanted, target=target, energy=energy)
+    settled = settle(model, experiment, settings, outputs, energy, target)
     try:
         result = run(model, settled.scene, settled.values, wanted, start)
     except RunFailed:
@@ -68,25 +81,21 @@ def run(
 ) -> Result:
     """Run a scene of a model; `values` are parameters set when it begins."""
     began = clock.perf_counter()
-    energy, target = wanted.energy, chosen_target(wanted.target)
+    energy, target = wanted.energy, wanted.target or chosen_target(None)
 
     def made(scene: Scene, everything: bool) -> CompiledScene:
+        if scene is plan.scene and everything == energy:
+            return plan.compiled_scene
         return model.compiled_scene(scene, everything or scene.conserving, target)
 
-    scene = _conserving(scene, wanted.solver)
-    plan = made(scene, energy).plan
-    many = many_runs(plan, scene)
-    if many is not None:
-        raise many
-    instants, options, accuracy = planned(plan, wanted, values)
-    scene = _conserving(scene, options.solver)
-    compiled_scene = made(scene, energy)
+    plan = model.recall(("run", scene, wanted), lambda: _planned(model, scene, wanted, target))
+    scene, compiled_scene = plan.scene, plan.compiled_scene
     before = None if start is None else start.checkpoint
     if before is not None and scene.from_start and before.identity != compiled_scene.facts.identity:
         scene = replace(scene, from_start=False)  # what nothing excites here may have moved in a run of other starts
         compiled_scene = made(scene, energy)
-    run = PhaseSequence(made, scene, options, instants, began)
-    run.accuracy = accuracy
+    run = PhaseSequence(made, scene, replace(plan.options, values=values), plan.instants.copy(), began)
+    run.accuracy = plan.accuracy
     if start is not None:
         from .resume import resumed
 
@@ -126,6 +135,22 @@ def run(
         error.result = result
         raise error from broken
     return run.result("")
+
+
+def _planned(model: CompiledModel, scene: Scene, wanted: RunOptions, target: str) -> PlannedRun:
+    """Return the plan of all runs of a scene with the same options. Raises `ManyRuns` and `UsageError`."""
+
+    def made(scene: Scene) -> CompiledScene:
+        return model.compiled_scene(scene, wanted.energy or scene.conserving, target)
+
+    scene = _conserving(scene, wanted.solver)
+    plan = made(scene).plan
+    many = many_runs(plan, scene)
+    if many is not None:
+        raise many
+    instants, options, accuracy = planned(plan, wanted, {})
+    scene = _conserving(scene, options.solver)
+    return PlannedRun(scene, made(scene), instants, options, accuracy)
 
 
 def _conserving(scene: Scene, solver: str | None) -> Scene:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from compiler.api import Array, Compilation, Expression, RunMetadata, Scale
 
     from ..compiled_model import CompiledModel
+    from ..compiled_scene import CompiledScene
 
 Settings = Mapping[str, str | float]
 _PLAIN = re.compile(r"(-?)([0-9]{1,99}(?:\.[0-9]{1,99})?(?:[eE][+-]?[0-9]{1,2})?)([ \[].*|)")  # a sign, digits, a unit
@@ -46,16 +47,19 @@ def settle(
     def scene_with(settings: Settings, **others: Any) -> Scene:
         return replace(model.scene(experiment, settings, (), outputs), from_start=not everything, **others)
 
+    def compiled() -> CompiledScene:
+        scene = scene_with(written)
+        overrides = [*scene.overrides, *(_argument(name) for name in sorted(later))]
+        return model.compiled_scene(replace(scene, overrides=tuple(overrides)), everything, target)
+
     numbers = {name.replace(" ", ""): found for name, x in settings.items() if (found := _number(x)) is not None}
     later = frozenset(numbers)
     while later:
         written = {name: x for name, x in settings.items() if name.replace(" ", "") not in later}
-        scene = scene_with(written)
-        overrides = [*scene.overrides, *(_argument(name) for name in sorted(later))]
-        scene = replace(scene, overrides=tuple(overrides))
         try:
-            compiled_scene = model.compiled_scene(scene, everything, target)
-            facts = compiled_scene.facts
+            key = "settings", experiment, tuple(written.items()), later, outputs, everything, target
+            compiled_scene = model.recall(key, compiled)
+            scene, facts = compiled_scene.scene, compiled_scene.facts
             values = {n: numbers[n].value for n in sorted(later)}
             zeros = frozenset(name for name, number in numbers.items() if number.value == 0)
             if any(names <= zeros for names in facts.zero_divisors):
@@ -71,7 +75,9 @@ def settle(
         except CompilationFailed:
             pass  # raised again below, with the values, if they are wrong too
         break
-    return Settled(scene_with(settings), {})
+    if settings:
+        return Settled(scene_with(settings), {})
+    return Settled(model.recall(("settings", experiment, outputs, everything), lambda: scene_with(settings)), {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,4 +254,4 @@ def _argument(name: str) -> Override:
 def _fits(facts: RunMetadata, numbers: Mapping[str, _Number], values: Mapping[str, float]) -> bool:
     """Return True if the units are right, the numbers are finite, and quantities that must not be negative are not."""
     units = all(_has_unit(facts, name, number) for name, number in numbers.items())
-    return units and _stay_positive((x for _, x in facts.positive), values)
+    return units and _stay_positive({x for _, x in facts.positive}, values)

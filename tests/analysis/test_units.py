@@ -131,6 +131,7 @@ model M {
     expected = [m.eigenvalue / units.of_unit("s") for m in model.modes()]
     assert [m.eigenvalue for m in same.modes()] == pytest.approx(expected, rel=1e-9)
 
+
 CLOCKED = """model Clocked {
   parameter R = 2 ohm, L = 8 mH, k = 3 ohm
   mode drive = 0 V

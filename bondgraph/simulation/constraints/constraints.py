@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,6 +34,22 @@ class Assembled:
     redundant: tuple[str, ...]  # constraints that follow from others
 
 
+def _places(program: Program) -> tuple[Any, ...]:
+    """Return the number of residuals, the pattern of their slopes, the indices of their rates, of the states that residuals and that their rates depend on,
+    and a mask of residuals that are lengths."""
+    gaps = len(program.invariants.names) - sum(row >= 0 for row in program.rates)
+    rows, columns = (np.asarray(a, dtype=int) for a in program.invariant_pattern)
+    # numpy.unique is avoided: it loads masked arrays, which takes a tenth of the time of a short run.
+    positions, speeds = (
+        np.flatnonzero(np.bincount(columns[which], minlength=len(program.states.names)))
+        for which in (rows < gaps, rows >= gaps)
+    )
+    lengths = np.array([u == "m" for u in program.invariants.units[:gaps]], dtype=bool)
+    pattern = gaps, rows, columns, np.array(program.rates, dtype=int), positions, speeds, lengths
+    program.kept["places"] = pattern
+    return pattern
+
+
 class Constraints:
     """Invariants of a program. `parameters` decide which rows are active; `magnitude`: of its states (and unknowns), shape (n,)."""
 
@@ -46,25 +62,13 @@ class Constraints:
         self.known = values
         self.count = len(program.states.names)
         self.all = len(program.multipliers)  # residuals first, then the constraints on rates alone
-        self.gaps = len(program.invariants.names) - sum(row >= 0 for row in program.rates)
-        self.rows, self.columns = (np.asarray(a, dtype=int) for a in program.invariant_pattern)
-        self.rate_rows, self.positions, self.speeds, self.lengths = self._places(program)
+        places = program.kept.get("places") or _places(program)
+        self.gaps: int = places[0]
+        _, self.rows, self.columns, self.rate_rows, self.positions, self.speeds, self.lengths = places
         self.taking = np.ones(self.all, dtype=bool)
         self.assembled: Assembled | None = None
         self._compiled: CompiledConstraints | None = None
         self.scale(magnitude)
-
-    def _places(self, program: Program) -> tuple[Any, Any, Any, Any]:
-        """Return the indices of residual rates, of the states that residuals and that their rates depend on, and a mask of residuals that are lengths."""
-        if "places" not in program.kept:
-            of_gaps = self.rows < self.gaps
-            # numpy.unique is avoided: it loads masked arrays, which takes a tenth of the time of a short run.
-            positions, speeds = (
-                np.flatnonzero(np.bincount(self.columns[which], minlength=self.count)) for which in (of_gaps, ~of_gaps)
-            )
-            lengths = np.array([u == "m" for u in program.invariants.units[: self.gaps]], dtype=bool)
-            program.kept["places"] = np.array(program.rates, dtype=int), positions, speeds, lengths
-        return cast("tuple[Any, Any, Any, Any]", program.kept["places"])
 
     def name_of(self, constraint: int) -> str:
         """Return the name of a constraint; those on rates alone come after the residuals."""

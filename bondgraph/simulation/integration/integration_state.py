@@ -24,7 +24,7 @@ from ..loops.loops import LoopSolver
 from ..monitors.extremes import ExtremesMonitor
 from ..monitors.state_selection import Choice
 from ..monitors.step_failure import MOST_COMPILED, MOST_STEPS, failure, not_finite
-from ..monitors.step_size_diagnosis import growth_notes, notes_of
+from ..monitors.step_size_diagnosis import growth_notes, is_usual, notes_of
 from ..monitors.validity import ValidityMonitor
 from ..segments.context import SegmentContext
 from ..segments.timeline import Segment, Signals, signals_on
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from ..events.history import History
     from ..events.locate import Flip, StateAt
     from ..integrators.compiled.run import CompiledMethod
+    from ..segments.run_values import RunValues
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 MOST_KNOWN = 64  # most modes whose signals are cached
@@ -145,6 +146,22 @@ class IntegrationState:
 
         return SingularPoseMonitor(self.constraints, self.loops, self.result.poses)
 
+    @property
+    def run_values(self) -> RunValues | None:
+        """Values of the run, with what earlier runs have found for them."""
+        return self.constraints.known
+
+    def key_at(self, stretch: Segment, x: Array) -> tuple[object, ...]:
+        """Return all that decides, beside the values of the run, how a segment goes from a state."""
+        tolerances = self.tolerances
+        sizes = (
+            tolerances.relative,
+            tolerances.absolute.tobytes(),
+            tolerances.held.tobytes(),
+            tolerances.magnitude.tobytes(),
+        )
+        return *stretch.key, x.tobytes(), *sizes, self.whole
+
     def signals(self, stretch: Segment) -> Signals:
         """Return the signals of time on a segment, or on a longer one that ends with it: events cut one segment into many."""
         hybrid, mode = self.program.hybrid, np.asarray(stretch.mode)
@@ -206,6 +223,8 @@ class IntegrationState:
 
     def tell_crawling(self, solver: CompiledMethod, steps: int, mode: Array) -> None:
         """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
+        if is_usual(solver, steps):
+            return
         context = self.context
         self.result.notes += [
             *notes_of(context, solver, steps, mode, self.solver == "explicit"),

@@ -69,9 +69,7 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
 
 def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
     """Return the method that fits the eigenvalues on a segment; count the evaluations of trial steps, also where an earlier run has made them."""
-    tolerances = stepper.tolerances
-    sizes = tolerances.relative, tolerances.absolute.tobytes(), tolerances.held.tobytes()
-    key = *stretch.key, x.tobytes(), *sizes, stepper.whole
+    key = stepper.key_at(stretch, x)
     method, evaluations, settled = stepper.constraints.recall(
         "method", key, lambda: _examined(stepper, stretch, x), lambda answer: len(x) // LARGEST
     )

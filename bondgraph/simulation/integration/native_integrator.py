@@ -20,6 +20,8 @@ from ..segments.timeline import Segment
 from .cut import is_sure
 from .poses import beyond, chosen_anew
 
+LARGEST_SPARE = 64  # most states of a workspace that is left to the next run
+
 if TYPE_CHECKING:
     from ..segments.trajectory import Tolerances
     from .integration_state import IntegrationState
@@ -70,6 +72,17 @@ def _solver(stepper: IntegrationState, stretch: Segment, x: Array, method: int) 
     return solver
 
 
+def _spare_key(stepper: IntegrationState, stretch: Segment, x: Array, method: int) -> object:
+    """Return all that decides how the workspace of a segment begins, beside the values of the run; None if more does, or it is large."""
+    program = stepper.program
+    more = (
+        program.hybrid is not None or stepper.powers is not None or stepper.extremes is not None or stepper.constraints
+    )
+    if more or obstacle(program) or stepper.history is not None or METHODS[method].conserving or len(x) > LARGEST_SPARE:
+        return None
+    return stepper.key_at(stretch, x), method, stepper.solver, stepper.longest
+
+
 def _automatic(stepper: IntegrationState, method: int) -> int:
     """Return 1 if another method may take over, else 0."""
     return int(stepper.solver == AUTOMATIC and method in (EXPLICIT, EXPONENTIAL))
@@ -83,6 +96,17 @@ class NativeIntegrator:
         self.tolerances: Tolerances = stepper.tolerances
         self.noted = False  # True while the checkpoint before the last step is stored
         self.passed = 0  # number of steps after which Python has acted
+        self.key = _spare_key(stepper, stretch, x, method)
+        spare: CompiledMethod | None = None
+        if self.key is not None and stepper.run_values is not None:
+            spare = stepper.run_values.spare.pop(self.key, None)
+        if spare is not None:
+            self.solver = spare
+            spare.begin_once_more(stretch.mode)
+            spare.report(stepper.instants, stepper.position, stepper.result.states)
+            if stepper.choice is not None:
+                spare.choose(stepper.choice)
+            return
         solver = self.solver = _solver(stepper, stretch, x, method)
         solver.fixed_size = size if size < np.inf else None
         solver.report(stepper.instants, stepper.position, stepper.result.states)
@@ -96,6 +120,13 @@ class NativeIntegrator:
             solver.keep_places(PLACES)
         solver.doubt(stepper.floor)
         solver.begin()
+        if self.key is not None:
+            solver.save()
+
+    def release(self) -> None:
+        """Leave the workspace to the next run with the same values."""
+        if self.key is not None and self.stepper.run_values is not None:
+            self.stepper.run_values.spend(self.key, self.solver)
 
     def begin_at(self, stretch: Segment, x: Array, method: int) -> None:
         """Go on with another segment."""

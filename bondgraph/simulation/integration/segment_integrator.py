@@ -28,6 +28,8 @@ class SegmentIntegrator(IntegrationState):
 
     def let_go(self) -> None:
         """Release the integrator of steps, which refers to this object, so that memory is freed at once, without the garbage collector."""
+        if self.machine is not None:
+            self.machine.release()
         self.machine = None
 
     def through(self, state: Array, stretches: Sequence[Segment]) -> Trajectory:

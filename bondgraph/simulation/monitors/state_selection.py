@@ -27,13 +27,16 @@ class Choice:
     """
 
     def __init__(
-        self, program: Program, constants: Array, inputs: Array, storages: frozenset[str], before: PhaseTransition | None
+        self, program: Program, constants: Array, inputs: Array, storages: tuple[str, ...], before: PhaseTransition | None
     ) -> None:  # fmt: skip
         self.program, self.fixed = program, (inputs, constants)
-        rows, columns = program.sensitivity_pattern
-        self.chosen = np.array([self._element(c) in storages for c in columns], dtype=bool)
-        self.rows, self.columns = rows[self.chosen], columns[self.chosen]
-        self.names = (*program.states.names, *program.dependents.names)
+        selection: tuple[Any, ...] | None = program.kept.get("state selection")
+        if selection is None or selection[0] != storages:
+            rows, columns = program.sensitivity_pattern
+            chosen: Any = np.array([self._element(c) in storages for c in columns], dtype=bool)
+            names: Any = (*program.states.names, *program.dependents.names)
+            selection = program.kept["state selection"] = storages, chosen, rows[chosen], columns[chosen], names
+        _, self.chosen, self.rows, self.columns, self.names = selection
         self.peak = np.zeros((*constants.shape[:-1], len(self.names)))
         if before is not None:
             self.peak[:] = [before.peaks.get(n, 0.0) for n in self.names]

@@ -88,6 +88,11 @@ def notes_of(context: SegmentContext, solver: LastStep, steps: int, mode: Array,
     return [f"most of the {steps} steps follow {found}; {advice(found, explicit)}"]
 
 
+def is_usual(solver: LastStep, steps: int) -> bool:
+    """Return True if a segment took few steps, and no state is far beyond its magnitude at its end."""
+    return steps < MANY and not bool((np.abs(solver.state) > BEYOND).any())
+
+
 def growth_notes(context: SegmentContext, solver: LastStep, notes: Sequence[str]) -> list[str]:
     """Return a note on the state farthest beyond its magnitude at the end of a segment; none if its magnitude was given, or after a first note in `notes`.
 

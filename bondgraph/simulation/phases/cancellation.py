@@ -15,7 +15,7 @@ from ..segments.timeline import Segment
 
 STEP = 1e-7  # relative: by which a state is moved
 MOST_STATES = 64  # of a model whose outputs are looked at
-PLACES = np.array([0.23, 0.61, 0.87])  # in the longest segment
+PLACES = (0.23, 0.61, 0.87)  # in the longest segment
 EXACT = 1e-12  # relative to the states: accuracy of the matrix exponential
 DOUBTED = 10.0  # in units of the accuracy
 ZERO = 1e-13  # relative to the terms: smaller outputs are zero to rounding, as by a symmetry
@@ -26,15 +26,15 @@ def terms_of_outputs(
 ) -> Any:
     """Return the largest term (..., outputs) of a state or unknown in each output, its slope times its value, at some instants; 0 without states.
 
-    `output`: of instants, states and a mode; `states`: (..., points, n).
+    `output`: of instants (places,), states (..., places, moves, n) and a mode; `states`: (..., points, n).
     """
     longest = segments[0] if len(segments) == 1 else max(segments, key=lambda s: s.stop - s.start)
     begin, end = instants.searchsorted((longest.start, longest.stop)).tolist()
     points, count = states.shape[-2:]
     if not begin < end <= points or not 0 < count <= MOST_STATES:
         return 0.0
-    places = (begin + PLACES * (end - begin)).astype(int)
-    values = output(instants[places, None], states[..., places, None, :] * _moves(count), longest.mode)
+    places = [int(begin + place * (end - begin)) for place in PLACES]
+    values = output(instants[places], states[..., places, None, :] * _moves(count), longest.mode)
     return np.abs(values[..., 1:, :] - values[..., :1, :]).max(axis=(-3, -2)) / STEP
 
 

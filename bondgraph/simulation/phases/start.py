@@ -71,18 +71,20 @@ class PhaseInitialization:
 
     def start(self, first: Segment, horizon: float) -> StartOfPhase:
         """Return the start of a phase; `first`: its first segment, `horizon`: length of the run. Raises `RunFailed`."""
-        program = self.program
-        state = np.asarray(program.start(self.constraints.constants), dtype=float)
-        names = program.states.names
+        if self.begin is not None:
+            return self._continued(self.begin, self._written(), first, horizon)
+        start = self._consistent(first, horizon)
+        return start if self.program.hybrid is None else self._after_events(start, horizon)
+
+    def _written(self) -> Any:
+        """Return the start of the program, as the text gives it. Raises `RunFailed`."""
+        state = np.asarray(self.program.start(self.constraints.constants), dtype=float)
         if not np.isfinite(state).all():
-            bad = [n for n, x in zip(names, state, strict=False) if not np.isfinite(x)]
+            bad = [n for n, x in zip(self.program.states.names, state, strict=False) if not np.isfinite(x)]
             raise RunFailed(
                 "BR731", f"the start of {', '.join(f'`{b}`' for b in bad)} is not finite: a parameter makes it so"
             )
-        if self.begin is not None:
-            return self._continued(self.begin, state, first, horizon)
-        start = self._consistent(state, first, horizon)
-        return start if program.hybrid is None else self._after_events(start, horizon)
+        return state
 
     def _continued(self, begin: PhaseTransition, state: Array, first: Segment, horizon: float) -> StartOfPhase:
         """Return the start where the phase before ends. `state`: the start of the program."""
@@ -115,12 +117,12 @@ class PhaseInitialization:
             _check_rest(events, at.state, full, at.mode, first.mode)
         return StartOfPhase(at.state, replace(first, mode=at.mode), without, goes_on_without, before.notes, events)
 
-    def _consistent(self, state: Array, first: Segment, horizon: float) -> StartOfPhase:
+    def _consistent(self, first: Segment, horizon: float) -> StartOfPhase:
         """Return the consistent start before any event acts, with the mode that fits it. Raises `RunFailed`."""
         program, constraints, compilation = self.program, self.constraints, self.compilation
 
         def find() -> tuple[StartOfPhase, Any, Any]:
-            segment = first
+            segment, state = first, self._written()
             if program.hybrid is not None:
                 from ..events.begin import with_mode, with_modes
 
@@ -138,7 +140,7 @@ class PhaseInitialization:
         key = *first.key, horizon, *sorted(self.modes.items()), self.plan.equilibrium
         start: StartOfPhase
         start, constraints.assembled, taking = constraints.recall("start", key, find)
-        if not np.array_equal(taking, constraints.taking):
+        if taking.tobytes() != constraints.taking.tobytes():
             constraints.leave_out(taking)
         return replace(start, state=start.state.copy())
 

@@ -6,6 +6,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import ulp
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -222,17 +223,12 @@ def aligned(stretches: list[Segment], instants: Array) -> list[Segment]:
     """Return the segments with ends moved down to reported instants that differ from them by rounding: values hold from a jump on."""
     if len(stretches) < 2:
         return stretches
-    edges = np.array([s.start for s in stretches[1:]])
-    instants = np.asarray(instants)
-    near = instants[np.maximum(instants.searchsorted(edges) - 1, 0)]
-    moved = (near < edges) & (edges - near <= ROUNDING * np.spacing(np.abs(edges)))
-    moved &= near > np.array([s.start for s in stretches[:-1]])
-    if not moved.any():
-        return stretches
-    parts = list(stretches)
-    for i in np.flatnonzero(moved).tolist():
-        parts[i] = parts[i].up_to(parts[i].start, float(near[i]))
-        parts[i + 1] = parts[i + 1].up_to(float(near[i]), parts[i + 1].stop)
+    edges, parts = [s.start for s in stretches[1:]], list(stretches)
+    below = np.maximum(np.searchsorted(instants, edges) - 1, 0)
+    for i, (edge, near) in enumerate(zip(edges, instants[below].tolist(), strict=True)):
+        if stretches[i].start < near < edge and edge - near <= ROUNDING * ulp(edge):
+            parts[i] = parts[i].up_to(parts[i].start, near)
+            parts[i + 1] = parts[i + 1].up_to(near, parts[i + 1].stop)
     return parts
 
 

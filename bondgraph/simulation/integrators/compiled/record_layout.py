@@ -7,7 +7,7 @@ than the steps of a small model. So a run takes a block of zeros, copies the wor
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -119,6 +119,17 @@ class RecordArray:
                     value = np.ascontiguousarray(value, dtype=wanted)
                 self._arrays[name] = value
                 words[place] = address_of(value)
+
+    def saved(self, written: Iterable[str]) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+        """Return its numbers and arrays for `restore`; `written`: the given arrays into which machine code writes."""
+        return self._numbers.copy(), dict(self._arrays), {name: self[name].copy() for name in written}
+
+    def restore(self, saved: tuple[Any, Mapping[str, Any], Mapping[str, Any]]) -> None:
+        """Make all values as they were when they were saved."""
+        numbers, arrays, written = saved
+        self._numbers[:], self._arrays = numbers, dict(arrays)
+        for name, values in written.items():
+            self._arrays[name][:] = values
 
     def call(self, source: str, *arguments: Any) -> int:
         """Call a function of the source on this record, with integers and arrays."""

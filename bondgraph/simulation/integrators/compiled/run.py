@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # fields that are read often
+WRITTEN = "state", "absolute", "peak", "mode"  # given arrays into which machine code writes
 KEPT_STEPS, KEPT_NUMBERS = 512, 1 << 20  # most steps, and numbers, that are stored before Python looks at them
 SMALL = 1e-3  # ratio of a pivot to the largest number that it divides, below which another order is chosen
 
@@ -176,6 +177,18 @@ class CompiledMethod:
         self.values.call("begin")
         if self.fixed_size is not None:
             self._record.size = self.fixed_size
+
+    def save(self) -> None:
+        """Save the workspace as it begins, for `begin_once_more`."""
+        assert isinstance(self.values, RecordArray)
+        self._saved = self.values.saved(WRITTEN)
+
+    def begin_once_more(self, mode: Array) -> None:
+        """Begin the same segment in another run."""
+        assert isinstance(self.values, RecordArray)
+        self.values.restore(self._saved)
+        self.put_mode(mode)
+        self._begun = False
 
     def begin_at(self, stretch: Segment, state: Array, signals: Signals, method: int, automatic: int) -> None:
         """Go on with another segment, or after an event, as a new solver would."""
