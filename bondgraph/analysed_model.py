@@ -75,12 +75,12 @@ class AnalysedModel(CompiledModel):
 
     @checked
     def equilibrium(
-        self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
         outputs: Sequence[str] | None = None, time: float | None = None,
     ) -> Equilibrium:  # fmt: skip
         """Return the equilibrium reached from the start, with inputs held as at `time` (s; None: begin of the experiment).
 
-        `experiment`: None: none, "": the first; its settings and start values are used. Raises as `operating_point`.
+        `experiment`: "": the first, None: none; its settings and start values are used. Raises as `operating_point`.
         """
         from .analysis.equilibrium import equilibrium
         from .analysis.operating_point import AnalysisRequest
@@ -105,12 +105,12 @@ class AnalysedModel(CompiledModel):
 
     @checked
     def modes(
-        self, experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
         state: str | Mapping[str, float] = "equilibrium", time: float | None = None, outputs: Sequence[str] | None = None,
     ) -> Modes:  # fmt: skip
         """Return frequencies (Hz), damping, shapes and the energy of each element, at the equilibrium, the "start" or given states (`state`).
 
-        `experiment`: its settings and start values are used (None: none, "": the first). `settings`: parameters and inputs by name. `time`: the instant at
+        `experiment`: its settings and start values are used ("": the first, None: none). `settings`: parameters and inputs by name. `time`: the instant at
         which inputs are held (s; None: begin of the experiment). `outputs`: only these, and only modes of the states that they depend on (None: all).
         """
         from .analysis.modes import modes
@@ -171,9 +171,9 @@ class AnalysedModel(CompiledModel):
         from .analysis.sensitivity import independent
 
         given = self.inputs if inputs is None else inputs
-        by, fixed = independent(self, parameters, options.get("experiment"), options.get("settings") or {})
+        by, fixed = independent(self, parameters, options.get("experiment", ""), options.get("settings") or {})
         both = tuple(dict.fromkeys((*given, *by)))
-        asked = AnalysisRequest(options.get("experiment"), fixed, outputs, both, time=options.get("time"))
+        asked = AnalysisRequest(options.get("experiment", ""), fixed, outputs, both, time=options.get("time"))
         return self.operating_point(asked), given, by
 
     @checked
@@ -206,7 +206,7 @@ class AnalysedModel(CompiledModel):
         from .analysis.sensitivity import independent
         from .quantities import quantity
 
-        experiment, settings = options.get("experiment"), options.get("settings") or {}
+        experiment, settings = options.get("experiment", ""), options.get("settings") or {}
         _, fixed = independent(self, (parameter,), experiment, settings)
         unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
         first, last = (quantity(v, unit, parameter) for v in (low, high))
@@ -215,19 +215,19 @@ class AnalysedModel(CompiledModel):
 
     @overload
     def invert(
-        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = None,
+        self, targets: Mapping[str, str | float], inputs: Sequence[str], experiment: str | None = "",
         settings: Mapping[str, str | float] | None = None,
     ) -> Inversion: ...  # fmt: skip
 
     @overload
     def invert(
-        self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = None,
+        self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = "",
         settings: Mapping[str, str | float] | None = None, *, to: str | float, **options: Unpack[PathKeywords],
     ) -> FeedForward: ...  # fmt: skip
 
     @checked
     def invert(
-        self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = None,
+        self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = "",
         settings: Mapping[str, str | float] | None = None, *, to: str | float | None = None, **options: Unpack[PathKeywords],
     ) -> Inversion | FeedForward:  # fmt: skip
         """Return inputs for given outputs. In `inputs`, `push1/pull1` is a pair with one of them zero; there are as many inputs or pairs as targets.
@@ -265,7 +265,7 @@ class AnalysedModel(CompiledModel):
 
     @checked
     def excite(
-        self, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None = None,
+        self, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None = "",
         settings: Mapping[str, str | float] | None = None, rtol: float = 1e-9,
     ) -> Measured:  # fmt: skip
         """Measure one point of a frequency response: `given` moves harmonically about its value, by `amplitude` in SI, until all transients have decayed.

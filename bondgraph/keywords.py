@@ -71,7 +71,7 @@ class MonteCarloKeywords(TypedDict, total=False):
 
 
 class ExperimentKeywords(TypedDict, total=False):
-    """Options of an analysis: an experiment (None: none, "": the first), whose settings and start values are used, and more settings by name."""
+    """Options of an analysis: an experiment ("": the first, by default; None: none), whose settings and start values are used, and more settings by name."""
 
     experiment: str | None
     settings: Mapping[str, str | float] | None

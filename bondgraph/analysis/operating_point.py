@@ -61,7 +61,7 @@ class AnalysisRequest:
     `outputs`: None for all. `upstream`: without the states that no named output depends on.
     """
 
-    experiment: str | None = None
+    experiment: str | None = ""
     settings: Mapping[str, str | float] | None = None
     outputs: tuple[str, ...] | None = None
     by: tuple[str, ...] = ()

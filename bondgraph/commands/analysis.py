@@ -13,7 +13,6 @@ from .error_reporting import problems_told
 from .options import (
     Command,
     OutputFiles,
-    analysed_option,
     echo,
     experiment_option,
     file_argument,
@@ -72,13 +71,10 @@ class AnalysisCall:
         echo(found, self.files.as_json)
 
 
-def analysis(
-    name: str, of_outputs: bool = True, checked: bool = True, first: bool = False
-) -> Callable[[Command], click.Command]:
+def analysis(name: str, of_outputs: bool = True, checked: bool = True) -> Callable[[Command], click.Command]:
     """Return a command with a file, `-e`, `--set`, `--output` (if `of_outputs`), `--json`, `--model`, and its own options, which come first in its help.
 
-    It is called with an `AnalysisCall`, whose files can be written (if `checked`), and its own options; its errors are reported. `first`: without `-e`
-    it is about the first experiment, not about none.
+    It is called with an `AnalysisCall`, whose files can be written (if `checked`), and its own options; its errors are reported.
     """
 
     def decorate(function: Command) -> click.Command:
@@ -95,7 +91,7 @@ def analysis(
                 )
 
         own = vars(command).pop("__click_params__", [])
-        shared = [experiment_option if first else analysed_option, settings_option, json_option, model_option]
+        shared = [experiment_option, settings_option, json_option, model_option]
         for option in reversed([outputs_option, *shared] if of_outputs else shared):
             option(command)
         vars(command)["__click_params__"] += own

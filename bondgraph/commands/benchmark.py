@@ -8,7 +8,7 @@ from .analysis import AnalysisCall, analysis, picture_option
 from .options import show_progress
 
 
-@analysis("benchmark", first=True)
+@analysis("benchmark")
 @click.option(
     "--error",
     type=float,

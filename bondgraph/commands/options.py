@@ -42,11 +42,7 @@ def _a_name(context: click.Context, parameter: click.Parameter, value: str) -> s
 
 experiment_option = click.option(
     "-e", "--experiment", default="", callback=_a_name, metavar="NAME", shell_complete=completion.experiments,
-    help="Which experiment (`none` for none); the first if left out.",
-)  # fmt: skip
-analysed_option = click.option(
-    "-e", "--experiment", default="none", callback=_a_name, metavar="NAME", shell_complete=completion.experiments,
-    help="With what this experiment sets and starts; none if left out.",
+    help="Which experiment (`none` for none); the first of the model if left out.",
 )  # fmt: skip
 settings_option = click.option(
     "--set",

@@ -11,7 +11,7 @@ from .error_reporting import FAILED
 from .options import settings_by_name, show_progress
 
 
-@analysis("stress", first=True, checked=False)
+@analysis("stress", checked=False)
 @click.option("--for", "duration", default="30 s", metavar="TIME", help="How long to try (30 s).")
 @click.option("--vary", multiple=True, metavar='"NAME=LOW .. HIGH"', help="Try the corners of this range, also of a start (`start x`).")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, metavar="N", help="Seed of what is drawn (0).")

@@ -70,7 +70,7 @@ class Model(Shown, AnalysedModel):
     @checked
     def sweep(
         self, values: Mapping[str, str | Sequence[str | float]], of: str | tuple[str, ...] = "simulate", together: bool = False,
-        experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
         workers: Workers | Submitting | int | None = None, **options: Unpack[SweepKeywords],
     ) -> Outcome:  # fmt: skip
         """Compute equilibrium, modes or simulate, or several of them (`of`), at each point of a grid of `values`.
@@ -88,7 +88,7 @@ class Model(Shown, AnalysedModel):
     @checked
     def montecarlo(
         self, vary: Mapping[str, str | Distribution], of: str | tuple[str, ...] = "modes", samples: int = 1000,
-        experiment: str | None = None, settings: Mapping[str, str | float] | None = None,
+        experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
         workers: Workers | Submitting | int | None = None, **options: Unpack[MonteCarloKeywords],
     ) -> MonteCarlo:  # fmt: skip
         """Compute the effect of tolerances at `samples` quasi-random points, with statistics, Sobol indices and swings.
@@ -155,7 +155,7 @@ class Model(Shown, AnalysedModel):
     @checked
     def fit(
         self, data: str | Path | Measurements | Sequence[str | Path | Measurements], parameters: Mapping[str, str | BoundedParameter],
-        experiment: str | None = None,
+        experiment: str | None = "",
         settings: Mapping[str, str | float] | None = None, explain: bool | None = None,
     ) -> Fit:  # fmt: skip
         """Fit `parameters` to measured data by weighted least squares with exact derivatives; with 95 % intervals and undetermined directions.
@@ -175,7 +175,7 @@ class Model(Shown, AnalysedModel):
 
     @checked
     def invert_file(
-        self, file: str | Path, inputs: Sequence[str], experiment: str | None = None, settings: Mapping[str, str | float] | None = None, *,
+        self, file: str | Path, inputs: Sequence[str], experiment: str | None = "", settings: Mapping[str, str | float] | None = None, *,
         to: str | float | None = None, workers: Workers | Submitting | int | None = None, **options: Unpack[PathKeywords],
     ) -> Outcome | FeedForward:  # fmt: skip
         """Apply `invert` to setpoints of a CSV file, whose headings are outputs with units: `x [um],phi [deg]`.

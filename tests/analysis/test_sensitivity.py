@@ -89,12 +89,12 @@ def test_the_point_of_rest_moves_the_modes() -> None:
 def test_through_closing_joints() -> None:
     """A loaded four-bar: bar lengths move the pose, the multipliers and the swinging about it."""
     model = bondgraph.load(MODELS / "four_bar.bg")
-    found = model.sensitivity(("coupler",))
+    found = model.sensitivity(("coupler",), experiment=None)
     for name, at in zip(found.parameters, found.at, strict=True):
 
         def numbers(value: float, name: str = name) -> Any:
-            (mode,) = model.modes(settings={name: value})
-            rest = model.equilibrium(settings={name: value})
+            (mode,) = model.modes(None, {name: value})
+            rest = model.equilibrium(None, {name: value})
             return np.array([rest["angle"], rest["load_y"], mode.frequency, mode.damping])
 
         wanted = difference(numbers, at, 1e-3 * at)

@@ -55,7 +55,7 @@ def test_what_it_shows_was_run(site: tuple[Path, str]) -> None:
         ("python", r"^(8|7\.99999\d*|8\.00000\d*)e-06\n42\.45\d* "),
         ("first_hour", r"^x +9\.67[56]\d* .* um$"),
         ("how_to/fit", r"^fold +2\.6885\d* +(1e-06|9\.9999\d*e-07)$"),  # a third of the gap, volt^2 = 8*k*gap^3/(27*eps0*A)
-        ("explanations", r"^ +v +0\.458177\d* +V$"),
+        ("explanations", r"^ +v +458\.177\d* +mV$"),
     ],
 )  # fmt: skip
 def test_it_prints_what_is_known(site: tuple[Path, str], page: str, printed: str) -> None:

@@ -72,7 +72,7 @@ def wheels() -> Model:
 @pytest.mark.parametrize("v", [0.0, 2.0, 5.0, 4.3, 9.5])
 def test_modes_of_the_bicycle_that_rolls_without_slip(wheels: Model, v: float) -> None:
     """Four that the paper prints, and as many zeros as there are places and directions in which it may ride, with its speed."""
-    modes = wheels.modes(settings={"v": f"{v} [m/s]"}, state="start")
+    modes = wheels.modes(None, settings={"v": f"{v} [m/s]"}, state="start")
     found = np.array([m.eigenvalue for m in modes])
     for value in PRINTED.get(v, eigenvalues(v)):
         if np.imag(value) >= 0:

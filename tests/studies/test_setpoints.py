@@ -47,14 +47,14 @@ def written(folder: Path, text: str) -> Path:
 def test_each_line_is_held_at_rest(model: Any, tmp_path: Path) -> None:
     """c (push^2 - pull^2) + load = k x, with settings in a line or for all."""
     file = written(tmp_path, "# three places\nx [um], load [uN], k [N/m]\n3, 0, 8\n-3, 0, 8\n\n1.5, 2, 16\n")
-    found = model.invert_file(file, ["push/pull"])
+    found = model.invert_file(file, ["push/pull"], None)
     assert list(found.swept.items()) == [("x", "m"), ("load", "N"), ("k", "N/m")]
     volts = np.sqrt(np.abs([24e-6, -24e-6, 22e-6]) / 2e-6)
     assert found("push") == pytest.approx([volts[0], 0, volts[2]], rel=1e-9)
     assert found("pull") == pytest.approx([0, volts[1], 0], rel=1e-9)
     for point in found:
         settings = {**point.of("invert").inputs, "load": point.settings["load"], "k": point.settings["k"]}
-        assert model.equilibrium(settings=settings)["x"] == pytest.approx(point.settings["x"], abs=1e-15)
+        assert model.equilibrium(None, settings)["x"] == pytest.approx(point.settings["x"], abs=1e-15)
     halved = model.invert_file(written(tmp_path, "x [um]\n3\n"), ["load"], "twice")
     assert halved("load") == pytest.approx([48e-6]) and "um" in halved.summary()
 
@@ -65,12 +65,12 @@ def test_a_column_of_time_is_a_path(model: Any, tmp_path: Path) -> None:
     times = np.linspace(0, 1, 81)
     lines = [f"{20 + 50 * t!r}, {float(5 * rise(t))!r}" for t in map(float, times)]
     file = written(tmp_path, "time [ms], x [um]\n" + "\n".join(lines) + "\n")
-    lead = model.invert_file(file, ["load"], points=41)
+    lead = model.invert_file(file, ["load"], None, points=41)
     assert lead.time[[0, -1]] == pytest.approx([0.02, 0.07])
     s = (lead.time - 0.02) / 0.05
     force = 5e-6 * (2e-6 * rise.deriv(2)(s) / 0.05**2 + 2e-3 * rise.deriv(1)(s) / 0.05 + 8 * rise(s))
     assert lead["load"] == pytest.approx(force, abs=1e-6 * force.max())
-    part = model.invert_file(file, ["load"], start="20 ms", to="45 ms", points=21, limits={"load": "1 N"})
+    part = model.invert_file(file, ["load"], None, start="20 ms", to="45 ms", points=21, limits={"load": "1 N"})
     assert part.time[-1] == 0.045 and part["load"][-1] == pytest.approx(lead["load"][20], rel=1e-6)
 
 
@@ -78,7 +78,7 @@ def test_the_command(tmp_path: Path) -> None:
     file = tmp_path / "a.bg"
     file.write_text(SPRING, encoding="utf-8")
     setpoints, table = written(tmp_path, "x [um]\n3\n-3\n"), tmp_path / "volts.csv"
-    asked = ["invert", str(file), "--setpoints", str(setpoints), "--by", "push/pull"]
+    asked = ["invert", str(file), "--setpoints", str(setpoints), "--by", "push/pull", "-e", "none"]
     done = CliRunner().invoke(commands, [*asked, "--out", str(table), "--json"])
     assert done.exit_code == 0, done.output
     inputs = [p["analyses"][0]["inputs"] for p in json.loads(done.stdout)["points"]]
@@ -114,4 +114,4 @@ def test_the_command(tmp_path: Path) -> None:
 )
 def test_refused(model: Any, tmp_path: Path, text: str, told: str) -> None:
     with pytest.raises(UsageError, match=told):
-        model.invert_file(written(tmp_path, text), ["load"], settings={"k": 8.0})
+        model.invert_file(written(tmp_path, text), ["load"], None, settings={"k": 8.0})

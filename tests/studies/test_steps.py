@@ -69,10 +69,10 @@ def test_bode_needs_no_names(plate: bondgraph.Model) -> None:
     """From all inputs to all outputs; at rest at w -> 0, x/push = 1/(k - slope of the plates' force)."""
     (point,) = plate.run("survey")
     (found,) = point.responses
-    called = plate.response(points=50, settings={"volt": 0.5})
+    called = plate.response(points=50, experiment=None, settings={"volt": 0.5})
     assert (found.inputs, found.outputs) == (called.inputs, called.outputs) == (("volt", "push", "pull"), ("x", "F"))
     assert np.array_equal(found.values, called.values) and np.array_equal(found.frequencies, called.frequencies)
-    at_rest = plate.equilibrium(settings={"volt": 0.5})["x"]
+    at_rest = plate.equilibrium(None, settings={"volt": 0.5})["x"]
     stiffness = 8 - EPS0 * 1e-6 * 0.5**2 / (3e-6 - at_rest) ** 3
     assert abs(found.of("push", "x")[0]) == pytest.approx(1 / stiffness, rel=0.02)
     assert "peak of push to x" in point.numbers()
@@ -166,7 +166,7 @@ def test_slopes_of_a_run(plate: bondgraph.Model) -> None:
 
 
 def test_a_fit_of_a_file_beside_the_model(tmp_path: Path, plate: bondgraph.Model) -> None:
-    rows = [(v, plate.equilibrium(settings={"volt": v, "k": 8.4})["x"] * 1e6) for v in (1.0, 1.6, 2.0, 2.4)]
+    rows = [(v, plate.equilibrium(None, settings={"volt": v, "k": 8.4})["x"] * 1e6) for v in (1.0, 1.6, 2.0, 2.4)]
     (tmp_path / "pulls.csv").write_text(
         "volt [V],x [um]\n" + "".join(f"{v},{x!r}\n" for v, x in rows), encoding="utf-8"
     )

@@ -180,7 +180,7 @@ def _place(found: FeedForward, target: Path) -> str:
     if found.file is None:
         raise UsageError("BR310", "a feed-forward model imports the model that it drives:", "save that as a file first")
     if found.experiment is not None:
-        raise UsageError("BR311", "a feed-forward model is made of a model as it is:", "leave the experiment out, set what it sets")  # fmt: skip
+        raise UsageError("BR311", "a feed-forward model is made of a model as it is:", "name no experiment (`-e none`), set what it sets")  # fmt: skip
     whole, folder = found.file.resolve(), target.resolve().parent
     if not whole.is_relative_to(project_folder(target)):
         raise UsageError(

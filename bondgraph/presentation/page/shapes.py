@@ -24,7 +24,7 @@ def modes_data(watched: PageModel) -> list[dict[str, Any]]:
     names = tuple(dict.fromkeys([*watched.bonds.names, *watched.scenes.names]))
     if not names:
         return []
-    point = watched.model.operating_point(AnalysisRequest(None, None, outputs=names))
+    point = watched.model.operating_point(AnalysisRequest(outputs=names))
     rest = equilibrium(point).outputs
     poses = packed([rest[name] for name in watched.scenes.names], single=False)
     return [_mode(watched, mode) | {"rest": poses} for mode in modes(point)[:MOST]]
