@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from .algebra.operators import value_of
     from .algebra.sympy_form import to_sympy
     from .arrays import Array, BoolArray, ComplexArray, IntArray
-    from .causality import CausalGraph, Dependence, StrokeReason, dependences
+    from .causality import CausalGraph, Dependence, StrokeReason, assign_causality, dependences
+    from .causality.assign import demands as demanded_strokes
+    from .causality.strokes import Contradiction, Stroke, StrokeOrigin, Strokes
     from .certificate import Certificate
     from .chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
     from .codegen.c.write import ARGUMENTS as C_ARGUMENTS
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from .codegen.llvm.bind import bind
     from .codegen.llvm.library import LibraryModule, library_module
     from .codegen.errors import NotInUnit
+    from .codegen.lower import lower
     from .codegen.lowered import Lowered
     from .codegen.program import EventNote, Hybrid, LimitNote, Program, SettingNote, TimeFunction, TimeFunctions
     from .codegen.ranges import Ranges
@@ -45,6 +48,7 @@ if TYPE_CHECKING:
     from .compilation import Compilation
     from .examination import examine
     from .examination import check as check_source
+    from .equations import derive_equations
     from .equations.sharing import dependent_rates
     from .equations.system import Assignment, EquationSystem, PowerPort, Storage, Variable
     from .errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, printable, render
@@ -53,7 +57,7 @@ if TYPE_CHECKING:
     from .graph.mechanism import Joint, Mechanism, freedoms_of
     from .graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Quantity, Reading
     from .graph.network import Node as GraphNode
-    from .graph.prune import adjustable
+    from .graph.prune import adjustable, derivative_wishes, preferring
     from .graph.units import PREFIXES, UNITS, Dimension, Scale
     from .linking.elf_library import SharedLibrary, link
     from .metamorphosis.reductions import smallest
@@ -97,7 +101,7 @@ if TYPE_CHECKING:
     from .syntax.format import format_text
     from .syntax.outline import Outline
     from .syntax.tree import (
-        Bonds, Description, Experiment, Literal, ModelSyntax, Negative, PathSyntax, PortsSyntax, Quantities, RequirementSyntax,
+        Bonds, Call, Description, Experiment, Literal, ModelSyntax, Negative, PathSyntax, PortsSyntax, Quantities, RequirementSyntax,
     )  # fmt: skip
     from .syntax.words import grammar_words
     from .unparse import write_text

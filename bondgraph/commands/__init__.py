@@ -33,6 +33,7 @@ GROUPS = {
         "explain": "models/manipulator.bg",
         "show": "models/rlc.bg --stage state_equations",
         "compile": "models/rlc.bg -o rlc.py",
+        "exercise": "models/rlc.bg strokes --answer answer.txt",
     },
     "Runs": {
         "watch": "models/oscillator.bg --plot x.png",

@@ -107,7 +107,7 @@ def _demand(strokes: Strokes) -> Iterator[StrokeConflict]:
     if to_itself:
         yield from (bond_to_itself(strokes, bond) for bond in to_itself)
         return
-    for stroke in _demands(strokes):
+    for stroke in demands(strokes):
         mark = len(strokes.trail)
         try:
             strokes.put(stroke)
@@ -116,7 +116,7 @@ def _demand(strokes: Strokes) -> Iterator[StrokeConflict]:
             strokes.undo(mark)
 
 
-def _demands(strokes: Strokes) -> Iterator[Stroke]:
+def demands(strokes: Strokes) -> Iterator[Stroke]:
     """Strokes of sources, mechanisms, `require`, junctions with a single bond, and bonds that cancel."""
     graph = strokes.graph
     yield from _cancelling(graph)

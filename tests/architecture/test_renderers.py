@@ -33,6 +33,7 @@ def test_only_the_facade_and_the_commands_import_the_presentation() -> None:
         "bondgraph.model",
         "bondgraph.commands",
         "bondgraph.reproduction",
+        "bondgraph.exercises",
         "bondgraph.language_service",
     }
     arrows = structure.room_imports().edges

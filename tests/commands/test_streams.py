@@ -40,6 +40,7 @@ CALLS = {
     "editor": ("neovim", "-o", "out.lua"),
     "equations": ("m.bg",),
     "equilibrium": ("m.bg",),
+    "exercise": ("m.bg", "equations"),
     "explain": ("m.bg", "i"),
     "fit": ("m.bg", "--data", "missing.csv"),
     "fmt": ("--check", "m.bg"),

@@ -14,7 +14,7 @@ from compiler.api import Compilation, CompilationFailed, StrokeReason, blocks, d
 from .tables import columns, counted, end_name, visible
 
 if TYPE_CHECKING:
-    from compiler.api import CausalGraph, Dependence, Diagnostic, EquationSystem
+    from compiler.api import BondGraph, CausalGraph, Dependence, Diagnostic, EquationSystem, StrokeOrigin
 
 SCHEMA = "bondgraph-causality/1"
 FLOWS = {"C": "flow", "I": "effort", "IC": "other variable"}
@@ -142,21 +142,27 @@ def told(diagnostics: Sequence[Diagnostic]) -> str:
 
 
 def _stroke(causal: CausalGraph, bond: int) -> StrokeRow:
-    ends, reason = causal.graph.bonds[bond], causal.reasons[bond]
+    ends, effort = causal.graph.bonds[bond], causal.effort_from[bond]
     names = [end_name(causal.graph, ends.tail), end_name(causal.graph, ends.head)]
-    effort = causal.effort_from[bond]
-    owner = f"`{causal.graph.nodes[reason.node].name}`"
-    if reason.bond is not None:
-        why = f"follows at {owner} from {_arrow(causal, reason.bond)}"
-    else:
-        why = f"{owner}: {reason.because.value}"
-    return StrokeRow(_arrow(causal, bond), names[effort], names[1 - effort], why, ends.span.file_and_line)
+    why = reason_of(causal.graph, causal.reasons[bond], causal.effort_from)
+    return StrokeRow(
+        arrow_of(causal.graph, bond, effort), names[effort], names[1 - effort], why, ends.span.file_and_line
+    )
 
 
-def _arrow(causal: CausalGraph, bond: int) -> str:
-    ends = causal.graph.bonds[bond]
-    arrow = "->|" if causal.effort_from[bond] == 0 else "|->"
-    return f"{end_name(causal.graph, ends.tail)} {arrow} {end_name(causal.graph, ends.head)}"
+def reason_of(graph: BondGraph, reason: StrokeOrigin, effort_from: Sequence[int | None]) -> str:
+    """Return the reason of a stroke; `effort_from` has all strokes."""
+    owner = f"`{graph.nodes[reason.node].name}`"
+    if reason.bond is None:
+        return f"{owner}: {reason.because.value}"
+    return f"follows at {owner} from {arrow_of(graph, reason.bond, effort_from[reason.bond])}"
+
+
+def arrow_of(graph: BondGraph, bond: int, effort_from: int | None) -> str:
+    """Return a bond in the textbooks' notation; without a stroke if nothing is known of it."""
+    ends = graph.bonds[bond]
+    arrow = "->" if effort_from is None else "|->" if effort_from else "->|"
+    return f"{end_name(graph, ends.tail)} {arrow} {end_name(graph, ends.head)}"
 
 
 # ---------------------------------------------------------------- storages in derivative form
@@ -171,7 +177,7 @@ def _derivative(causal: CausalGraph, item: Dependence) -> DerivativeRow:
     return DerivativeRow(
         name, node.span.file_and_line, None if forcing is None else forcing.name,
         None if forcing is None else forcing.span.file_and_line, why,
-        tuple((_arrow(causal, b), graph.bonds[b].span.file_and_line) for b in item.bonds), advice,
+        tuple((arrow_of(graph, b, causal.effort_from[b]), graph.bonds[b].span.file_and_line) for b in item.bonds), advice,
     )  # fmt: skip
 
 
