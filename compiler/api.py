@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from .persistent_cache import CacheBackend
     from .project import EditedFile, Project, FileSurvey
     from .garbage_collection import uncollected
-    from .jit.arrays import Floats, Ints, Numbers, Record, ShortInts
+    from .jit.arrays import Bytes, Floats, Ints, Numbers, Record, ShortInts
     from .jit.c_source import BEGINNING as C_BEGINNING
     from .jit.c_source import c_source
     from .jit.kinds import FLOATS, INTS, Fields, Handed, record_of

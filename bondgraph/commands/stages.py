@@ -110,6 +110,7 @@ def explain(
 @click.option(
     "--platforms", metavar="NAMES", help="Of an FMU, separated by commas: linux64 (by default), linux-aarch64."
 )
+@click.option("--fmi", metavar="VERSION", help="Of an FMU: 2 (by default) or 3.")
 @click.option("--experiment", metavar="NAME", help="Of an FMU: with the settings of this experiment; by default none.")
 @click.option("--part", metavar="INSTANCE", help="One instance alone, such as a controller.")
 @click.option("--float", "single", is_flag=True, help="C in float instead of double.")
@@ -130,9 +131,9 @@ def compile(
         raise click.UsageError("--part and --float belong to a program as a text")
     platforms, experiment = unit["platforms"], unit["experiment"]
     if out.endswith(FMU):
-        words = {} if platforms is None else {"platforms": tuple(p.strip() for p in platforms.split(","))}
-        load(file, model).to_fmu(out, experiment, **words)
+        words = tuple(p.strip() for p in ("linux64" if platforms is None else platforms).split(","))
+        load(file, model).to_fmu(out, experiment, words, "2" if unit["fmi"] is None else unit["fmi"])
         return
-    if platforms is not None or experiment is not None:
-        raise click.UsageError(f"--platforms and --experiment belong to an FMU, a file that ends in {FMU}")
+    if any(value is not None for value in unit.values()):
+        raise click.UsageError(f"--platforms, --fmi and --experiment belong to an FMU, a file that ends in {FMU}")
     write_text(out, load(file, model).compile(target or target_of(PurePath(out).suffix), part=part, single=single))

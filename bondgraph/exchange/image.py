@@ -40,12 +40,16 @@ NOW = Segment(0.0, 1.0, np.empty(0))
 
 @dataclass(frozen=True, slots=True)
 class ModelImage:
-    """ShortInts of a block, its beginning, indices of the words that are addresses within it, and functions by their words."""
+    """Words of a block, its beginning, indices of the words that are addresses within it, and functions by their words."""
 
     size: int
     head: tuple[int, ...]
     inside: tuple[int, ...]
     functions: tuple[tuple[int, str], ...]
+
+    def words(self, token: str) -> tuple[int, ...]:
+        """Return the words that a library has of a model: see `runtime/memory.py`."""
+        return (self.size, len(self.head), len(self.inside), *self.head, *self.inside, *token.encode(), 0)
 
 
 def image_of(program: Program, module: LibraryModule, values: StartValues) -> ModelImage:
@@ -146,19 +150,3 @@ def _events(hybrid: Hybrid, n: int) -> dict[str, Any]:
 
 def _whole(count: int) -> Any:
     return np.zeros(count, dtype=np.int64)
-
-
-def llvm_data(image: ModelImage, token: str) -> str:
-    """Return the image as LLVM IR, with the function that puts the addresses of functions into a block."""
-    lines = [
-        _array("fmu_image", image.head), _array("fmu_inside", image.inside),
-        _array("fmu_sizes", (image.size, len(image.head), len(image.inside))),
-        f'@fmu_guid = constant [{len(token) + 1} x i8] c"{token}\\00"', "define void @fmu_connect(ptr %block) {",
-    ]  # fmt: skip
-    for at, name in image.functions:
-        lines += [f"  %p{at} = getelementptr inbounds i64, ptr %block, i64 {at}", f"  store ptr @{name}, ptr %p{at}"]
-    return "\n".join([*lines, "  ret void", "}", ""])
-
-
-def _array(name: str, words: tuple[int, ...]) -> str:
-    return f"@{name} = constant [{len(words)} x i64] [{', '.join(f'i64 {w}' for w in words)}]"

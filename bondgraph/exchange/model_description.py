@@ -1,4 +1,4 @@
-"""Description of a functional mock-up unit, `modelDescription.xml` of FMI 2.0."""
+"""Description of a functional mock-up unit: `modelDescription.xml` of FMI 2.0 and 3.0."""
 
 from __future__ import annotations
 
@@ -15,9 +15,18 @@ if TYPE_CHECKING:
     from compiler.api import Reported
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
-_ABILITIES = {
-    "canNotUseMemoryManagementFunctions": "true", "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true", "providesDirectionalDerivative": "true",
+# Abilities by the version of FMI: of both kinds of a unit, then of each.
+_BOTH = {
+    "2.0": ("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate", "providesDirectionalDerivative"),
+    "3.0": ("canGetAndSetFMUState", "canSerializeFMUState", "providesDirectionalDerivatives", "providesAdjointDerivatives"),
 }  # fmt: skip
+_ALONE: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "ModelExchange": {"2.0": (), "3.0": ("needsCompletedIntegratorStep",)},
+    "CoSimulation": {
+        "2.0": ("canHandleVariableCommunicationStepSize",),
+        "3.0": ("canHandleVariableCommunicationStepSize", "hasEventMode", "mightReturnEarlyFromDoStep"),
+    },
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,36 +45,51 @@ class UnitHead:
     sources: tuple[str, ...]  # files in the folder `sources`
 
 
-def model_description(head: UnitHead, variables: Sequence[FmuVariable], reports: Sequence[Reported]) -> str:
+def model_description(
+    head: UnitHead, variables: Sequence[FmuVariable], reports: Sequence[Reported], version: str
+) -> str:
     """Return the text of the file. `reports`: outputs with the units in which the author reads them."""
     shown = {r.name: r for r in reports if r.unit}
-    return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *_lines(head, variables, shown), ""])
+    return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *_lines(head, variables, shown, version), ""])
 
 
-def _lines(head: UnitHead, variables: Sequence[FmuVariable], shown: Mapping[str, Reported]) -> Iterator[str]:
-    convention = "structured" if is_structured(variables) else "flat"
+def build_description(head: UnitHead) -> str:
+    """Return the text of `buildDescription.xml` of FMI 3.0."""
+    files = "".join(f"<SourceFile{_attributes({'name': name})}/>" for name in head.sources)
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<fmiBuildDescription fmiVersion="3.0">\n'
+        f"  <BuildConfiguration{_attributes({'modelIdentifier': head.identifier})}>\n"
+        f'    <SourceFileSet language="C11">{files}</SourceFileSet>\n'
+        "  </BuildConfiguration>\n</fmiBuildDescription>\n"
+    )
+
+
+def _lines(
+    head: UnitHead, variables: Sequence[FmuVariable], shown: Mapping[str, Reported], version: str
+) -> Iterator[str]:
+    older = version == "2.0"
     top = {
-        "fmiVersion": "2.0", "modelName": head.name, "guid": head.token, "description": head.description, "generationTool": "bondgraph",
-        "variableNamingConvention": convention, "numberOfEventIndicators": str(head.indicators),
+        "fmiVersion": version, "modelName": head.name, "guid" if older else "instantiationToken": head.token, "description": head.description,
+        "generationTool": "bondgraph", "variableNamingConvention": "structured" if is_structured(variables) else "flat",
     }  # fmt: skip
+    if older:
+        top["numberOfEventIndicators"] = str(head.indicators)
     yield f"<fmiModelDescription{_attributes(top)}>"
-    kinds = {
-        "ModelExchange": _ABILITIES,
-        "CoSimulation": {"canHandleVariableCommunicationStepSize": "true", **_ABILITIES},
-    }
-    for kind, abilities in kinds.items():
-        yield f"  <{kind}{_attributes({'modelIdentifier': head.identifier, **abilities})}>"
-        files = "".join(f"<File{_attributes({'name': name})}/>" for name in head.sources)
-        yield f"    <SourceFiles>{files}</SourceFiles>"
-        yield f"  </{kind}>"
+    files = "".join(f"<File{_attributes({'name': name})}/>" for name in head.sources)
+    inner = f">\n    <SourceFiles>{files}</SourceFiles>\n  </" if older else "></"
+    for kind, alone in _ALONE.items():
+        abilities = dict.fromkeys((*alone[version], *_BOTH[version]), "true")
+        yield f"  <{kind}{_attributes({'modelIdentifier': head.identifier, **abilities})}{inner}{kind}>"
     yield from _units(variables, shown)
     yield '  <LogCategories><Category name="logStatus"/></LogCategories>'
     yield f"  <DefaultExperiment{_attributes(_experiment(head))}/>"
     yield "  <ModelVariables>"
     for place, item in enumerate(variables):
-        yield from _variable(place, item, shown.get(item.name) if item.causality == "output" else None)
+        yield _variable(place, item, shown.get(item.name) if item.causality == "output" else None, older)
     yield "  </ModelVariables>"
-    yield from _structure(variables)
+    yield "  <ModelStructure>"
+    yield from _structure_2(variables) if older else _structure_3(variables)
+    yield "  </ModelStructure>"
     yield "</fmiModelDescription>"
 
 
@@ -104,7 +128,7 @@ def _powers(unit: str) -> Mapping[str, str] | None:
     return {base: str(e) for base, e in zip(_BASES, exponents, strict=True) if e}
 
 
-def _variable(place: int, item: FmuVariable, report: Reported | None) -> Iterator[str]:
+def _variable(place: int, item: FmuVariable, report: Reported | None, older: bool) -> str:
     head = {"name": item.name, "valueReference": str(place)}
     head |= {"description": item.description} if item.description else {}
     head |= {"causality": item.causality, "variability": item.variability}
@@ -114,33 +138,59 @@ def _variable(place: int, item: FmuVariable, report: Reported | None) -> Iterato
     real |= {"displayUnit": report.unit} if report is not None else {}
     real |= {"nominal": repr(item.nominal)} if item.nominal is not None and item.nominal > 0 else {}
     real |= {"start": repr(item.start)} if item.start is not None else {}
-    real |= {"derivative": str(item.derivative_of + 1)} if item.derivative_of is not None else {}
-    yield f"    <ScalarVariable{_attributes(head)}><Real{_attributes(real)}/></ScalarVariable>"
+    real |= {"derivative": str(item.derivative_of + older)} if item.derivative_of is not None else {}
+    real |= {"reinit": "true"} if item.reset else {}
+    if older:
+        return f"    <ScalarVariable{_attributes(head)}><Real{_attributes(real)}/></ScalarVariable>"
+    return f"    <Float64{_attributes(head | real)}/>"
 
 
-def _structure(variables: Sequence[FmuVariable]) -> Iterator[str]:
+def _structure_2(variables: Sequence[FmuVariable]) -> Iterator[str]:
     """Yield what rates and outputs depend on, and what an initialization computes. Variables count from 1 here."""
-    groups = {
-        "Outputs": [(i, v) for i, v in enumerate(variables) if v.causality == "output"],
-        "Derivatives": [(i, v) for i, v in enumerate(variables) if v.derivative_of is not None],
-    }
-    yield "  <ModelStructure>"
-    for name, members in groups.items():
+    for name, members in _unknowns(variables).items():
         if members:
-            yield f"    <{name}>"
-            yield from (f"      <Unknown{_attributes(_reads(i, v))}/>" for i, v in members)
-            yield f"    </{name}>"
-    initial = [i for i, v in enumerate(variables) if v.initial == "calculated" or v.derivative_of is not None]
-    if initial:
-        yield "    <InitialUnknowns>"
-        yield from (f'      <Unknown index="{i + 1}"/>' for i in initial)
-        yield "    </InitialUnknowns>"
-    yield "  </ModelStructure>"
+            yield f"    <{name}s>"
+            for place, item in members:
+                reads = {} if name == "InitialUnknown" else _reads(item, 1)
+                yield f"      <Unknown{_attributes({'index': str(place + 1)} | reads)}/>"
+            yield f"    </{name}s>"
 
 
-def _reads(place: int, item: FmuVariable) -> dict[str, str]:
+def _structure_3(variables: Sequence[FmuVariable]) -> Iterator[str]:
+    """Yield the same, by value references, and the event indicators. There are importers that want all dependencies."""
+    unknowns = _unknowns(variables)
+    unknowns["EventIndicator"] = [(i, v) for i, v in enumerate(variables) if v.is_indicator]
+    states = {v.derivative_of for v in variables} - {None}
+    moving = [i for i, v in enumerate(variables) if i in states or v.causality == "input"]
+    given = [i for i, v in enumerate(variables) if v.causality == "parameter"]
+    for name, members in unknowns.items():
+        element = name.replace("Derivative", "ContinuousStateDerivative")
+        for place, item in members:
+            known = [i for i, _ in item.reads or () if variables[i].initial != "calculated"] + given
+            lists = {"InitialUnknown": known, "EventIndicator": moving}
+            reads = {"dependencies": " ".join(map(str, lists[name]))} if name in lists else _reads(item, 0)
+            yield f"    <{element}{_attributes({'valueReference': str(place)} | reads)}/>"
+
+
+def _unknowns(variables: Sequence[FmuVariable]) -> dict[str, list[tuple[int, FmuVariable]]]:
+    """Return outputs, rates, and what an initialization computes, each with its place."""
+    items = list(enumerate(variables))
+    return {
+        "Output": [(i, v) for i, v in items if v.causality == "output"],
+        "Derivative": [(i, v) for i, v in items if v.derivative_of is not None],
+        "InitialUnknown": [
+            (i, v)
+            for i, v in items
+            if (v.initial == "calculated" and (v.causality == "output" or v.variability == "continuous"))
+            or v.derivative_of is not None
+        ],
+    }
+
+
+def _reads(item: FmuVariable, first: int) -> dict[str, str]:
+    """Return what a variable depends on, where variables count from `first`."""
     reads = item.reads or ()
-    attributes = {"index": str(place + 1), "dependencies": " ".join(str(i + 1) for i, _ in reads)}
+    attributes = {"dependencies": " ".join(str(i + first) for i, _ in reads)}
     return attributes | ({"dependenciesKind": " ".join(kind for _, kind in reads)} if reads else {})
 
 

@@ -19,11 +19,15 @@ class FmuPlatform:
     """A platform: its word for us and for LLVM, the folders of FMI 2.0 and 3.0, the ending of its libraries, and those of the system."""
 
     word: str
-    folder: str
+    folders: Mapping[str, str]
     system: tuple[tuple[str, frozenset[str]], ...]
     ending: str = ".so"
 
 
 PLATFORMS: Mapping[str, FmuPlatform] = {
-    p.word: p for p in (FmuPlatform("linux64", "linux64", _GNU), FmuPlatform("linux-aarch64", "aarch64-linux", _GNU))
+    p.word: p
+    for p in (
+        FmuPlatform("linux64", {"2.0": "linux64", "3.0": "x86_64-linux"}, _GNU),
+        FmuPlatform("linux-aarch64", dict.fromkeys(("2.0", "3.0"), "aarch64-linux"), _GNU),
+    )
 }

@@ -1,4 +1,4 @@
-"""A model as a functional mock-up unit of FMI 2.0: model exchange and co-simulation in one file, without a compiler or a linker.
+"""A model as a functional mock-up unit of FMI 2.0 or 3.0: model exchange and co-simulation in one file, without a compiler or a linker.
 
 The libraries are linked here from object code: that of the runtime, which is the same for all models, and that of the program.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import re
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING
@@ -21,11 +21,11 @@ from ..errors import UsageError
 from ..native import compiled_for, kernel
 from ..simulation.integrators.compiled.sources import VECTORS
 from ..simulation.run_options import DEFAULT_POINTS
-from .functions import LEFT_OUT, exported, sources
-from .image import FUNCTIONS, ModelImage, image_of, llvm_data
-from .interface import llvm_interface
+from .functions import LEFT_OUT, VERSIONS, FmiVersion
+from .image import FUNCTIONS, ModelImage, image_of
+from .interface import llvm_data, llvm_interface
 from .interface_c import c_unit
-from .model_description import UnitHead, model_description
+from .model_description import UnitHead, build_description, model_description
 from .obstacles import refuse
 from .platforms import PLATFORMS
 from .start import StartValues, start_values
@@ -50,9 +50,12 @@ class _UnitParts:
     module: LibraryModule
     image: ModelImage
     head: UnitHead
+    version: FmiVersion
 
 
-def fmu(model: CompiledModel, experiment: str | None = None, platforms: Sequence[str] = ("linux64",)) -> bytes:
+def fmu(
+    model: CompiledModel, experiment: str | None = None, platforms: Sequence[str] = ("linux64",), fmi: str = "2"
+) -> bytes:
     """Return the bytes of a unit.
 
     All parameters can be set, all inputs are free. With an experiment its settings are in it. Start, stop and tolerance are those of
@@ -61,6 +64,9 @@ def fmu(model: CompiledModel, experiment: str | None = None, platforms: Sequence
     for word in platforms or ("",):
         if word not in PLATFORMS:
             raise UsageError("BR640", f"there is no platform `{word}`; platforms are {', '.join(PLATFORMS)}")
+    if fmi not in VERSIONS:
+        raise UsageError("BR618", f"no unit of FMI `{fmi}` can be written; versions are {', '.join(VERSIONS)}")
+    version = VERSIONS[fmi]
     chosen_target("native")
     compilation = _compilation(model, experiment)
     refuse(compilation)
@@ -70,14 +76,22 @@ def fmu(model: CompiledModel, experiment: str | None = None, platforms: Sequence
     values = start_values(compiled_scene, compilation, plan, experiment, example)
     module, structure = api.library_module(compilation.lowered, FUNCTIONS), api.structure_of(compilation.lowered)
     descriptions = {name: q.description for name, q in compilation.whole_graph.quantities.items()}
-    variables = variables_of(compilation.lowered, structure, values, descriptions)
+    indicators = len(compilation.lowered.events.located)
+    shown = indicators if version.number == "3.0" else 0
+    variables = variables_of(compilation.lowered, structure, values, descriptions, shown)
     image = image_of(compiled_scene.program, module, values)
-    token = hashlib.sha256(repr((module.text, image, variables, cache.code_version())).encode()).hexdigest()[:32]
-    parts = _UnitParts(module, image, _head(compilation, plan, values, f"{{{token}}}"))
-    files = {"modelDescription.xml": model_description(parts.head, variables, plan.report).encode("utf-8")}
+    token = hashlib.sha256(
+        repr((module.text, image, variables, version.number, cache.code_version())).encode()
+    ).hexdigest()[:32]
+    parts = _UnitParts(module, image, _head(compilation, plan, values, f"{{{token}}}"), version)
+    files = {
+        "modelDescription.xml": model_description(parts.head, variables, plan.report, version.number).encode("utf-8")
+    }
     for word in platforms:
         platform = PLATFORMS[word]
-        files[f"binaries/{platform.folder}/{parts.head.identifier}{platform.ending}"] = _library(parts, word)
+        files[f"binaries/{platform.folders[version.number]}/{parts.head.identifier}{platform.ending}"] = _library(
+            parts, word
+        )
     files |= _sources(compilation, parts)
     return _zipped(files)
 
@@ -113,19 +127,28 @@ def _library(parts: _UnitParts, platform: str) -> bytes:
     """Return the shared library of a platform."""
     runtime = kernel(
         "runtime of exported units",
-        lambda: api.translate(sources(), choices=CHOICES) + llvm_interface(),
+        lambda: api.translate(_runtime(), choices=CHOICES) + llvm_interface(),
         OPTIMISED,
         platform,
     )
-    text = parts.module.text + llvm_data(parts.image, parts.head.token)
+    text = parts.module.text + llvm_data(parts.image, parts.head.token, parts.version)
     own, row = compiled_for(text, parts.module.level, platform), PLATFORMS[platform]
-    return api.link([runtime, own], api.SharedLibrary(parts.head.identifier + row.ending, exported(), row.system))
+    return api.link(
+        [runtime, own], api.SharedLibrary(parts.head.identifier + row.ending, parts.version.exported(), row.system)
+    )
+
+
+def _runtime() -> list[Callable[..., object]]:
+    """Return the functions of the runtime that any version calls."""
+    return [*dict.fromkeys(f for version in VERSIONS.values() for f in version.sources())]
 
 
 def _sources(compilation: Compilation, parts: _UnitParts) -> dict[str, bytes]:
     """Return the unit as files of C: the program, and the functions that an importer calls."""
     program, prefix = api.write_library_c(compilation.lowered)
-    texts = dict(zip(SOURCES, (program, c_unit(parts.image, parts.head.token, prefix)), strict=True))
+    texts = dict(zip(SOURCES, (program, c_unit(parts.image, parts.head.token, prefix, parts.version)), strict=True))
+    if parts.version.number == "3.0":
+        texts["buildDescription.xml"] = build_description(parts.head)
     return {f"sources/{name}": text.encode("utf-8") for name, text in texts.items()}
 
 

@@ -32,16 +32,19 @@ class FmuVariable:
     description: str = ""
     derivative_of: int | None = None  # place
     reads: tuple[tuple[int, str], ...] | None = None
+    reset: bool = False  # True for a state that events set
+    is_indicator: bool = False
 
 
 def variables_of(
-    lowered: Lowered, structure: ProgramStructure, values: StartValues, descriptions: Mapping[str, str]
+    lowered: Lowered, structure: ProgramStructure, values: StartValues, descriptions: Mapping[str, str], indicators: int
 ) -> tuple[FmuVariable, ...]:
-    """Return all variables. `descriptions`: the author's, by name."""
+    """Return all variables. `descriptions`: the author's, by name. `indicators`: how many event indicators are among them."""
     groups = (
         [FmuVariable("time", "independent", "continuous", "s")], _states(lowered, values, descriptions), _rates(lowered, structure),
         _inputs(lowered, values, descriptions), _parameters(lowered, structure, values, descriptions),
         _outputs(lowered, structure, descriptions), _discretes(lowered, descriptions),
+        (FmuVariable(f"when[{i + 1}]", "local", "continuous", "", is_indicator=True) for i in range(indicators)),
     )  # fmt: skip
     return tuple(_unique([item for group in groups for item in group]))
 
@@ -49,12 +52,15 @@ def variables_of(
 def _states(lowered: Lowered, values: StartValues, descriptions: Mapping[str, str]) -> Iterator[FmuVariable]:
     """Yield the states. One whose start parameters decide is calculated, and others can be set."""
     magnitudes = values.tolerances.magnitude
-    for state, start, magnitude in zip(_state_variables(lowered), lowered.starts, magnitudes, strict=True):
+    reset = {s.position for event in lowered.events.events for s in event.settings if s.kind == "state"}
+    rows = zip(_state_variables(lowered), lowered.starts, magnitudes, strict=True)
+    for place, (state, start, magnitude) in enumerate(rows):
         number = float(start.value) if isinstance(start, Number) else None
         initial, description = "calculated" if number is None else "exact", descriptions.get(state.name, "")
         yield FmuVariable(
-            _name(state, lowered), "local", "continuous", state.unit, initial, number, float(magnitude), description
-        )
+            _name(state, lowered), "local", "continuous", state.unit, initial, number, float(magnitude), description,
+            reset=place in reset,
+        )  # fmt: skip
 
 
 def _rates(lowered: Lowered, structure: ProgramStructure) -> Iterator[FmuVariable]:

@@ -131,8 +131,10 @@ class Shown(AnalysedModel):
         return api.in_single_precision(text) if single else text
 
     @checked
-    def to_fmu(self, path: str | Path, experiment: str | None = None, platforms: Sequence[str] = ("linux64",)) -> None:
-        """Write the model as a functional mock-up unit of FMI 2.0 for other tools: model exchange and co-simulation, without a C compiler.
+    def to_fmu(
+        self, path: str | Path, experiment: str | None = None, platforms: Sequence[str] = ("linux64",), fmi: str = "2"
+    ) -> None:
+        """Write the model as a functional mock-up unit of FMI 2.0 or 3.0 for other tools: model exchange and co-simulation, without a C compiler.
 
         All parameters can be set, all inputs are free; with an experiment, its settings hold. Start, stop and tolerance are those of the experiment, or of
         the first one. Raises `CompilationFailed`, also for what a unit cannot hold, `UsageError`, `RunFailed`, OSError.
@@ -140,6 +142,6 @@ class Shown(AnalysedModel):
         from ..exchange.unit import fmu
         from ..files import replacing
 
-        data = fmu(self, experiment, platforms)
+        data = fmu(self, experiment, platforms, fmi)
         with replacing(path) as stream:
             stream.write(data)

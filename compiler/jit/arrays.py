@@ -32,6 +32,10 @@ class ShortInts(Protocol):
     def __setitem__(self, place: int, value: int) -> None: ...
 
 
+class Bytes(ShortInts, Protocol):
+    """An array of bytes: a text or truth values of C; its items count as 64-bit integers from 0 to 255."""
+
+
 Numbers = tuple[float, ...]  # a literal list in the source
 
 

@@ -10,6 +10,8 @@ from typing import Any
 
 from .kinds import (
     BOOL,
+    BYTE,
+    BYTES,
     FLOAT,
     FLOATS,
     INT,
@@ -23,7 +25,7 @@ from .kinds import (
     TranslationError,
     signature,
 )  # fmt: skip
-from .source import tree_of
+from .source import is_declared, tree_of
 
 _WORDS = {
     FLOAT: "double",
@@ -32,6 +34,7 @@ _WORDS = {
     FLOATS: "double *",
     INTS: "int64_t *",
     WORDS: "int32_t *",
+    BYTES: "uint8_t *",
     NOTHING: "void",
 }
 _SIGNS = {
@@ -251,11 +254,19 @@ class _CFunction:
                 for value in values[1:]:
                     result = f"{word}({result}, {value})"
                 return result
-            words = {"abs": "llabs" if self._kind(node) == INT else "fabs", "float": "(double)", "int": "(int64_t)"}
+            words = {
+                "abs": "llabs" if self._kind(node) == INT else "fabs",
+                "float": "(double)",
+                "int": "(int64_t)",
+                "id": "(int64_t)(intptr_t)",
+            }
             if name in words:
                 return f"{words[name]}({values[0]})"
             known = self.home.get(name)
-            if inspect.isfunction(known):
+            if inspect.isfunction(known) and is_declared(known):
+                kinds = signature(known)[0]
+                values = [v if k in (INT, FLOAT) else f"(void *){v}" for v, k in zip(values, kinds, strict=True)]
+            elif inspect.isfunction(known):
                 self.writer.need(known)
         return (
             f"{self._value(node.func) if isinstance(node.func, ast.Attribute) else node.func.id}({', '.join(values)})"  # type: ignore[attr-defined]
@@ -293,7 +304,7 @@ class _CFunction:
                 if isinstance(index, ast.Slice):
                     return self._kind(array)
                 item = ITEMS[self._kind(array)]
-                return INT if item == WORD else item
+                return INT if item in (WORD, BYTE) else item
             case ast.UnaryOp(op=op, operand=operand):
                 return BOOL if isinstance(op, ast.Not) else self._kind(operand)
             case ast.BinOp(op=op, left=left, right=right):
@@ -307,7 +318,7 @@ class _CFunction:
                     return self._wider(*arguments)
                 if inspect.isfunction(self.home.get(name)):
                     return signature(self.home[name])[1]
-                return {"int": INT, "isfinite": BOOL, "isnan": BOOL}.get(name, FLOAT)
+                return {"int": INT, "id": INT, "isfinite": BOOL, "isnan": BOOL}.get(name, FLOAT)
             case ast.Call(func=ast.Subscript(value=which)):
                 return signature(self.home[ast.unparse(which)][0])[1]
             case ast.Call(func=ast.Attribute() as function):

@@ -9,8 +9,17 @@ from typing import Any, NamedTuple, get_args
 from ..fast_dataclass import dataclass
 from .arrays import Record
 
-FLOAT, INT, BOOL, FLOATS, INTS, WORDS, NOTHING = "double", "i64", "i1", "floats", "ints", "words", "void"
-WORD = "i32"  # item of `ShortInts`: an integer as soon as it is read
+FLOAT, INT, BOOL, FLOATS, INTS, WORDS, BYTES, NOTHING = (
+    "double",
+    "i64",
+    "i1",
+    "floats",
+    "ints",
+    "words",
+    "bytes",
+    "void",
+)
+WORD, BYTE = "i32", "i8"  # items of `ShortInts` and `Bytes`: integers as soon as they are read
 _WORDS = {
     "float": FLOAT,
     "int": INT,
@@ -19,13 +28,15 @@ _WORDS = {
     "Numbers": FLOATS,
     "Ints": INTS,
     "ShortInts": WORDS,
+    "Bytes": BYTES,
     "None": NOTHING,
 }
-ITEMS = {FLOATS: FLOAT, INTS: INT, WORDS: WORD}
+ITEMS = {FLOATS: FLOAT, INTS: INT, WORDS: WORD, BYTES: BYTE}
+WIDENED = {WORD: "sext", BYTE: "zext"}  # instructions that make integers of items
 
 
 # Disjoint kinds of memory: records and arrays never overlap, nor do numbers and pointers.
-MEMORIES = ("field double", "field i64", "field ptr", "item double", "item i64", "item i32")
+MEMORIES = ("field double", "field i64", "field ptr", "item double", "item i64", "item i32", "item i8")
 
 
 class TranslationError(TypeError):
@@ -93,7 +104,7 @@ def record_of(noun: type) -> Fields:
 
 def text_of(kind: Any) -> str:
     """The type in LLVM's notation."""
-    return kind if kind in (FLOAT, INT, BOOL, WORD, NOTHING) else "ptr"
+    return kind if kind in (FLOAT, INT, BOOL, WORD, BYTE, NOTHING) else "ptr"
 
 
 def signature(function: Callable[..., Any]) -> tuple[tuple[Any, ...], Any]:

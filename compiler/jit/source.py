@@ -26,6 +26,11 @@ def tree_of(function: Callable[..., Any]) -> ast.FunctionDef:
     return tree
 
 
+def is_declared(function: Callable[..., Any]) -> bool:
+    """Return True for a function of a library of C: its body in Python raises `NotImplementedError` alone."""
+    return function.__code__.co_names == ("NotImplementedError",)
+
+
 def _content(code: CodeType) -> tuple[object, ...]:
     numbers = tuple(c for c in code.co_consts if not isinstance(c, CodeType))
     return numbers, code.co_names, code.co_varnames, code.co_argcount

@@ -12,6 +12,7 @@ from typing import Any
 
 from .kinds import (
     BOOL,
+    BYTE,
     FLOAT,
     FLOATS,
     INT,
@@ -19,6 +20,7 @@ from .kinds import (
     ITEMS,
     MEMORIES,
     NOTHING,
+    WIDENED,
     WORD,
     Fields,
     Handed,
@@ -27,7 +29,7 @@ from .kinds import (
     signature,
     text_of,
 )
-from .source import tree_of
+from .source import is_declared, tree_of
 
 _INTRINSICS = {
     "sqrt": "llvm.sqrt.f64",
@@ -204,15 +206,14 @@ class ValueWriter:
         return None
 
     def _load(self, place: Value) -> Value:
-        if place.kind == WORD:
-            return self._emit(
-                INT, f"sext i32 {self._emit(None, f'load i32, ptr {place.text}{_apart(place)}').text} to i64"
-            )
-        return self._emit(place.kind, f"load {text_of(place.kind)}, ptr {place.text}{_apart(place)}")
+        value = self._emit(place.kind, f"load {text_of(place.kind)}, ptr {place.text}{_apart(place)}")
+        if place.kind in (WORD, BYTE):
+            return self._emit(INT, f"{WIDENED[place.kind]} {place.kind} {value.text} to i64")
+        return value
 
     def _store(self, place: Value, value: Value, node: ast.AST) -> None:
-        if place.kind == WORD:
-            value = self._emit(WORD, f"trunc i64 {self._as(value, INT, node).text} to i32")
+        if place.kind in (WORD, BYTE):
+            value = self._emit(place.kind, f"trunc i64 {self._as(value, INT, node).text} to {place.kind}")
         value = self._as(value, place.kind, node)
         self.lines.append(f"  store {text_of(place.kind)} {value.text}, ptr {place.text}{_apart(place)}")
 
@@ -383,8 +384,12 @@ class ValueWriter:
             return self._library(name, node)
         if not inspect.isfunction(known):
             raise self._fail(node, f"`{name}` is unknown")
-        self.module.need(known)
-        return self._called(f"@{name}", *signature(known), node)
+        arguments, result = signature(known)
+        if is_declared(known):
+            self.module.external(name, text_of(result), [text_of(k) for k in arguments])
+        else:
+            self.module.need(known)
+        return self._called(f"@{name}", arguments, result, node)
 
     def _chosen_call(self, which: ast.Subscript, node: ast.Call) -> Value:
         """Call the item of a tuple of functions that an index names; the last for any other index."""
@@ -456,6 +461,9 @@ class ValueWriter:
             result = self._emit(kind, f"select i1 {better.text}, {kind} {other.text}, {kind} {result.text}")
         return result
 
+    def _address(self, node: ast.Call) -> Value:
+        return self._emit(INT, f"ptrtoint ptr {self._value(node.args[0]).text} to i64")
+
     def _float(self, node: ast.Call) -> Value:
         return self._as(self._value(node.args[0]), FLOAT, node)
 
@@ -466,4 +474,5 @@ class ValueWriter:
 
 _BUILT_IN: dict[str, Callable[[ValueWriter, ast.Call], Value]] = {
     "abs": ValueWriter._absolute, "min": ValueWriter._extreme, "max": ValueWriter._extreme, "float": ValueWriter._float, "int": ValueWriter._int,
+    "id": ValueWriter._address,
 }  # fmt: skip

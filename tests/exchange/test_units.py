@@ -15,10 +15,11 @@ from click.testing import CliRunner
 import bondgraph
 from bondgraph.commands import commands
 from compiler.errors import CompilationFailed
-from tests.exchange.unit_files import exported, instance, run
+from tests.exchange.unit_files import FMICallException, exported, instance, run
 
 pytestmark = pytest.mark.machine_code
-KINDS = ("ModelExchange", "CoSimulation")
+MODELS = Path(__file__).resolve().parents[2] / "models"
+KINDS, VERSIONS = ("ModelExchange", "CoSimulation"), ("2", "3")
 # A mass on a spring, pulled by an input from a time on.
 SPRING = """model Spring {
   "A mass on a spring."
@@ -63,9 +64,10 @@ def swing(time: np.ndarray, m: float, k: float, x_0: float, t_0: float, force: f
     return x_0 * np.cos(w * time) + force / k * (1 - np.cos(w * after))
 
 
+@pytest.mark.parametrize("fmi", VERSIONS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_closed_form_with_a_time_event_that_a_parameter_moves(kind: str, tmp_path: Path) -> None:
-    exported(SPRING, tmp_path)
+def test_a_closed_form_with_a_time_event_that_a_parameter_moves(kind: str, fmi: str, tmp_path: Path) -> None:
+    exported(SPRING, tmp_path, fmi=fmi)
     values = {"pull_by": 0.04, "t_0": 0.9, "k": 12.5, "x_0": 5e-3}
     found = run(tmp_path, kind, rtol=1e-9, start_values=values, output=["x", "work"])
     closed = swing(found["time"], 2.0, 12.5, 5e-3, 0.9, 0.04)
@@ -82,8 +84,9 @@ def test_a_looser_tolerance_is_met_with_a_larger_error(tmp_path: Path) -> None:
     assert errors[1] < 1e-9 < 10 * errors[1] or errors[1] < errors[0] < 1e-2
 
 
-def test_description_structure_and_units(tmp_path: Path) -> None:
-    found = exported(SPRING, tmp_path)
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_description_structure_and_units(fmi: str, tmp_path: Path) -> None:
+    found = exported(SPRING, tmp_path, fmi=fmi)
     by_name = {v.name: v for v in found.modelVariables}
     assert found.description == "A mass on a spring." and found.variableNamingConvention == "structured"
     assert [by_name[n].variability for n in ("m", "k", "x_0", "t_0")] == ["tunable", "tunable", "fixed", "tunable"]
@@ -129,9 +132,11 @@ def test_magnitudes_of_a_model_at_rest_are_those_of_its_first_experiment(
         assert np.abs(unit["x"] - swing(unit["time"], 2.0, 8.0, 0.0, 0.5, 0.04)).max() < 1e-7
 
 
+@pytest.mark.parametrize("fmi", VERSIONS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_slopes_are_those_of_the_equations(kind: str, tmp_path: Path) -> None:
-    exported(SPRING, tmp_path)
+def test_slopes_are_those_of_the_equations(kind: str, fmi: str, tmp_path: Path) -> None:
+    """Along directions, and of sums in FMI 3.0: J v and w J are of one matrix J."""
+    exported(SPRING, tmp_path, fmi=fmi)
     with instance(tmp_path, kind, {"pull_by": 0.5, "x_0": 2e-3}) as (unit, place):
         if kind == "CoSimulation":
             unit.doStep(0.0, 0.75)
@@ -141,11 +146,33 @@ def test_slopes_are_those_of_the_equations(kind: str, tmp_path: Path) -> None:
         along = [unit.getDirectionalDerivative(rows, [c], [1.0]) for c in columns]
         assert [list(a) for a in along] == [[-8.0, 8.0 * x, 1.0], [after, 0.0, 0.0]]
         assert list(unit.getDirectionalDerivative(rows, columns, [2.0, 3.0]))[0] == -16.0 + 3.0 * after
+        if fmi == "3":
+            assert list(unit.getAdjointDerivative(rows, columns, [2.0, 3.0, 5.0], 2)) == [
+                -16.0 + 24.0 * x + 5.0,
+                2.0 * after,
+            ]
+            with pytest.raises(FMICallException):
+                unit.getAdjointDerivative(rows, [place["k"]], [1.0, 0.0, 0.0], 1)
 
 
-def test_states_are_kept_and_brought_back_bit_by_bit(tmp_path: Path) -> None:
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_casadi_takes_units_with_their_slopes(fmi: str, tmp_path: Path) -> None:
+    ca = pytest.importorskip("casadi")
+    exported(SPRING, tmp_path, fmi=fmi)
+    function = ca.DaeBuilder("spring", str(tmp_path / "unit.fmu")).create("f", ["x", "u"], ["ode", "y"])
+    at = ([2e-3, 1e-3], [0.5])  # momentum, position
+    assert np.array(function(*at)[0]).ravel() == pytest.approx([-8e-3, 1e-3], rel=1e-14)
+    blocks = [np.array(block) for block in function.jacobian()(*at, 0, 0)]
+    slopes = np.block([blocks[:2], blocks[2:]])
+    assert slopes == pytest.approx(np.array([[0, -8, 0], [0.5, 0, 0], [0, 1, 0], [0, 8e-3, 0]]), rel=1e-14)
+    (along, _) = function.reverse(1)(*at, 0, 0, [2.0, 3.0], [5.0, 7.0])
+    assert np.array(along).ravel() == pytest.approx([1.5, -16 + 5 + 7 * 8e-3], rel=1e-14)
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_states_are_kept_and_brought_back_bit_by_bit(fmi: str, tmp_path: Path) -> None:
     """A state, and one that went through a file, lead to the same bits; also after other steps."""
-    exported(SPRING, tmp_path)
+    exported(SPRING, tmp_path, fmi=fmi)
     with instance(tmp_path, values={"pull_by": 0.1}) as (unit, place):
         names = [place["x"], place["mass.p"]]
         unit.doStep(0.0, 0.3)
@@ -155,11 +182,11 @@ def test_states_are_kept_and_brought_back_bit_by_bit(tmp_path: Path) -> None:
         wanted = unit.getReal(names)
         other = unit.deserializeFMUState(saved)
         assert unit.serializeFMUState(other) == saved
-        for number in range(200):
+        for number in range(1000 if fmi == "3" else 200):
             unit.setFMUState(other if number % 2 else state)
             unit.doStep(0.3, 0.4)
             assert unit.getReal(names) == wanted
-            unit.doStep(0.7, 0.1 + 0.001 * number)
+            unit.doStep(0.7, 0.1 + 0.0002 * number)
         unit.freeFMUState(state)
         unit.freeFMUState(other)
 
@@ -211,7 +238,6 @@ def test_a_stiff_model_is_integrated_by_the_implicit_method(tmp_path: Path) -> N
 def test_limits_of_a_model_are_told(tmp_path: Path) -> None:
     """A requirement is a warning, once; a table that is left is an error, with a sentence in the log."""
     exported(LIMITED, tmp_path)
-    from fmpy.fmi1 import FMICallException
     from fmpy.fmi2 import defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 
     told: list[tuple[int, str]] = []
@@ -232,15 +258,18 @@ def test_limits_of_a_model_are_told(tmp_path: Path) -> None:
         assert told[1:] == [(3, "A table of the model is asked outside of its range.")]
 
 
-def test_what_an_importer_must_not_do_is_refused(tmp_path: Path) -> None:
-    exported(SPRING, tmp_path)
-    from fmpy.fmi1 import FMICallException
-
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_what_an_importer_must_not_do_is_refused(fmi: str, tmp_path: Path) -> None:
+    exported(SPRING, tmp_path, fmi=fmi)
     with instance(tmp_path) as (unit, place):
+        others = (
+            (lambda: unit.getInteger([0]),) if fmi == "2" else
+            (lambda: unit.getInt32([0]), lambda: unit.getFloat64([0], 2), lambda: unit.getClock([0]), unit.enterConfigurationMode)
+        )  # fmt: skip
         for call in (
             lambda: unit.getReal([999]), lambda: unit.setReal([place["x"]], [1.0]), lambda: unit.setReal([place["k"]], [math.nan]),
-            lambda: unit.doStep(5.0, 0.1), lambda: unit.enterInitializationMode(), lambda: unit.getInteger([0]),
-            lambda: unit.getDirectionalDerivative([place["x"]], [place["k"]], [1.0]),
+            lambda: unit.doStep(5.0, 0.1), lambda: unit.enterInitializationMode(),
+            lambda: unit.getDirectionalDerivative([place["x"]], [place["k"]], [1.0]), *others,
         ):  # fmt: skip
             with pytest.raises(FMICallException):
                 call()
@@ -249,7 +278,7 @@ def test_what_an_importer_must_not_do_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["oscillator", "van_der_pol", "pid_dc_motor", "gyroscope"])
 def test_models_give_the_numbers_of_a_run(name: str, tmp_path: Path) -> None:
-    path = Path(__file__).resolve().parents[2] / "models" / f"{name}.bg"
+    path = MODELS / f"{name}.bg"
     model = bondgraph.load(path)
     mine = model.simulate(rtol=1e-9)
     exported(path, tmp_path, mine.experiment or None)
@@ -260,7 +289,18 @@ def test_models_give_the_numbers_of_a_run(name: str, tmp_path: Path) -> None:
         assert np.abs(found[output] - mine[output][at]).max() < 1e-5 * size, output
 
 
-def test_sources_give_the_same_bits(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["oscillator", "pid_dc_motor"])
+def test_both_versions_give_the_same_bits(name: str, tmp_path: Path) -> None:
+    found: dict[str, dict[str, np.ndarray]] = {}
+    for fmi in VERSIONS:
+        exported(MODELS / f"{name}.bg", tmp_path, next(iter(bondgraph.load(MODELS / f"{name}.bg").experiments)), fmi)
+        found[fmi] = {kind: run(tmp_path, kind) for kind in KINDS}
+    for kind in KINDS:
+        assert len(found["2"][kind]) > 100 and np.array_equal(found["2"][kind], found["3"][kind])
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_sources_give_the_same_bits(fmi: str, tmp_path: Path) -> None:
     """Those of a model with events and samples too."""
     if not (compiler := shutil.which("gcc") or shutil.which("cc")):
         pytest.skip("no C compiler")
@@ -268,19 +308,20 @@ def test_sources_give_the_same_bits(tmp_path: Path) -> None:
     text = SPRING.replace("  1 body", f"{events}  output count = hits\n  1 body").replace(
         "step(time - t_0)", "step(time - t_0) + kick"
     )
-    exported(text, tmp_path)
+    exported(text, tmp_path, fmi=fmi)
     wanted = {kind: run(tmp_path, kind, start_values={"pull_by": 0.3}) for kind in KINDS}
     assert wanted["CoSimulation"]["count"][-1] > 1
     with zipfile.ZipFile(tmp_path / "unit.fmu") as archive:
         archive.extractall(tmp_path)
-    library = tmp_path / "binaries" / "linux64" / "Spring.so"
+    folder = {"2": "linux64", "3": "x86_64-linux"}[fmi]
+    library = tmp_path / "binaries" / folder / "Spring.so"
     files = [str(tmp_path / "sources" / name) for name in ("program.c", "fmu.c")]
     flags = ("-std=c11", "-O0", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden", "-Wall", "-Werror")
     more = ("-Wno-unused-function", "-Wno-unused-variable")
     subprocess.run([compiler, *flags, *more, *files, "-lm", "-o", str(library)], check=True)
     with zipfile.ZipFile(tmp_path / "unit.fmu", "w") as archive:
         archive.write(tmp_path / "modelDescription.xml", "modelDescription.xml")
-        archive.write(library, "binaries/linux64/Spring.so")
+        archive.write(library, f"binaries/{folder}/Spring.so")
     for kind in KINDS:
         found = run(tmp_path, kind, start_values={"pull_by": 0.3})
         assert all(np.array_equal(found[n], wanted[kind][n]) for n in found.dtype.names)
@@ -314,5 +355,10 @@ def test_the_command_writes_units(tmp_path: Path) -> None:
     assert out.read_bytes() == first  # equal models give equal bytes
     wrong = CliRunner().invoke(commands, [*arguments[:-1], "amiga"])
     assert wrong.exit_code == 2 and "platforms are linux64, linux-aarch64" in wrong.output
+    assert CliRunner().invoke(commands, [*arguments, "--fmi", "3"]).exit_code == 0
+    with zipfile.ZipFile(out) as archive:
+        assert {"sources/buildDescription.xml", "binaries/x86_64-linux/Spring.so"} < {*archive.namelist()}
+    wrong = CliRunner().invoke(commands, [*arguments, "--fmi", "4"])
+    assert wrong.exit_code == 2 and "versions are 2, 3" in wrong.output
     wrong = CliRunner().invoke(commands, ["compile", str(tmp_path / "m.bg"), "-o", "m.py", "--platforms", "linux64"])
     assert wrong.exit_code == 2

@@ -104,9 +104,10 @@ def after_events(found: Any) -> Any:
     return found[np.append(np.diff(found["time"]) > 0, True)]
 
 
+@pytest.mark.parametrize("fmi", ["2", "3"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_bouncing_ball_follows_its_closed_form(kind: str, tmp_path: Path) -> None:
-    exported(BALL, tmp_path)
+def test_a_bouncing_ball_follows_its_closed_form(kind: str, fmi: str, tmp_path: Path) -> None:
+    exported(BALL, tmp_path, fmi=fmi)
     for e, v_min in ((0.7, 0.1), (0.5, 0.4)):
         found = run(tmp_path, kind, rtol=1e-9, start_values={"e": e, "v_min": v_min}, output=["h", "v"])
         rows = after_events(found)
@@ -116,6 +117,37 @@ def test_a_bouncing_ball_follows_its_closed_form(kind: str, tmp_path: Path) -> N
             instants = found["time"][1:][np.diff(found["time"]) == 0]
             for time, _ in bounces(e, v_min, 3.0):
                 assert np.abs(instants - time).min() < 1e-6  # CVode's, which adds up
+
+
+@pytest.mark.parametrize("early", [False, True])
+def test_an_importer_handles_the_events_of_co_simulation(early: bool, tmp_path: Path) -> None:
+    """FMI 3.0: where steps may end early they do so at each bounce and each top, where the speed changes its sign; else the unit lets them act."""
+    exported(BALL, tmp_path, fmi="3")
+    found = run(tmp_path, "CoSimulation", rtol=1e-9, output=["h", "v"], use_event_mode=True, early_return_allowed=early)
+    rows = after_events(found)
+    assert np.abs(rows["h"] - height(rows["time"], 0.7, 0.1)).max() < 1e-12
+    instants = found["time"][1:][np.diff(found["time"]) == 0]
+    below = np.array([time for time, _ in bounces(0.7, 0.1, 3.0)])
+    wanted = np.sort([*below, *(below[1:] + below[:-1]) / 2]) if early else []
+    assert instants == pytest.approx(wanted, abs=1e-12)
+
+
+@pytest.mark.parametrize("early", [False, True])
+def test_samples_at_communication_points_are_events_of_the_importer(early: bool, tmp_path: Path) -> None:
+    exported("plain model Stair { mode n = 0\n every 1 { n = n + 1 }\n output y = n }", tmp_path, fmi="3")
+    with instance(tmp_path, eventModeUsed=True, earlyReturnAllowed=early) as (unit, place):
+        assert unit.updateDiscreteStates()[4:] == (True, 1.0)
+        unit.enterStepMode()
+        assert unit.doStep(0.0, 1.0) == (True, False, False, 1.0)
+        assert unit.getReal([place["y"]]) == [1.0]
+        unit.enterEventMode()
+        assert unit.updateDiscreteStates()[4:] == (True, 2.0)
+        assert unit.getReal([place["y"]]) == [2.0]
+        unit.enterStepMode()
+        assert unit.doStep(1.0, 1.5) == ((True, False, True, 2.0) if early else (False, False, False, 2.5))
+        assert unit.getReal([place["y"]]) == [2.0 if early else 3.0]
+        unit.doStep(2.0 if early else 2.5, 0.25)  # one that does not let the event act
+        assert unit.getReal([place["y"]]) == [3.0]
 
 
 @pytest.mark.parametrize(("text", "end"), [(HEATER, 60.0), (SERVO, 1.0)])

@@ -13,12 +13,23 @@ from ...simulation.integrators.tolerances import (
 )  # fmt: skip
 from .conditions import indicate
 from .events import instant, steady
-from .instance import ERROR, EVENTS, INITIALIZING, INSTANTIATED, NOT_NOW, OK, RUNNING, TERMINATED, FmuInstance
+from .instance import (
+    ERROR,
+    EVENT_MODE,
+    EVENTS,
+    INITIALIZING,
+    INSTANTIATED,
+    NOT_NOW,
+    OK,
+    RUNNING,
+    TERMINATED,
+    FmuInstance,
+)
 from .segment import INFINITE, forget
-from .values import check_limits, find_rates, settle
+from .values import check_limits, find_rates, may_start, settle
 
 if TYPE_CHECKING:
-    from compiler.api import Floats, ShortInts
+    from compiler.api import Bytes, Floats, Ints, ShortInts
 
 
 LEAST, LARGEST = 1e-13, 0.1  # relative tolerances
@@ -36,6 +47,12 @@ def set_up(s: FmuInstance, has_tolerance: int, tolerance: float, start: float, h
     if has_tolerance != 0 and tolerance > 0.0:
         hold(s, min(max(tolerance, LEAST), LARGEST))
     return OK
+
+
+def set_up_and_start(s: FmuInstance, has_tolerance: int, tolerance: float, start: float, has_stop: int, stop: float) -> int:  # fmt: skip
+    """Take the experiment of the importer, and begin the initialization."""
+    failed = set_up(s, has_tolerance, tolerance, start, has_stop, stop)
+    return failed if failed != OK else may_start(s)
 
 
 def hold(s: FmuInstance, relative: float) -> None:
@@ -60,14 +77,10 @@ def end_initialization(s: FmuInstance) -> int:
         s.message = NOT_NOW
         return ERROR
     settle(s)
-    s.phase = RUNNING if s.makes_steps != 0 else EVENTS
-    s.broken = 1
-    if s.has_events != 0:
-        failed = instant(s)
-        if failed != OK:
-            return failed
-        steady(s)
-    failed = find_rates(s)
+    s.phase = RUNNING if s.makes_steps != 0 and (s.makes_steps & EVENT_MODE) == 0 else EVENTS
+    failed = pass_instant(s)
+    if failed == OK:
+        failed = find_rates(s)
     if failed != OK:
         return failed
     return check_limits(s)
@@ -85,24 +98,47 @@ def enter_continuous(s: FmuInstance) -> int:
     return OK
 
 
-def update_events(s: FmuInstance, flags: ShortInts, numbers: Floats) -> int:
-    """Act on an instant: pass into the next segment of time, let events act. `flags` and `numbers` are the same structure of the importer."""
+def pass_instant(s: FmuInstance) -> int:
+    """Pass into the next segment of time, let events act."""
     s.segment_known = 0
+    s.waiting = 0
+    s.broken = 1
     settle(s)
+    if s.has_events == 0:
+        return OK
+    s.events.resets = 0
+    failed = instant(s)
+    if failed == OK:
+        steady(s)
+    return failed
+
+
+def update_events(s: FmuInstance, flags: ShortInts, numbers: Floats) -> int:
+    """Act on an instant. `flags` and `numbers` are the same structure of the importer."""
+    failed = pass_instant(s)
     for k in range(5):
         flags[k] = 0
     if s.has_events != 0:
-        s.events.resets = 0
-        failed = instant(s)
-        if failed != OK:
-            return failed
-        steady(s)
         flags[1] = s.events.ended
         flags[3] = s.events.resets
     if s.next_instant < INFINITE:
         flags[4] = 1
         numbers[3] = s.next_instant
-    return OK
+    return failed
+
+
+def update_discrete_states(
+    s: FmuInstance, again: Bytes, ends: Bytes, nominals: Bytes, values: Bytes, timed: Bytes, time: Floats
+) -> int:
+    """Act on an instant, and tell what it has changed."""
+    failed = pass_instant(s)
+    again[0] = 0
+    ends[0] = s.events.ended if s.has_events != 0 else 0
+    nominals[0] = 0
+    values[0] = s.events.resets if s.has_events != 0 else 0
+    timed[0] = 1 if s.next_instant < INFINITE else 0
+    time[0] = s.next_instant
+    return failed
 
 
 def set_time(s: FmuInstance, time: float) -> int:
@@ -168,6 +204,25 @@ def end_step(s: FmuInstance, no_return: int, events: ShortInts, ends: ShortInts)
     return check_limits(s)
 
 
+def complete_step(s: FmuInstance, events: Bytes, ends: Bytes) -> int:
+    """Look at a step that the importer has made."""
+    events[0] = 0
+    ends[0] = 0
+    return check_limits(s)
+
+
+def count_states(s: FmuInstance, number: Ints) -> int:
+    """Tell the number of states."""
+    number[0] = s.solver.n
+    return OK
+
+
+def count_indicators(s: FmuInstance, number: Ints) -> int:
+    """Tell the number of event indicators."""
+    number[0] = s.solver.root_count
+    return OK
+
+
 def get_truth(s: FmuInstance, kind: int, value: ShortInts) -> int:
     """Tell if an event has ended the run."""
     if kind != TERMINATED_STATUS:
@@ -190,14 +245,3 @@ def terminate(s: FmuInstance) -> int:
     """End the run."""
     s.phase = TERMINATED
     return OK
-
-
-def reset(s: FmuInstance, steps: int) -> None:
-    """Prepare a new instance; `steps`: 1 if it makes its own steps."""
-    s.makes_steps = steps
-    s.phase = INSTANTIATED
-
-
-def makes_own_steps(s: FmuInstance) -> int:
-    """Return 1 in co-simulation."""
-    return s.makes_steps

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3  # answers to an importer
 INSTANTIATED, INITIALIZING, EVENTS, RUNNING, TERMINATED, FAILED = 0, 1, 2, 3, 4, 5  # phases of an instance
+EVENT_MODE, EARLY_RETURN = (
+    2,
+    4,
+)  # bits of `makes_steps`: the importer lets events act; a step may end before its communication point
 # Messages, by their numbers in `messages.py`.
 (
     SAID_NOTHING, NO_VALUE, NOT_NOW, TOO_MANY_STEPS, NO_STEP, NOT_FINITE, LIMIT_LEFT, TABLE_LEFT, WRONG_TIME, NO_SLOPE,
@@ -124,7 +128,8 @@ class FmuInstance(Record):
     relative: float  # tolerance, of co-simulation
     phase: int
     message: int
-    makes_steps: int  # 1 in co-simulation
+    makes_steps: int  # 0 in model exchange; in co-simulation 1, with these bits where the importer allows it
+    waiting: int  # 1 if the importer is to let an event act
     constants_known: int
     segment_known: int
     rates_known: int

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite, ulp
+from typing import TYPE_CHECKING
 
 from ...simulation.integrators.compiled.advance import advance, begin
 from ...simulation.integrators.dop853 import LOOK_AGAIN
@@ -13,8 +14,10 @@ from .conditions import said
 from .events import CUT, UNSURE, cut_at_event, instant
 from .instance import (
     DISCARD,
+    EARLY_RETURN,
     ENDED,
     ERROR,
+    EVENT_MODE,
     NO_STEP,
     NOT_NOW,
     OK,
@@ -26,6 +29,9 @@ from .instance import (
 )
 from .segment import INFINITE, forget
 from .values import check_limits, judge_limits, settle
+
+if TYPE_CHECKING:
+    from compiler.api import Bytes, Floats
 
 BATCH = 1000
 AGAIN = 0.25  # first step, as a share of one that an event has cut badly
@@ -41,6 +47,7 @@ def do_step(s: FmuInstance, time: float, size: float) -> int:
     if abs(time - s.time) > ROUNDING * max(ulp(time), ulp(time + size)) or not size >= 0.0 or not isfinite(time + size):
         s.message = WRONG_TIME
         return ERROR
+    s.waiting = 0
     settle(s)
     answer = OK
     if s.has_events != 0 and s.broken != 0:  # an input or a parameter may have moved a condition
@@ -50,6 +57,30 @@ def do_step(s: FmuInstance, time: float, size: float) -> int:
     if answer > WARNING:
         return answer
     return max(answer, check_limits(s))
+
+
+def step_or_return(
+    s: FmuInstance, time: float, size: float, events: Bytes, ends: Bytes, early: Bytes, reached: Floats
+) -> int:
+    """Integrate up to the next communication point, or to an event that the importer handles; tell what has happened."""
+    answer = do_step(s, time, size)
+    ends[0] = 0
+    if answer == DISCARD and s.has_events != 0 and s.events.ended != 0:
+        ends[0] = 1
+        answer = OK
+    events[0] = s.waiting
+    early[0] = 1 if s.time < time + size and (s.makes_steps & EARLY_RETURN) != 0 else 0
+    reached[0] = s.time
+    return answer
+
+
+def hands_over(s: FmuInstance, target: float) -> bool:
+    """Return True if the importer is to handle an event."""
+    return (
+        s.has_events != 0
+        and (s.makes_steps & EVENT_MODE) != 0
+        and ((s.makes_steps & EARLY_RETURN) != 0 or s.time >= target)
+    )
 
 
 def go_to(s: FmuInstance, target: float) -> int:
@@ -65,9 +96,14 @@ def go_to(s: FmuInstance, target: float) -> int:
             s.events.located = 0
         else:
             s.time = until
-            if until < s.next_instant - ROUNDING * ulp(s.next_instant):
+            if s.next_instant == INFINITE or until < s.next_instant - ROUNDING * ulp(s.next_instant):
                 forget(s)
                 continue
+        if hands_over(s, target):
+            s.waiting = 1
+            s.broken = 1
+            forget(s)
+            return result
         answer = happens(s)
         if answer != OK:
             return answer

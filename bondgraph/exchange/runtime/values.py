@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from .conditions import indicate
 from .events import start_modes
 from .instance import (
     ERROR,
@@ -87,6 +88,8 @@ def find_all_slopes(s: FmuInstance) -> None:
 def get_values(s: FmuInstance, references: ShortInts, count: int, values: Floats) -> int:
     """Put the values of some references into an array."""
     n = s.solver.n
+    if count < 0:
+        return unknown(s)
     for k in range(count):
         place = references[k]
         if place == 0:
@@ -113,6 +116,10 @@ def get_values(s: FmuInstance, references: ShortInts, count: int, values: Floats
         elif is_mode(s, mode_place(s, place)):
             settle(s)
             values[k] = s.solver.mode[mode_place(s, place)]
+        elif s.has_events != 0 and 0 <= mode_place(s, place) - s.events.discrete_count < s.solver.root_count:
+            settle(s)
+            indicate(s, s.events.conditions.change)
+            values[k] = s.events.conditions.change[mode_place(s, place) - s.events.discrete_count]
         else:
             return unknown(s)
     return OK
@@ -137,13 +144,15 @@ def unknown(s: FmuInstance) -> int:
 def set_values(s: FmuInstance, references: ShortInts, count: int, values: Floats) -> int:
     """Set states, inputs, parameters, and before the run begins discrete variables."""
     n = s.solver.n
+    if count < 0:
+        return unknown(s)
     for k in range(count):
         if not isfinite(values[k]):
             s.message = NOT_FINITE
             return ERROR
         place = references[k] - 1
         if 0 <= place < n:
-            if s.phase == RUNNING:
+            if s.phase == RUNNING and s.makes_steps != 0:
                 s.message = NOT_NOW
                 return ERROR
             s.state[place] = values[k]
@@ -169,30 +178,68 @@ def set_values(s: FmuInstance, references: ShortInts, count: int, values: Floats
 
 def get_slopes(s: FmuInstance, unknowns: ShortInts, unknown_count: int, knowns: ShortInts, known_count: int, seed: Floats, result: Floats) -> int:  # fmt: skip
     """Compute the derivatives of rates and outputs along a direction of states and inputs."""
-    n = s.solver.n
-    find_all_slopes(s)
-    for i in range(n + s.input_count):
-        s.seed[i] = 0.0
+    if begin_slopes(s, min(unknown_count, known_count)) != OK:
+        return ERROR
     for k in range(known_count):
-        place = knowns[k] - 1
-        if 0 <= place < n:
-            s.seed[place] += seed[k]
-        elif 2 * n <= place < 2 * n + s.input_count:
-            s.seed[place - n] += seed[k]
-        else:
-            s.message = NO_SLOPE
-            return ERROR
+        column = column_of(s, knowns[k] - 1)
+        if column < 0:
+            return no_slope(s)
+        s.seed[column] += seed[k]
     for k in range(unknown_count):
         row = row_of(s, unknowns[k] - 1)
         if row < 0:
-            s.message = NO_SLOPE
-            return ERROR
+            return no_slope(s)
         total = 0.0
         for i in range(s.slope_count):
             if s.slope_rows[i] == row:
                 total += s.slopes[i] * s.seed[s.slope_columns[i]]
         result[k] = total
     return OK
+
+
+def get_adjoint_slopes(
+    s: FmuInstance, unknowns: ShortInts, unknown_count: int, knowns: ShortInts, known_count: int, seed: Floats, result: Floats
+) -> int:  # fmt: skip
+    """Compute the derivatives of a sum of rates and outputs, each with a factor."""
+    if begin_slopes(s, min(unknown_count, known_count)) != OK:
+        return ERROR
+    for k in range(unknown_count):
+        row = row_of(s, unknowns[k] - 1)
+        if row < 0:
+            return no_slope(s)
+        for i in range(s.slope_count):
+            if s.slope_rows[i] == row:
+                s.seed[s.slope_columns[i]] += seed[k] * s.slopes[i]
+    for k in range(known_count):
+        column = column_of(s, knowns[k] - 1)
+        if column < 0:
+            return no_slope(s)
+        result[k] = s.seed[column]
+    return OK
+
+
+def begin_slopes(s: FmuInstance, count: int) -> int:
+    """Compute the slopes, and begin with a direction of zeros."""
+    if count < 0:
+        return unknown(s)
+    find_all_slopes(s)
+    for i in range(s.solver.n + s.input_count):
+        s.seed[i] = 0.0
+    return OK
+
+
+def no_slope(s: FmuInstance) -> int:
+    """Refuse derivatives of or by other quantities."""
+    s.message = NO_SLOPE
+    return ERROR
+
+
+def column_of(s: FmuInstance, place: int) -> int:
+    """Return the column of the slopes of a state or an input; -1 for what has none."""
+    n = s.solver.n
+    if 0 <= place < n:
+        return place
+    return place - n if 2 * n <= place < 2 * n + s.input_count else -1
 
 
 def row_of(s: FmuInstance, place: int) -> int:
