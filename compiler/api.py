@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .codegen.c.single_precision import in_single_precision
     from .codegen.cost import Cost, cost
     from .codegen.limits import Leaf
+    from .codegen.numpy.generate import load_module
     from .codegen.llvm.bind import bind
     from .codegen.llvm.library import LibraryModule, library_module
     from .codegen.errors import NotInUnit

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 from compiler import api
 
 from ..analysed_model import AnalysedModel
-from ..errors import UsageError
+from ..errors import MissingPackage, UsageError
 from ..keywords import checked
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from compiler.api import StateSpace
 
     from ..analysis.symbolic import SymbolicEquations
@@ -129,6 +131,31 @@ class Shown(AnalysedModel):
         compilation = self.compilation(api.Scene(self.model, None, free=frozenset({"*"})))
         text = compilation.text(target) if part is None else compilation.part_text(part, target)
         return api.in_single_precision(text) if single else text
+
+    def to_casadi(self) -> ModuleType:
+        """Return the functions of CasADi that `compile("casadi")` writes, as a module.
+
+        `derivative`, `outputs` and `jacobian` of (t, x, p) or (t, x, z, p, u), as in `arguments`; `dae` for its integrators, `START`, `DEFAULTS`. Raises
+        `CompilationFailed`, also for events, delays and tables, `MissingPackage`.
+        """
+        return self._functions("casadi")
+
+    def to_jax(self) -> ModuleType:
+        """Return the functions of JAX that `compile("jax")` writes, as a module, which turns on its 64 bits.
+
+        `derivative` and `outputs` of (t, x, p) or (t, x, z, p, u); `start(p)`, `DEFAULTS`. Raises `CompilationFailed`, also for events, delays and
+        tables, `MissingPackage`.
+        """
+        return self._functions("jax")
+
+    def _functions(self, target: str) -> ModuleType:
+        text = self.compile(target)
+        try:
+            return api.load_module(self.graph.name, text)
+        except ImportError as error:
+            raise MissingPackage(
+                "BR619", f"functions of {target} need its package:", f'pip install "bondgraph-lang[{target}]"'
+            ) from error
 
     @checked
     def to_fmu(

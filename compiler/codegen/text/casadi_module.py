@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from sympy import Basic
 from sympy.core.function import AppliedUndef
@@ -20,7 +20,23 @@ from .c_file import refuse_hybrid
 from .target import TextTarget
 
 OTHER_NAMES = {"abs": "ca.fabs", "min": "ca.fmin", "max": "ca.fmax", "root": "_root"}
-OWN = ("derivative", "residual", "jacobian", "outputs", "start", "dae", "arguments", "ca", "t", "x", "z", "p", "u")
+OWN = (
+    "derivative",
+    "residual",
+    "jacobian",
+    "outputs",
+    "start",
+    "dae",
+    "arguments",
+    "ca",
+    "jax",
+    "jnp",
+    "t",
+    "x",
+    "z",
+    "p",
+    "u",
+)
 SOLVE = '''def _solve(rows, right):
     """Solution of a linear system."""
     return ca.vertsplit(ca.solve(ca.vertcat(*(ca.horzcat(*row) for row in rows)), ca.vertcat(*right)))'''
@@ -31,13 +47,7 @@ ROOT = '''def _root(x, n):
 
 def write(space: StateSpace, descriptions: Mapping[str, str]) -> str:
     """Text of the module. Raises `CompilationFailed` for events, delays and tables."""
-    refuse_hybrid(space, "CasADi")
-    equations = formulate(space, descriptions)
-    for line in equations.lines:
-        called = {type(x).__name__ for result in results_of(line) for x in result.atoms(AppliedUndef)}
-        if called & (CURVES | SLOPES) and line.span is not None:
-            raise CompilationFailed([NumpyAlone(line.span, "CasADi", "Tables and noise")])
-    return _CasadiModule(equations).text()
+    return _CasadiModule(differentiable(space, descriptions, "CasADi"), CasadiPrinter, _name).text()
 
 
 TARGET = TextTarget("casadi", ".py", write, usual=False)
@@ -73,10 +83,23 @@ class CasadiPrinter(PythonPrinter):
         return f"ca.logic_not({self.text(x.args[0])})"
 
 
-class _CasadiModule:
-    """Writer of one module."""
+def differentiable(space: StateSpace, descriptions: Mapping[str, str], library: str) -> StateEquations:
+    """State equations for a library that differentiates. Raises `CompilationFailed` for events, delays and tables."""
+    refuse_hybrid(space, library)
+    equations = formulate(space, descriptions)
+    for line in equations.lines:
+        called = {type(x).__name__ for result in results_of(line) for x in result.atoms(AppliedUndef)}
+        if called & (CURVES | SLOPES) and line.span is not None:
+            raise CompilationFailed([NumpyAlone(line.span, library, "Tables and noise")])
+    return equations
 
-    def __init__(self, equations: StateEquations) -> None:
+
+class FunctionModule:
+    """Names of a module whose functions take arrays: t, states x, unknowns z, parameters p, inputs u."""
+
+    def __init__(
+        self, equations: StateEquations, printer: type[PythonPrinter], name: Callable[[Operator], str]
+    ) -> None:
         self.equations = e = equations
         identifiers = Identifiers()
         identifiers.taken |= {*OWN, *keyword.kwlist}
@@ -88,7 +111,26 @@ class _CasadiModule:
             t for line in e.lines for t in targets_of(line)
         ]
         names = {e.time: "t"} | {symbol: identifiers.of(str(symbol)) for symbol in symbols}
-        self.printer, self.names = CasadiPrinter(names, function_names(_name)), names
+        self.printer, self.names = printer(names, function_names(name)), names
+
+    def defaults(self) -> Iterator[tuple[str, str]]:
+        """Names of the values of parameters and inputs, and their numbers."""
+        for heading, quantities in (("DEFAULTS", self.equations.parameters), ("INPUT_DEFAULTS", self.equations.inputs)):
+            yield heading, f"[{', '.join(_number(q.value) for q in quantities)}]"
+
+    def items(self, letter: str, group: Sequence[NamedSymbol]) -> Iterator[str]:
+        """Lines that name the items of an array."""
+        for i, q in enumerate(group):
+            words = ", ".join(w for w in (q.name, q.unit, q.description) if w)
+            yield f"{self.names[q.symbol]} = {letter}[{i}]  # {printable(words)}"
+
+    def values(self, entries: Iterable[Entry]) -> str:
+        """Values of a result, separated by commas."""
+        return ", ".join(self.printer.text(entry.value) for entry in entries)
+
+
+class _CasadiModule(FunctionModule):
+    """Writer of one module."""
 
     def text(self) -> str:
         e = self.equations
@@ -114,15 +156,11 @@ class _CasadiModule:
         )
 
     def _symbols(self) -> Iterator[str]:
-        e = self.equations
         yield "t = ca.SX.sym('t')"
         for letter, group in self.groups:
             yield f"{letter} = ca.SX.sym({letter!r}, {len(group)})"
-            for i, q in enumerate(group):
-                words = ", ".join(w for w in (q.name, q.unit, q.description) if w)
-                yield f"{self.names[q.symbol]} = {letter}[{i}]  # {printable(words)}"
-        for heading, quantities in (("DEFAULTS", e.parameters), ("INPUT_DEFAULTS", e.inputs)):
-            yield f"{heading} = [{', '.join(_number(q.value) for q in quantities)}]"
+            yield from self.items(letter, group)
+        yield from (f"{heading} = {numbers}" for heading, numbers in self.defaults())
 
     def _functions_of_casadi(self) -> Iterator[str]:
         e = self.equations
@@ -145,7 +183,7 @@ class _CasadiModule:
         yield f"dae = {{'t': t, 'x': x, 'p': ca.vertcat({values}), 'ode': ode{unknown}}}"
 
     def _vector(self, entries: Iterable[Entry]) -> str:
-        return f"ca.vertcat({', '.join(self.printer.text(entry.value) for entry in entries)})"
+        return f"ca.vertcat({self.values(entries)})"
 
 
 def _number(value: float | None) -> str:
