@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import rendering
 from .presentation.renderers import RENDERERS
+from .version import VERSION
 
 if TYPE_CHECKING:
     from compiler.api import CacheBackend
@@ -55,6 +56,7 @@ _HOMES = {
     "load_ipython_extension": "model.cell",
     "read_result": "results.archive",
 }
+__version__ = VERSION
 __all__ = [name for name in _HOMES if name != "load_ipython_extension"]  # which IPython calls
 
 

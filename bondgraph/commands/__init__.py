@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from ..version import VERSION
 from .error_reporting import INTERRUPTED, problems_told
 
 # Commands by what they are for, each with an example of its options.
@@ -106,7 +107,7 @@ class Commands(click.Group):
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="bondgraph-lang", message="bondgraph %(version)s")
+@click.version_option(VERSION, message="bondgraph %(version)s")
 def commands() -> None:
     """Check, compile and simulate bond graphs written as text."""
 

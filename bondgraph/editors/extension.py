@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import re
 import zipfile
 from collections.abc import Mapping, Sequence
 from html import escape
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import BinaryIO
 
+from ..version import VERSION
 from .textmate import textmate_grammar
 
 SOURCES = Path(__file__).with_name("vscode")
@@ -44,7 +43,7 @@ _MANIFEST = """<?xml version="1.0" encoding="utf-8"?>
 def extension_files(command: Sequence[str]) -> Mapping[str, str]:
     """Texts of the files in the extension, by their names in it; `command` starts the server."""
     package = json.loads((SOURCES / "package.json").read_text(encoding="utf-8"))
-    package["version"] = _version()
+    package["version"] = VERSION
     package["contributes"]["configuration"]["properties"]["bondgraph.command"]["default"] = list(command)
     named = {k: escape(package[k]) for k in ("name", "version", "publisher", "displayName", "description")}
     categories, engine = escape(",".join(package["categories"])), escape(package["engines"]["vscode"])
@@ -64,12 +63,3 @@ def write_extension(stream: BinaryIO, command: Sequence[str]) -> None:
             entry = zipfile.ZipInfo(name)  # of 1980, the first year of the format
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, text)
-
-
-def _version() -> str:
-    """Version as VS Code takes it: three numbers."""
-    try:
-        numbers = re.findall(r"\d+", version("bondgraph-lang"))
-    except PackageNotFoundError:
-        numbers = []
-    return ".".join([*numbers, "0", "0", "0"][:3])

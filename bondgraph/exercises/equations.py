@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from math import isfinite
+from math import isfinite, log10
 
 import numpy as np
 
@@ -212,11 +212,13 @@ def _difference(lowered: Lowered, rate: Expression, own: Expression, points: Seq
             if rows and all(abs(r[0] - r[1] - factor * r[n]) <= SAME * max(map(abs, r)) for r, _ in rows):
                 names = " and ".join(f"`{_name(lowered, leaf)}`" for leaf in _leaves(term))
                 return f"the term with {names or 'a number alone'} {fault}"
-    for row, point in rows:
-        if abs(row[0] - row[1]) > 0.01 * (abs(row[0]) + abs(row[1])):
-            place = ", ".join(f"`{_name(lowered, leaf)}` = {point(leaf):.4g}" for leaf in _leaves(rate, own))
-            return f"it gives {row[1]:.4g} where {row[0]:.4g} is right (in SI, at {place})"
-    return "it is another function"
+    sizes = [abs(r[0] - r[1]) / max(abs(r[0]), abs(r[1]), TINY) for r, _ in rows]
+    if not any(sizes):
+        return "it is another function"
+    (right, wrong, *_), point = rows[sizes.index(max(sizes))]
+    digits = 4 + max(0, int(-log10(max(sizes))))
+    place = ", ".join(f"`{_name(lowered, leaf)}` = {point(leaf):.6g}" for leaf in _leaves(rate, own))
+    return f"it gives {wrong:.{digits}g} where {right:.{digits}g} is right (in SI, at {place})"
 
 
 def _leaves(*expressions: Expression) -> list[Leaf]:

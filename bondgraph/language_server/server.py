@@ -6,7 +6,6 @@ import asyncio
 import os
 from collections.abc import Callable
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ from ..language_service.navigation import definition, references, rename, rename
 from ..language_service.outline import folds, outline
 from ..language_service.problems import problems
 from ..language_service.workspace import Workspace
+from ..version import VERSION
 from .conversions import TOKEN_MODIFIERS, TOKEN_TYPES, Converter, signature
 from .protocol import AnsweringProtocol
 
@@ -40,7 +40,7 @@ class EditorSession:
     def __init__(self) -> None:
         self.server = LanguageServer(
             "bondgraph",
-            _version(),
+            VERSION,
             text_document_sync_kind=types.TextDocumentSyncKind.Incremental,
             protocol_cls=AnsweringProtocol,
         )
@@ -244,10 +244,3 @@ def serve() -> None:
     # Streams of its own, as the protocol closes them at its end.
     with open(os.dup(0), "rb") as requests, open(os.dup(1), "wb") as answers:
         EditorSession().server.start_io(requests, answers)
-
-
-def _version() -> str:
-    try:
-        return version("bondgraph-lang")
-    except PackageNotFoundError:
-        return "0"

@@ -5,13 +5,17 @@ from __future__ import annotations
 import html
 import json
 import re
+import sys
+import tomllib
 import warnings
 from pathlib import Path
 from urllib.parse import unquote, urldefrag
 
 import pytest
 
+import bondgraph
 from tests.compiling import ROOT
+from tests.manual.first_hour import compare
 
 pytest.importorskip("sphinx", reason="the manual needs the extra `manual`")
 pytest.importorskip("myst_parser", reason="the manual needs the extra `manual`")
@@ -55,12 +59,31 @@ def test_what_it_shows_was_run(site: tuple[Path, str]) -> None:
         ("python", r"^(8|7\.99999\d*|8\.00000\d*)e-06\n42\.45\d* "),
         ("first_hour", r"^x +9\.67[56]\d* .* um$"),
         ("how_to/fit", r"^fold +2\.6885\d* +(1e-06|9\.9999\d*e-07)$"),  # a third of the gap, volt^2 = 8*k*gap^3/(27*eps0*A)
+        ("course/8_mechanisms", r"^0\.49848\d+ Hz"),  # sqrt(g/l)/(2 pi)
+        ("course/9_control", r"^speed +9\.52\d* "),  # gain/(gain + b) of the wanted 10 rad/s
+        ("course/10_thermal", r"^T +46\.85 "),  # 100 J into 5 J/K, from 300 K
         ("explanations", r"^ +v +458\.177\d* +mV$"),
     ],
 )  # fmt: skip
 def test_it_prints_what_is_known(site: tuple[Path, str], page: str, printed: str) -> None:
     text = html.unescape(re.sub(r"<[^>]*>", "", (site[0] / f"{page}.html").read_text(encoding="utf-8")))
     assert re.search(printed, text, re.MULTILINE)
+
+
+@pytest.mark.machine_code
+def test_the_first_hour_in_a_process_of_its_own(site: tuple[Path, str], tmp_path: Path) -> None:
+    """The checks of the page print there what it shows; `.ci/release` does the same with all commands, in fresh environments."""
+    assert compare(site[0] / "first_hour.html", tmp_path, [sys.executable, "-m", "bondgraph"], "check") == 2
+
+
+def test_the_version_has_its_changes() -> None:
+    """The release page tells the changes of this version, and how to cite it; there is one number."""
+    text = (MANUAL / "release.md").read_text(encoding="utf-8")
+    assert (
+        re.findall(r"^### (\S+)$", text, re.MULTILINE)[0] == bondgraph.__version__
+        and f"version = {{{bondgraph.__version__}}}" in text
+    )
+    assert "version" in tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dynamic"]
 
 
 @pytest.mark.machine_code
