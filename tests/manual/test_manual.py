@@ -71,8 +71,11 @@ def test_it_prints_what_is_known(site: tuple[Path, str], page: str, printed: str
 
 
 @pytest.mark.machine_code
-def test_the_first_hour_in_a_process_of_its_own(site: tuple[Path, str], tmp_path: Path) -> None:
+def test_the_first_hour_in_a_process_of_its_own(
+    site: tuple[Path, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The checks of the page print there what it shows; `.ci/release` does the same with all commands, in fresh environments."""
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
     assert compare(site[0] / "first_hour.html", tmp_path, [sys.executable, "-m", "bondgraph"], "check") == 2
 
 
