@@ -219,9 +219,9 @@ def most_parts() -> int:
 def _override(name: str, value: str | float) -> Override:
     if isinstance(value, str):
         source = api.Source(f"setting of {name}", value)
-        return api.Override(name.replace(" ", ""), api.parse_expression(source), api.Span(source, 0, len(value)))
+        return api.Override(api.full_name(name), api.parse_expression(source), api.Span(source, 0, len(value)))
     source = api.Source(f"setting of {name}", repr(value))
-    return api.Override(name.replace(" ", ""), float(value), api.Span(source, 0, len(source.text)))
+    return api.Override(api.full_name(name), float(value), api.Span(source, 0, len(source.text)))
 
 
 def names_of(names: Sequence[str] | None) -> tuple[str, ...] | None:

@@ -80,7 +80,7 @@ if TYPE_CHECKING:
     from .reduction.state_space import LinearLoop, StateSpace, TearingVariable
     from .scene import (
         Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, Reported,
-        RunMetadata, Scene, Study,
+        RunMetadata, Scene, Study, full_name,
     )  # fmt: skip
     from .semantics import MAXIMUM_PARTS
     from .semantics.expressions.expression_compiler import MEMORIES

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from .syntax.tree import ExpressionSyntax
 
 
+def full_name(words: str) -> str:
+    """Return the name of a quantity, however its spaces are written: `K[1,2]` is `K[1, 2]`."""
+    return words.replace(" ", "").replace(",", ", ")
+
+
 @dataclass(frozen=True, slots=True)
 class Override:
     """A parameter or input set from outside: an expression of the text, a number in SI, or (None) a number that only a run knows.

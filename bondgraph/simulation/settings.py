@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded
+from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded, full_name
 
 if TYPE_CHECKING:
     from compiler.api import Array, Compilation, Expression, RunMetadata, Scale
@@ -52,10 +52,10 @@ def settle(
         overrides = [*scene.overrides, *(_argument(name) for name in sorted(later))]
         return model.compiled_scene(replace(scene, overrides=tuple(overrides)), everything, target)
 
-    numbers = {name.replace(" ", ""): found for name, x in settings.items() if (found := _number(x)) is not None}
+    numbers = {full_name(name): found for name, x in settings.items() if (found := _number(x)) is not None}
     later = frozenset(numbers)
     while later:
-        written = {name: x for name, x in settings.items() if name.replace(" ", "") not in later}
+        written = {name: x for name, x in settings.items() if full_name(name) not in later}
         try:
             key = "settings", experiment, tuple(written.items()), later, outputs, everything, target
             compiled_scene = model.recall(key, compiled)
@@ -101,7 +101,7 @@ def settle_all(
     Settings that are no such numbers are left out: zeros, other units, values that would be refused.
     """
     settled = settle(model, experiment, points[0], outputs, False, target)
-    names = [name.replace(" ", "") for name in points[0]]
+    names = [full_name(name) for name in points[0]]
     if settled.scene.fixed or {*settled.values} != {*names}:
         return None
     compiled_scene = model.compiled_scene(settled.scene, False, target)
@@ -169,7 +169,7 @@ def compiled_in(
     """Return those of `names`, set to numbers, that must be compiled in instead of being arguments; for each the place that needs the value."""
     found: dict[str, str] = {}
     written = {name: x for name, x in settings.items() if name not in names}
-    later = frozenset(name.replace(" ", "") for name in names)
+    later = frozenset(full_name(name) for name in names)
     while later:
         scene = model.scene(experiment, written | {n: settings[n] for n in found}, (), None)
         scene = replace(scene, overrides=(*scene.overrides, *(_argument(name) for name in sorted(later))))

@@ -102,7 +102,7 @@ def expression(node: object) -> str:
         case tree.Call():
             return f"{node.function}({', '.join(map(expression, node.arguments))})"
         case tree.VectorSyntax():
-            return f"({', '.join(map(expression, node.items))})"
+            return f"[{', '.join(map(expression, node.items))}]"
         case tree.Sum():
             return _chain(node.terms, "+", "-")
         case tree.Product():

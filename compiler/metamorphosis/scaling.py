@@ -79,14 +79,13 @@ class Powers:
 
     def _item(self, node: tree.Item, u: tree.Unit) -> tree.Item:
         value = node.value
-        if isinstance(value, tree.VectorSyntax):
-            value = replace(value, items=tuple(self._in_unit(i, u) for i in value.items))
-        elif value is not None:
-            value = self._in_unit(value, u)
+        value = None if value is None else self._in_unit(value, u)
         return replace(node, value=value, unit=KELVIN if scale_of(u).offset else u, index=self.scaled(node.index))
 
     def _in_unit(self, value: tree.ExpressionSyntax, u: tree.Unit) -> tree.ExpressionSyntax:
         """A value after `name : unit =`, where a bare number is in that unit."""
+        if isinstance(value, tree.VectorSyntax):
+            return replace(value, items=tuple(self._in_unit(i, u) for i in value.items))
         if not bare(value):
             return self.scaled(value)  # type: ignore[no-any-return]
         scale = scale_of(u)

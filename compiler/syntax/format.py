@@ -40,7 +40,7 @@ _CLOSE = frozenset("*/^")
 _OPERAND_ENDS = frozenset(["NAME", "NUMBER", "RPAR", "RSQB"])
 _SORTS = {
     "STRING": "text", "COMMENT": "text", "COMPARE": "compare", "PLUS": "sign", "MINUS": "sign", "NUMBER": "operand",
-    "JUNCTION": "operand", "LPAR": "operand", "NEST": "operand", "RPAR": "", "RSQB": "", "COMMA": "", "SEMICOLON": "", "DOT": "",
+    "JUNCTION": "operand", "LPAR": "operand", "LSQB": "operand", "NEST": "operand", "RPAR": "", "RSQB": "", "COMMA": "", "SEMICOLON": "", "DOT": "",
 }  # fmt: skip
 _GAP = re.compile(r"#[^\n]*|\n|[^\n#]+")
 
@@ -76,6 +76,7 @@ class _Word:
     before: _Word | None  # the word before it in its line
     begins: bool  # True if a statement ends or a block begins before it
     unary: bool = False  # a sign, no operator between two
+    index: bool = False  # a bracket behind a name or a number: no list
     usual: int = 0  # the usual distance from the word before it
     free: bool = False  # at the end of a line, where the author decides how far
     depth: int = 0  # indentation of the first word of a line, unless it is aligned
@@ -99,8 +100,8 @@ class _Word:
     @property
     def sort(self) -> str:
         """Key of the words that may share a column with it, "" for none: operands and signs with those after the same word."""
-        if self.kind == "LSQB":
-            return "unit" if self.usual else ""  # the other one is an index
+        if self.index:
+            return "unit" if self.usual else ""
         sort = _SORTS.get(self.kind, "operand" if _is_name(self.text) else self.text)
         if sort not in ("operand", "sign"):
             return "arrow" if sort in ("->", "=>") else sort
@@ -216,6 +217,7 @@ def _judge(lines: Sequence[_Line]) -> None:
                 block.first, block.by_column, block.brackets = word.text, {}, []
             elif word.before is not None and _SORTS.get(word.kind) != "":
                 block.by_column[word.column] = word
+            word.index = word.kind == "LSQB" and last is not None and last.kind in _OPERAND_ENDS
             word.unary = word.text in ("+", "-") and (last is None or last.kind not in _OPERAND_ENDS)
             if word.before is not None:
                 word.usual = _distance(word.before, word, block)
@@ -283,11 +285,11 @@ def _free_the_end(line: _Line) -> None:
 def _distance(before: _Word, word: _Word, block: _Block) -> int:
     """Usual number of columns between two neighbours in a line."""
     bracket = block.brackets[-1] if block.brackets else None
-    in_index = bracket is not None and bracket.kind == "LSQB"
+    in_index = bracket is not None and bracket.index
     match word.kind:
         case "COMMA" | "SEMICOLON" | "DOT" | "RPAR" | "RSQB":
             return 0
-        case "LSQB":
+        case "LSQB" if before.kind in _OPERAND_ENDS:
             return int(before.kind == "NUMBER")  # a unit; else an index
         case "COLON":
             return int(bracket is None and block.first not in _INTRODUCES_NAMES and not block.introduces)

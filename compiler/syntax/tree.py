@@ -149,7 +149,7 @@ class ChoiceSyntax(ExpressionSyntax):
 
 @dataclass(frozen=True, slots=True)
 class VectorSyntax(ExpressionSyntax):
-    """`(a, b, c)`: a list or a point."""
+    """`(a, b, c)` or `[a, b, c]`: a list or a point; of lists a matrix, row by row."""
 
     items: tuple[ExpressionSyntax, ...]
 

@@ -193,6 +193,7 @@ LIMITS = [
     ),
     ("models within models", "compiler.semantics.network.elaborate:MAXIMUM_HIERARCHY"),
     ("items of a list", "compiler.semantics.expressions.expression_compiler:MAXIMUM_ITEMS"),
+    ("terms of a product of matrices", "compiler.semantics.expressions.lists:MAXIMUM_TERMS"),
     ("quantities that read each other in a ring", "compiler.semantics.resolution.quantities:MAXIMUM_ROW"),
     ("mistakes told of one file", "compiler.semantics.names.statement_errors:MAXIMUM_MISTAKES"),
     ("calls of your functions in one expression", "compiler.semantics.expressions.expression_compiler:MAXIMUM_CALLS"),

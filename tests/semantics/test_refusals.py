@@ -37,11 +37,11 @@ def test_a_point_is_rotated() -> None:
     text = "plain model A { parameter a = 2; signal p = rotate((a, 3), 0.5); output x = p[1], y = p[2] }"
     c, s = math.cos(0.5), math.sin(0.5)
     assert numbers(text) == pytest.approx({"x": 2 * c - 3 * s, "y": 2 * s + 3 * c}, rel=1e-15)
-    for point in ("(1, 2, 3)", "2"):
+    for point, found in (("(1, 2, 3)", "a list of 3"), ("2", "a single number")):
         assert told(f"plain model A {{ output x = rotate({point}, 0.5) }}")[0][:3] == (
             "BG111",
             point,
-            "A point (x, y) is expected here, this is something else",
+            f"A vector of 2 components is expected here, this is {found}",
         )
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from ...errors import CompilationFailed, Diagnostic, ValuesNeeded
 from ...graph.network import Named
 from ...graph.units import ONE, SECOND
-from ...scene import Analysis, Fitting, Inverting, Override, Plan, Reported, Scene, Study
+from ...scene import Analysis, Fitting, Inverting, Override, Plan, Reported, Scene, Study, full_name
 from ...solvers import SOLVERS
 from ...source import Source, Span
 from ...syntax import parse_expression, tree
@@ -65,7 +65,7 @@ def experiment_overrides(experiment: tree.Experiment | None) -> list[Override]:
     if experiment is None:
         return []
     return [
-        Override(s.target.words, s.value, s.target.span, s.role)
+        Override(full_name(s.target.words), s.value, s.target.span, s.role)
         for s in experiment.steps
         if isinstance(s, tree.Set) and s.role == "set"
     ]

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from ...fast_dataclass import dataclass
+from ...scene import full_name
 from ...steps import ANALYSIS_STEPS
 from ...syntax import tree
 from ..names.errors import DuplicateName, UnknownAttribute, WrongExperiment
@@ -27,8 +28,8 @@ class StepAttributes:
 
 
 def word(path: tree.PathSyntax) -> str:
-    """A path as a name: without spaces."""
-    return path.words.replace(" ", "")
+    """A path as a name."""
+    return full_name(path.words)
 
 
 def expressions_of(step: tree.Analysis) -> list[tree.ExpressionSyntax]:

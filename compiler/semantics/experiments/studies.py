@@ -9,6 +9,7 @@ from ...graph.units import ONE, SECOND
 from ...scene import Plan, Study, Swept
 from ...syntax import tree
 from ...syntax.blocks import flat
+from ..expressions.lists import parts_of
 from ..expressions.scales import scale_of
 from ..names.domain_table import paths_of
 from ..names.errors import DimensionMismatch, NotStatic, UnknownName, WrongExperiment, WrongValue
@@ -46,8 +47,7 @@ def read_sweep(
         for slot in template.slots:
             if elaborator.scalar_at(slot, root).role not in STATIC_ROLES:
                 raise Wrong(NotStatic(slot.path.span, "A swept value", slot.words))
-        parts = template.value if isinstance(template.value, tuple) else (template.value,)
-        for part, formula in zip(parts, template.formulas, strict=True):
+        for part, formula in zip(parts_of(template.value), template.formulas, strict=True):
             if part.dimension is not None and entry.dimension is not None and part.dimension != entry.dimension:
                 what = f"`{name}` is {describe(entry.dimension)}, but `{value.span.text}` is {describe(part.dimension)}"
                 raise Wrong(DimensionMismatch(value.span, what, "Write values of the same kind."))

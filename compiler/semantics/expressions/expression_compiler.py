@@ -6,11 +6,11 @@ A formula is made once per place in the text and cached there; each instance onl
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 
 from ...algebra.expression import ONE as NUMBER_ONE
-from ...algebra.expression import ZERO, Expression, Number, Symbol, add, call, negate, power, select
+from ...algebra.expression import ZERO, Expression, Number, Symbol, call, power, select
 from ...algebra.formula import Formula
 from ...graph.units import ONE, UNITS, Dimension, Scale
 from ...source import Span
@@ -32,11 +32,14 @@ from ..names.scope import Scope
 from ..names.statement_errors import Wrong, describe, suggestion
 from . import tables
 from .functions import FUNCTIONS
+from .lists import each, item_of, parts_of, place_in, product, rows_of, selected, shape_of, shaped, sort_of, total
 from .own_functions import may_read
 from .scales import bare, is_absolute, scale_of
 from .template import (
     Check,
+    ListUnits,
     OwnVariable,
+    Readable,
     Resolve,
     Slot,
     Template,
@@ -44,7 +47,6 @@ from .template import (
     Value,
     bare_number,
     common_dimension,
-    each,
     has_value,
     negated,
     times,
@@ -62,6 +64,7 @@ RELAYS = ("hysteresis",)  # truths; their last argument is the start and may be 
 INSIDE = {  # advice in a function
     "integral": "Integrate", "delay": "Delay it", "der": "Differentiate", "hysteresis": "Let it be a parameter, and give it",
 }  # fmt: skip
+BUILT_IN = (*FUNCTIONS, *MEMORIES, *tables.USAGE, *VECTORS)
 MAXIMUM_ITEMS = 10_000  # of one list
 MAXIMUM_CALLS = 1000  # functions opened in one expression
 MOST_DECIBELS = 6000  # a ratio of 1e300
@@ -84,13 +87,14 @@ class ExpressionCompiler:
         )
         self.opened = 0
         self.checks: list[Check] = []
-        self.lists: dict[str, tuple[tree.PathSyntax, int]] = {}
+        self.lists: dict[str, tuple[tree.PathSyntax, ListUnits]] = {}
         self.functions: dict[str, tree.FunctionSyntax | None] = {}  # of the model, as they are here
 
     def compile(self, expression: tree.ExpressionSyntax) -> Template:
         value = self._in_unit(expression) if self.unit is not None else self.value(expression)
-        parts = value if isinstance(value, tuple) else (self._no_choice(value, expression.span),)
-        formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts)
+        if isinstance(value, Typed):
+            self._no_choice(value, expression.span)
+        formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts_of(value))
         return Template(
             value,
             tuple(self.slot_list),
@@ -102,26 +106,37 @@ class ExpressionCompiler:
 
     def _in_unit(self, expression: tree.ExpressionSyntax) -> Value:
         """Value after `name : unit =`: a bare number, alone or in a list, is in that unit; any other expression has its own."""
-        if isinstance(expression, tree.VectorSyntax) and len(expression.items) <= MAXIMUM_ITEMS:
-            return tuple(self._item_in_unit(item) for item in expression.items)
-        if isinstance(expression, tree.Call) and expression.function == "column":  # its header has the unit
-            self.unit = None
-            return self.value(expression)
-        return self._item_in_unit(expression)
-
-    def _item_in_unit(self, expression: tree.ExpressionSyntax) -> Typed:
+        if isinstance(expression, tree.VectorSyntax):
+            return self._listed(expression, self._in_unit)
         unit = self.unit
         self.unit = unit if bare(expression) else None
         try:
-            return self.scalar(expression)
+            return self._numbers(self.value(expression), expression.span)
         finally:
             self.unit = unit
+
+    def _listed(self, node: tree.VectorSyntax, read: Callable[[tree.ExpressionSyntax], Value]) -> Value:
+        """A list of numbers, or of lists of one length, which are the rows of a matrix."""
+        if len(node.items) > MAXIMUM_ITEMS:
+            raise Wrong(TooMany(node.span, "Items of a list", MAXIMUM_ITEMS))
+        values = [read(item) for item in node.items]
+        numbers = [self._number(v, i.span) for v, i in zip(values, node.items, strict=True) if isinstance(v, Typed)]
+        if len(numbers) == len(values):
+            return tuple(numbers)
+        length = next(len(value) for value in values if isinstance(value, tuple))
+        for value, item in zip(values, node.items, strict=True):
+            if shape_of(value) != (length, 0):
+                hint = "A list of lists is a matrix, row by row: `[[1, 2, 3], [4, 5, 6]]`. One item of a list is `name[1]`."
+                raise Wrong(WrongType(item.span, f"A row of {length}", sort_of(value), hint))
+        if len(values) * length > MAXIMUM_ITEMS:
+            raise Wrong(TooMany(node.span, "Items of a list", MAXIMUM_ITEMS))
+        return tuple(parts_of(value) for value in values)
 
     # ------------------------------------------------------------ the cases
     def value(self, node: tree.ExpressionSyntax) -> Value:
         """Compile a node. Raises `Wrong` for a number that is not finite."""
         value = self._value(node)
-        for part in value if isinstance(value, tuple) else (value,):
+        for part in parts_of(value):
             if not part.truth and not has_value(part.expression):
                 why = "a division by zero, an overflow, or a root or logarithm of a negative number"
                 raise Wrong(NoValue(node.span, why, NO_NAMES))
@@ -145,9 +160,7 @@ class ExpressionCompiler:
             case tree.Power():
                 return self._power(node)
             case tree.VectorSyntax():
-                if len(node.items) > MAXIMUM_ITEMS:
-                    raise Wrong(TooMany(node.span, "Items of a list", MAXIMUM_ITEMS))
-                return tuple(self.scalar(item) for item in node.items)
+                return self._listed(node, self.value)
             case tree.Call():
                 return self._call(node)
             case tree.TextSyntax():
@@ -170,9 +183,13 @@ class ExpressionCompiler:
         value = self.value(node)
         if isinstance(value, tuple):
             text = node.span.text if isinstance(node, tree.PathSyntax) else "name"
-            hint = f"Take one item: `{text}[1]`."
-            raise Wrong(WrongType(node.span, "A single number", f"a list of {len(value)}", hint))
+            hint = f"Take one item: `{text}{place_in(value, 0)}`."
+            raise Wrong(WrongType(node.span, "A single number", sort_of(value), hint))
         return self._number(value, node.span)
+
+    def _numbers(self, value: Value, span: Span) -> Value:
+        """A number, a list or a matrix, with 1 and 0 for a condition."""
+        return value if isinstance(value, tuple) else self._number(value, span)
 
     def condition(self, node: tree.ExpressionSyntax) -> Expression:
         """A condition: a comparison, or a name that is one."""
@@ -228,7 +245,7 @@ class ExpressionCompiler:
         if words == "time":
             return Typed(Symbol(self._slot(node, None)), None if self.scope.plain else UNITS["s"].dimension)
         if node.head in self.local:
-            return self._item_of_argument(node)
+            return item_of(self.local[node.head], node)
         if self.opening:
             return self._in_function(node)
         return self._read(node, None)
@@ -245,20 +262,20 @@ class ExpressionCompiler:
             return Typed(symbol, found.dimensions[0], choices=found.choices)
         if found.fixed:
             known = [v for v in found.values if v is not None]
-            return tuple(Typed(Number(v), d) for v, d in zip(known, found.dimensions, strict=True))
-        self.lists[words] = node, len(found.dimensions)
-        return tuple(Typed(Symbol(self._slot(node, i, depth)), d) for i, d in enumerate(found.dimensions))
+            parts = [Typed(Number(v), d) for v, d in zip(known, found.dimensions, strict=True)]
+            return shaped(parts, found.columns)
+        self.lists[words] = node, (found.dimensions, found.columns)
+        return self._slots_of(node, found, depth)
 
-    def _item_of_argument(self, node: tree.PathSyntax) -> Value:
-        """`points[2]` in a function, where `points` is one of its parameters."""
-        value = self.local[node.head]
-        index = node.steps[0].items[0] if isinstance(node.steps[0], tree.Index) else None
-        if isinstance(value, tuple) and len(node.steps) == 1 and isinstance(index, tree.Literal):
-            position = int(index.number)
-            if position == index.number and 1 <= position <= len(value):
-                return value[position - 1]
-            raise Wrong(WrongType(node.span, f"An item from 1 to {len(value)}", f"`{node.words}`"))
-        raise Wrong(WrongType(node.span, "An item of a list, as `points[2]`", f"`{node.words}`"))
+    def _slots_of(self, node: tree.PathSyntax | tree.Call, found: Readable, depth: int | None) -> Value:
+        """Readings of the numbers of a list; of those that fit any unit, which are zero, none."""
+        parts = [
+            Typed(ZERO, None)
+            if unit is None and not self.scope.plain
+            else Typed(Symbol(self._slot(node, i, depth)), unit)
+            for i, unit in enumerate(found.dimensions)
+        ]
+        return shaped(parts, found.columns)
 
     def _in_function(self, node: tree.PathSyntax) -> Value:
         """Value of a name in a function: a parameter of the function or a constant of its file, no name of the calling model.
@@ -279,7 +296,7 @@ class ExpressionCompiler:
             what = "A parameter of the function or a constant of the file"
             raise Wrong(WrongType(node.span, what, f"`{node.words}`"))
         parts = tuple(Typed(Number(v), d) for v, d in zip(values, found.dimensions, strict=True))
-        return parts if found.is_list else parts[0]
+        return shaped(parts, found.columns) if found.is_list else parts[0]
 
     def _slot(self, path: tree.PathSyntax | tree.Call, item: int | None, depth: int | None = None) -> int:
         key = (
@@ -299,39 +316,34 @@ class ExpressionCompiler:
         if len(absolute) > 1 and sum(absolute) not in (0, 1):
             hint = "A difference of temperatures is in K: `20 degC + 5 K`."
             raise Wrong(WrongType(node.span, "A temperature or a difference", "a sum of absolute temperatures", hint))
-        values = [(sign, term, self.value(term)) for sign, term in node.terms]
-        length = next((len(v) for _, _, v in values if isinstance(v, tuple)), None)
-        if length is None:
-            return _total(
-                [(sign, term.span, self._number(v, term.span)) for sign, term, v in values if isinstance(v, Typed)]
-            )
-        columns: list[list[tuple[int, Span, Typed]]] = [[] for _ in range(length)]
-        for sign, term, v in values:
-            if not isinstance(v, tuple) or len(v) != length:
-                other = f"a list of {len(v)}" if isinstance(v, tuple) else f"the single number `{term.span.text}`"
-                hint = "Only lists of one length can be added; one item of a list is `name[1]`."
-                raise Wrong(WrongType(term.span, f"A list of {length}", other, hint))
-            for column, item in zip(columns, v, strict=True):
-                column.append((sign, term.span, item))
-        return tuple(map(_total, columns))
+        values = [(sign, term.span, self._numbers(self.value(term), term.span)) for sign, term in node.terms]
+        return total(values)
 
     def _product(self, node: tree.Product) -> Value:
         result: Value = Typed(NUMBER_ONE, ONE)
+        before = node.factors[0][1].span
         for direction, factor in node.factors:
-            value = self.value(factor)
-            if isinstance(value, tuple):
-                if isinstance(result, tuple) or direction < 0:
-                    hint = "Lists can be added, and multiplied by numbers."
-                    raise Wrong(WrongType(factor.span, "A single number", "a list", hint))
-                scalar = result
-                result = tuple(times(scalar, self._number(v, factor.span), 1) for v in value)
+            value = self._numbers(self.value(factor), factor.span)
+            if isinstance(value, Typed):
+                result = each(lambda t, n=value, d=direction: times(t, n, d), result)  # type: ignore[misc]
+            elif isinstance(result, Typed) and direction > 0:
+                result = each(lambda t, n=result: times(n, t, 1), value)  # type: ignore[misc]
             else:
-                number = self._number(value, factor.span)
-                result = each(lambda t, n=number, d=direction: times(t, n, d), result)  # type: ignore[misc]
+                result = product(result, value, (before, factor.span), direction < 0)
+            before = before.to(factor.span)
         return result
 
     def _power(self, node: tree.Power) -> Typed:
-        base, exponent = self.scalar(node.base), self.scalar(node.exponent)
+        base, exponent = self.value(node.base), self.scalar(node.exponent)
+        if isinstance(base, tuple):
+            words = node.base.span.words
+            hint = (
+                f"Write `{words}*{words}`, or `inverse({words})`."
+                if rows_of(base)
+                else f"Write `dot({words}, {words})`, or item by item."
+            )
+            raise Wrong(WrongType(node.base.span, "A single number", sort_of(base), hint))
+        base = self._number(base, node.base.span)
         bare_number(exponent, node.exponent, "The exponent")
         dimension: Dimension | None = ONE
         if base.dimension not in (None, ONE):
@@ -391,16 +403,11 @@ class ExpressionCompiler:
                 result = call("not", call("equal", a, b))
         return Typed(result, ONE, truth=True)
 
-    def _choice(self, node: tree.ChoiceSyntax) -> Typed:
+    def _choice(self, node: tree.ChoiceSyntax) -> Value:
         condition = self.condition(node.condition)
         value = self._guarded(node.value, condition)
         otherwise = self._guarded(node.otherwise, call("not", condition))
-        if isinstance(value, tuple) or isinstance(otherwise, tuple):
-            raise Wrong(WrongType(node.span, "A single number", "a list", "Choose item by item."))
-        dimension = common_dimension(
-            [(value, node.value.span), (otherwise, node.otherwise.span)], "Both branches need one unit"
-        )
-        return Typed(select(condition, value.expression, otherwise.expression), dimension)
+        return selected(condition, (value, node.value.span), (otherwise, node.otherwise.span))
 
     def _guarded(self, node: tree.ExpressionSyntax, condition: Expression) -> Value:
         """A branch of a choice; what is left to an instance to check there is checked where the condition may hold."""
@@ -419,21 +426,12 @@ class ExpressionCompiler:
             readers = tables.Arguments(self.scope.definition.file, self.value, self.scalar, self.checks)
             return tables.compile_table(readers, node)
         if node.function in VECTORS:
-            return compile_vector(node, [self.value(a) for a in node.arguments])
+            return compile_vector(node, [self.value(a) for a in node.arguments], self.checks)
         rule = FUNCTIONS.get(node.function)
         if rule is None:
-            hint = suggestion(
-                node.function,
-                [
-                    *FUNCTIONS,
-                    *MEMORIES,
-                    *tables.USAGE,
-                    *VECTORS,
-                    *self.scope.definition.file.functions,
-                    *(name for row in self.scope.rows() for name in (row.functions or row.definition.functions)),
-                ],
-                "A product is written with `*`.",
-            )
+            own = (name for row in self.scope.rows() for name in (row.functions or row.definition.functions))
+            names = [*BUILT_IN, *self.scope.definition.file.functions, *own]
+            hint = suggestion(node.function, names, "A product is written with `*`.")
             hint = foreign_words.function_advice(node.function, FUNCTIONS) or hint
             raise Wrong(UnknownFunction(node.span, node.function, hint))
         count, usage, build = rule
@@ -441,8 +439,8 @@ class ExpressionCompiler:
             raise Wrong(WrongArguments(node.span, node.function, _arguments(count), len(node.arguments), usage))
         arguments = [self.scalar(a) for a in node.arguments]
         value = build(node, arguments)
-        if node.function in tables.LENGTHS:
-            tables.settle_length(self.checks, node, arguments[1])
+        if node.function in tables.DIVISORS:
+            tables.settle_divisor(self.checks, node.function, node.arguments[1].span, arguments[1].expression)
         return value
 
     def _function(self, name: str) -> tuple[tree.FunctionSyntax, Scope | None] | None:
@@ -453,8 +451,8 @@ class ExpressionCompiler:
         shared = self.scope.definition.file.functions.get(name)
         return own or (None if shared is None else (shared, None))
 
-    def _memory(self, node: tree.Call) -> Typed:
-        """Reading of `integral(rate, start)`, `delay(x, 1 ms)` or `der(x)`, which are signals of their own."""
+    def _memory(self, node: tree.Call) -> Value:
+        """Reading of `integral(rate, start)`, `delay(x, 1 ms)` or `der(x)`, which are signals of their own, or of the `der` of a list."""
         usage = MEMORIES[node.function]
         count = usage.count(",") + 1
         relay = node.function in RELAYS
@@ -465,6 +463,8 @@ class ExpressionCompiler:
             hint = f"{INSIDE[node.function]} where the function is used."
             raise Wrong(Unsupported(node.span, f"`{node.function}` inside a function", hint))
         found = self.resolve(node, self.scope)
+        if found.is_list:
+            return self._slots_of(node, found, None)
         symbol = Symbol(self._slot(node, None))
         if relay:
             return Typed(call("less", Number(0.5), symbol), ONE, truth=True)
@@ -492,12 +492,6 @@ class ExpressionCompiler:
         finally:
             self.local, self.home = saved, seen
             self.opening.pop()
-
-
-def _total(terms: list[tuple[int, Span, Typed]]) -> Typed:
-    """Sum of terms with their signs and places, which have one dimension."""
-    dimension = common_dimension([(t, span) for _, span, t in terms], "These cannot be added")
-    return Typed(add(*(t.expression if sign > 0 else negate(t.expression) for sign, _, t in terms)), dimension)
 
 
 def _arguments(count: int) -> str:

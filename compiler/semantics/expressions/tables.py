@@ -19,6 +19,7 @@ from ..names.errors import WrongArguments, WrongTable, WrongType
 from ..names.scope import FileScope
 from ..names.statement_errors import Wrong
 from .columns import read_column
+from .lists import parts_of, rows_of, sort_of
 from .template import Check, Typed, Value, bare_number, common_dimension
 
 MAXIMUM_POINTS = 200  # of a table whose points are parameters
@@ -30,7 +31,11 @@ USAGE = {
     "column": 'column("curve.csv", "force")',
     "noise": "noise(time, 10 ms, 1)",
 }
-LENGTHS = {"mod": "length", "stairs": "tread", "pwm": "period"}  # second arguments, which must not be zero
+# what functions divide by, which must not be zero: a second argument, or made of a matrix or an axis
+DIVISORS = {
+    "mod": "length", "stairs": "tread", "pwm": "period", "inverse": "determinant", "solve": "determinant", "rotation": "axis",
+}  # fmt: skip
+SINGULAR = 1e-14  # of the sum of the sizes of its terms: a smaller determinant is rounding
 _GRID = ("x", "xs", "y", "ys", "rows")  # arguments of a table of two variables
 _COUNTS = {**dict.fromkeys(KINDS, 3), "column": 2, "noise": 3}
 
@@ -157,10 +162,13 @@ def _axis(
 def _rows(
     arguments: Arguments, node: tree.Call, argument: tree.ExpressionSyntax
 ) -> list[tuple[tree.ExpressionSyntax, tuple[Typed, ...]]]:
-    """Rows of values, each a list written in place, the name of one, or a column of a file, with its place in the text."""
+    """Rows of values, each a list written in place, the name of one, or a column of a file, with its place in the text; or those of a matrix."""
     if not isinstance(argument, tree.VectorSyntax):
-        hint = f"Write one list for each place of the first axis: `{GRID}`."
-        raise Wrong(WrongType(argument.span, "A list of rows", f"`{argument.span.words}`", hint))
+        rows = rows_of(arguments.value(argument))
+        if not rows:
+            hint = f"Write one list for each place of the first axis: `{GRID}`."
+            raise Wrong(WrongType(argument.span, "A list of rows", f"`{argument.span.words}`", hint))
+        return [(argument, row) for row in rows]
     return [(row, _points(arguments, node, row, GRID)) for row in argument.items]
 
 
@@ -184,12 +192,12 @@ def _points(
 ) -> tuple[Typed, ...]:
     """A list of single numbers."""
     value = arguments.value(argument)
-    if not isinstance(value, tuple):
+    if isinstance(value, Typed) or rows_of(value):
         hint = f"Write {usage or USAGE[node.function]}, the name of a list, or a column of a file."
-        raise Wrong(WrongType(argument.span, "A list", "a single number", hint))
-    if any(t.truth for t in value):
+        raise Wrong(WrongType(argument.span, "A list", sort_of(value), hint))
+    if any(t.truth for t in parts_of(value)):
         raise Wrong(WrongType(argument.span, "A list of numbers", "a list of conditions"))
-    return value
+    return parts_of(value)
 
 
 def _placed(points: Sequence[Typed], argument: tree.ExpressionSyntax) -> list[tuple[Typed, Span]]:
@@ -222,31 +230,31 @@ def check_static(check: Check, value: Callable[[Expression], float | None]) -> N
     """
     places, values = ([value(x) for x in part] for part in (check.places, check.values))
     known = [x for x in places if x is not None]
-    if check.function in LENGTHS:
-        _check_length(check, known)
+    if check.function in DIVISORS:
+        _check_divisor(check, known)
     elif check.function == "noise":
         _check_noise(check, known, [x for x in values if x is not None])
     elif len(known) == len(places):
         _check_rising(check, known)
 
 
-def settle_length(checks: list[Check], node: tree.Call, length: Typed) -> None:
-    """Check the length of the stairs of a function in `LENGTHS`, or leave that to each instance."""
-    check = Check(node.function, node.arguments[1].span, (length.expression,), ())
-    if isinstance(length.expression, Number):
-        _check_length(check, [length.expression.value])
+def settle_divisor(checks: list[Check], function: str, span: Span, *sizes: Expression) -> None:
+    """Check what a function in `DIVISORS` divides by, or leave that to each instance; a second size is that without rounding."""
+    check = Check(function, span, sizes, ())
+    if all(isinstance(size, Number) for size in sizes):
+        _check_divisor(check, [size.value for size in sizes if isinstance(size, Number)])
     else:
         checks.append(check)
 
 
-def _check_length(check: Check, lengths: Sequence[float]) -> None:
-    """Raise `Wrong` for a length of zero, and for a period that is not positive."""
+def _check_divisor(check: Check, sizes: Sequence[float]) -> None:
+    """Raise `Wrong` for a divisor of zero, and for a period that is not positive."""
     positive = check.function == "pwm"
-    if any(x == 0 or (positive and x < 0) for x in lengths):
+    if sizes and (abs(sizes[0]) <= SINGULAR * sizes[-1] * (len(sizes) > 1) or (positive and sizes[0] < 0)):
         hint = "A period is positive." if positive else "Give it another value."
-        raise Wrong(
-            WrongTable(check.span, f"The {LENGTHS[check.function]} of `{check.function}` is {lengths[0]:g}", hint)
-        )
+        hint = "Its rows, or its columns, depend on each other; give it other values." if len(sizes) > 1 else hint
+        value = f"{sizes[0]:g}{' up to rounding' * (sizes[0] != 0 and not positive)}"
+        raise Wrong(WrongTable(check.span, f"The {DIVISORS[check.function]} of `{check.function}` is {value}", hint))
 
 
 def _check_noise(check: Check, periods: Sequence[float], seeds: Sequence[float]) -> None:

@@ -29,7 +29,13 @@ class Typed:
     choices: tuple[str, ...] = ()  # the words that a choice is one of: its expression is a number from 1
 
 
-Value = Typed | tuple[Typed, ...]
+Vector = tuple[Typed, ...]
+Matrix = tuple[Vector, ...]  # rows of one length
+Value = Typed | Vector | Matrix
+Shape = tuple[int, int]  # numbers in a list, and the columns of a matrix, else 0
+ListUnits = tuple[
+    tuple[Dimension | None, ...], int
+]  # units of the numbers in a list (None: zero, whatever the unit), and the columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +86,7 @@ class Template:
     slots: tuple[Slot, ...]
     formulas: tuple[Formula, ...]
     checks: tuple[Check, ...] = ()
-    lists: tuple[tuple[tree.PathSyntax, int], ...] = ()  # lists that it reads, with the lengths that they had
+    lists: tuple[tuple[tree.PathSyntax, ListUnits], ...] = ()  # lists that it reads, with the units that they had
     functions: tuple[
         tuple[str, tree.FunctionSyntax | None], ...
     ] = ()  # the model's own that it calls; None where a branch that is not taken has one
@@ -102,6 +108,7 @@ class Readable:
     truth: bool = False
     fixed: bool = False  # numbers of the text: the same in every instance
     choices: tuple[str, ...] = ()
+    columns: int = 0  # of a matrix
 
 
 Resolve = Callable[[tree.PathSyntax | tree.Call, Scope], Readable]
@@ -125,7 +132,7 @@ class CompiledLaw:
     # integrals of its own flow (`q`) or effort (`p`) that the law reads, in the slots after all others
     remembered: tuple[str, ...]
     checks: tuple[Check, ...]  # points of tables, known per instance
-    lists: tuple[tuple[tree.PathSyntax, int], ...]  # lists that it reads, with their lengths
+    lists: tuple[tuple[tree.PathSyntax, ListUnits], ...]  # lists that it reads, with their units
     functions: tuple[
         tuple[str, tree.FunctionSyntax | None], ...
     ] = ()  # the model's own that it calls; None where a branch that is not taken has one
@@ -153,7 +160,7 @@ def _slots(x: Expression) -> list[Symbol]:
     return [s for s in symbols(x) if isinstance(s.key, int)]
 
 
-# ---------------------------------------------------------------- numbers and lists
+# ---------------------------------------------------------------- numbers
 
 
 def has_value(x: Expression) -> bool:
@@ -161,11 +168,6 @@ def has_value(x: Expression) -> bool:
     if isinstance(x, Number):
         return math.isfinite(x.value)
     return not (isinstance(x, Apply) and all(isinstance(o, Number) for o in x.operands))
-
-
-def each(f: Callable[[Typed], Typed], value: Value) -> Value:
-    """Apply a function of one number to a number or to each item of a list."""
-    return tuple(map(f, value)) if isinstance(value, tuple) else f(value)
 
 
 def negated(value: Typed) -> Typed:

@@ -10,6 +10,7 @@ from ...graph.mechanism import ATTITUDE, NOTHING, ORIGIN, Vector
 from ...graph.units import METRE, ONE, Dimension
 from ...source import Span
 from ...syntax import tree
+from ..expressions.lists import parts_of, rows_of, sort_of
 from ..expressions.template import Template, Typed
 from ..names.errors import DimensionMismatch, NotStatic, UnknownAttribute, WrongMechanism, WrongType, WrongValue
 from ..names.part_kinds import NEEDED, TARGETED, attributes_of, foreign_attribute, noun_of
@@ -36,9 +37,9 @@ def counted(
     template: Template, value: tree.ExpressionSyntax, counts: tuple[int, ...], expected: str, hint: str = ""
 ) -> tuple[Typed, ...]:
     """The parts of a list of one of these lengths. Raises `Wrong`."""
-    parts = template.value if isinstance(template.value, tuple) else (template.value,)
-    if len(parts) not in counts:
-        found = f"{len(parts)} numbers" if len(parts) > 1 else "a single number"
+    parts, is_matrix = parts_of(template.value), bool(rows_of(template.value))
+    if len(parts) not in counts or is_matrix:
+        found = f"{len(parts)} numbers" if len(parts) > 1 and not is_matrix else sort_of(template.value)
         raise Wrong(WrongType(value.span, expected, found, *([hint] if hint else [])))
     return parts
 

@@ -19,6 +19,7 @@ _CURVE = 'A curve through points is `linear(x, xs, ys)`, `cubic(…)` or `monoto
 FUNCTIONS = {
     "ddt": _RATES, "diff": _RATES, "int": _INTEGRAL, "integrate": _INTEGRAL, "idt": _INTEGRAL,
     "table": _CURVE, "interp": _CURVE, "interp1": _CURVE,
+    "inv": "The inverse of a matrix is `inverse(A)`; `A*x = b` is solved by `solve(A, b)`.", "eye": "The unit matrix is `identity(3)`.",
     "pow": "A power is written with `^`: `a^2`.",
     "round": "A rounded number is `floor(x + 0.5)`.",
     "rem": "A remainder is `mod(x, length)`, of two quantities of one unit.",

@@ -6,11 +6,12 @@ from ...graph.domains import DOMAINS, GENERIC, Domain
 from ...graph.elements import ELEMENTS
 from ...graph.mechanism import domain_of
 from ...graph.network import Quantity, Reading
+from ...source import Span
 from ...syntax import tree
 from .domain_table import paths_of
-from .errors import UnknownName, WrongType
+from .errors import UnknownName, WrongIndex, WrongType
 from .part_kinds import noun_of
-from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, PartEntry, Scalar, WallEntry
+from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, Items, PartEntry, Scalar, WallEntry
 from .statement_errors import Wrong, suggestion
 
 
@@ -170,3 +171,18 @@ def not_a_number(entry: Entry, path: tree.PathSyntax) -> Wrong:
             first, last = part.groups[group][0], part.groups[group][-1]
             what, hint = f"the {group} of `{part.name}`", f"Read one of its components: `{name}.{first}` to `.{last}`."
     return Wrong(WrongType(path.span, "A number", what, hint))
+
+
+def list_item(entry: Items, index: tuple[int, ...], name: str, span: Span) -> Scalar | Items:
+    """Item of a list, entry or row of a matrix. Raises `Wrong`."""
+    count, columns = len(entry.items), entry.columns
+    size = (count // columns, columns) if columns else (count,)
+    if len(index) > len(size) or not all(1 <= i <= most for i, most in zip(index, size, strict=False)):
+        hint = f"Its items are 1 to {count}."
+        if columns:
+            hint = f"It has {size[0]} rows and {columns} columns: `{name}[1, 1]` to `{name}[{size[0]}, {columns}]`."
+        raise Wrong(WrongIndex(span, name, ", ".join(map(str, index)), hint))
+    if not columns:
+        return entry.items[index[0] - 1]
+    row = entry.items[(index[0] - 1) * columns : index[0] * columns]
+    return row[index[1] - 1] if len(index) > 1 else Items(name, row)

@@ -70,10 +70,11 @@ class Scalar:
 
 @dataclass(frozen=True, slots=True)
 class Items:
-    """A list or a point, items from 1."""
+    """A list or a point, items from 1; or a matrix, row by row."""
 
     name: str
     items: tuple[Scalar, ...]
+    columns: int = 0  # of a matrix
 
 
 @dataclass(slots=True)
@@ -234,14 +235,14 @@ class ModelDefinition:
     file: FileScope
     domains: DomainTable | None = None
     functions: dict[str, tree.FunctionSyntax] = field(init=False)  # its own, beside those of the file
-    branched: frozenset[str] = field(init=False)  # names of functions in its conditional parts
+    branched: frozenset[str] = field(init=False)  # names of functions and quantities in its conditional parts
 
     def __post_init__(self) -> None:
         self.functions = functions_in(self.model.statements)
         conditional = (s for s in flat(self.model.statements) if isinstance(s, tree.ConditionalSyntax))
-        self.branched = frozenset(
-            name for s in conditional for block in inner_blocks(s) for name in functions_in(flat(block))
-        )
+        inner = [s for c in conditional for block in inner_blocks(c) for s in flat(block)]
+        quantities = (item.name for s in inner if isinstance(s, tree.Quantities) for item in s.items)
+        self.branched = frozenset([*functions_in(inner), *quantities])
 
     @property
     def name(self) -> str:

@@ -12,9 +12,10 @@ from ...graph.units import ONE, SECOND, Dimension
 from ...scene import Override
 from ...syntax import tree
 from ..expressions.expression_compiler import ExpressionCompiler
+from ..expressions.lists import columns_of, parts_of, place_in
 from ..expressions.template import Typed, Value
 from ..names.errors import DimensionMismatch, NotStatic, WrongType
-from ..names.scope import STATIC_ROLES, Scalar, Scope
+from ..names.scope import STATIC_ROLES, Items, Scalar, Scope
 from ..names.statement_errors import Wrong, describe, unit_hint
 from .elaboration_cache import ElaborationCache
 from .resolver import Resolver, read_condition
@@ -33,14 +34,18 @@ class MemoryResolver(Resolver):
         self._remembered: dict[str, Integral] = {}
         self._delays: list[_Memory] = []
         self.relays: list[tuple[str, tree.Call, Scope]] = []  # name, call, the scope in which it is read
-        self._nested: dict[tuple[int, int], Scalar] = {}
+        self._nested: dict[tuple[int, int], Scalar | Items] = {}
         self._keep_scopes: list[Scope] = []  # their identity is a key above
         self._inferring = False
 
-    def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
-        """Integral, delay or rate inside a larger expression: a signal that the author gave no name."""
+    def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar | Items:
+        """Integral, delay or rate inside a larger expression: a signal, or a list of rates, that the author gave no name."""
         if call.function == "der" and self._inferring:
-            return Scalar(Quantity("der"), self._per_second(self._looked_at(call.arguments[0], scope)), "signal", "der")
+            value = self._guessed(call.arguments[0], scope)
+            rates = tuple(
+                Scalar(Quantity("der"), self._per_second(p.dimension), "signal", "der") for p in parts_of(value)
+            )
+            return Items("der", rates, columns_of(value)) if isinstance(value, tuple) else rates[0]
         if call.function == "hysteresis" and self._inferring:
             return Scalar(Quantity("hysteresis"), ONE, "mode", "hysteresis")
         key = (id(call), id(scope))
@@ -56,9 +61,9 @@ class MemoryResolver(Resolver):
                 self._nested[key] = self._integral(call, scope, "", "signal", None, "")
         return self._nested[key]
 
-    def _free_name(self, call: tree.Call, scope: Scope) -> str:
-        """Name of a nested signal; those in its arguments have theirs already."""
-        name = scope.full(f"{call.function} at line {call.span.line}{scope.suffix}")
+    def _free_name(self, call: tree.Call, scope: Scope, place: str = "") -> str:
+        """Name of a nested signal, or of the one at a place in a list; those in its arguments have theirs already."""
+        name = scope.full(f"{call.function} at line {call.span.line}{scope.suffix}{place}")
         return min({f"{name} ({i})" if i else name for i in range(len(self._nested) + 1)} - self.quantities.keys())
 
     def _integral(
@@ -83,17 +88,21 @@ class MemoryResolver(Resolver):
         self._delays.append((name, call, scope, dimension))
         return Scalar(Quantity(name), dimension, "signal", name)
 
-    def _rate(self, call: tree.Call, scope: Scope) -> Scalar:
-        """Enter the derivative of an expression by time, which is read at once: it cannot depend on itself."""
+    def _rate(self, call: tree.Call, scope: Scope) -> Scalar | Items:
+        """Enter the derivative of an expression, or of each number of a list, by time. It is read at once: it cannot depend on itself."""
         template = self.template(call.arguments[0], scope)
-        if not isinstance(template.value, Typed) or template.value.truth:
-            what = "a condition" if isinstance(template.value, Typed) else "a list"
-            raise Wrong(WrongType(call.arguments[0].span, "A single number", what, "Differentiate item by item."))
-        dimension = None if scope.plain else self._per_second(template.value.dimension)
-        bound = self.bind(template, template.formulas[0], scope)
-        name = self._free_name(call, scope)
-        self.quantities[name] = Named(name, "rate", str(dimension or ONE), bound, None, call.span, "")
-        return Scalar(Quantity(name), dimension, "signal", name)
+        value = template.value
+        if isinstance(value, Typed) and value.truth:
+            hint = "A condition jumps; it has no rate."
+            raise Wrong(WrongType(call.arguments[0].span, "A number", "a condition", hint))
+        rates = []
+        for number, (part, formula) in enumerate(zip(parts_of(value), template.formulas, strict=True)):
+            dimension = None if scope.plain else self._per_second(part.dimension)
+            name = self._free_name(call, scope, place_in(value, number))
+            bound = self.bind(template, formula, scope)
+            self.quantities[name] = Named(name, "rate", str(dimension or ONE), bound, None, call.span, "")
+            rates.append(Scalar(Quantity(name), dimension, "signal", name))
+        return Items(call.function, tuple(rates), columns_of(value)) if isinstance(value, tuple) else rates[0]
 
     def _relay(self, call: tree.Call, scope: Scope) -> Scalar:
         """Enter a relay with memory: a mode, which two events set. These are read when all names are known, so that what they read can depend on it."""
@@ -201,8 +210,7 @@ class MemoryResolver(Resolver):
 
     @staticmethod
     def _dimension(value: Value) -> Dimension | None:
-        parts = value if isinstance(value, tuple) else (value,)
-        return next((p.dimension for p in parts if p.dimension is not None), None)
+        return next((p.dimension for p in parts_of(value) if p.dimension is not None), None)
 
 
 def constant(value: float) -> Formula:

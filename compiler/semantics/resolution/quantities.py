@@ -14,8 +14,9 @@ from ...scene import Override
 from ...source import Span
 from ...syntax import tree
 from ..expressions.expression_compiler import MEMORIES
+from ..expressions.lists import columns_of, parts_of, place_in, shape_of, sort_of
 from ..expressions.scales import scale_of
-from ..expressions.template import Template, Typed
+from ..expressions.template import Template, Typed, Value
 from ..names.domain_table import paths_of
 from ..names.errors import (
     Cycle,
@@ -276,16 +277,15 @@ class QuantityResolver(MemoryResolver):
         template = self.template(value, scope, unit)
         if pending.role in UNCHANGING_ROLES:
             self._require_static(template, scope, pending)
-        self._check_value(pending, template.value, value, declared)
-        dimension = declared if declared is not None else self._dimension(template.value) or ONE
+        units = self._checked_units(pending, template.value, value, declared)
         bounds = [self.bind(template, f, scope) for f in template.formulas]
         if isinstance(template.value, tuple):
             items = tuple(
-                self._enter_quantity(pending, f"[{i}]", bound, part.dimension or dimension, value.span)
-                for i, (bound, part) in enumerate(zip(bounds, template.value, strict=True), 1)
+                self._enter_quantity(pending, place_in(template.value, i), bound, unit, value.span)
+                for i, (bound, unit) in enumerate(zip(bounds, units, strict=True))
             )
-            return Items(pending.name, items)
-        bound = bounds[0]
+            return Items(pending.name, items, columns_of(template.value))
+        bound, (dimension,) = bounds[0], units
         if template.value.truth:
             truth = select(bound.formula.expression, Number(1.0), ZERO)
             bound = Bound(Formula(bound.formula.arity, truth), bound.arguments)
@@ -305,29 +305,37 @@ class QuantityResolver(MemoryResolver):
         )
         return Scalar(Quantity(pending.name), declared or ONE, pending.role, pending.name)
 
-    def _check_value(
-        self,
-        pending: Pending,
-        typed: Typed | tuple[Typed, ...],
-        value: tree.ExpressionSyntax,
-        declared: Dimension | None,
-    ) -> None:
-        """Raise `Wrong` for a value of another dimension, or for a list in place of a single number."""
-        item = pending.item
-        for part in typed if isinstance(typed, tuple) else (typed,):
-            if declared is not None and part.dimension is not None and part.dimension != declared:
-                what = f"`{item.name}` is {describe(declared)}, but `{value.span.text}` is {describe(part.dimension)}"
-                raise Wrong(DimensionMismatch(value.span, what, unit_hint(part.dimension, declared, value)))
-        if not isinstance(typed, tuple):
-            return
+    def _checked_units(
+        self, pending: Pending, typed: Value, value: tree.ExpressionSyntax, declared: Dimension | None
+    ) -> list[Dimension | None]:
+        """Unit of each number of a value: that of the declaration, or of the default there. Raises `Wrong` for others, and for a list in place of a number."""
+        item, default = pending.item, typed
         if value is not item.value and item.value is not None:
-            default = self.template(item.value, pending.owner, scale_of(item.unit) if item.unit is not None else None)
-            if not isinstance(default.value, tuple):
-                hint = "Its default is a single number; give it one, or an item of the list."
-                raise Wrong(WrongType(value.span, f"A single number for `{item.name}`", "a list", hint))
-        if pending.role in ("input", "mode"):
+            default = self.template(item.value, pending.owner, None if item.unit is None else scale_of(item.unit)).value
+        if isinstance(typed, tuple) and not isinstance(default, tuple):
+            hint = "Its default is a single number; give it one, or an item of the list."
+            raise Wrong(WrongType(value.span, f"A single number for `{item.name}`", sort_of(typed), hint))
+        if isinstance(typed, tuple) and pending.role in ("input", "mode"):
             hints = {"input": "An input is one signal.", "mode": "Declare a mode for each: `mode on[i] = false`."}
-            raise Wrong(WrongType(value.span, "A single number", "a list", hints[pending.role]))
+            raise Wrong(WrongType(value.span, "A single number", sort_of(typed), hints[pending.role]))
+        own = None if item.unit is None else declared
+        units = _units(default, pending.role, own, pending.owner.plain)
+        if shape_of(default) != shape_of(typed):
+            if own is None and len(set(units) - {None}) > 1:
+                what = f"{sort_of(default).capitalize()} for `{item.name}`"
+                hint = "Its numbers have several units, so that its size is that of the default."
+                raise Wrong(WrongType(value.span, what, sort_of(typed), hint))
+            units = [declared if declared is not None else self._dimension(typed) or ONE] * len(parts_of(typed))
+        for number, (part, unit) in enumerate(zip(parts_of(typed), units, strict=True)):
+            if part.dimension in (None, unit):
+                continue
+            name = item.name + place_in(typed, number)
+            here = f"{'here it' if isinstance(typed, tuple) else f'`{value.span.text}`'} is {describe(part.dimension)}"
+            what, hint = f"`{name}` is {describe(unit)}, but {here}", unit_hint(part.dimension, unit, value)
+            if unit is None:
+                hint = f"Give the zero in the default the unit that it stands for: `0 [{part.dimension}]`."
+            raise Wrong(DimensionMismatch(value.span, what, hint))
+        return units
 
     def _require_static(self, template: Template, scope: Scope, pending: Pending) -> None:
         for slot in template.slots:
@@ -340,6 +348,12 @@ class QuantityResolver(MemoryResolver):
     ) -> Scalar:
         name = pending.name + suffix
         role = pending.role
+        if dimension is None and role != "output":
+            if name in self.overrides:
+                self.used_overrides.add(name)
+                hint = "Give the zero in the default the unit that it stands for: `0 [N]`."
+                raise Wrong(WrongType(span, f"Zero for `{name}`, which is one without a unit", "another number", hint))
+            return Scalar(0.0, None, "constant", name)
         if suffix and name in self.overrides and role == "parameter":
             self.used_overrides.add(name)
             override = self.overrides[name].value
@@ -372,6 +386,20 @@ class QuantityResolver(MemoryResolver):
         description = pending.item.description or ""
         self.quantities[name] = Named(name, "parameter", str(dimension or ONE), None, None, span, description)
         return Scalar(Quantity(name), dimension, pending.role, name)
+
+
+def _units(value: Value, role: str, declared: Dimension | None, plain: bool) -> list[Dimension | None]:
+    """Unit of each number of a value that is its own default.
+
+    A zero without a unit has that of the others, so that it can be set; in a matrix that nobody sets, and where the others have
+    several, it stays a zero that fits any unit (`None`).
+    """
+    parts = parts_of(value)
+    if declared is not None:
+        return [declared] * len(parts)
+    own = list(dict.fromkeys(part.dimension for part in parts if part.dimension is not None))
+    free = not plain and (len(own) > 1 or (columns_of(value) > 0 and role != "parameter"))
+    return [p.dimension or (None if free else (*own, ONE)[0]) for p in parts]
 
 
 def _reads_nothing(bound: Bound) -> bool:

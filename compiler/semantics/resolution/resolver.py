@@ -27,7 +27,7 @@ from ...source import Span
 from ...syntax import tree
 from ..expressions.expression_compiler import ExpressionCompiler
 from ..expressions.scales import scale_of
-from ..expressions.tables import LENGTHS, check_static
+from ..expressions.tables import DIVISORS, check_static
 from ..expressions.template import Check, CompiledLaw, Readable, Slot, Template, Typed, bind_template
 from ..names.errors import (
     NO_NAMES,
@@ -45,6 +45,7 @@ from ..names.members import (
     element_member,
     group_member,
     group_members,
+    list_item,
     not_a_number,
     part_member,
     port_variable,
@@ -227,14 +228,14 @@ class Resolver(ABC):
         return known[-1]
 
     def fits(self, made: Template | CompiledLaw, scope: Scope) -> bool:
-        """Return True if lists have the same lengths here as when a template or law was made, and functions are those of the same branches."""
+        """Return True if lists have the same shapes and units here as when a template or law was made, and functions are those of the same branches."""
         for name, function in made.functions:
             here = scope.function(name)
             if (None if here is None else here[0]) is not function:
                 return False
-        for path, length in made.lists:
+        for path, units in made.lists:
             found = self.lookup(path, scope)
-            if not isinstance(found, Items) or len(found.items) != length:
+            if not isinstance(found, Items) or (tuple([i.dimension for i in found.items]), found.columns) != units:
                 return False
         return True
 
@@ -257,12 +258,12 @@ class Resolver(ABC):
         if any(scalar is None or scalar.role not in STATIC_ROLES for scalar in scalars):
             return False
         arguments = tuple(scalar.reference for scalar in scalars if scalar is not None)
-        decides = check.function not in LENGTHS
+        decides = check.function not in DIVISORS
         return self.value_of(Bound(bound.formula, arguments), check.span, decides) == 0.0
 
     def _point(self, x: Expression, check: Check, slots: Sequence[Slot], scope: Scope) -> float | None:
         """Value of a point of a table, or of a length; None if it has none yet. Raises `Wrong` for a point that changes during a run."""
-        bound, length = bind(x), check.function in LENGTHS
+        bound, length = bind(x), check.function in DIVISORS
         arguments = []
         what = "The seed or period of a noise" if check.function == "noise" else "A point of a table"
         for key in bound.arguments:
@@ -281,11 +282,11 @@ class Resolver(ABC):
     def scalar_at(self, slot: Slot, scope: Scope) -> Scalar:
         """Quantity that a slot reads in this scope."""
         scope = scope if slot.depth is None else scope.rows()[slot.depth]
-        if isinstance(slot.path, tree.Call):
-            return self.nested_memory(slot.path, scope)
         if slot.words == "time" and scope.find("time") is None:
             return Scalar(TIME, None if scope.plain else SECOND, "time", "time")
-        found = self.lookup(slot.path, scope)
+        found = (
+            self.nested_memory(slot.path, scope) if isinstance(slot.path, tree.Call) else self.lookup(slot.path, scope)
+        )
         if isinstance(found, Items):
             if slot.item is None or slot.item >= len(found.items):
                 hint = f"It has {len(found.items)} items here."
@@ -295,23 +296,27 @@ class Resolver(ABC):
 
     def resolve(self, path: tree.PathSyntax | tree.Call, scope: Scope) -> Readable:
         """Dimensions of the quantity that a path reads, or of a signal with memory or a rate."""
-        if isinstance(path, tree.Call):
-            return Readable((self.nested_memory(path, scope).dimension,), False)
-        found = self.lookup(path, scope)
+        found = self.nested_memory(path, scope) if isinstance(path, tree.Call) else self.lookup(path, scope)
         if isinstance(found, Items):
-            if any(item.choices for item in found.items):
+            if isinstance(path, tree.PathSyntax) and any(item.choices for item in found.items):
                 raise Wrong(
                     WrongType(path.span, "A list of numbers", "an array of choices", f"Read one: `{path.words}[1]`.")
                 )
             values = tuple(map(_known, found.items))
-            fixed = None not in values and self._fixed(path, scope)
-            return Readable(tuple(i.dimension for i in found.items), True, values, fixed=fixed)
+            fixed = isinstance(path, tree.PathSyntax) and None not in values and self._fixed(path, scope)
+            return Readable(tuple(i.dimension for i in found.items), True, values, fixed=fixed, columns=found.columns)
         return Readable((found.dimension,), False, (_known(found),), found.truth, choices=found.choices)
 
     def _fixed(self, path: tree.PathSyntax, scope: Scope) -> bool:
         """Return True for a list that is a `constant` of literal numbers: it is the same in every instance."""
         entry = scope.find(path.head) or self.file_entry(path.head, scope)
-        if path.steps or not isinstance(entry, Pending) or entry.role != "constant" or entry.value is None:
+        if (
+            path.steps
+            or path.head in scope.definition.branched
+            or not isinstance(entry, Pending)
+            or entry.role != "constant"
+            or entry.value is None
+        ):
             return False
         unit = None if entry.item.unit is None else scale_of(entry.item.unit)
         return all(isinstance(f.expression, Number) for f in self.template(entry.value, entry.scope, unit).formulas)
@@ -351,18 +356,25 @@ class Resolver(ABC):
             if not isinstance(first, Scalar | Pending):
                 what = f"Say which: `{indexed(path.words, next(iter(entry.items)))}`, and which of its variables."
                 raise Wrong(WrongType(path.span, "A number", f"the array `{path.words}`", what))
-            items = [self._as_scalar(e) for _, e in sorted(entry.items.items())]
-            return Items(entry.name, tuple(items))
+            return self._as_list(entry, path)
         raise not_a_number(entry, path)
 
-    def _as_scalar(self, entry: Entry) -> Scalar:
-        if isinstance(entry, Pending):
-            found = self.quantity(entry)
-            if isinstance(found, Scalar):
-                return found
-        if isinstance(entry, Scalar):
-            return entry
-        raise AlreadyTold
+    def _as_list(self, array: Array, path: tree.PathSyntax) -> Items:
+        """An array of numbers as a list; one with two indices, or of lists of one length, as a matrix."""
+        keys = sorted(array.items)
+        items = [self.quantity(e) if isinstance(e := array.items[key], Pending) else e for key in keys]
+        scalars = tuple(item for item in items if isinstance(item, Scalar))
+        if not all(isinstance(item, Scalar | Items) for item in items):
+            raise AlreadyTold
+        if len(scalars) == len(items):
+            rows, columns = ({key[i] for key in keys} for i in (0, -1))
+            full = len(keys[0]) == 2 and len(rows) * len(columns) == len(keys)
+            return Items(array.name, scalars, len(columns) * full)
+        lists = [item for item in items if isinstance(item, Items) and not item.columns]
+        if len(lists) < len(items) or len({len(item.items) for item in lists}) > 1:
+            what = f"the array `{path.words}`, whose items are no lists of one length"
+            raise Wrong(WrongType(path.span, "A matrix", what, f"Read one item: `{indexed(path.words, keys[0])}`."))
+        return Items(array.name, tuple(scalar for item in lists for scalar in item.items), len(lists[0].items))
 
     def file_entry(self, name: str, scope: Scope) -> Entry | None:
         """A constant of the file, or what else a name of the file denotes."""
@@ -383,10 +395,7 @@ class Resolver(ABC):
             if isinstance(entry, Pending):
                 entry = self.quantity(entry)
             if isinstance(entry, Items):
-                if len(index) == 1 and 1 <= index[0] <= len(entry.items):
-                    return entry.items[index[0] - 1]
-                hint = f"Its items are 1 to {len(entry.items)}."
-                raise Wrong(WrongIndex(path.span, name, ", ".join(map(str, index)), hint))
+                return list_item(entry, index, name, path.span)
             if isinstance(entry, Array):
                 if index in entry.items:
                     return entry.items[index]
@@ -444,8 +453,8 @@ class Resolver(ABC):
         """Resolve a quantity: its dimension, its definition, and its value if it is constant during a run."""
 
     @abstractmethod
-    def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar:
-        """Integral, delay or rate inside a larger expression: a signal that the author gave no name."""
+    def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar | Items:
+        """Integral, delay or rate inside a larger expression: a signal, or a list of rates, that the author gave no name."""
 
 
 def read_condition(

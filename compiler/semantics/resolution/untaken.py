@@ -8,10 +8,7 @@ from ...errors import Diagnostic
 from ...graph.domains import BUNDLES, DOMAINS, GENERIC
 from ...syntax import tree
 from ...syntax.blocks import Statements, flat, nodes_in
-from ..expressions import tables
-from ..expressions.expression_compiler import MEMORIES
-from ..expressions.functions import FUNCTIONS
-from ..expressions.vectors import VECTORS
+from ..expressions.expression_compiler import BUILT_IN
 from ..names.compound_units import names_in
 from ..names.domain_table import ELEMENT_KINDS
 from ..names.errors import UnknownAttribute, UnknownFunction, UnknownKind, UnknownName
@@ -32,7 +29,7 @@ def check_untaken(scope: Scope, statements: Statements, tell: Callable[[Diagnost
     file = definition.file
     declared = names_in(definition.model) | set(scope.names())
     names = declared | file.constants.keys() | file.models.keys() | file.sets.keys() | file.missing
-    functions = {*FUNCTIONS, *MEMORIES, *tables.USAGE, *VECTORS, *file.functions, *declared}
+    functions = {*BUILT_IN, *file.functions, *declared}
     kinds = {*ELEMENT_KINDS, *file.models, *file.missing, *kinds_of(True), *kinds_of(False), *declared}
     for node in nodes_in(statements):
         match node:
