@@ -204,9 +204,7 @@ class EquationBuilder(EquationCollection):
         through = self.graph.walls.get((reading.node, reading.port))
         if through is not None:  # of the bond that passes through a port of a model
             return (self.efforts if reading.variable == "e" else self.flows)[through]
-        number = self._node_numbers.get(reading.node, -1)
-        if number < 0:  # a transducer of many ports: each is a junction, and its first bond is the one outside
-            number = self._node_numbers[f"{reading.node}.{reading.port}"]
+        number = self._node_numbers[reading.node]
         node = self.graph.nodes[number]
         if isinstance(node, Junction):
             variable = self._at_junction(number, node, reading)

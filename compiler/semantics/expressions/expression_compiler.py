@@ -6,7 +6,7 @@ A formula is made once per place in the text and cached there; each instance onl
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 
 from ...algebra.expression import ONE as NUMBER_ONE
@@ -74,7 +74,11 @@ class ExpressionCompiler:
     """Compiler of one place of the text."""
 
     def __init__(
-        self, scope: Scope, resolve: Resolve, own: Mapping[str, OwnVariable] | None = None, unit: Scale | None = None
+        self,
+        scope: Scope,
+        resolve: Resolve,
+        own: Mapping[str, OwnVariable | Sequence[OwnVariable]] | None = None,
+        unit: Scale | None = None,
     ) -> None:
         self.scope, self.resolve, self.own = scope, resolve, own or {}
         self.unit = unit  # unit of bare numbers, after `name : unit =`
@@ -82,9 +86,8 @@ class ExpressionCompiler:
         self.slot_list: list[Slot] = []
         self.local: dict[str, Value] = {}  # parameters of a function being opened
         self.opening: list[str] = []  # functions being opened, outermost first
-        self.home: Scope | None = (
-            scope  # names are read there: those of a function where it is defined; None in a function of the file
-        )
+        # names are read there: those of a function where it is defined; None in a function of the file
+        self.home: Scope | None = scope
         self.opened = 0
         self.checks: list[Check] = []
         self.lists: dict[str, tuple[tree.PathSyntax, ListUnits]] = {}
@@ -111,7 +114,7 @@ class ExpressionCompiler:
         unit = self.unit
         self.unit = unit if bare(expression) else None
         try:
-            return self._numbers(self.value(expression), expression.span)
+            return self.numbers(self.value(expression), expression.span)
         finally:
             self.unit = unit
 
@@ -187,7 +190,7 @@ class ExpressionCompiler:
             raise Wrong(WrongType(node.span, "A single number", sort_of(value), hint))
         return self._number(value, node.span)
 
-    def _numbers(self, value: Value, span: Span) -> Value:
+    def numbers(self, value: Value, span: Span) -> Value:
         """A number, a list or a matrix, with 1 and 0 for a condition."""
         return value if isinstance(value, tuple) else self._number(value, span)
 
@@ -240,8 +243,10 @@ class ExpressionCompiler:
                 return Typed(call("less", ZERO if node.head == "true" else NUMBER_ONE, Number(0.5)), ONE, truth=True)
         words = node.words
         if words in self.own and not self.opening:
-            variable = self.own[words]
-            return Typed(Symbol(variable.own), variable.dimension)
+            own = self.own[words]
+            if isinstance(own, OwnVariable):
+                return Typed(Symbol(own.own), own.dimension)
+            return tuple(Typed(Symbol(variable.own), variable.dimension) for variable in own)
         if words == "time":
             return Typed(Symbol(self._slot(node, None)), None if self.scope.plain else UNITS["s"].dimension)
         if node.head in self.local:
@@ -316,14 +321,14 @@ class ExpressionCompiler:
         if len(absolute) > 1 and sum(absolute) not in (0, 1):
             hint = "A difference of temperatures is in K: `20 degC + 5 K`."
             raise Wrong(WrongType(node.span, "A temperature or a difference", "a sum of absolute temperatures", hint))
-        values = [(sign, term.span, self._numbers(self.value(term), term.span)) for sign, term in node.terms]
+        values = [(sign, term.span, self.numbers(self.value(term), term.span)) for sign, term in node.terms]
         return total(values)
 
     def _product(self, node: tree.Product) -> Value:
         result: Value = Typed(NUMBER_ONE, ONE)
         before = node.factors[0][1].span
         for direction, factor in node.factors:
-            value = self._numbers(self.value(factor), factor.span)
+            value = self.numbers(self.value(factor), factor.span)
             if isinstance(value, Typed):
                 result = each(lambda t, n=value, d=direction: times(t, n, d), result)  # type: ignore[misc]
             elif isinstance(result, Typed) and direction > 0:
@@ -473,11 +478,8 @@ class ExpressionCompiler:
     def _open(self, function: tree.FunctionSyntax, home: Scope | None, node: tree.Call) -> Value:
         if len(node.arguments) != len(function.parameters):
             usage = f"{function.name}({', '.join(function.parameters)})"
-            raise Wrong(
-                WrongArguments(
-                    node.span, function.name, _arguments(len(function.parameters)), len(node.arguments), usage
-                )
-            )
+            count = _arguments(len(function.parameters))
+            raise Wrong(WrongArguments(node.span, function.name, count, len(node.arguments), usage))
         self.opened += 1
         if function.name in self.opening:
             raise Wrong(Cycle(node.span, "A function cannot call itself", " -> ".join([*self.opening, function.name])))

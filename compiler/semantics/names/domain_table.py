@@ -96,9 +96,12 @@ class _Spreading:
         if is_two_sided(declaration):
             return {"": (place.head, "1" if is_head else "2")}
         if declaration.kind in ELEMENT_KINDS:
-            if members:
-                return {"": (place.head, members[0])}
-            return {p: (place.head, p) for p in element_ports(declaration, place.head)}
+            ports = element_ports(declaration, place.head)
+            if members and any(p.startswith(f"{members[0]}.") for p in ports) and len(members) < 2:
+                return {
+                    p.removeprefix(f"{members[0]}."): (place.head, p) for p in ports if p.startswith(f"{members[0]}.")
+                }
+            return {"": (place.head, ".".join(members[:2]))} if members else {p: (place.head, p) for p in ports}
         return self._ends_of_instance(place, declaration.kind, members)
 
     def _ends_of_instance(self, place: tree.PathSyntax, kind: str, members: list[str]) -> dict[str, Key]:
@@ -158,7 +161,18 @@ def element_ports(declaration: tree.Declaration, name: str) -> tuple[str, ...]:
     if is_two_sided(declaration):
         return ("1", "2")
     declared = next(d for d in declaration.names if d.name == name)
-    return tuple(c.name for c in declared.components) or ("",)
+    return tuple(port for port, _ in _components(declaration, declared)) or ("",)
+
+
+def _components(declaration: tree.Declaration, declared: tree.Declared) -> Iterator[tuple[str, str | None]]:
+    """The ports that an element lists, with their declared domains; a multibond of a transducer, `a: planar`, has the ports `a.x`, `a.y`, `a.phi`."""
+    row = ELEMENTS.get(declaration.kind)
+    for component in declared.components:
+        bundle = BUNDLES.get(component.domain or "") if row is not None and row.sides else None
+        if bundle is None:
+            yield component.name, component.domain
+        else:
+            yield from ((f"{component.name}.{name}", domain) for name, domain in bundle.items())
 
 
 def _names(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[str]:
@@ -207,18 +221,23 @@ def _learn(table: DomainTable, key: Key, domain: str, span: Span, bundles: tuple
         return
     known = [*DOMAINS, *bundles]
     hint = suggestion(domain, known, f"Domains: {', '.join(known)}.")
+    if domain in BUNDLES and not bundles:
+        hint = f"Only models, TF and GY have multibonds as ports; list the ports: `({', '.join(BUNDLES[domain])})`."
     table.diagnostics.append(UnknownName(span, domain, "the list of domains", hint))
 
 
 def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, names: set[str], told: Told) -> None:
     definition = declaration.definition
     for declared in declaration.names:
-        for component in declared.components:
-            domain = component.domain or (
-                COMPONENT_DOMAINS.get(component.name) if declaration.kind == "splitter" else None
-            )
+        for port, domain in _components(declaration, declared):
+            domain = domain or (COMPONENT_DOMAINS.get(port) if declaration.kind == "splitter" else None)
             if domain is not None:
-                _learn(table, (declared.name, component.name), domain, component.span)
+                _learn(
+                    table,
+                    (declared.name, port),
+                    domain,
+                    next(c.span for c in declared.components if c.name == port.split(".")[0]),
+                )
         if isinstance(definition, tree.PathSyntax) and not definition.steps:
             for port in element_ports(declaration, declared.name):
                 _learn(table, (declared.name, port), definition.head, definition.span)
@@ -254,9 +273,15 @@ def _letters(law: tree.LawSyntax, declaration: tree.Declaration, port: str, name
         elif port:
             if path.head == port and len(path.steps) == 1 and isinstance(path.steps[0], tree.Member):
                 found.add(path.steps[0].name)
+            elif not path.steps and path.head not in names and not _is_port(declaration, path.head):
+                found.add(path.head)  # the variable of all ports
         elif not path.steps and path.head not in names:
             found.add(path.head)
     return found & _LETTERS
+
+
+def _is_port(declaration: tree.Declaration, name: str) -> bool:
+    return any(c.name == name for d in declaration.names for c in d.components)
 
 
 def paths_of(node: tree.SyntaxNode) -> Iterator[tree.PathSyntax]:

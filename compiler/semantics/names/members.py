@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ...graph.domains import DOMAINS, GENERIC, Domain
 from ...graph.elements import ELEMENTS
 from ...graph.mechanism import domain_of
@@ -15,7 +17,7 @@ from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, Items, PartEn
 from .statement_errors import Wrong, suggestion
 
 
-def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Scalar:
+def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Scalar | ElementEntry:
     """`spring.x`: a variable of an element, or the stored quantity of its port of that name."""
     row = ELEMENTS.get(entry.kind)  # None: a junction
     stored = row.stored if row is not None and len(row.stored) == 1 else ""
@@ -28,6 +30,9 @@ def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Sca
             raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))
         return _read(entry.name, side, domain, variable, f"{entry.name}.{name}")
     if "" not in entry.ports:
+        name = entry.group + name
+        if any(port.startswith(f"{name}.") for port in entry.ports):
+            return replace(entry, group=f"{name}.")
         if name not in entry.ports:
             hint = suggestion(name, list(entry.ports), f"Its ports: {', '.join(entry.ports)}.")
             raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))
@@ -154,8 +159,9 @@ def not_a_number(entry: Entry, path: tree.PathSyntax) -> Wrong:
     name = path.words
     what, hint = f"`{name}`, which is none", "Read one of its variables: `.x`, `.phi`, `.x.v`."
     match entry:
-        case ElementEntry(kind=kind, ports=ports):
-            domain = next(iter(ports.values()))
+        case ElementEntry(kind=kind, ports=ports, group=group):
+            port, domain = next((p, d) for p, d in ports.items() if p.startswith(group))
+            name = f"{name}.{port.removeprefix(group)}" if group else name
             letters = ", ".join(f"`{name}.{domain.letter(v)}`" for v in {"0": "e", "1": "f"}.get(kind, "ef"))
             what, hint = f"the element `{name}`", f"Read one of its variables: {letters}."
         case WallEntry(ports=ports):

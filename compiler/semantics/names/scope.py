@@ -110,6 +110,7 @@ class ElementEntry:
     declaration: tree.Declaration
     ports: Mapping[str, Domain]  # port name ("" for the only one) -> domain
     span: Span
+    group: str = ""  # of one multibond of a transducer: the beginning of its ports' names, `a.`
 
 
 @dataclass(frozen=True, slots=True)

@@ -204,6 +204,9 @@ class Connector:
         component = None
         if steps:
             step = steps[0]
+            port = ".".join(s.name for s in steps if isinstance(s, tree.Member))
+            if isinstance(entry, ElementEntry) and port in entry.ports:  # of a multibond of a transducer
+                return self._finish(entry, port, place, is_head, own_wall, scope)
             if len(steps) > 1 or isinstance(step, tree.Index):
                 hint = "A bond reaches an element, a junction, or a port of one."
                 raise Wrong(UnknownName(place.span, place.words, f"`{scope.definition.name}`", hint))
@@ -260,6 +263,10 @@ class Connector:
         place: tree.PathSyntax,
     ) -> Place:
         every = tuple(ports)
+        group = {p.removeprefix(f"{component}."): p for p in every if p.startswith(f"{component}.")}
+        if group:
+            terminals = {name: Terminal(node, port, side, ports[port]) for name, port in group.items()}
+            return Place(terminals, True, kind, place, every)
         if component is not None:
             if component not in ports or component == "":
                 names = [n for n in every if n]

@@ -7,15 +7,16 @@ from collections.abc import Callable, Mapping
 from ...algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, substitute, symbols
 from ...algebra.odd_roots import with_odd_roots
 from ...graph.domains import Domain
-from ...graph.elements import ELEMENTS
+from ...graph.elements import ELEMENTS, ElementKind
 from ...graph.network import Law, PortVariable
 from ...graph.units import JOULE
 from ...source import Span
 from ...syntax import tree
 from ..expressions.expression_compiler import ExpressionCompiler
-from ..expressions.template import CompiledLaw, OwnVariable, Resolve, Slot
+from ..expressions.lists import columns_of, parts_of, place_in, shape_of, sort_of
+from ..expressions.template import CompiledLaw, OwnVariable, Resolve, Slot, Typed
 from ..names.domain_table import paths_of
-from ..names.errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw
+from ..names.errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw, WrongType
 from ..names.scope import STATIC_ROLES, Scalar, Scope
 from ..names.statement_errors import Wrong, describe
 from .transducers import check_many_ports
@@ -42,6 +43,31 @@ def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dic
     return own
 
 
+def _of_all_ports(kind: ElementKind, ports: Mapping[str, Domain], variables: str) -> dict[str, tuple[OwnVariable, ...]]:
+    """Map from each letter for a variable of all ports of a field to the list of these variables: `e = K*q`; a domain's own if all ports share it."""
+    if "" in ports or kind.group == "transducer" or len(kind.stored) > 1:
+        return {}
+    count, found = len(ports) - kind.gives_heat, {}
+    for variable in variables:
+        listed = tuple(
+            OwnVariable(PortVariable(n, variable), d.dimension(variable)) for n, d in enumerate(ports.values())
+        )
+        letters = {d.letter(variable) for d in list(ports.values())[:count]}
+        found.update(dict.fromkeys((variable, *(letters if len(letters) == 1 else ())), listed[:count]))
+    return {letter: listed for letter, listed in found.items() if letter not in ports}
+
+
+def _of_multibonds(ports: Mapping[str, Domain], variables: str) -> dict[str, tuple[OwnVariable, ...]]:
+    """Map from each way in which a law may write a variable of a whole multibond, `a.f`, to the list of its variables."""
+    found: dict[str, tuple[OwnVariable, ...]] = {}
+    for number, (port, domain) in enumerate(ports.items()):
+        for variable in variables if "." in port else "":
+            words = f"{port.rpartition('.')[0]}.{variable}"
+            one = OwnVariable(PortVariable(number, variable), domain.dimension(variable))
+            found[words] = (*found.get(words, ()), one)
+    return found
+
+
 def compile_law(
     declaration: tree.Declaration,
     name: str,
@@ -63,7 +89,7 @@ def compile_law(
     if isinstance(first, tree.PathSyntax) and first.words == "energy":
         energy = reader.energy(compiler)
     else:
-        equations = [reader.sides(equation, compiler) for equation in definition.equations]
+        equations = [pair for equation in definition.equations for pair in reader.sides(equation, compiler)]
         reader.check_form(equations)
     slots = tuple(compiler.slot_list)
     reader.check_modulation(slots, role_of)
@@ -114,28 +140,49 @@ class _LawReader:
         """Compiler of the law's expressions, after a check of the names in them."""
         variables = self.row.variables + self.row.remembered
         own = own_variables(self.kind, self.ports, variables)
+        multibonds = _of_multibonds(self.ports, variables)
         forbidden = own_variables(self.kind, self.ports, "".join(v for v in "efqp" if v not in variables))
-        for path in paths_of(self.definition):
+        paths = list(paths_of(self.definition))
+        listed = _of_all_ports(self.row, self.ports, variables)
+        numbers = ("parameter", "constant", "input", "signal", "mode", "index")  # no outputs, which a law does not read
+        if all(getattr(self.scope.find(path.head), "role", "") in numbers for path in paths if path.words in listed):
+            listed = {}  # names of the model, which such a law reads
+        for path in paths:
             words, found = path.words, self.scope.find(path.head)
+            if words in listed and getattr(found, "role", "") in numbers:
+                raise Wrong(NameClash(path.span, words, self.name, str(getattr(found, "role", "")), ""))
             if words in own and not path.steps and found is not None and words != self.name:
                 role = getattr(found, "role", "")
-                if role not in ("parameter", "constant", "input", "signal", "mode", "index"):
-                    continue  # not a number, or an output, which a law does not read
+                if role not in numbers:
+                    continue
                 generic = words if self.row.sides else own[words].own.variable
                 instead = "" if generic == words else f", or write the variable as `{generic}`"
                 raise Wrong(NameClash(path.span, words, self.name, str(role), instead))
+            if any(w.startswith(f"{path.head}.") for w in multibonds) and words not in {**own, **multibonds}:
+                what = f"The law of `{self.name}` uses `{words}` of a multibond"
+                raise self._wrong(
+                    what, f"Write `{path.head}.f`, all its flows, or `{path.head}.x.v`, one of them.", path.span
+                )
             if words in forbidden and found is None:
                 what = f"The law of `{self.declaration.kind} {self.name}` uses `{words}`; {self.row.letters} relates {self.row.relates}"
                 raise self._wrong(what, self.row.advice.format(words), path.span)
-        return ExpressionCompiler(self.scope, resolve, own)
+        return ExpressionCompiler(self.scope, resolve, {**own, **multibonds, **listed})
 
-    def sides(self, equation: tree.Equation, compiler: ExpressionCompiler) -> tuple[Expression, Expression]:
-        """Both sides of an equation, of one dimension."""
-        left, right = compiler.scalar(equation.left), compiler.scalar(equation.right)
+    def sides(self, equation: tree.Equation, compiler: ExpressionCompiler) -> list[tuple[Expression, Expression]]:
+        """Both sides of an equation, of one dimension; between lists it is an equation for each item."""
+        first, second = (compiler.numbers(compiler.value(side), side.span) for side in (equation.left, equation.right))
+        if shape_of(first) != shape_of(second) or columns_of(first):
+            size = "A list" if columns_of(first) else sort_of(first).capitalize()
+            hint = "An equation between lists is one for each item, so both are as long."
+            raise Wrong(WrongType(equation.right.span, size, sort_of(second), hint))
+        pairs = zip(parts_of(first), parts_of(second), strict=True)
+        return [self._pair(equation, a, b, place_in(first, number)) for number, (a, b) in enumerate(pairs)]
+
+    def _pair(self, equation: tree.Equation, left: Typed, right: Typed, place: str) -> tuple[Expression, Expression]:
         if left.dimension is not None and right.dimension is not None and left.dimension != right.dimension:
             missing = left.dimension / right.dimension
             what = (
-                f"The two sides of the law of `{self.name}` differ: `{equation.left.span.text}` is "
+                f"The two sides of the law of `{self.name}` differ{f' in {place}' * bool(place)}: `{equation.left.span.text}` is "
                 f"{describe(left.dimension)}, but `{equation.right.span.text}` is {describe(right.dimension)}"
             )
             hint = (

@@ -73,7 +73,7 @@ class Nodes:
         self.bonds = connector.bonds(self.ends)
         self.walls = connector.passed
         self._share_ports()
-        expand_transducers(self.nodes, self.bonds)
+        expand_transducers(self.nodes, self.bonds, self.walls)
 
     def _element(self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry) -> None:
         if declaration.kind == "splitter":

@@ -69,8 +69,11 @@ def check_many_ports(
         raise wrong("leaves out one of its ports", "Every port that is listed must occur.")
 
 
-def expand_transducers(nodes: list[Node], bonds: list[Bond]) -> None:
-    """Replace the transducers of many ports, in place. A port without bond, or with two, is left to the check of bonds."""
+def expand_transducers(nodes: list[Node], bonds: list[Bond], walls: dict[tuple[str, str], int]) -> None:
+    """Replace the transducers of many ports, in place; their ports become walls, read by the bond through them.
+
+    A port without bond, or with two, is left to the check of bonds.
+    """
     ends: dict[BondEnd, list[tuple[int, bool]]] = {}
     for number, bond in enumerate(bonds):
         ends.setdefault(bond.tail, []).append((number, False))
@@ -80,6 +83,7 @@ def expand_transducers(nodes: list[Node], bonds: list[Bond]) -> None:
             found = [ends.get(BondEnd(number, p), []) for p in range(len(node.ports))]
             if node.law.equations and all(len(f) == 1 for f in found):  # a law with an error is skipped
                 _expand(number, node, [f[0] for f in found], nodes, bonds)
+                walls.update({(node.name, port.name): f[0][0] for port, f in zip(node.ports, found, strict=True)})
 
 
 def _expand(number: int, node: Element, outer: list[tuple[int, bool]], nodes: list[Node], bonds: list[Bond]) -> None:
