@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from tests.gallery.reference import driven, integrated, near, run
+import bondgraph
+from tests.gallery.reference import GALLERY, driven, integrated, near, run
 
 Vector = np.ndarray  # type: ignore[type-arg]
 
@@ -223,3 +224,39 @@ def test_predators_and_prey() -> None:
     near(found["y"], exact[:, 1])
     first = 0.1 * 10 - 0.4 * np.log(10) + 0.4 * 10 - 1.1 * np.log(10)
     near(found["conserved"], np.full(len(found.time), first))
+
+
+def test_stiffness_frames() -> None:
+    """Closed forms of appendices A and B, and J q'' = -K_e q - tau K_e q' + F by the exponential of a hand-written matrix."""
+    young, l, b, h, m, turning, tau, pull = 210e9, 0.1, 0.5e-3, 20e-3, 0.5, 2e-4, 0.5e-3, 1.0
+    bending, along = young * h * b**3 / 12, young * b * h / l
+    stiffness = np.array(
+        [[4 * bending / l, 6 * bending / l**2], [6 * bending / l**2, 12 * bending / l**3]]
+    )  # (B.11), phi and x
+    inverted = np.diag([1 / turning, 1 / m])
+    rates = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverted @ stiffness, -tau * inverted @ stiffness]])
+    found = run("stiffness_frames")
+    exact = driven(rates, [0, 0, 0, pull / m], [0, 0, 0, 0], found.time)
+    phi, x, omega, speed = exact.T
+    near(found["angle"], phi)
+    near(found["x_e"], x)
+    near(found["omega"], omega)
+    near(found["u"], speed * np.cos(phi))  # (A.4) with y at rest, in the axes of the body
+    near(found["v"], speed * np.sin(phi))
+    for name in ("u_0", "u_tilde"):
+        near(found[name], speed - omega * l)  # (A.8): y is the length of the spring
+    for name in ("v_0", "v_tilde"):
+        near(found[name], omega * x)
+    near(found["power"], np.einsum("ti,ij,tj->t", exact[:, :2], stiffness, exact[:, 2:]))
+    closed = {
+        "k_phi": bending / l,
+        "k_x": 12 * bending / l**3,
+        "k_y": along,
+        "same": 12 * bending / l**3,
+        "other": -6 * bending / l**2,
+    }
+    assert {name: found.final(name) for name in closed} == pytest.approx(closed, rel=1e-12)  # (B.18), (B.28)
+    assert abs(found.final("coupled")) < 1e-12 * bending / l**2
+    held = bondgraph.load(GALLERY / "stiffness_frames.bg").equilibrium("held").outputs
+    assert held["x_e"] == pytest.approx(pull * l**3 / (3 * bending), rel=1e-9)  # (B.8)
+    assert held["angle"] == pytest.approx(-pull * l**2 / (2 * bending), rel=1e-9)

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from compiler.algebra.derivative import derivative
 from compiler.algebra.expression import Expression, Number, Symbol, add, multiply, substitute, symbols
 from compiler.algebra.formula import Bound
 from compiler.graph.elements import Kind
@@ -125,8 +126,25 @@ class Assembly:
                     raise NotHeld(f"{name} has no value")
                 self.quantities[name] = Number(float(named.value))
             else:
-                self.quantities[name] = self.opened(named.definition)
+                opened = self.opened(named.definition)
+                self.quantities[name] = self.rate(opened) if named.role == "rate" else opened
         return self.quantities[name]
+
+    def rate(self, x: Expression) -> Expression:
+        """The derivative by time of an expression of time and of what elements store. Raises `NotHeld` for any other."""
+        homes = {number: home for home, number in self.stored.items()}
+        terms = [derivative(x, TIME)]
+        for symbol in symbols(x):
+            if symbol == TIME or symbol.key.kind == "p":
+                continue
+            if symbol.key.kind != "x" or symbol.key.number not in homes:
+                raise NotHeld("a rate of what no element stores")
+            name, port = homes[symbol.key.number]
+            number, node = next((i, n) for i, n in enumerate(self.graph.nodes) if n.name == name)
+            assert isinstance(node, Element)
+            own = PortVariable(port, "f" if node.stored[port] == "q" else "e")
+            terms.append(multiply(derivative(x, symbol), self.own(number, node, own)))
+        return add(*terms)
 
     def reading(self, what: Reading) -> Expression:
         graph = self.graph

@@ -15,11 +15,15 @@ from compiler.graph.network import BondEnd, BondGraph, Element, Junction, Mechan
 
 
 def _delays_alone(graph: BondGraph) -> dict[str, str]:
-    """Delays by the name of the signal or output that is the delay and nothing else."""
+    """Delays and rates by the name of the signal or output that is one and nothing else."""
     entries = {**graph.quantities, **graph.outputs}
     read = {n: q.definition.expression for n, q in entries.items() if q.definition is not None}
     names = {n: getattr(x.key, "name", "") for n, x in read.items() if isinstance(x, Symbol)}
-    return {n: name for n, name in names.items() if name in graph.delays}
+    return {
+        n: name
+        for n, name in names.items()
+        if name in graph.delays or (name in entries and entries[name].role == "rate")
+    }
 
 
 class Same:
@@ -40,10 +44,10 @@ class Same:
         outputs = dict(zip(self.first.outputs, self.second.outputs, strict=True))
         # A delay has no name where it is written; in the text it has a signal of its own, or the one that is the delay and nothing else.
         alone = _delays_alone(self.first)
-        mine = [n for n in self.first.quantities if n not in outputs and n not in alone.values()]
-        theirs = [n for n in self.second.quantities if n not in outputs.values() and n not in self.second.delays]
-        found = dict(zip(mine, theirs, strict=True)) | {a: b for a, b in outputs.items() if a in self.first.quantities}
         again = _delays_alone(self.second)
+        mine = [n for n in self.first.quantities if n not in outputs and n not in alone.values()]
+        theirs = [n for n in self.second.quantities if n not in outputs.values() and n not in again.values()]
+        found = dict(zip(mine, theirs, strict=True)) | {a: b for a, b in outputs.items() if a in self.first.quantities}
         return found | {delay: again[(found | outputs)[name]] for name, delay in alone.items()}
 
     # ------------------------------------------------------------ expressions with references put in, names of the second

@@ -97,6 +97,9 @@ class MemoryResolver(Resolver):
             raise Wrong(WrongType(call.arguments[0].span, "A number", "a condition", hint))
         rates = []
         for number, (part, formula) in enumerate(zip(parts_of(value), template.formulas, strict=True)):
+            if isinstance(value, tuple) and part.dimension is None and not scope.plain:
+                rates.append(Scalar(0.0, None, "constant", call.function))  # of a zero that fits any unit
+                continue
             dimension = None if scope.plain else self._per_second(part.dimension)
             name = self._free_name(call, scope, place_in(value, number))
             bound = self.bind(template, formula, scope)
