@@ -47,25 +47,25 @@ def _of_all_ports(kind: ElementKind, ports: Mapping[str, Domain], variables: str
     """Map from each letter for a variable of all ports of a field to the list of these variables: `e = K*q`; a domain's own if all ports share it."""
     if "" in ports or kind.group == "transducer" or len(kind.stored) > 1:
         return {}
-    count, found = len(ports) - kind.gives_heat, {}
+    count, lists = len(ports) - kind.gives_heat, {}
     for variable in variables:
         listed = tuple(
             OwnVariable(PortVariable(n, variable), d.dimension(variable)) for n, d in enumerate(ports.values())
         )
         letters = {d.letter(variable) for d in list(ports.values())[:count]}
-        found.update(dict.fromkeys((variable, *(letters if len(letters) == 1 else ())), listed[:count]))
-    return {letter: listed for letter, listed in found.items() if letter not in ports}
+        lists.update(dict.fromkeys((variable, *(letters if len(letters) == 1 else ())), listed[:count]))
+    return {letter: listed for letter, listed in lists.items() if letter not in ports}
 
 
 def _of_multibonds(ports: Mapping[str, Domain], variables: str) -> dict[str, tuple[OwnVariable, ...]]:
     """Map from each way in which a law may write a variable of a whole multibond, `a.f`, to the list of its variables."""
-    found: dict[str, tuple[OwnVariable, ...]] = {}
+    lists: dict[str, tuple[OwnVariable, ...]] = {}
     for number, (port, domain) in enumerate(ports.items()):
         for variable in variables if "." in port else "":
             words = f"{port.rpartition('.')[0]}.{variable}"
             one = OwnVariable(PortVariable(number, variable), domain.dimension(variable))
-            found[words] = (*found.get(words, ()), one)
-    return found
+            lists[words] = (*lists.get(words, ()), one)
+    return lists
 
 
 def compile_law(
