@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from .errors import UsageError
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?)\s*(.*?)\s*", re.DOTALL)
 
 
 def quantity(text: str | float, unit: str, what: str) -> float:
@@ -20,12 +20,11 @@ def quantity(text: str | float, unit: str, what: str) -> float:
     found = _NUMBER.fullmatch(text)
     if found is not None:
         number, own = Fraction(found[1]), found[2].removeprefix("[").removesuffix("]")
-        if not own:
-            return float(number)
         try:
-            scale = read_unit(Source(what, own))
-            if scale.dimension == read_unit(Source(what, unit)).dimension:
-                return scale.to_si(number)
+            own_scale, scale = (read_unit(Source(what, u)) for u in (own or "1", unit))
+            value = own_scale.to_si(number)
+            if (not own or own_scale.dimension == scale.dimension) and abs(value) < float("inf"):
+                return value
         except CompilationFailed:
             pass  # no unit: the same error as for one of another kind
     kind = "a bare number" if unit == "1" else f"in {unit}"

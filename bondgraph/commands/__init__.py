@@ -24,7 +24,7 @@ GROUPS = {
         "fmt": "models/oscillator.bg",
         "draw": "models/manipulator.bg -o manipulator.svg",
         "report": "models/oscillator.bg -o oscillator.html",
-        "serve": "models/oscillator.bg",
+        "serve": "models",
         "library": "diode bridge",
     },
     "Stages and reasons": {

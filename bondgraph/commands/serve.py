@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
 
-from .options import file_argument, model_option
+from . import completion
+from .options import model_option
 
 
 @click.command("serve")
-@file_argument
+@click.argument("file", metavar="FILE|FOLDER", shell_complete=completion.files)
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
@@ -27,13 +29,16 @@ from .options import file_argument, model_option
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
 @model_option
 def command(file: str, port: int, host: str, opens: bool, model: str | None) -> None:
-    """Show the page of a model live: it follows the file, and sliders run it. Ctrl-C ends."""
+    """Show a model, or all of a folder, live in the browser: edit and save the text, see its errors, run it by sliders, compare runs. Ctrl-C ends."""
     from compiler.api import read_source
 
     from ..presentation.page.serve import Server, Session
+    from .mcp import corrections
 
-    read_source(file)  # what is no file is told here
-    server = Server(Session(Path(file), model), host, port)
+    if not Path(file).is_dir():
+        read_source(file)  # what is no file is told here
+    session = Session(Path(file), model, lambda text, path: json.loads(corrections(text, str(path))))
+    server = Server(session, host, port)
     try:
         server.start()
         click.echo(f"{file} is at {server.guard.address} (Ctrl-C ends)")

@@ -40,7 +40,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     serving = Server(Session(path), limits=SHORT)
     thread = threading.Thread(target=serving.serve_forever, args=(0.02,), daemon=True)
     serving.start()
-    assert serving.session.loaded is not None and not serving.session.problems
+    assert serving.session.loaded is not None and not serving.session.shown.problems
     thread.start()
     yield serving
     serving.end()
@@ -174,8 +174,8 @@ def settings_of(value: str, name: str = "k") -> bytes:
 BODIES = [
     settings_of(value)
     for value in (
-        "1" + "0" * 400, "-1" + "0" * 400, "1" + "0" * 5000, "1e400", "-1e400", "NaN", "Infinity", "-Infinity", "true", "false", "null", '"4"',
-        '"nan"', "[4]", '{"k": 4}', "[" * 20_000 + "]" * 20_000, "04", "4,", "0x4", "4 m",
+        "1" + "0" * 400, "-1" + "0" * 400, "1" + "0" * 5000, "1e400", "-1e400", "NaN", "Infinity", "-Infinity", "true", "false", "null",
+        "[4]", '{"k": 4}', "[" * 20_000 + "]" * 20_000, "04", "4,", "0x4", "4 m",
     )
 ] + [
     b"", b" ", b"null", b"4", b'"go"', b"[]", b"{}", b"\x00", b"\xff\xfe", GOOD.decode().encode("utf-16"), b"\xef\xbb\xbf" + GOOD, GOOD[:-1],
@@ -371,11 +371,11 @@ def test_a_defect_while_the_file_is_read_is_told_on_the_page(tmp_path: Path, mon
     first = session.loaded
     with monkeypatch.context() as broken:
         for kind in (RecursionError, MemoryError, ZeroDivisionError, AssertionError):
-            broken.setattr(session, "_compiled", lambda kind=kind: (_ for _ in ()).throw(kind("of a test")))
+            broken.setattr(session, "_compiled", lambda text, kind=kind: (_ for _ in ()).throw(kind("of a test")))
             session.load()
-            assert kind.__name__ in session.problems and session.loaded is first
+            assert kind.__name__ in session.shown.problems and session.loaded is first
     session.load()
-    assert session.problems == "" and session.loaded is not first
+    assert session.shown.problems == "" and session.loaded is not first
 
 
 # ---------------------------------------------------------------- addresses

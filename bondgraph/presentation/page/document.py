@@ -17,7 +17,7 @@ from .markup import Html, joined, tag
 from .picture import picture_of
 from .runs import PageModel
 from .shapes import modes_data
-from .text import text_markup
+from .text import WORDING, text_markup
 
 if TYPE_CHECKING:
     from compiler.api import Source
@@ -46,7 +46,7 @@ def document_of(model: AnalysedModel, live: bool = False) -> Document:
     data = {
         "model": visible(watched.graph.name), "parts": picture.parts, "places": watched.bonds.places,
         "powers": [(visible(n), k, around) for n, k, around in watched.powers], "scenes": watched.scenes.told,
-        "experiments": shown, "modes": modes, "live": live,
+        "experiments": shown, "modes": modes, "live": live, **(WORDING if live else {}),
     }  # fmt: skip
     sections = _sections(model, picture.drawing, sources, data, trouble)
     return Document(visible(watched.graph.name), joined(sections), data)
@@ -72,7 +72,7 @@ def _sections(
     certificate = _or_problem(lambda: certificate_markup(model.certificate))
     line = _or_problem(lambda: Html(tag("p", model.certificate.line, class_="line")))
     yield tag("header", tag("h1", data["model"]), line)
-    text = _section("text", "Text", text_markup(sources))
+    text = text_section(sources)
     diagram = _section("diagram", "Bond graph", _diagram(drawing), tag("p", id="bond", class_="readout", role="status"))
     yield tag("div", text, diagram, class_="beside")
     if data["experiments"] or data["modes"]:
@@ -82,6 +82,11 @@ def _sections(
     yield _section("causality", "Causality", _or_problem(lambda: causality_markup(model.compilation())))
     if trouble:
         yield _section("modes", "Modes", tag("p", "No modes: ", trouble))
+
+
+def text_section(sources: list[Source]) -> Html:
+    """Return the section of a page that has the text."""
+    return _section("text", "Text", text_markup(sources))
 
 
 def _section(name: str, heading: str, *inside: Html) -> Html:

@@ -12,11 +12,13 @@ from ...errors import MissingPackage, RunFailed, UsageError
 from ...studies.experiment import run
 from ...studies.options import Options
 from ..text.tables import short, shown_unit, visible
+from .author_units import author_units
 from .markup import Html, table, tag
 from .numbers import packed
 from .runs import OUTPUTS, PageModel, run_data
 
 if TYPE_CHECKING:
+    from ...analysed_model import AnalysedModel
     from ...analysis.outcome import Outcome
     from ...results.records import EnergyBalance
     from ...results.result import Result
@@ -40,7 +42,7 @@ def experiment_data(watched: PageModel, name: str, settings: Mapping[str, float]
             told = Html(_errors(result, watched.outputs(name)) + balance)
             return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}
         outcome = run(watched.model, name, settings or {}, Options())
-        return {"name": name, "kind": "told", "told": _pre(outcome.summary()), **_plotted(outcome)}
+        return {"name": name, "kind": "told", "told": _pre(outcome.summary()), **_plotted(watched.model, outcome)}
     except PROBLEMS as problem:
         return {"name": name, "kind": "failed", "told": _pre(visible_lines(str(problem)))}
 
@@ -81,36 +83,36 @@ def _balance(balance: EnergyBalance) -> Html:
     return tag("details", summary, table(rows, ("element", "", "supplied, J", "stored, J", "dissipated, J")))
 
 
-def _plotted(outcome: Outcome) -> dict[str, Any]:
+def _plotted(model: AnalysedModel, outcome: Outcome) -> dict[str, Any]:
     """Return a sweep over one name as curves over it, or the runs of its points over time."""
+    import numpy as np
+
     if len(outcome.swept) != 1 or len(outcome.points) < 2:
         return {}
-    ((swept, unit),) = outcome.swept.items()
-    curves = list(_runs(outcome, swept)) or list(_values(outcome, swept))
+    ((swept, (unit, scale)),) = author_units(model, outcome.swept).items()
+    values = [float(f"{scale.from_si(p.settings[swept]):.12g}") for p in outcome.points]
+    names = [f"{short(swept)} = {v:.4g} {visible(unit)}".rstrip() for v in values]
+    runs = [(at, p.run) for at, p in zip(names, outcome.points, strict=True) if p.run is not None]
+    family = bool(runs) and all(np.array_equal(r.time, runs[0][1].time) for _, r in runs)
+    curves = list(_runs(runs) if family else _values(outcome, swept))
     if not curves:
         return {}
-    first = outcome.points[0].run
-    axis = ("time", "s") if first is not None else (short(swept), visible(unit))
-    over = first.time if first is not None else outcome(swept)
     return {
         "plot": {
-            "axis": {"name": axis[0], "unit": "" if axis[1] == "1" else axis[1]},
-            "time": packed(over, single=False),
+            "axis": None if family else {"name": short(swept), "unit": visible(unit)},
+            "time": packed(runs[0][1].time if family else values, single=False),
             "outputs": [{"name": n, "unit": "" if u == "1" else u} for n, u, _ in curves],
             "values": packed([v for _, _, v in curves], single=False),
         }
     }
 
 
-def _runs(outcome: Outcome, swept: str) -> Iterator[tuple[str, str, Any]]:
-    """Yield each output of each run over time, if they are few and have equal instants."""
-    runs = [(p.settings[swept], p.run) for p in outcome.points if p.run is not None]
-    if not runs or any(len(r.time) != len(runs[0][1].time) for _, r in runs):
-        return
+def _runs(runs: Sequence[tuple[str, Result]]) -> Iterator[tuple[str, str, Any]]:
+    """Yield each output of each run over time, if they are few; the runs are named and have equal instants."""
     for item, _ in runs[0][1].shown()[: max(1, OUTPUTS // len(runs))]:
-        for value, result in runs[:OUTPUTS]:
+        for at, result in runs[:OUTPUTS]:
             yield (
-                f"{short(item.name, 30)} at {value:.4g}",
+                f"{short(item.name, 30)}, {at}",
                 visible(item.unit),
                 result[item.name] * item.scale + item.offset,
             )

@@ -18,8 +18,8 @@ from .markup import Html, tag
 
 HERE = Path(__file__).parent
 STYLES = ("page", "text", "diagram", "runs", "live")
-SCRIPTS = ("numbers", "plot", "mechanism", "diagram", "player", "sliders", "page")
-LIVE = ("live",)
+SCRIPTS = ("numbers", "plot", "export", "mechanism", "diagram", "player", "sliders", "page")
+LIVE = ("editor", "live")
 
 
 def page_text(document: Document, token: str = "") -> str:

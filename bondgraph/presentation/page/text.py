@@ -19,6 +19,7 @@ WORDS = frozenset((
     "body", "frame", "mode", "when", "every", "experiment", "set", "sweep", "simulate", "report", "start", *ANALYSIS_STEPS,
     "require", "integral", "delay", "der", "hysteresis", "if", "else", "and", "or", "not", "true", "false", "time", "pi", "ground", "to", "over",
 ))  # fmt: skip
+WORDING = {"words": sorted(WORDS), "kinds": sorted(ELEMENT_KINDS)}  # for the editor
 _PIECES = re.compile(
     r'(?P<remark>#.*)|(?P<words>"[^"]*"?)|(?P<number>\b\d[\d.]*(?:[eE][-+]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<arrow>->|=>)'
 )

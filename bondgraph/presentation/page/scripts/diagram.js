@@ -55,7 +55,7 @@ class Diagram {
   listen(line, groups) {
     if (!line) return;
     line.classList.add("linked");
-    line.tabIndex = 0;
+    if (!page.editor) line.tabIndex = 0;
     const light = (on) => { line.classList.toggle("lit", on); for (const g of groups) g.classList.toggle("lit", on); };
     const go = () => this.scroll(groups[0]);
     for (const kind of ["pointerenter", "focus"]) line.addEventListener(kind, () => light(true));
@@ -164,6 +164,7 @@ function toLine(at) {
   const line = at && lineOf(at);
   if (!line) return;
   line.closest("details").open = true;
+  if (page.editor && at.startsWith("0:")) { page.editor.go(Number(at.slice(2))); return; }
   const list = line.closest("#text"), box = line.getBoundingClientRect(), frame = list.getBoundingClientRect();
   if (list.scrollHeight > list.clientHeight + 4) list.scrollBy({ top: box.top - frame.top - frame.height / 2 }); else line.scrollIntoView({ block: "center" });
 }

@@ -4,15 +4,16 @@ function live() {
   const token = document.querySelector('meta[name="token"]').content;
   const ask = async (path, body) => {
     const answer = await fetch(path, { method: body ? "POST" : "GET", headers: { "X-Bondgraph-Token": token, ...(body && { "Content-Type": "application/json" }) }, body: body && JSON.stringify(body), cache: "no-store" });
-    if (!answer.ok) throw new Error(`${answer.status}`);
+    if (!answer.ok) throw new Error(await answer.text());
     return answer.json();
   };
   const state = { busy: false, wanted: null, version: page.data.version, shown: null };
   const known = new Set();  // experiments that have been compiled
-  const banner = document.getElementById("problems");
+  const editor = page.editor = new Editor(ask), banner = editor.bar;
   const note = (words) => { const host = document.getElementById("told"); if (host) host.replaceChildren(html("p", { class: "note" }, words)); };
 
   async function run(name) {
+    if (editor.opening) return;  // what comes is run then
     state.wanted = name;
     if (state.busy) {
       if (performance.now() - state.began > 800 && !state.first) { state.began = performance.now(); ask("/stop", {}).catch(() => {}); }
@@ -28,7 +29,10 @@ function live() {
       try {
         const found = await ask("/run", { experiment: wanted, settings: page.sliders ? page.sliders.values : {} });
         known.add(wanted);
-        if (version === state.version && wanted === page.chosen && page.swinging === undefined) put(found);
+        if (version !== state.version) continue;
+        page.sliders?.answer(found);
+        if (found.wrong && !state.shown) state.wanted ??= wanted;  // with the values that hold instead
+        if (!found.wrong && wanted === page.chosen && page.swinging === undefined) put(found);
       } catch (problem) { note(`The server does not answer (${problem.message}).`); }
     }
     state.busy = false;
@@ -46,17 +50,15 @@ function live() {
     });
   }
 
-  function arm() {
+  // The page of a text: sliders with the values that were chosen, unless it is another file's, then its first run.
+  function arm(data) {
     state.shown = null;
-    const host = document.getElementById("sliders");
-    const before = page.sliders ? page.sliders.values : {};
-    page.sliders = host && page.data.parameters ? new Sliders(host, page.data.parameters, () => { if (page.swinging !== undefined) choose(Math.max(0, page.data.experiments.findIndex((e) => e.name === page.chosen))); else run(page.chosen); }) : null;
-    if (page.sliders) {
-      for (const p of page.data.parameters) if (p.name in before) page.sliders.values[p.name] = before[p.name];
-      for (const put of page.sliders.puts) put();
-    }
-    if (page.chosen && page.data.experiments.length) run(page.chosen);
-    if (!page.data.modes.length) ask("/modes").then((found) => { if (found.version === state.version && found.modes.length) addModes(found.modes); }).catch(() => {});
+    const host = document.getElementById("sliders"), before = page.sliders && state.file === editor.file ? page.sliders.values : {};
+    state.file = editor.file;
+    page.sliders = host && data.parameters ? new Sliders(host, data.parameters, () => { if (page.swinging !== undefined) choose(Math.max(0, page.data.experiments.findIndex((e) => e.name === page.chosen))); else run(page.chosen); }) : null;
+    page.sliders?.keep(before);
+    load(data);
+    if (!data.modes.length) ask("/modes").then((found) => { if (found.version === state.version && found.modes.length) addModes(found.modes); }).catch(() => {});
   }
 
   function addModes(modes) {
@@ -68,16 +70,17 @@ function live() {
   }
 
   function follow(change) {
-    banner.innerHTML = change.problems;
-    banner.classList.toggle("wrong", Boolean(change.problems));
     state.version = change.version;
-    if (!change.data) return;
+    if (!change.data) { editor.follow(change); return; }
     known.clear();
     const [x, y] = [scrollX, scrollY], text = document.getElementById("text"), down = text && text.scrollTop;
+    document.body.append(editor.problems);
     document.getElementById("page").innerHTML = change.sections;
+    page.data = change.data;
+    editor.place();
+    editor.follow(change);
     document.title = change.title;
-    load(change.data);
-    arm();
+    arm(change.data);
     const now = document.getElementById("text");
     if (now) now.scrollTop = down;
     scrollTo(x, y);
@@ -97,7 +100,8 @@ function live() {
   }
 
   page.asked = (name) => run(name);
-  arm();
-  if (page.data.problems) { banner.innerHTML = page.data.problems; banner.classList.add("wrong"); }
+  editor.place();
+  editor.follow(page.data);
+  arm(page.data);
   changes();
 }

@@ -61,7 +61,7 @@ function quantity(value, unit) {
 
 // The unit in which a time reads best, and how many of it make a second.
 function timeUnit(largest) {
-  for (const [unit, factor] of [["s", 1], ["ms", 1e3], ["µs", 1e6], ["ns", 1e9], ["ps", 1e12]])
-    if (largest * factor >= 0.9999999) return [unit, factor];
+  for (const [unit, factor, least] of [["day", 1 / 86400, 2], ["h", 1 / 3600, 2], ["min", 1 / 60, 5], ["s", 1, 1], ["ms", 1e3, 1], ["µs", 1e6, 1], ["ns", 1e9, 1], ["ps", 1e12, 1]])
+    if (largest * factor >= 0.9999999 * least) return [unit, factor];
   return ["s", 1];
 }

@@ -1,6 +1,6 @@
 // The page: what is chosen among experiments and modes, its plots, and everything that follows the time.
 
-const page = {};
+const page = { pins: [] };
 const FRAMES = 96;  // of one cycle of a mode
 
 function start() {
@@ -13,9 +13,9 @@ function start() {
     const busy = event.target.closest && event.target.closest("input,select,button,summary,a,[tabindex]:not(.sheet):not(.wide)");
     if (event.key === " " && !busy) { event.preventDefault(); page.player.play(!page.player.playing); }
   });
-  load(JSON.parse(document.getElementById("data").textContent));
+  page.data = JSON.parse(document.getElementById("data").textContent);
+  if (typeof live === "function") live(); else load(page.data);
   performance.mark("interactive");
-  if (typeof live === "function") live();
 }
 
 function load(data) {
@@ -70,30 +70,61 @@ function clear(plots) { plots.replaceChildren(); page.plots = []; page.view = nu
 
 // Plots over one axis, with buttons to zoom for those who have neither keys nor a mouse.
 function draw(plots, run) {
-  const found = panels(run), times = unpack(run.time);
-  if (!times.length) return;
-  const [low, high] = extent([times]);
+  page.run = run;
+  const found = panels(run), times = found.flatMap((panel) => panel.curves.map((curve) => curve.times));
+  if (!times.some((t) => t.length)) return;
+  const [low, high] = extent(times);
   page.view = new View(low, high);
-  const [unit, factor] = run.axis ? [run.axis.unit, 1] : timeUnit(Math.max(Math.abs(low), Math.abs(high)));
-  const words = run.axis ? `${run.axis.name}${unit && `, ${unitWords(unit)}`}` : `time, ${unit}`;
+  const { name, unit, factor } = page.axis = axisOf(run, low, high), words = `${name}${unit && `, ${unitWords(unit)}`}`;
   const chosen = (instant, hovering) => { if (!hovering || !page.player.playing) { if (!hovering) page.player.play(false); page.player.put((instant - low) / (high - low)); } };
-  plots.append(zoomTools());
-  for (const panel of found) page.plots.push(new Plot(plots, panel.title, panel.unit, panel.curves, { words, factor, values: panel.times }, page.view, chosen));
+  plots.append(zoomTools(), pinned());
+  for (const panel of found) page.plots.push(new Plot(plots, panel.title, panel.unit, panel.curves, { words, factor }, page.view, chosen));
+}
+
+// What a run is plotted over: the swept quantity, or the time in the unit in which it reads best.
+function axisOf(run, low, high) {
+  const [unit, factor] = run.axis ? [run.axis.unit, 1] : timeUnit(Math.max(Math.abs(low), Math.abs(high)));
+  return { name: run.axis ? run.axis.name : "time", unit, factor };
 }
 
 function zoomTools() {
   const middle = () => (page.view.range[0] + page.view.range[1]) / 2;
   const button = (words, told, action) => { const made = html("button", { type: "button", "aria-label": told, title: told }, words); made.addEventListener("click", action); return made; };
-  return html("div", { class: "tools" }, button("+", "zoom in", () => page.view.zoom(0.5, middle())), button("−", "zoom out", () => page.view.zoom(2, middle())), button("all", "show the whole run", () => page.view.show(...page.view.whole)));
+  return html("div", { class: "tools" }, button("+", "zoom in", () => page.view.zoom(0.5, middle())), button("−", "zoom out", () => page.view.zoom(2, middle())), button("all", "show the whole run", () => page.view.show(...page.view.whole)), button("pin", "keep these curves beside those of the next run", () => pin()));
 }
 
-// One panel for each unit, then energies and powers along the run.
+// ---------------------------------------------------------------- pins: curves that stay
+
+function pin() {
+  const set = page.sliders ? page.sliders.words : "", name = [page.pins.some((p) => p.model !== page.data.model) && page.data.model, page.chosen, set].filter(Boolean).join(", ");
+  page.pins.push({ model: page.data.model, name, run: page.run });
+  again();
+}
+
+// The plots drawn anew, with the pins as they are now.
+function again() { const plots = document.getElementById("plots"); clear(plots); draw(plots, page.run); page.player.put(page.player.share); }
+
+function pinned() {
+  return html("div", { class: "choice pins" }, ...page.pins.map((one, i) => {
+    const button = html("button", { type: "button", "aria-label": `remove ${one.name}`, class: `key d${1 + i % 2}` }, html("i"), one.name, " ×");
+    button.addEventListener("click", () => { page.pins.splice(i, 1); again(); });
+    return button;
+  }));
+}
+
+// One panel for each unit, with the curves of pinned runs over the same axis, then energies and powers along the run.
 function panels(run) {
-  const times = unpack(run.time), values = unpack(run.values), groups = new Map();
-  run.outputs.forEach((output, i) => {
-    if (!groups.has(output.unit)) groups.set(output.unit, { unit: output.unit, title: "", times, curves: [] });
-    groups.get(output.unit).curves.push({ name: output.name, values: row(values, i, times.length) });
-  });
+  const groups = new Map(), axis = (one) => one.axis ? `${one.axis.name} ${one.axis.unit}` : "";
+  const add = (one, words, dash) => {
+    const times = unpack(one.time), values = unpack(one.values);
+    one.outputs.forEach((output, i) => {
+      if (!groups.has(output.unit)) groups.set(output.unit, { unit: output.unit, title: "", curves: [] });
+      const { curves } = groups.get(output.unit), like = curves.findIndex((c) => c.output === output.name);
+      curves.push({ name: words ? `${output.name} (${words})` : output.name, output: output.name, times, values: row(values, i, times.length), ...(words && { colour: like < 0 ? curves.length : like, dash }) });
+    });
+  };
+  add(run, "", 0);
+  page.pins.forEach((one, i) => { if (axis(one.run) === axis(run)) add(one.run, one.name, 1 + i % 2); });
   return run.along ? [...groups.values(), ...flows(run.along)] : [...groups.values()];
 }
 
@@ -101,29 +132,30 @@ const STRONGEST = 6;  // elements whose powers are plotted
 
 function flows(told) {
   const times = unpack(told.time), count = times.length, energy = unpack(told.energy), bonds = unpack(told.bonds);
-  const sums = ["supplied", "dissipated", "stored"].map((name, i) => ({ name, values: row(energy, i, count) }));
+  const sums = ["supplied", "dissipated", "stored"].map((name, i) => ({ name, times, values: row(energy, i, count) }));
   const powers = page.data.powers.map(([name, , around]) => {
     const values = new Float32Array(count);
     for (const [bond, sign] of around) {
       const [effort, flow] = page.data.places[bond];
       for (let i = 0; i < count; i++) values[i] += effort === null || flow === null ? NaN : sign * bonds[effort * count + i] * bonds[flow * count + i];
     }
-    return { name, values, size: values.reduce((sum, v) => sum + Math.abs(v), 0) };
+    return { name, times, values, size: values.reduce((sum, v) => sum + Math.abs(v), 0) };
   });
   const largest = Math.max(0, ...powers.map((p) => p.size || 0));
   const strong = powers.filter((p) => p.size > 1e-6 * largest).sort((p, q) => q.size - p.size).slice(0, STRONGEST);
   const found = [];
-  if (energy.some((v) => v)) found.push({ title: "energy since the start", unit: "J", times, curves: sums });
-  if (strong.length) found.push({ title: "power into", unit: "W", times, curves: strong });
+  if (energy.some((v) => v)) found.push({ title: "energy since the start", unit: "J", curves: sums });
+  if (strong.length) found.push({ title: "power into", unit: "W", curves: strong });
   return found;
 }
 
 // The same experiment with other values: the curves change where they stand.
 function refresh(run) {
-  const found = panels(run), times = unpack(run.time);
+  const found = panels(run), [low, high] = extent(found.flatMap((panel) => panel.curves.map((curve) => curve.times)));
   const alike = found.length === page.plots.length && found.every((panel, i) => panel.curves.length === page.plots[i].curves.length && panel.curves.every((c, k) => c.name === page.plots[i].curves[k].name));
-  if (!alike || times[0] !== page.view.whole[0] || times[times.length - 1] !== page.view.whole[1]) return false;
-  found.forEach((panel, i) => page.plots[i].replace(panel.curves, panel.times));
+  if (!alike || low !== page.view.whole[0] || high !== page.view.whole[1]) return false;
+  page.run = run;
+  found.forEach((panel, i) => page.plots[i].replace(panel.curves));
   along(run.along);
   return true;
 }
@@ -140,9 +172,8 @@ function along(told) {
 }
 
 function at(share) {
-  const [low, high] = page.view.whole, instant = low + share * (high - low);
-  const [unit, factor] = timeUnit(Math.max(Math.abs(low), Math.abs(high)));
-  return `${digits(instant * factor)} ${unit}`;
+  const [low, high] = page.view.whole, { name, unit, factor } = page.axis;
+  return `${name} = ${digits((low + share * (high - low)) * factor)} ${unitWords(unit)}`.trim();
 }
 
 function hideStages(hidden) { const stages = document.getElementById("stages"); if (stages) stages.hidden = hidden || !page.stages.length; }

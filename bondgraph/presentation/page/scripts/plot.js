@@ -50,13 +50,16 @@ class View {
   }
 }
 
+// Colour and dashes of a curve: its own, or those of its place.
+const look = (curve, place) => `c${(curve.colour ?? place) % 7} d${curve.dash ?? Math.floor(place / 7) % 3}`;
+
 class Plot {
-  // `curves`: {name, values}; `axis`: {words, factor, values}; `chosen(instant)` is called where the reader points.
+  // `curves`: {name, times, values, colour, dash}; `axis`: {words, factor}; `chosen(instant)` is called where the reader points.
   constructor(host, title, unit, curves, axis, view, chosen) {
     Object.assign(this, { title, unit, curves, axis, view, chosen, instant: view.whole[0], hidden: new Set() });
     this.picture = svg("svg", { class: "plot", tabindex: 0, role: "img", "aria-label": `${title} over ${axis.words}; arrow keys move the cursor, plus and minus zoom, 0 shows all` });
     this.legend = html("div", { class: "legend" });
-    this.box = html("figure", { class: "panel" }, html("figcaption", {}, title, " ", html("small", {}, unit && `[${unitWords(unit)}]`), this.legend), this.picture);
+    this.box = html("figure", { class: "panel" }, html("figcaption", {}, title, " ", html("small", {}, unit && `[${unitWords(unit)}]`), this.legend, ...exports(this)), this.picture);
     host.append(this.box);
     this.keys = curves.map((curve, place) => this.key(curve, place));
     this.legend.append(...this.keys.map((key) => key.button));
@@ -68,7 +71,7 @@ class Plot {
 
   key(curve, place) {
     const value = html("span", { class: "value" });
-    const button = html("button", { type: "button", class: `key c${place % 7} d${Math.floor(place / 7) % 3}`, "aria-pressed": "true" }, html("i"), curve.name, " ", value);
+    const button = html("button", { type: "button", class: `key ${look(curve, place)}`, "aria-pressed": "true" }, html("i"), curve.name, " ", value);
     button.addEventListener("click", () => {
       if (!this.hidden.delete(place)) this.hidden.add(place);
       button.setAttribute("aria-pressed", String(!this.hidden.has(place)));
@@ -77,27 +80,22 @@ class Plot {
     return { button, value };
   }
 
-  replace(curves, axisValues) {
-    this.curves = curves;
-    this.axis.values = axisValues;
-    this.draw();
-  }
+  replace(curves) { this.curves = curves; this.draw(); }
 
   x(value) { const [low, high] = this.view.range; return LEFT + (value - low) / (high - low) * (this.width - LEFT - RIGHT); }
   back(x) { const [low, high] = this.view.range; return low + (x - LEFT) / (this.width - LEFT - RIGHT) * (high - low); }
   y(value) { const [low, high] = this.scale; return TOP + (high - value) / (high - low) * (HEIGHT - TOP - BOTTOM); }
 
-  // The places of the values that are in the range, with one beyond on both sides.
-  places() {
-    const [low, high] = this.view.range, values = this.axis.values;
-    return [Math.max(0, Math.floor(placeOf(values, low))), Math.min(values.length, Math.ceil(placeOf(values, high)) + 1)];
+  // The places of a curve's values that are in the range, with one beyond on both sides.
+  places({ times }) {
+    const [low, high] = this.view.range;
+    return [Math.max(0, Math.floor(placeOf(times, low))), Math.min(times.length, Math.ceil(placeOf(times, high)) + 1)];
   }
 
   draw() {
     if (!this.width) this.width = this.box.clientWidth;
     if (!this.width) return;
-    const [first, last] = this.places();
-    const shown = this.curves.filter((_, place) => !this.hidden.has(place)).map((curve) => curve.values.subarray(first, last));
+    const shown = this.curves.filter((_, place) => !this.hidden.has(place)).map((curve) => curve.values.subarray(...this.places(curve)));
     let [low, high] = extent(shown);
     const size = Math.max(Math.abs(low), Math.abs(high));
     if (high - low <= 1e-9 * size || high === low) { const half = size * 0.5 || 1; low -= half; high += half; }
@@ -106,7 +104,7 @@ class Plot {
     this.picture.setAttribute("viewBox", `0 0 ${this.width} ${HEIGHT}`);
     this.picture.setAttribute("height", HEIGHT);
     this.cursor = svg("path", { class: "cursor" });
-    this.picture.replaceChildren(...this.frame(), ...this.paths(first, last), this.cursor);
+    this.picture.replaceChildren(...this.frame(), ...this.paths(), this.cursor);
     this.point(this.instant);
   }
 
@@ -127,15 +125,16 @@ class Plot {
     return found;
   }
 
-  paths(first, last) {
+  paths() {
     return this.curves.map((curve, place) => {
       if (this.hidden.has(place)) return svg("g");
+      const [first, last] = this.places(curve);
       let way = "", pen = "M";
       for (let i = first; i < last; i++) {
         const v = curve.values[i];
-        if (Number.isFinite(v)) { way += `${pen}${this.x(this.axis.values[i]).toFixed(1)} ${this.y(v).toFixed(1)}`; pen = "L"; } else pen = "M";
+        if (Number.isFinite(v)) { way += `${pen}${this.x(curve.times[i]).toFixed(1)} ${this.y(v).toFixed(1)}`; pen = "L"; } else pen = "M";
       }
-      return svg("path", { class: `curve c${place % 7} d${Math.floor(place / 7) % 3}`, d: way || "M0 0" });
+      return svg("path", { class: `curve ${look(curve, place)}`, d: way || "M0 0" });
     });
   }
 
@@ -145,8 +144,7 @@ class Plot {
     if (!this.cursor) return;
     const x = this.x(instant), [low, high] = this.view.range;
     this.cursor.setAttribute("d", instant >= low && instant <= high ? `M${x} ${TOP}V${HEIGHT - BOTTOM}` : "M0 0");
-    const place = placeOf(this.axis.values, instant);
-    this.keys.forEach((key, i) => { key.value.textContent = this.curves[i] ? digits(between(this.curves[i].values, place)) : ""; });
+    this.keys.forEach((key, i) => { key.value.textContent = this.curves[i] ? digits(between(this.curves[i].values, placeOf(this.curves[i].times, instant))) : ""; });
   }
 
   listen() {

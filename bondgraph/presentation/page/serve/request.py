@@ -26,6 +26,7 @@ class Limits:
     """Limits on the resources of clients: sizes in bytes, times in s."""
 
     body: int = 65_536
+    text: int = 4_194_304  # of a body with the text of a file
     head: int = 131_072  # request line and headers
     receiving: float = 20.0  # from the first wait for a request to the end of its body
     sending: float = 60.0  # for an answer
@@ -67,8 +68,8 @@ def known_version(values: list[str]) -> int:
     return int(values[0])
 
 
-def run_request(body: bytes) -> tuple[str, dict[str, float]]:
-    """Return the experiment and the values by name of a body in JSON. Raises `RequestRefused`."""
+def run_request(body: bytes) -> tuple[str, dict[str, str | float]]:
+    """Return the experiment and the values by name, numbers in SI or texts with units, of a body in JSON. Raises `RequestRefused`."""
     try:
         told = json.loads(body.decode("utf-8"), object_pairs_hook=_without_doubles)
         experiment, settings = told["experiment"], told["settings"]
@@ -77,9 +78,19 @@ def run_request(body: bytes) -> tuple[str, dict[str, float]]:
         raise RequestRefused(400, NO_RUN) from None
     except OverflowError:
         raise RequestRefused(400, "a value is at most 1.8e308 in size") from None
-    if not isinstance(experiment, str) or not all(math.isfinite(value) for value in values.values()):
+    if not isinstance(experiment, str) or not all(isinstance(v, str) or math.isfinite(v) for v in values.values()):
         raise RequestRefused(400, "an experiment has a name, and a value is a finite number")
     return experiment, values
+
+
+def text_request(body: bytes, *names: str) -> tuple[str, ...]:
+    """Return the texts of these names in a body in JSON. Raises `RequestRefused`."""
+    try:
+        told = json.loads(body.decode("utf-8"), object_pairs_hook=_without_doubles)
+        texts = tuple(str.encode(told[name]).decode() for name in names)  # no half of a character
+    except (ValueError, TypeError, KeyError, RecursionError):
+        raise RequestRefused(400, f"a question has {', '.join(names)}, in JSON") from None
+    return texts
 
 
 def _is_whole(digits: str) -> bool:
@@ -87,7 +98,9 @@ def _is_whole(digits: str) -> bool:
     return digits.isascii() and digits.isdigit()
 
 
-def _number(value: object) -> float:
+def _number(value: object) -> str | float:
+    if isinstance(value, str):
+        return value
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise TypeError(value)
     return float(value)

@@ -7,6 +7,7 @@ import os
 import socket
 import sys
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -16,7 +17,7 @@ from ....errors import UsageError
 from ..shell import page_text
 from .connections import Connections, RequestStream, drain
 from .guard import Guard
-from .request import Limits, RequestRefused, body_length, check_headers, known_version, run_request
+from .request import Limits, RequestRefused, body_length, check_headers, known_version, run_request, text_request
 from .session import Session
 
 PATIENCE = 20.0  # s that a request for changes waits
@@ -155,18 +156,27 @@ class Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         check_headers(self.headers)
         self._check_token(self.headers.get("X-Bondgraph-Token", ""))
-        body = self._body(body_length(self.headers, self.server.limits.body))
-        if self.path == "/stop":
-            self._answer(200, self.server.session.stop())
-            return
-        if self.path != "/run":
+        limits, session = self.server.limits, self.server.session
+        body = self._body(body_length(self.headers, limits.text if self.path in ("/save", "/check") else limits.body))
+        answers: dict[str, Callable[[], str]] = {
+            "/stop": session.stop,
+            "/run": lambda: session.run(*run_request(body)),
+            "/open": lambda: session.open(*text_request(body, "file")),
+            "/save": lambda: session.save(*text_request(body, "file", "text", "before")),
+            "/check": lambda: session.check(*text_request(body, "text")),
+        }
+        if self.path not in answers:
             self._tell(404, "there is nothing here")
             return
-        experiment, settings = run_request(body)
         try:
-            self._answer(200, self.server.session.run(experiment, settings))
+            answer = answers[self.path]()
         except UsageError as problem:
             self._tell(400, str(problem))
+            return
+        except OSError as problem:  # of the file
+            self._tell(409, f"not saved: {problem.strerror or problem}")
+            return
+        self._answer(200, answer)
 
     def _check_token(self, token: str) -> None:
         """Raise `RequestRefused` if the request is not from a page of this server."""

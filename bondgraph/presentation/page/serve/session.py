@@ -8,29 +8,32 @@ from __future__ import annotations
 
 import gc
 import threading
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from compiler.api import CompilationFailed, Source, read_text
+from compiler.api import CompilationFailed, Diagnostic, Source, examine, read_text
 
 from ....analysed_model import AnalysedModel
+from ....compiled_model import LIBRARY, most_parts
 from ....errors import UsageError
 from ....files import FollowedFiles
 from ..certificate import problems_markup
-from ..document import Document, document_of
+from ..document import Document, document_of, text_section
 from ..experiments import PROBLEMS, experiment_data, one_run
-from ..markup import Html, tag
+from ..markup import tag
 from ..runs import PageModel, run_data
 from ..shapes import modes_data
 from ..shell import data_text
+from ..text import WORDING
 from .cancellation import Stopped, TimedExecutor
-from .settings import base_settings, parameters_of
+from .files import models_in, path_of, save, stamp
+from .settings import base_settings, in_author_units, parameters_of, settings_of
 
 EMPTY: dict[str, Any] = {
     "model": "", "parts": {"nodes": [], "lines": [], "bonds": []}, "places": [], "powers": [], "scenes": [], "experiments": [], "modes": [],
-    "live": True, "parameters": [],
+    "live": True, "parameters": [], **WORDING,
 }  # fmt: skip
 LOOK_EVERY = 0.15  # s between two checks of the files
 LONGEST_FIRST, LONGEST = 120.0, 15.0  # s of a run that compiles, and of any other
@@ -48,13 +51,28 @@ class Loaded:
     base: dict[str, dict[str, float]] = field(default_factory=dict)  # experiment -> settings of each of its runs
 
 
-class Session:
-    """Session of one file."""
+@dataclass(frozen=True, slots=True)
+class Text:
+    """Text of the file now, what tells it from another, its errors with their lines, and texts that mend them."""
 
-    def __init__(self, path: Path, model: str | None = None) -> None:
-        self.path, self.model = path, model
+    text: str = ""
+    stamp: str = ""
+    problems: str = ""
+    lines: tuple[int, ...] = ()
+    corrections: Sequence[Mapping[str, str]] = ()
+
+
+class Session:
+    """Session of one file, or of a folder of which one file is shown. `corrections` are what an editor offers for a wrong text."""
+
+    def __init__(
+        self, path: Path, model: str | None = None, corrections: Callable[[str, Path], Sequence[Mapping[str, str]]] = lambda text, path: ()
+    ) -> None:  # fmt: skip
+        self.folder = path if path.is_dir() else None
+        self.path = path if self.folder is None else path / next(iter(models_in(path)), "model.bg")
+        self.model, self.corrections = model, corrections
         self.version = 0
-        self.problems = Html("")
+        self.shown = Text()
         self.loaded: Loaded | None = None
         self.news = threading.Condition()
         self.work = threading.Lock()
@@ -66,26 +84,28 @@ class Session:
     def load(self) -> None:
         """Read and compile the current file; store errors for display, with the page of the last valid version."""
         with self.work:
-            loaded, problems = self.loaded, Html("")
+            loaded, shown = self.loaded, Text()
             try:
-                loaded = self._compiled()
+                now = stamp(self.path)  # before the text: a change between both is then one that is not known
+                shown = Text(read_text(self.path), now)
+                loaded = self._compiled(shown.text)
             except CompilationFailed as failed:
-                problems = problems_markup(failed.diagnostics)
+                shown = replace(shown, **self._told(failed.diagnostics, shown.text))
             except (OSError, UnicodeDecodeError) as problem:
-                problems = tag("p", f"{self.path.name} cannot be read: {problem}")
+                shown = replace(shown, problems=tag("p", f"{self.path.name} cannot be read: {problem}"))
             except PROBLEMS as problem:
-                problems = tag("p", str(problem))
+                shown = replace(shown, problems=tag("p", str(problem)))
             except Exception as problem:  # the thread that follows the file must not end silently
                 kind = type(problem).__name__
-                problems = tag("p", f"a defect of ours, not of your file ({kind}: {problem}); the page stays as it was")
+                words = f"a defect of ours, not of your file ({kind}: {problem}); the page stays as it was"
+                shown = replace(shown, problems=tag("p", words))
             self._look(loaded)
         with self.news:
-            self.loaded, self.problems = loaded, problems
+            self.loaded, self.shown = loaded, shown
             self.version += 1
             self.news.notify_all()
 
-    def _compiled(self) -> Loaded:
-        text = read_text(self.path)
+    def _compiled(self, text: str) -> Loaded:
         model = AnalysedModel(Source(str(self.path), text, self.path), self.model)
         document = document_of(model, live=True)
         watched = PageModel(model)
@@ -93,6 +113,13 @@ class Session:
         files = tuple(s.path for s in model.compilation().files if s.path is not None)
         _settle()
         return Loaded(watched, document, files)
+
+    def _told(self, diagnostics: Sequence[Diagnostic], text: str) -> dict[str, Any]:
+        """Return errors as the fields of a `Text`: markup, lines, corrections."""
+        lines = tuple(d.span.line for d in diagnostics if d.span.source.path == self.path)
+        return {
+            "problems": problems_markup(tuple(diagnostics)), "lines": lines, "corrections": self.corrections(text, self.path),
+        }  # fmt: skip
 
     def _look(self, loaded: Loaded | None) -> bool:
         """Return True if a file has changed since the last check."""
@@ -104,39 +131,89 @@ class Session:
             if self._look(self.loaded):
                 self.load()
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the files that can be opened."""
+        return models_in(self.folder) if self.folder is not None else (self.name,)
+
+    @property
+    def name(self) -> str:
+        return self.path.name if self.folder is None else self.path.relative_to(self.folder).as_posix()
+
+    def open(self, name: str) -> str:
+        """Go to another file of the folder. Raises `UsageError`."""
+        path = self._path(name)
+        with self.work:
+            self.path, self.loaded, self.model = path, None, None
+        self.load()
+        return data_text({"file": self.name})
+
+    def save(self, name: str, text: str, before: str) -> str:
+        """Write a file whose stamp was `before`, and show it. Raises `UsageError`, OSError."""
+        path = self._path(name)
+        with self.work:
+            found = save(path, text, before)
+        if found == before:
+            self.open(name) if path != self.path else self.load()
+        return data_text({"saved": found == before, "stamp": found})
+
+    def _path(self, name: str) -> Path:
+        if self.folder is None and name != self.path.name:
+            raise UsageError("BR946", "this page is about one file;", "`bondgraph serve FOLDER` shows all of a folder")
+        return self.path if self.folder is None else path_of(self.folder, name)
+
+    def check(self, text: str) -> str:
+        """Return the errors of a text that stands in place of the file, as JSON."""
+        found, _ = examine(Source(str(self.path), text, self.path), None, LIBRARY, most_parts())
+        return data_text(self._told(found, text) if found else {"problems": "", "lines": (), "corrections": ()})
+
     # ------------------------------------------------------------ what pages ask
     def page(self) -> Document:
         """Return the first contents of a page."""
         with self.news:
-            loaded, problems, version = self.loaded, self.problems, self.version
-        found = loaded.document if loaded is not None else Document(self.path.name, Html(""), EMPTY)
-        return Document(found.title, found.sections, {**found.data, "version": version, "problems": problems})
+            loaded, shown, version = self.loaded, self.shown, self.version
+        found = loaded.document if loaded is not None else self._unread(shown)
+        return Document(found.title, found.sections, {**found.data, "version": version, **self._state(shown)})
+
+    def _unread(self, shown: Text) -> Document:
+        """Return the page of a file without a valid version."""
+        return Document(self.path.name, text_section([Source(str(self.path), shown.text, self.path)]), EMPTY)
+
+    def _state(self, shown: Text) -> dict[str, Any]:
+        return {"file": self.name, "files": self.names, **asdict(shown)}
 
     def change(self, since: int, patience: float) -> str:
         """Return the state after a version, as JSON; the current state if no change comes within `patience` seconds."""
         with self.news:
             self.news.wait_for(lambda: self.version != since or self.ended.is_set(), patience)
-            loaded, problems, version = self.loaded, self.problems, self.version
-        told: dict[str, Any] = {"version": version, "problems": problems}
-        if version != since and loaded is not None and not problems:
-            told |= {
-                "title": loaded.document.title,
-                "sections": loaded.document.sections,
-                "data": {**loaded.document.data, "version": version},
-            }
+            loaded, shown, version = self.loaded, self.shown, self.version
+        told: dict[str, Any] = {"version": version}
+        if version != since:
+            told |= self._state(shown)
+            if loaded is None or not shown.problems:
+                document = loaded.document if loaded is not None else self._unread(shown)
+                told |= {
+                    "title": document.title,
+                    "sections": document.sections,
+                    "data": {**document.data, "version": version},
+                }
         return data_text(told)
 
-    def run(self, experiment: str, settings: Mapping[str, float]) -> str:
+    def run(self, experiment: str, texts: Mapping[str, str | float]) -> str:
         """Run an experiment with some values; return JSON. Raises `UsageError` for names that the model does not have."""
         with self.work:
-            loaded = self._checked(experiment, settings)
+            loaded = self._checked(experiment)
+            parameters = loaded.document.data["parameters"]
+            settings, wrong = settings_of(parameters, texts)
+            if wrong:
+                return data_text({"kind": "unread", "wrong": wrong})
             longest = LONGEST if experiment in loaded.base else LONGEST_FIRST
             try:
                 found = self.executor.within(longest, lambda: _run(loaded, experiment, settings))
             except Stopped as stopped:
                 words = f"{stopped}: no curve within {longest:g} s, or another was asked for"
                 found = {"name": experiment, "kind": "failed", "told": tag("pre", words.lstrip(": "))}
-            return data_text(found)
+            return data_text(found | {"set": in_author_units(parameters, settings)})
 
     def stop(self) -> str:
         """Stop a run that lasts longer than a user waits who has moved the slider again."""
@@ -152,14 +229,11 @@ class Session:
                 found = []
             return data_text({"version": version, "modes": found})
 
-    def _checked(self, experiment: str, settings: Mapping[str, float]) -> Loaded:
+    def _checked(self, experiment: str) -> Loaded:
         if self.loaded is None:
             raise UsageError("BR921", "there is no model yet")
         if experiment not in self.loaded.watched.model.experiments:
             raise UsageError("BR922", "there is no such experiment")
-        known = {p["name"] for p in self.loaded.document.data["parameters"]}
-        if not set(settings) <= known:
-            raise UsageError("BR923", "there is no such parameter")
         return self.loaded
 
 

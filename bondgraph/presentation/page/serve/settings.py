@@ -2,54 +2,79 @@
 
 from __future__ import annotations
 
-import re
-from fractions import Fraction
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import CompilationFailed, Source, evaluate, read_unit
+from compiler.api import Source, evaluate, read_unit
 
+from ....errors import UsageError
+from ....quantities import quantity
 from ...text.tables import visible
+from ..author_units import author_units, quantities_in
 
 if TYPE_CHECKING:
+    from compiler.api import Scale
+
     from ....compiled_model import CompiledModel
 
 MOST = 200
-_NUMBERS = re.compile(r"(\d+(?:\.\d+)?(?:[eE][-+]?\d{1,3})?) ?(?:\[([^\]\n]{1,40})\]|([^\W\d]\w{0,8}))")
 
 
 def parameters_of(model: CompiledModel) -> list[dict[str, Any]]:
-    """Return parameters and inputs that are numbers, as data; an input that depends on time begins at zero."""
+    """Return parameters and inputs that are numbers, as data, in the author's units; an input that depends on time begins at zero."""
     found = []
     sizes = _sizes(model.source.text)
-    for name, quantity in model.compilation().whole_graph.quantities.items():
-        value = _value(quantity)
-        if value is None and quantity.role == "input":
+    quantities = model.compilation().whole_graph.quantities
+    units = author_units(model, {n: q.unit for n, q in quantities.items() if "." not in n})
+    for name, (unit, scale) in units.items():
+        item = quantities[name]
+        value = _value(item)
+        if value is None and item.role == "input":
             value = 0.0
-        if quantity.role in ("parameter", "input") and "." not in name and value is not None:
-            unit = "" if quantity.unit == "1" else visible(quantity.unit)
-            words = visible(quantity.description)
-            size = 0.0 if quantity.unit == "1" else sizes.get(read_unit(Source("unit", quantity.unit)).dimension, 0.0)
+        if item.role in ("parameter", "input") and value is not None:
+            size = sizes.get(scale.dimension, 0.0) * abs(scale.from_si(1.0) - scale.from_si(0.0)) if unit else 0.0
             told = {
-                "name": name,
-                "role": quantity.role,
-                "unit": unit,
-                "value": value,
+                "unit": visible(unit),
+                "value": _in(scale, value),
                 "size": size,
-                "description": words,
+                "description": visible(item.description),
             }
-            found.append(told)
+            found.append({"name": name, "role": item.role, **told})
     return found[:MOST]
+
+
+def _in(scale: Scale, value: float) -> float:
+    """Return a value in a unit, without the digits that the conversion adds."""
+    return float(f"{scale.from_si(value):.12g}")
+
+
+def settings_of(
+    parameters: list[dict[str, Any]], texts: Mapping[str, str | float]
+) -> tuple[dict[str, float], dict[str, str]]:
+    """Return the values in SI of texts with units, and for each that is no value of its parameter the reason."""
+    units = {p["name"]: p["unit"] or "1" for p in parameters}
+    if not set(texts) <= set(units):
+        raise UsageError("BR923", "there is no such parameter")
+    values, wrong = dict[str, float](), dict[str, str]()
+    for name, text in texts.items():
+        try:
+            values[name] = quantity(text, units[name], name)
+        except UsageError as problem:
+            wrong[name] = str(problem)
+    return values, wrong
+
+
+def in_author_units(parameters: list[dict[str, Any]], values: Mapping[str, float]) -> dict[str, float]:
+    """Return values in SI in the units of the parameters."""
+    units = {p["name"]: p["unit"] or "1" for p in parameters}
+    return {name: _in(read_unit(Source("unit", units[name])), value) for name, value in values.items()}
 
 
 def _sizes(text: str) -> dict[Any, float]:
     """Return the largest number of each dimension in a text: the range of the slider of a value that is zero."""
     found: dict[Any, float] = {}
-    for number, bracketed, plain in _NUMBERS.findall(text):
-        try:
-            scale = read_unit(Source("unit", bracketed or plain))
-        except CompilationFailed:
-            continue  # the word is no unit
-        size = abs(float(scale.to_si(Fraction(number))))
+    for number, _, scale in quantities_in(text):
+        size = abs(scale.to_si(number))
         if 0 < size < float("inf"):
             found[scale.dimension] = max(size, found.get(scale.dimension, 0.0))
     return found
@@ -60,21 +85,21 @@ def base_settings(model: CompiledModel, experiment: str) -> dict[str, float]:
     quantities = model.compilation(model.scene(experiment)).whole_graph.quantities
     found: dict[str, float] = {}
     for told in parameters_of(model):
-        quantity = quantities[told["name"]]
-        value = _value(quantity)
-        if value is not None and not getattr(quantity.definition, "arguments", ()):
+        item = quantities[told["name"]]
+        value = _value(item)
+        if value is not None and not getattr(item.definition, "arguments", ()):
             found[told["name"]] = value
     return found
 
 
-def _value(quantity: Any) -> float | None:
+def _value(item: Any) -> float | None:
     """Return the value of a quantity before a run; None if it depends on time or on the state."""
-    if quantity.value is not None:
-        return float(quantity.value)
-    if quantity.definition is None or quantity.definition.arguments:
+    if item.value is not None:
+        return float(item.value)
+    if item.definition is None or item.definition.arguments:
         return None
     try:
-        return evaluate(quantity.definition.expression, _nothing)
+        return evaluate(item.definition.expression, _nothing)
     except (ArithmeticError, ValueError, LookupError):
         return None
 

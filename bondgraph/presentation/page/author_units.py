@@ -1,0 +1,46 @@
+"""Units in which the author of a text gives quantities: the one behind the colon, else that of the first number of the same kind."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from compiler.api import CompilationFailed, Scale, Source, read_unit, tree
+
+if TYPE_CHECKING:
+    from ...compiled_model import CompiledModel
+
+_NUMBERS = re.compile(r"(\d+(?:\.\d+)?(?:[eE][-+]?\d{1,3})?) ?(?:\[([^\]\n]{1,40})\]|([^\W\d]\w{0,8}|%))")
+
+
+def quantities_in(text: str) -> Iterator[tuple[Fraction, str, Scale]]:
+    """Yield all numbers of a text that have a unit, with it."""
+    for number, bracketed, plain in _NUMBERS.findall(text):
+        try:
+            yield Fraction(number), bracketed or plain, read_unit(Source("unit", bracketed or plain))
+        except CompilationFailed:
+            continue  # the word is no unit
+
+
+def author_units(model: CompiledModel, units: Mapping[str, str]) -> dict[str, tuple[str, Scale]]:
+    """Return the author's unit for each name of parameters, inputs and sweeps with its unit in SI; that unit where there is no other."""
+    written: dict[str, tree.Item | tree.SweepSyntax] = {}
+    for statement in model.compilation().tree.models[model.name].statements:
+        if isinstance(statement, tree.Quantities):
+            written |= {item.name: item for item in statement.items}
+        elif isinstance(statement, tree.Experiment):
+            sweeps = (s for s in statement.steps if isinstance(s, tree.SweepSyntax))
+            written = {s.path.span.words: s for s in sweeps} | written
+    return {name: _unit(written.get(name.partition("[")[0]), unit) for name, unit in units.items()}
+
+
+def _unit(item: tree.Item | tree.SweepSyntax | None, unit: str) -> tuple[str, Scale]:
+    own = read_unit(Source("unit", unit))
+    if item is not None:
+        text = item.span.words if item.unit is None else f"1 [{item.unit.span.words}]"
+        for _, words, scale in quantities_in(text):
+            if scale.dimension == own.dimension:
+                return words, scale
+    return "" if unit == "1" else unit, own

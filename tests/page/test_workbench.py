@@ -1,0 +1,180 @@
+"""The live page as a workbench: a folder, an editor that saves, entries with units, curves that stay, files of plots."""
+
+from __future__ import annotations
+
+import csv
+import json
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bondgraph.commands.mcp import corrections
+from bondgraph.errors import UsageError
+from bondgraph.presentation.page.serve import Server, Session
+from tests.page.test_serve import CURVE, TEXT, ask, final, until
+
+QUARTER = """model QuarterCar {
+  parameter m_b = 300 kg, m_w = 40 kg, k_s = 20 [kN/m], k_t = 180 [kN/m], r = 1.5 [kN*s/m]
+  Se load : F = 1 kN*step(time - 0.1 s)
+  1 body : translation
+  1 wheel : translation
+  0 strut : translation
+  I mass_b : p = m_b*v
+  I mass_w : p = m_w*v
+  C spring : F = k_s*x
+  R damper : F = r*v
+  C tyre   : F = k_t*x
+  load -> body -> mass_b, strut
+  strut -> wheel, 1(spring, damper)
+  wheel -> mass_w, tyre
+  output travel = spring.x
+  experiment bump { simulate 0 .. 8 s; report travel in mm }
+}
+"""
+WRONG = QUARTER.replace("300 kg,", "300 kgg,").replace("k_s*x", "k_z*x").replace("m_w*v", "m_w*x")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "swing.bg").write_text(TEXT, encoding="utf-8")
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "windows.bg").write_bytes(TEXT.replace("\n", "\r\n").encode())
+    (tmp_path / ".hidden.bg").write_text("", encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def server(folder: Path) -> Iterator[Server]:
+    server = Server(Session(folder, None, lambda text, path: json.loads(corrections(text, str(path)))))
+    thread = threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True)
+    server.start()
+    thread.start()
+    yield server
+    server.end()
+    thread.join()
+
+
+def test_values_are_texts_with_units(folder: Path) -> None:
+    session = Session(folder / "swing.bg")
+    session.load()
+    found = json.loads(session.run("go", {"k": "0.016 N/mm", "m": "2000 g", "r": "4 [N*s/m]"}))
+    assert final(found["run"]) == pytest.approx(1 / 16, rel=1e-4)
+    assert found["set"] == {"k": 16, "m": 2, "r": 4}  # in the author's units
+    for wrong in ("4 kg", "4 N/", "", "1e400", "nan", "1 + 1", "4 um/m"):
+        told = json.loads(session.run("go", {"k": wrong, "m": "1 kg"}))
+        assert told["kind"] == "unread" and list(told["wrong"]) == ["k"] and "in N/m" in told["wrong"]["k"]
+
+
+def test_a_swept_axis_has_the_author_s_unit(tmp_path: Path) -> None:
+    path = tmp_path / "slow.bg"
+    swept = "sweep m = 500 g, 1 kg; simulate 0 .. 1 s; report x in mm }\n  experiment rest { sweep push = 1 mN, 2 mN; equilibrium }\n}"
+    path.write_text(TEXT.rstrip().removesuffix("}") + "  experiment family { " + swept, encoding="utf-8")
+    session = Session(path)
+    session.load()
+    family, rest = (json.loads(session.run(name, {}))["plot"] for name in ("family", "rest"))
+    assert family["axis"] is None and [o["name"] for o in family["outputs"]] == ["x, m = 0.5 kg", "x, m = 1 kg"]
+    assert rest["axis"] == {"name": "push", "unit": "N"}
+
+
+def test_files_of_a_folder(folder: Path) -> None:
+    session = Session(folder)
+    session.load()
+    assert session.names == ("sub/windows.bg", "swing.bg") and session.name == "sub/windows.bg"
+    windows, before = folder / "sub" / "windows.bg", session.shown.stamp
+    assert session.shown.text == TEXT  # line ends are the file's matter
+    changed = TEXT.replace("m = 2 kg", "m = 3 kg")
+    assert json.loads(session.save("sub/windows.bg", changed, before))["saved"]
+    assert windows.read_bytes() == changed.replace("\n", "\r\n").encode() and session.shown.text == changed
+    # somebody else's change is not overwritten, and no file that exists already by a new one
+    assert not json.loads(session.save("sub/windows.bg", TEXT, before))["saved"]
+    assert not json.loads(session.save("swing.bg", "model A {}\n", ""))["saved"]
+    assert b"3 kg" in windows.read_bytes() and (folder / "swing.bg").read_text(encoding="utf-8") == TEXT
+    assert json.loads(session.save("new.bg", "model New {}\n", ""))["saved"] and session.name == "new.bg"
+    (folder / "new.bg").unlink()
+    assert not json.loads(session.save("new.bg", "model Lost {}\n", session.shown.stamp))["saved"]
+    for name in ("../out.bg", "/tmp/out.bg", "sub/../../out.bg", ".hidden.bg", "a/b.bg", "x.txt", "", "x.bg\n"):
+        with pytest.raises(UsageError, match="is no model of the folder"):
+            session.save(name, "", "")
+    with pytest.raises(UsageError, match="about one file"):
+        Session(folder / "swing.bg").open("sub/windows.bg")
+
+
+def test_requests_about_files(server: Server, folder: Path) -> None:
+    assert ask(server, "/save", {"file": "swing.bg", "text": "x", "before": ""}, X_Bondgraph_Token="")[0] == 403
+    for body in ({}, {"file": 1, "text": "", "before": ""}, {"file": "swing.bg", "text": "\ud800", "before": ""}, []):
+        assert ask(server, "/save", json.dumps(body).encode())[0] == 400
+    assert ask(server, "/open", {"file": "none.txt"})[0] == 400
+    long = f"{TEXT}# {'x' * 100_000}\n"  # longer than any other request
+    assert json.loads(ask(server, "/check", {"text": long})[1]) == {"problems": "", "lines": [], "corrections": []}
+    told = json.loads(ask(server, "/check", {"text": TEXT.replace("r*v", "q*v")})[1])
+    assert told["lines"] == [8] and "`q`" in told["problems"] and (folder / "swing.bg").read_text() == TEXT
+
+
+def test_an_hour(server: Server, folder: Path, open_page: Callable[..., Any], tmp_path: Path) -> None:
+    """A quarter car is written with three mistakes, mended by advice, run, pinned, overlaid and exported; F/k_s is what its spring gives at rest."""
+    opened = open_page(server.guard.address)
+    page = opened.page
+    page.on("dialog", lambda d: d.accept("quarter_car.bg") if d.type == "prompt" else d.accept())
+    until(page, CURVE)
+    page.click("#bar button:has-text('New')")
+    until(page, "document.getElementById('file').value === 'quarter_car.bg'")
+    page.fill("textarea", WRONG)
+    until(page, "document.querySelectorAll('#problems li').length === 3")
+    assert page.evaluate("[...document.querySelectorAll('.listing .bad')].map(l => l.dataset.at)") == [
+        "0:2",
+        "0:8",
+        "0:9",
+    ]
+    assert "k_z*x" in page.inner_text("#text .listing") and page.inner_text("#said") == "not saved"
+    page.click(".mend button:has-text('k_s')")  # `did you mean`
+    until(page, "document.querySelectorAll('#problems li').length === 2")
+    page.fill("textarea", page.input_value("textarea").replace("kgg", "kg").replace("m_w*x", "m_w*v"))
+    until(page, "document.getElementById('problems').innerText === ''")
+    page.keyboard.press("Control+s")
+    first = until(page, f"document.title === 'QuarterCar' && {CURVE}")
+    assert (folder / "quarter_car.bg").read_text(encoding="utf-8") == QUARTER and page.inner_text("#said") == ""
+
+    page.focus("#plots button:has-text('pin')")
+    page.keyboard.press("Enter")
+    entry = page.locator(".slider input[aria-label^='k_s in']")
+    assert entry.input_value() == "20 kN/m"
+    entry.fill("40 kg")
+    entry.press("Enter")
+    assert "`40 kg` is no quantity in kN/m" in until(
+        page, "document.querySelector('.slider .wrong:not([hidden])')?.innerText"
+    )
+    entry.fill("40")  # in the unit that stands there
+    entry.press("Enter")
+    until(
+        page, f"{CURVE} !== {first!r} && document.querySelectorAll('.plot')[0].querySelectorAll('.curve').length === 2"
+    )
+    assert entry.input_value() == "40 kN/m" and page.locator(".slider .wrong:not([hidden])").count() == 0
+    assert "travel (bump)" in page.inner_text("#plots .legend >> nth=0")
+    with page.expect_download() as download:
+        page.locator("#plots .panel >> nth=0").get_by_role("button", name="CSV").click()
+    download.value.save_as(tmp_path / "travel.csv")
+    head, *rows = csv.reader((tmp_path / "travel.csv").read_text(encoding="utf-8").splitlines())
+    assert head == ["time [s]", "travel [mm]", "travel (bump) [mm]"]
+    assert [float(x) for x in rows[-1]] == pytest.approx([8, 25, 50], rel=1e-4)
+    with page.expect_download() as download:
+        page.locator("#plots .panel >> nth=0").get_by_role("button", name="SVG").click()
+    download.value.save_as(tmp_path / "travel.svg")
+    drawn = (tmp_path / "travel.svg").read_text(encoding="utf-8")
+    assert drawn.count('class="curve') == 2 and "travel (bump) [mm]" in drawn and "stroke-dasharray: 7" in drawn
+    page.click(".pins button")
+    until(page, "document.querySelectorAll('.plot')[0].querySelectorAll('.curve').length === 1")
+
+    page.fill("textarea", QUARTER.replace("300 kg", "301 kg"))
+    (folder / "quarter_car.bg").write_text(QUARTER + "# elsewhere\n", encoding="utf-8")
+    until(page, "document.getElementById('said').innerText.includes('changed on disk')")
+    page.keyboard.press("Control+s")
+    page.click("#bar button:has-text('take')")
+    assert page.input_value("textarea").endswith("# elsewhere\n")
+    assert (folder / "quarter_car.bg").read_text(encoding="utf-8").endswith("# elsewhere\n")
+    until(page, "!document.body.classList.contains('busy')")
+    page.select_option("#file", "swing.bg")
+    until(page, "document.title === 'Swing'")
+    assert opened.console == [] and opened.elsewhere(f"http://127.0.0.1:{server.server_port}", "blob:") == []
