@@ -184,11 +184,15 @@ def test_what_decides_more_than_numbers_says_so(tmp_path: Path) -> None:
 
 
 def final(run: dict[str, Any]) -> float:
+    return float(unpacked(run["values"])[-1])
+
+
+def unpacked(packed: dict[str, str]) -> Any:
     from base64 import b64decode
 
     import numpy as np
 
-    return float(np.frombuffer(b64decode(run["values"]["f8"]), "<f8")[-1])
+    return np.frombuffer(b64decode(packed["f8"]), "<f8")
 
 
 def test_sweeps_and_failures_are_told(tmp_path: Path) -> None:

@@ -9,12 +9,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from bondgraph.commands.mcp import corrections
 from bondgraph.errors import UsageError
 from bondgraph.presentation.page.serve import Server, Session
-from tests.page.test_serve import CURVE, TEXT, ask, final, until
+from tests.page.test_serve import CURVE, TEXT, ask, final, unpacked, until
 
 QUARTER = """model QuarterCar {
   parameter m_b = 300 kg, m_w = 40 kg, k_s = 20 [kN/m], k_t = 180 [kN/m], r = 1.5 [kN*s/m]
@@ -76,7 +77,7 @@ def test_a_swept_axis_has_the_author_s_unit(tmp_path: Path) -> None:
     session.load()
     family, rest = (json.loads(session.run(name, {}))["plot"] for name in ("family", "rest"))
     assert family["axis"] is None and [o["name"] for o in family["outputs"]] == ["x, m = 0.5 kg", "x, m = 1 kg"]
-    assert rest["axis"] == {"name": "push", "unit": "N"}
+    assert rest["axis"] == {"name": "push", "unit": "N", "log": False}
 
 
 def test_files_of_a_folder(folder: Path) -> None:
@@ -178,3 +179,35 @@ def test_an_hour(server: Server, folder: Path, open_page: Callable[..., Any], tm
     page.select_option("#file", "swing.bg")
     until(page, "document.title === 'Swing'")
     assert opened.console == [] and opened.elsewhere(f"http://127.0.0.1:{server.server_port}", "blob:") == []
+
+
+def test_analyses_are_curves(tmp_path: Path) -> None:
+    """x/push = 1/(k - m w^2 + i r w); rest at push/k; half of the points lie below 1/k at the middle of an even distribution of k."""
+    experiments = """  experiment lines { response push to x over 0.01 Hz .. 10 Hz { points = 31 } }
+  experiment along { continue push over 0 N .. 4 N; report x in mm }
+  experiment chances { montecarlo k = uniform(6 [N/m], 10 [N/m]) { samples = 64, indices = 0 }; equilibrium; report x in mm }
+}
+"""
+    path = tmp_path / "lines.bg"
+    path.write_text(TEXT.rstrip().removesuffix("}") + experiments, encoding="utf-8")
+    session = Session(path)
+    session.load()
+    plots = {name: json.loads(session.run(name, {}))["plot"] for name in ("lines", "along", "chances")}
+    axes = {name: (plot["axis"]["name"], plot["axis"]["unit"], plot["axis"]["log"]) for name, plot in plots.items()}
+    assert axes == {
+        "lines": ("frequency", "Hz", True),
+        "along": ("push", "N", False),
+        "chances": ("share of the points below", "%", False),
+    }
+    assert [o["unit"] for o in plots["lines"]["outputs"]] == ["dB of m/N", "deg"]
+    frequency = unpacked(plots["lines"]["time"])
+    magnitude, phase = np.split(unpacked(plots["lines"]["values"]), 2)
+    w = 2 * np.pi * frequency
+    response = 1 / (8 - 2 * w**2 + 0.5j * w)
+    assert magnitude == pytest.approx(20 * np.log10(np.abs(response)), abs=1e-6)
+    assert phase == pytest.approx(np.degrees(np.unwrap(np.angle(response))), abs=1e-6)
+    assert plots["along"]["outputs"] == [{"name": "x", "unit": "mm"}]
+    assert unpacked(plots["along"]["values"]) == pytest.approx(unpacked(plots["along"]["time"]) / 8 * 1e3)
+    below = unpacked(plots["chances"]["values"])
+    assert (plots["chances"]["outputs"][0]["unit"], len(below)) == ("mm", 201)
+    assert below[[0, 100, 200]] == pytest.approx([100, 125, 1e3 / 6], rel=0.03)

@@ -31,8 +31,9 @@ def author_units(model: CompiledModel, units: Mapping[str, str]) -> dict[str, tu
         if isinstance(statement, tree.Quantities):
             written |= {item.name: item for item in statement.items}
         elif isinstance(statement, tree.Experiment):
-            sweeps = (s for s in statement.steps if isinstance(s, tree.SweepSyntax))
-            written = {s.path.span.words: s for s in sweeps} | written
+            for step in statement.steps:
+                if isinstance(step, tree.SweepSyntax):
+                    written.setdefault(step.path.span.words, step)
     return {name: _unit(written.get(name.partition("[")[0]), unit) for name, unit in units.items()}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from compiler.api import CompilationFailed
@@ -11,15 +11,12 @@ from ...compiled_scene import many_runs
 from ...errors import MissingPackage, RunFailed, UsageError
 from ...studies.experiment import run
 from ...studies.options import Options
-from ..text.tables import short, shown_unit, visible
-from .author_units import author_units
+from ..text.tables import short, shown_unit
 from .markup import Html, table, tag
-from .numbers import packed
-from .runs import OUTPUTS, PageModel, run_data
+from .outcome_plots import outcome_plot
+from .runs import PageModel, run_data
 
 if TYPE_CHECKING:
-    from ...analysed_model import AnalysedModel
-    from ...analysis.outcome import Outcome
     from ...results.records import EnergyBalance
     from ...results.result import Result
 
@@ -42,18 +39,14 @@ def experiment_data(watched: PageModel, name: str, settings: Mapping[str, float]
             told = Html(_errors(result, watched.outputs(name)) + balance)
             return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}
         outcome = run(watched.model, name, settings or {}, Options())
-        return {"name": name, "kind": "told", "told": _pre(outcome.summary()), **_plotted(watched.model, outcome)}
+        return {
+            "name": name,
+            "kind": "told",
+            "told": tag("pre", outcome.summary()),
+            **outcome_plot(watched.model, outcome),
+        }
     except PROBLEMS as problem:
-        return {"name": name, "kind": "failed", "told": _pre(visible_lines(str(problem)))}
-
-
-def visible_lines(words: str) -> str:
-    """Return text of several lines without characters that would change the reading direction."""
-    return "\n".join(map(visible, words.split("\n")))
-
-
-def _pre(words: str) -> Html:
-    return tag("pre", words)
+        return {"name": name, "kind": "failed", "told": tag("pre", str(problem))}
 
 
 def _errors(result: Result, names: Sequence[str]) -> Html:
@@ -81,45 +74,3 @@ def _balance(balance: EnergyBalance) -> Html:
     rows.append(("sum", "", *(f"{v:.6g}" for v in (balance.supplied, balance.stored, balance.dissipated))))
     summary = tag("summary", f"energy balance of the whole run; what it leaves unexplained: {balance.residual:.3g} J")
     return tag("details", summary, table(rows, ("element", "", "supplied, J", "stored, J", "dissipated, J")))
-
-
-def _plotted(model: AnalysedModel, outcome: Outcome) -> dict[str, Any]:
-    """Return a sweep over one name as curves over it, or the runs of its points over time."""
-    import numpy as np
-
-    if len(outcome.swept) != 1 or len(outcome.points) < 2:
-        return {}
-    ((swept, (unit, scale)),) = author_units(model, outcome.swept).items()
-    values = [float(f"{scale.from_si(p.settings[swept]):.12g}") for p in outcome.points]
-    names = [f"{short(swept)} = {v:.4g} {visible(unit)}".rstrip() for v in values]
-    runs = [(at, p.run) for at, p in zip(names, outcome.points, strict=True) if p.run is not None]
-    family = bool(runs) and all(np.array_equal(r.time, runs[0][1].time) for _, r in runs)
-    curves = list(_runs(runs) if family else _values(outcome, swept))
-    if not curves:
-        return {}
-    return {
-        "plot": {
-            "axis": None if family else {"name": short(swept), "unit": visible(unit)},
-            "time": packed(runs[0][1].time if family else values, single=False),
-            "outputs": [{"name": n, "unit": "" if u == "1" else u} for n, u, _ in curves],
-            "values": packed([v for _, _, v in curves], single=False),
-        }
-    }
-
-
-def _runs(runs: Sequence[tuple[str, Result]]) -> Iterator[tuple[str, str, Any]]:
-    """Yield each output of each run over time, if they are few; the runs are named and have equal instants."""
-    for item, _ in runs[0][1].shown()[: max(1, OUTPUTS // len(runs))]:
-        for at, result in runs[:OUTPUTS]:
-            yield (
-                f"{short(item.name, 30)}, {at}",
-                visible(item.unit),
-                result[item.name] * item.scale + item.offset,
-            )
-
-
-def _values(outcome: Outcome, swept: str) -> Iterator[tuple[str, str, Any]]:
-    units = outcome.units
-    for name in [n for n in outcome.names if n != swept][:OUTPUTS]:
-        unit, scale, offset = outcome.shown.get(name, (units[name], 1.0, 0.0))
-        yield short(name), visible(unit), outcome(name) * scale + offset

@@ -17,7 +17,7 @@ from .document import Document
 from .markup import Html, tag
 
 HERE = Path(__file__).parent
-STYLES = ("page", "text", "diagram", "runs", "live")
+STYLES = ("page", "text", "diagram", "runs", "live", "print")
 SCRIPTS = ("numbers", "plot", "export", "mechanism", "diagram", "player", "sliders", "page")
 LIVE = ("editor", "live")
 
@@ -71,7 +71,7 @@ def _hashed(text: str) -> str:
 @cache
 def _style() -> str:
     own = "\n".join((HERE / "styles" / f"{name}.css").read_text(encoding="utf-8") for name in STYLES)
-    return f"{own}\n{style_rules()}"
+    return f"{style_rules().replace('@media (', '@media screen and (')}\n{own}"  # print.css last
 
 
 @cache

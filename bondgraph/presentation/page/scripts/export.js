@@ -33,12 +33,12 @@ function svgText(plot) {
 
 // Curves at the same instants share a column of them.
 function csvText(plot) {
-  const cell = (words) => /[",\n]/.test(words) ? `"${words.replace(/"/g, '""')}"` : words, columns = [], { name, unit } = page.axis;
+  const cell = (words) => /[",\n]/.test(words) ? `"${words.replace(/"/g, '""')}"` : words, columns = [], { name, unit, factor, log } = page.axis;
   const bracketed = (words, u) => cell(u ? `${words} [${u}]` : words);
   let times = null;
   plot.curves.forEach((curve, i) => {
     if (plot.hidden.has(i)) return;
-    if (!times || times.length !== curve.times.length || times.some((t, k) => t !== curve.times[k])) { times = curve.times; columns.push([bracketed(name, page.axis.factor === 1 ? unit : "s"), times]); }
+    if (!times || times.length !== curve.times.length || times.some((t, k) => t !== curve.times[k])) { times = curve.times; columns.push([bracketed(name, factor === 1 ? unit : "s"), log ? times.map((t) => 10 ** t) : times]); }
     columns.push([bracketed(curve.name, plot.unit), curve.values]);
   });
   const rows = Array.from({ length: Math.max(...columns.map(([, v]) => v.length)) }, (_, i) => columns.map(([, v]) => i < v.length && Number.isFinite(v[i]) ? v[i] : "").join(","));

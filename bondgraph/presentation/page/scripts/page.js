@@ -13,6 +13,7 @@ function start() {
     const busy = event.target.closest && event.target.closest("input,select,button,summary,a,[tabindex]:not(.sheet):not(.wide)");
     if (event.key === " " && !busy) { event.preventDefault(); page.player.play(!page.player.playing); }
   });
+  addEventListener("beforeprint", () => { for (const one of document.querySelectorAll("details")) one.open = true; });
   page.data = JSON.parse(document.getElementById("data").textContent);
   if (typeof live === "function") live(); else load(page.data);
   performance.mark("interactive");
@@ -75,16 +76,16 @@ function draw(plots, run) {
   if (!times.some((t) => t.length)) return;
   const [low, high] = extent(times);
   page.view = new View(low, high);
-  const { name, unit, factor } = page.axis = axisOf(run, low, high), words = `${name}${unit && `, ${unitWords(unit)}`}`;
+  const { name, unit } = page.axis = axisOf(run, low, high), words = `${name}${unit && `, ${unitWords(unit)}`}`;
   const chosen = (instant, hovering) => { if (!hovering || !page.player.playing) { if (!hovering) page.player.play(false); page.player.put((instant - low) / (high - low)); } };
   plots.append(zoomTools(), pinned());
-  for (const panel of found) page.plots.push(new Plot(plots, panel.title, panel.unit, panel.curves, { words, factor }, page.view, chosen));
+  for (const panel of found) page.plots.push(new Plot(plots, panel.title, panel.unit, panel.curves, { words, ...page.axis }, page.view, chosen));
 }
 
 // What a run is plotted over: the swept quantity, or the time in the unit in which it reads best.
 function axisOf(run, low, high) {
   const [unit, factor] = run.axis ? [run.axis.unit, 1] : timeUnit(Math.max(Math.abs(low), Math.abs(high)));
-  return { name: run.axis ? run.axis.name : "time", unit, factor };
+  return { name: run.axis ? run.axis.name : "time", unit, factor, log: run.axis?.log };
 }
 
 function zoomTools() {
@@ -116,11 +117,12 @@ function pinned() {
 function panels(run) {
   const groups = new Map(), axis = (one) => one.axis ? `${one.axis.name} ${one.axis.unit}` : "";
   const add = (one, words, dash) => {
-    const times = unpack(one.time), values = unpack(one.values);
+    const times = one.axis?.log ? unpack(one.time).map(Math.log10) : unpack(one.time), values = unpack(one.values);
+    const turns = times.some((t, i) => t < times[i - 1]);  // a branch round its folds
     one.outputs.forEach((output, i) => {
       if (!groups.has(output.unit)) groups.set(output.unit, { unit: output.unit, title: "", curves: [] });
       const { curves } = groups.get(output.unit), like = curves.findIndex((c) => c.output === output.name);
-      curves.push({ name: words ? `${output.name} (${words})` : output.name, output: output.name, times, values: row(values, i, times.length), ...(words && { colour: like < 0 ? curves.length : like, dash }) });
+      curves.push({ name: words ? `${output.name} (${words})` : output.name, output: output.name, times, turns, values: row(values, i, times.length), ...(words && { colour: like < 0 ? curves.length : like, dash }) });
     });
   };
   add(run, "", 0);
@@ -172,8 +174,8 @@ function along(told) {
 }
 
 function at(share) {
-  const [low, high] = page.view.whole, { name, unit, factor } = page.axis;
-  return `${name} = ${digits((low + share * (high - low)) * factor)} ${unitWords(unit)}`.trim();
+  const [low, high] = page.view.whole, { name, unit, factor, log } = page.axis, between = low + share * (high - low), value = Math.abs(between) < 1e-9 * (high - low) ? 0 : between;
+  return `${name} = ${log ? quantity(10 ** value, unit) : `${digits(value * factor)} ${unitWords(unit)}`}`.trim();
 }
 
 function hideStages(hidden) { const stages = document.getElementById("stages"); if (stages) stages.hidden = hidden || !page.stages.length; }

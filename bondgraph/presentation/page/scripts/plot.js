@@ -54,7 +54,7 @@ class View {
 const look = (curve, place) => `c${(curve.colour ?? place) % 7} d${curve.dash ?? Math.floor(place / 7) % 3}`;
 
 class Plot {
-  // `curves`: {name, times, values, colour, dash}; `axis`: {words, factor}; `chosen(instant)` is called where the reader points.
+  // `curves`: {name, times, values, turns, colour, dash}; `axis`: {words, factor, log}, of log the values are powers of ten; `chosen(instant)` is called where the reader points.
   constructor(host, title, unit, curves, axis, view, chosen) {
     Object.assign(this, { title, unit, curves, axis, view, chosen, instant: view.whole[0], hidden: new Set() });
     this.picture = svg("svg", { class: "plot", tabindex: 0, role: "img", "aria-label": `${title} over ${axis.words}; arrow keys move the cursor, plus and minus zoom, 0 shows all` });
@@ -87,7 +87,8 @@ class Plot {
   y(value) { const [low, high] = this.scale; return TOP + (high - value) / (high - low) * (HEIGHT - TOP - BOTTOM); }
 
   // The places of a curve's values that are in the range, with one beyond on both sides.
-  places({ times }) {
+  places({ times, turns }) {
+    if (turns) return [0, times.length];
     const [low, high] = this.view.range;
     return [Math.max(0, Math.floor(placeOf(times, low))), Math.min(times.length, Math.ceil(placeOf(times, high)) + 1)];
   }
@@ -109,13 +110,15 @@ class Plot {
   }
 
   frame() {
-    const found = [], [low, high] = this.view.range, factor = this.axis.factor;
+    const found = [], [low, high] = this.view.range, { factor, log } = this.axis;
     const right = this.width - RIGHT, bottom = HEIGHT - BOTTOM;
     const xs = ticks(low * factor, high * factor, Math.max(2, Math.floor((this.width - LEFT) / 90)));
+    const whole = log ? xs.filter(Number.isInteger) : [];
+    if (whole.length > 1) xs.splice(0, xs.length, ...whole);
     const ys = ticks(...this.scale, 5);
     for (const t of xs) {
       const x = this.x(t / factor);
-      found.push(svg("path", { class: "grid", d: `M${x} ${TOP}V${bottom}` }), svg("text", { class: "tick", x, y: bottom + 14, "text-anchor": "middle" }, tickWords(t, xs[1] - xs[0] || t || 1)));
+      found.push(svg("path", { class: "grid", d: `M${x} ${TOP}V${bottom}` }), svg("text", { class: "tick", x, y: bottom + 14, "text-anchor": "middle" }, log ? digits(10 ** t, 3) : tickWords(t, xs[1] - xs[0] || t || 1)));
     }
     for (const t of ys) {
       const y = this.y(t);
@@ -144,7 +147,7 @@ class Plot {
     if (!this.cursor) return;
     const x = this.x(instant), [low, high] = this.view.range;
     this.cursor.setAttribute("d", instant >= low && instant <= high ? `M${x} ${TOP}V${HEIGHT - BOTTOM}` : "M0 0");
-    this.keys.forEach((key, i) => { key.value.textContent = this.curves[i] ? digits(between(this.curves[i].values, placeOf(this.curves[i].times, instant))) : ""; });
+    this.keys.forEach((key, i) => { key.value.textContent = this.curves[i] && !this.curves[i].turns ? digits(between(this.curves[i].values, placeOf(this.curves[i].times, instant))) : ""; });
   }
 
   listen() {

@@ -43,8 +43,8 @@ def save(path: Path, text: str, before: str) -> str:
 
     Another content stays as it is, and its stamp is returned.
     """
-    found = stamp(path)
-    if found == before:
+    present = stamp(path)
+    if present == before:
         ends = path.exists() and b"\r\n" in path.read_bytes()
         write_text(path, text.replace("\n", "\r\n") if ends else text)
-    return found
+    return present

@@ -71,8 +71,8 @@ def known_version(values: list[str]) -> int:
 def run_request(body: bytes) -> tuple[str, dict[str, str | float]]:
     """Return the experiment and the values by name, numbers in SI or texts with units, of a body in JSON. Raises `RequestRefused`."""
     try:
-        told = json.loads(body.decode("utf-8"), object_pairs_hook=_without_doubles)
-        experiment, settings = told["experiment"], told["settings"]
+        fields = json.loads(body.decode("utf-8"), object_pairs_hook=_without_doubles)
+        experiment, settings = fields["experiment"], fields["settings"]
         values = {name: _number(value) for name, value in settings.items()}
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise RequestRefused(400, NO_RUN) from None
@@ -86,8 +86,8 @@ def run_request(body: bytes) -> tuple[str, dict[str, str | float]]:
 def text_request(body: bytes, *names: str) -> tuple[str, ...]:
     """Return the texts of these names in a body in JSON. Raises `RequestRefused`."""
     try:
-        told = json.loads(body.decode("utf-8"), object_pairs_hook=_without_doubles)
-        texts = tuple(str.encode(told[name]).decode() for name in names)  # no half of a character
+        fields = json.loads(body.decode("utf-8"), object_pairs_hook=_without_doubles)
+        texts = tuple(str.encode(fields[name]).decode() for name in names)  # no half of a character
     except (ValueError, TypeError, KeyError, RecursionError):
         raise RequestRefused(400, f"a question has {', '.join(names)}, in JSON") from None
     return texts

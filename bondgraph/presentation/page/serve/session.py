@@ -29,7 +29,7 @@ from ..shell import data_text
 from ..text import WORDING
 from .cancellation import Stopped, TimedExecutor
 from .files import models_in, path_of, save, stamp
-from .settings import base_settings, in_author_units, parameters_of, settings_of
+from .settings import base_settings, parameters_of, settings_of
 
 EMPTY: dict[str, Any] = {
     "model": "", "parts": {"nodes": [], "lines": [], "bonds": []}, "places": [], "powers": [], "scenes": [], "experiments": [], "modes": [],
@@ -152,10 +152,10 @@ class Session:
         """Write a file whose stamp was `before`, and show it. Raises `UsageError`, OSError."""
         path = self._path(name)
         with self.work:
-            found = save(path, text, before)
-        if found == before:
+            present = save(path, text, before)
+        if present == before:
             self.open(name) if path != self.path else self.load()
-        return data_text({"saved": found == before, "stamp": found})
+        return data_text({"saved": present == before, "stamp": present})
 
     def _path(self, name: str) -> Path:
         if self.folder is None and name != self.path.name:
@@ -164,47 +164,42 @@ class Session:
 
     def check(self, text: str) -> str:
         """Return the errors of a text that stands in place of the file, as JSON."""
-        found, _ = examine(Source(str(self.path), text, self.path), None, LIBRARY, most_parts())
-        return data_text(self._told(found, text) if found else {"problems": "", "lines": (), "corrections": ()})
+        errors, _ = examine(Source(str(self.path), text, self.path), None, LIBRARY, most_parts())
+        return data_text(self._told(errors, text) if errors else {"problems": "", "lines": (), "corrections": ()})
 
     # ------------------------------------------------------------ what pages ask
     def page(self) -> Document:
         """Return the first contents of a page."""
         with self.news:
-            loaded, shown, version = self.loaded, self.shown, self.version
-        found = loaded.document if loaded is not None else self._unread(shown)
-        return Document(found.title, found.sections, {**found.data, "version": version, **self._state(shown)})
+            document, state = self._document(), self._state()
+        return Document(document.title, document.sections, {**document.data, **state})
 
-    def _unread(self, shown: Text) -> Document:
-        """Return the page of a file without a valid version."""
-        return Document(self.path.name, text_section([Source(str(self.path), shown.text, self.path)]), EMPTY)
+    def _document(self) -> Document:
+        """Return the page of the last valid version; of a file without one its text alone."""
+        if self.loaded is not None:
+            return self.loaded.document
+        return Document(self.path.name, text_section([Source(str(self.path), self.shown.text, self.path)]), EMPTY)
 
-    def _state(self, shown: Text) -> dict[str, Any]:
-        return {"file": self.name, "files": self.names, **asdict(shown)}
+    def _state(self) -> dict[str, Any]:
+        return {"version": self.version, "file": self.name, "files": self.names, **asdict(self.shown)}
 
     def change(self, since: int, patience: float) -> str:
         """Return the state after a version, as JSON; the current state if no change comes within `patience` seconds."""
         with self.news:
             self.news.wait_for(lambda: self.version != since or self.ended.is_set(), patience)
-            loaded, shown, version = self.loaded, self.shown, self.version
-        told: dict[str, Any] = {"version": version}
-        if version != since:
-            told |= self._state(shown)
-            if loaded is None or not shown.problems:
-                document = loaded.document if loaded is not None else self._unread(shown)
-                told |= {
-                    "title": document.title,
-                    "sections": document.sections,
-                    "data": {**document.data, "version": version},
-                }
-        return data_text(told)
+            state, document = self._state(), self._document()
+            if self.version == since:
+                return data_text({"version": since})
+            if self.loaded is None or not self.shown.problems:
+                state |= {"title": document.title, "sections": document.sections, "data": document.data}
+        return data_text(state)
 
     def run(self, experiment: str, texts: Mapping[str, str | float]) -> str:
         """Run an experiment with some values; return JSON. Raises `UsageError` for names that the model does not have."""
         with self.work:
             loaded = self._checked(experiment)
             parameters = loaded.document.data["parameters"]
-            settings, wrong = settings_of(parameters, texts)
+            settings, shown, wrong = settings_of(parameters, texts)
             if wrong:
                 return data_text({"kind": "unread", "wrong": wrong})
             longest = LONGEST if experiment in loaded.base else LONGEST_FIRST
@@ -213,7 +208,7 @@ class Session:
             except Stopped as stopped:
                 words = f"{stopped}: no curve within {longest:g} s, or another was asked for"
                 found = {"name": experiment, "kind": "failed", "told": tag("pre", words.lstrip(": "))}
-            return data_text(found | {"set": in_author_units(parameters, settings)})
+            return data_text(found | {"set": shown})
 
     def stop(self) -> str:
         """Stop a run that lasts longer than a user waits who has moved the slider again."""

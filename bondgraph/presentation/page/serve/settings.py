@@ -22,7 +22,7 @@ MOST = 200
 
 def parameters_of(model: CompiledModel) -> list[dict[str, Any]]:
     """Return parameters and inputs that are numbers, as data, in the author's units; an input that depends on time begins at zero."""
-    found = []
+    rows = list[dict[str, Any]]()
     sizes = _sizes(model.source.text)
     quantities = model.compilation().whole_graph.quantities
     units = author_units(model, {n: q.unit for n, q in quantities.items() if "." not in n})
@@ -33,14 +33,9 @@ def parameters_of(model: CompiledModel) -> list[dict[str, Any]]:
             value = 0.0
         if item.role in ("parameter", "input") and value is not None:
             size = sizes.get(scale.dimension, 0.0) * abs(scale.from_si(1.0) - scale.from_si(0.0)) if unit else 0.0
-            told = {
-                "unit": visible(unit),
-                "value": _in(scale, value),
-                "size": size,
-                "description": visible(item.description),
-            }
-            found.append({"name": name, "role": item.role, **told})
-    return found[:MOST]
+            row = {"name": name, "role": item.role, "unit": visible(unit), "value": _in(scale, value), "size": size}
+            rows.append({**row, "description": visible(item.description)})
+    return rows[:MOST]
 
 
 def _in(scale: Scale, value: float) -> float:
@@ -50,24 +45,19 @@ def _in(scale: Scale, value: float) -> float:
 
 def settings_of(
     parameters: list[dict[str, Any]], texts: Mapping[str, str | float]
-) -> tuple[dict[str, float], dict[str, str]]:
-    """Return the values in SI of texts with units, and for each that is no value of its parameter the reason."""
+) -> tuple[dict[str, float], dict[str, float], dict[str, str]]:
+    """Return values of texts with units, in SI and in the parameters' units, and for each text that is no value of its parameter the reason."""
     units = {p["name"]: p["unit"] or "1" for p in parameters}
     if not set(texts) <= set(units):
         raise UsageError("BR923", "there is no such parameter")
-    values, wrong = dict[str, float](), dict[str, str]()
+    values, shown, wrong = dict[str, float](), dict[str, float](), dict[str, str]()
     for name, text in texts.items():
         try:
             values[name] = quantity(text, units[name], name)
+            shown[name] = _in(read_unit(Source("unit", units[name])), values[name])
         except UsageError as problem:
             wrong[name] = str(problem)
-    return values, wrong
-
-
-def in_author_units(parameters: list[dict[str, Any]], values: Mapping[str, float]) -> dict[str, float]:
-    """Return values in SI in the units of the parameters."""
-    units = {p["name"]: p["unit"] or "1" for p in parameters}
-    return {name: _in(read_unit(Source("unit", units[name])), value) for name, value in values.items()}
+    return values, shown, wrong
 
 
 def _sizes(text: str) -> dict[Any, float]:

@@ -1,0 +1,122 @@
+"""Outcome of an experiment as curves: over what is swept, a frequency, the parameter of a branch, or the share of random points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from compiler.api import Array
+
+from ..text.tables import short, shown_unit, visible
+from .author_units import author_units
+from .numbers import packed
+from .runs import OUTPUTS
+
+if TYPE_CHECKING:
+    from ...analysed_model import AnalysedModel
+    from ...analysis.branch import Branch
+    from ...analysis.outcome import Outcome
+    from ...analysis.response import Response
+    from ...studies.tolerances import MonteCarlo
+
+Curve = tuple[str, str, Array]  # name, unit, values
+SHARES = 201  # points of a distribution
+
+
+Axis = tuple[str, str, bool] | None  # name, unit, logarithmic; None: the time
+Plot = tuple[Axis, Any, list[Curve]]  # what curves are drawn over, its values, the curves
+NOTHING: Plot = (None, (), [])
+
+
+def outcome_plot(model: AnalysedModel, outcome: Outcome) -> dict[str, Any]:
+    """Return `{"plot": …}` of a sweep over one name, or of the first analysis that has curves; nothing without one."""
+    axis, values, curves = _swept(model, outcome) if outcome.swept else _analysed(model, outcome)
+    curves = curves[:OUTPUTS]
+    if not curves:
+        return {}
+    axis_data = {"name": short(axis[0]), "unit": visible(axis[1]), "log": axis[2]} if axis else None
+    return {
+        "plot": {
+            "axis": axis_data, "time": packed(values, single=False),
+            "outputs": [{"name": visible(n), "unit": shown_unit(u)} for n, u, _ in curves],
+            "values": packed([v for _, _, v in curves], single=False),
+        }
+    }  # fmt: skip
+
+
+def _swept(model: AnalysedModel, outcome: Outcome) -> Plot:
+    """Return the runs of a sweep over time, if they have equal instants, else what each point gives over the swept values."""
+    import numpy as np
+
+    if len(outcome.swept) != 1 or len(outcome.points) < 2:
+        return NOTHING
+    ((swept, (unit, scale)),) = author_units(model, outcome.swept).items()
+    values = [float(f"{scale.from_si(p.settings[swept]):.12g}") for p in outcome.points]
+    runs = [(f"{short(swept)} = {v:.4g} {unit}".rstrip(), p.run) for v, p in zip(values, outcome.points, strict=True)]
+    finished = [(at, run) for at, run in runs if run is not None]
+    if not finished or any(not np.array_equal(run.time, finished[0][1].time) for _, run in finished):
+        return (swept, unit, False), values, [_curve(outcome, n, outcome(n)) for n in outcome.names if n != swept]
+    items = [item for item, _ in finished[0][1].shown()[: max(1, OUTPUTS // len(finished))]]
+    curves = [
+        (f"{short(i.name, 30)}, {at}", i.unit, run[i.name] * i.scale + i.offset) for i in items for at, run in finished
+    ]
+    return None, finished[0][1].time, curves
+
+
+def _curve(outcome: Outcome | MonteCarlo, name: str, values: Array, unit: str = "1") -> Curve:
+    """Return values in SI as they are reported."""
+    unit, scale, offset = outcome.shown.get(name, (outcome.units.get(name, unit), 1.0, 0.0))
+    return short(name), unit, values * scale + offset
+
+
+def _analysed(model: AnalysedModel, outcome: Outcome) -> Plot:
+    """Return the first analysis that has curves."""
+    from ...analysis.branch import Branch
+    from ...analysis.response import Response
+    from ...studies.tolerances import MonteCarlo
+
+    for result in (x for p in outcome.points for x in (*p.responses, *(analysis for _, analysis in p.analyses))):
+        if isinstance(result, Response):
+            return ("frequency", "Hz", True), result.frequencies, list(_response(result))
+        if isinstance(result, Branch):
+            name = result.parameter
+            unit, scale = author_units(model, {name: result.units.get(name, "1")})[name]
+            return (name, unit, False), [scale.from_si(v) for v in result.values], list(_branch(outcome, result))
+        if isinstance(result, MonteCarlo):
+            return _shares(result)
+    return NOTHING
+
+
+def _response(found: Response) -> Iterator[Curve]:
+    """Yield magnitudes in dB, and phases."""
+    import numpy as np
+
+    with np.errstate(divide="ignore"):
+        decibels, phase = 20 * np.log10(found.magnitude), found.phase
+    for j, given in enumerate(found.inputs):
+        for i, seen in enumerate(found.outputs):
+            yield f"{short(given)} to {short(seen)}", f"dB of {found.unit(given, seen)}", decibels[:, i, j]
+            yield f"phase of {short(given)} to {short(seen)}", "deg", phase[:, i, j]
+
+
+def _branch(outcome: Outcome, found: Branch) -> Iterator[Curve]:
+    """Yield the outputs along a branch, where they are unstable as curves of their own."""
+    import numpy as np
+
+    for name, values in found.outputs.items():
+        label, unit, shown = _curve(outcome, name, values, found.units.get(name, "1"))
+        yield label, unit, np.where(found.unstable, np.nan, shown)
+        if found.unstable.any():
+            yield f"{label}, unstable", unit, np.where(found.unstable, shown, np.nan)
+
+
+def _shares(found: MonteCarlo) -> Plot:
+    """Return the value below which a share of the random points lies, for each quantity."""
+    import numpy as np
+
+    shares, curves = np.linspace(0, 100, SHARES), []
+    for name in found.quantities:
+        values = found(name)[np.isfinite(found(name))]
+        if len(values):
+            curves.append(_curve(found, name, np.percentile(values, shares), "Hz"))
+    return ("share of the points below", "%", False), shares, curves
