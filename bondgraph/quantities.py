@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from fractions import Fraction
@@ -21,12 +22,13 @@ def quantity(text: str | float, unit: str, what: str) -> float:
     if found is not None:
         number, own = Fraction(found[1]), found[2].removeprefix("[").removesuffix("]")
         try:
-            own_scale, scale = (read_unit(Source(what, u)) for u in (own or "1", unit))
-            value = own_scale.to_si(number)
-            if (not own or own_scale.dimension == scale.dimension) and abs(value) < float("inf"):
-                return value
-        except CompilationFailed:
-            pass  # no unit: the same error as for one of another kind
+            if not own:
+                return float(number)
+            scale = read_unit(Source(what, own))
+            if scale.dimension == read_unit(Source(what, unit)).dimension and math.isfinite(scale.to_si(number)):
+                return scale.to_si(number)
+        except (CompilationFailed, OverflowError):
+            pass  # no unit, or too large: the same error as for a unit of another kind
     kind = "a bare number" if unit == "1" else f"in {unit}"
     raise UsageError(
         "BR604", f"{what}: `{text.strip()}` is no quantity {kind};", "write a number with its unit, or one in SI"

@@ -14,6 +14,7 @@ import pytest
 
 from bondgraph.commands.mcp import corrections
 from bondgraph.errors import UsageError
+from bondgraph.files import write_text
 from bondgraph.presentation.page.serve import Server, Session
 from tests.page.test_serve import CURVE, TEXT, ask, final, unpacked, until
 
@@ -83,7 +84,8 @@ def test_a_swept_axis_has_the_author_s_unit(tmp_path: Path) -> None:
 def test_files_of_a_folder(folder: Path) -> None:
     session = Session(folder)
     session.load()
-    assert session.names == ("sub/windows.bg", "swing.bg") and session.name == "sub/windows.bg"
+    assert session.names == ("swing.bg", "sub/windows.bg") and session.name == "swing.bg"
+    session.open("sub/windows.bg")
     windows, before = folder / "sub" / "windows.bg", session.shown.stamp
     assert session.shown.text == TEXT  # line ends are the file's matter
     changed = TEXT.replace("m = 2 kg", "m = 3 kg")
@@ -169,12 +171,18 @@ def test_an_hour(server: Server, folder: Path, open_page: Callable[..., Any], tm
     until(page, "document.querySelectorAll('.plot')[0].querySelectorAll('.curve').length === 1")
 
     page.fill("textarea", QUARTER.replace("300 kg", "301 kg"))
-    (folder / "quarter_car.bg").write_text(QUARTER + "# elsewhere\n", encoding="utf-8")
+    write_text(folder / "quarter_car.bg", QUARTER + "# elsewhere\n")  # in one step, as editors do
     until(page, "document.getElementById('said').innerText.includes('changed on disk')")
     page.keyboard.press("Control+s")
+    assert (folder / "quarter_car.bg").read_text(encoding="utf-8").endswith("# elsewhere\n")
     page.click("#bar button:has-text('take')")
     assert page.input_value("textarea").endswith("# elsewhere\n")
-    assert (folder / "quarter_car.bg").read_text(encoding="utf-8").endswith("# elsewhere\n")
+    page.fill("textarea", QUARTER.replace("300 kg", "302 kg"))
+    write_text(folder / "quarter_car.bg", QUARTER + "# again\n")
+    until(page, "document.getElementById('said').innerText.includes('changed on disk')")
+    page.click("#bar button:has-text('save this one')")
+    until(page, "document.getElementById('said').innerText === ''")
+    assert "302 kg" in (folder / "quarter_car.bg").read_text(encoding="utf-8")
     until(page, "!document.body.classList.contains('busy')")
     page.select_option("#file", "swing.bg")
     until(page, "document.title === 'Swing'")

@@ -14,14 +14,14 @@ class Editor {
     this.said = html("span", { id: "said", role: "status" });
     const button = (words, action, attributes = {}) => { const made = html("button", { type: "button", ...attributes }, words); made.addEventListener("click", action); return made; };
     this.saver = button("Save", () => this.save(), { title: "Ctrl+S" });
-    this.other = button("take the file's", () => this.take(this.theirs), { hidden: true });
-    this.force = button("overwrite it", () => { this.base = this.theirs.stamp; this.save(); }, { hidden: true });
+    this.other = button("take the file's", () => this.theirs.text === undefined ? this.open(this.file) : this.take(this.theirs), { hidden: true });
+    this.force = button("save this one", () => { if (this.theirs.file === this.file) this.base = this.theirs.stamp; this.save(); }, { hidden: true });
     this.bar = html("div", { id: "bar", class: "choice" }, this.files, button("New", () => this.begin()), this.saver, this.said, this.other, this.force);
     this.problems.before(this.bar);
     this.files.addEventListener("change", () => { if (this.may()) this.open(this.files.value); else this.files.value = this.file; });
     this.area.addEventListener("input", () => { this.paint(); this.say(); clearTimeout(this.waiting); this.waiting = setTimeout(() => this.check(), 300); });
     this.area.addEventListener("keydown", (event) => { if (event.key === "Enter") this.indent(event); });
-    document.addEventListener("keydown", (event) => { if ((event.ctrlKey || event.metaKey) && event.key === "s") { event.preventDefault(); this.save(); } });
+    document.addEventListener("keydown", (event) => { if ((event.ctrlKey || event.metaKey) && event.key === "s") { event.preventDefault(); if (this.changed) this.save(); } });
     addEventListener("beforeunload", (event) => { if (this.changed) event.preventDefault(); });
     for (const kind of ["pointermove", "pointerleave"]) this.area.addEventListener(kind, (event) => this.light(Math.floor(event.offsetY / this.high()), kind === "pointerleave"));
     for (const kind of ["keyup", "click"]) this.area.addEventListener(kind, () => this.light(this.area.value.slice(0, this.area.selectionStart).split("\n").length - 1));
@@ -41,11 +41,13 @@ class Editor {
 
   // What the server says of the file: its text is shown, unless another is being written here.
   follow(state) {
+    const mine = !this.opening;
     this.opening = false;
+    if (state.file === this.file && state.text === this.sent) Object.assign(this, { base: state.stamp, saved: state.text, theirs: null });  // what was saved here, while more may have been typed
     this.files.replaceChildren(...state.files.map((name) => html("option", { value: name, selected: name === state.file }, name)));
     this.files.disabled = state.files.length < 2;
     document.body.classList.toggle("stale", Boolean(state.problems));
-    if (state.file === this.file && this.changed && state.text !== this.area.value) { if (state.stamp !== this.base) this.conflict(state); return; }
+    if (mine && this.changed && state.text !== this.area.value) { if (state.stamp !== this.base) this.theirs = state; this.say(); return; }
     this.take(state);
     this.tell(state);
   }
@@ -57,10 +59,8 @@ class Editor {
     this.say();
   }
 
-  conflict(state) { this.theirs = state; this.say(); }
-
   say() {
-    this.said.textContent = this.theirs ? `${this.file} changed on disk meanwhile: nothing was overwritten.` : this.changed ? "not saved" : "";
+    this.said.textContent = this.theirs ? `${this.file}: ${this.theirs.file === this.file ? "it changed on disk meanwhile" : `${this.theirs.file} was opened elsewhere`}; nothing was overwritten.` : this.changed ? "not saved" : "";
     this.other.hidden = this.force.hidden = !this.theirs;
     this.saver.disabled = !this.changed;
   }
@@ -115,18 +115,21 @@ class Editor {
   }
 
   async save(file = this.file, text = this.area.value, before = this.base) {
+    this.sent = text;
     try {
       const found = await this.ask("/save", { file, text, before });
-      if (found.saved) { if (file === this.file) this.saved = text; this.theirs = null; }
-      else if (file === this.file) this.theirs = { ...this.theirs, stamp: found.stamp };
+      if (file === this.file && before === this.base && !found.saved) this.theirs = { file, ...this.theirs, stamp: found.stamp };
       this.say();
-      if (!found.saved && file !== this.file) this.said.textContent = `${file} exists already.`;
+      if (file !== this.file && !found.saved) { this.opening = false; this.said.textContent = `${file} exists already.`; }
     } catch (problem) { this.said.textContent = problem.message; }
   }
 
   begin() {
     const name = this.may() && prompt("Name of the new file", "model.bg");
-    if (name) this.save(name, `model ${name.replace(/\.bg$/, "").replace(/\W+/g, "_").replace(/^\w/, (c) => c.toUpperCase())} {\n}\n`, "");
+    if (!name) return;
+    this.saved = this.area.value;
+    this.opening = true;
+    this.save(name, `model ${name.replace(/\.bg$/, "").replace(/\W+/g, "_").replace(/^\w/, (c) => c.toUpperCase())} {\n}\n`, "");
   }
 
   async open(file) {

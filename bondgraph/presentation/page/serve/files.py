@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from hashlib import sha256
+from itertools import islice
 from pathlib import Path
 
 from ....errors import UsageError
@@ -20,15 +22,15 @@ def stamp(path: Path) -> str:
 
 
 def models_in(folder: Path) -> tuple[str, ...]:
-    """Return the models of a folder and of those in it, in order; hidden folders are left out."""
-    return tuple(name for name, _ in zip(sorted(_found(folder)), range(MOST), strict=False))
+    """Return the models of a folder and of those in it; hidden folders are left out."""
+    return tuple(islice(_models(folder), MOST))
 
 
-def _found(folder: Path) -> Iterator[str]:
-    for path in folder.rglob("*.bg"):
-        name = path.relative_to(folder)
-        if path.is_file() and not any(part.startswith(".") for part in name.parts):
-            yield name.as_posix()
+def _models(folder: Path) -> Iterator[str]:
+    for place, folders, names in os.walk(folder):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        models = (Path(place, name) for name in sorted(names) if name.endswith(".bg") and not name.startswith("."))
+        yield from (path.relative_to(folder).as_posix() for path in models)
 
 
 def path_of(folder: Path, name: str) -> Path:
