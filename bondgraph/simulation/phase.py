@@ -368,5 +368,6 @@ class Phase:
         if self.events is None:
             return []
         notes = self.events.hybrid.events
-        acted = [(h.time, notes[i]) for h in self.events.log for i in h.events if not notes[i].sampled]
-        return [EventRecord(t, n.words, n.owner, n.span.file_and_line, n.stops) for t, n in acted]
+        acted = [(h.time, i) for h in self.events.log for i in h.events if not notes[i].sampled]
+        places = {i: notes[i].span.file_and_line for i in {i for _, i in acted}}
+        return [EventRecord(t, notes[i].words, notes[i].owner, places[i], notes[i].stops) for t, i in acted]

@@ -12,6 +12,8 @@ import bondgraph
 from bondgraph.compiled_scene import TARGETS, chosen_target
 from bondgraph.errors import RunFailed, RunInterrupted
 from bondgraph.results.result import Result
+from bondgraph.simulation.events.events import Events
+from bondgraph.simulation.integration import passed_events
 from tests.stress.events import STICK_SLIP
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
@@ -187,3 +189,65 @@ def test_delays_are_stepped_through_in_python() -> None:
     text = "plain model Late {\n signal x = integral(-delay(x, 1), 1)\n when x < 0 { x = 1 }\n output y = x\n}\n"
     assert "numpy (delays)" in run(text, 3.0).solver
     assert chosen_target(None) == "native"
+
+
+THERMOSTAT = """model Thermostat {
+  mode heats = true, starts = 0
+  when T < 293 K { heats = true; starts = starts + 1 }
+  when T > 295 K { heats = false }
+  signal T = integral(((100 W if heats else 0 W) - 2 [W/K]*(T - 280 K) - 1e-3 [W/K^2]*(T - 280 K)^2)/1 [kJ/K], 280 K)
+  output y = T, count = starts
+}
+"""
+TWO_BALLS = """model TwoBalls {
+  1 a
+  1 b
+  I one : p = 0.1 kg*v
+  I two : p = 0.2 kg*v
+  Se pull_one : F = -1 N
+  Se pull_two : F = -1.7 N
+  R drag : F = 0.03 [N*s/m]*v
+  pull_one -> a -> one, drag
+  pull_two -> b -> two
+  mode hits = 0, passes = 0
+  output x = integral(a.v, 1 m), y = integral(b.v, 1.3 m), n = hits, k = passes
+  when x < 0 m { one.v = -0.95*one.v; hits = hits + 1 }
+  when y < 0 m { two.v = -1*two.v }
+  when x > y { passes = passes + 1 }
+}
+"""
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize(
+    ("text", "to", "solver"),
+    [
+        (BALL, 8.0, "automatic"),
+        (BALL, 8.0, "radau"),
+        (THERMOSTAT, 6000.0, "radau"),
+        (TWO_BALLS, 9.0, "radau"),
+        (TWO_BALLS, 9.0, "explicit"),
+        (RECTIFIER, 0.06, "automatic"),
+    ],
+)
+def test_events_that_machine_code_passes_are_those_of_python(
+    text: str, to: float, solver: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the last bit: instants, states, counts of work, records of events, and the checkpoint at the end."""
+    seen = []
+    happen = Events.happen
+
+    def counted(*arguments: Any, **named: Any) -> Any:
+        seen[-1] += 1
+        return happen(*arguments, **named)
+
+    monkeypatch.setattr(Events, "happen", counted)
+    runs = []
+    for passes in (passed_events.is_passable, lambda stepper: False):
+        monkeypatch.setattr(passed_events, "is_passable", passes)
+        seen.append(0)
+        found = bondgraph.load(text).simulate(to=to, points=301, rtol=1e-8, solver=solver)
+        runs.append((found.values.tobytes(), found.steps, found.evaluations, found.events, found.notes, repr(found.checkpoint)))  # fmt: skip
+    assert runs[0] == runs[1]
+    assert len(runs[0][3]) > 10 or text == RECTIFIER
+    assert text == RECTIFIER or seen[0] < 0.6 * seen[1]  # most of them without Python

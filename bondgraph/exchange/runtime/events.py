@@ -6,8 +6,8 @@ from math import isfinite, ulp
 
 from ...numerics import indicators
 from ...simulation.events import events, locate
-from ...simulation.integration import cut
 from ...simulation.integrators.acceptance import crossing_search
+from ...simulation.integrators.acceptance.event_passing import MOST_ROUNDS, SHORT, is_sure
 from ...simulation.integrators.acceptance.zero_crossings import full_at, is_wrong, roots_at, truth
 from ...simulation.integrators.methods import PARTS
 from .conditions import count_in, guess_mode, look, put, reread, said, settle_mode
@@ -27,10 +27,8 @@ from .segment import collect_ticks, enter_segment, forget
 FINER = tuple(indicators.FINER.tolist())
 GRID = indicators.GRID
 WIDTH, GOLDEN = crossing_search.WIDTH, locate.GOLDEN
-SHORT, BEYOND, ALIKE, SHRUNK = events.SHORT, float(events.BEYOND), float(events.ALIKE), events.SHRUNK
-MOST_ROUNDS, MOST_AT_ONCE, LEFT = events.MOST_ROUNDS, events.MOST_AT_ONCE, events.LEFT
-NEAR, ALLOWED, SHORTEST, PARTED = cut.NEAR, cut.ALLOWED, cut.SHORTEST, len(cut.BACK)
-HALVES, BACK, SLOPE = cut.PLACES, tuple(cut.BACK.tolist()), tuple(cut.SLOPE.tolist())
+BEYOND, ALIKE, SHRUNK = float(events.BEYOND), float(events.ALIKE), events.SHRUNK
+MOST_AT_ONCE, LEFT = events.MOST_AT_ONCE, events.LEFT
 NOTHING, CUT, UNSURE = 0, 1, 2  # answers of the search for an event in a step
 KEPT = LEFT + 1  # intervals kept for each event: the last ones, and the longest
 
@@ -314,7 +312,7 @@ def narrow(s: FmuInstance, low: float, high: float) -> int:
         else:
             low = middle
     start = w.end_time[w.ends - 2]
-    if is_sure(s, start, high):
+    if is_sure(w, k, start, high):
         s.time = high
         full_at(w, high, s.state)
         e.located = 1
@@ -323,28 +321,3 @@ def narrow(s: FmuInstance, low: float, high: float) -> int:
     for i in range(w.n):
         s.state[i] = w.end_state[(w.ends - 2) * w.n + i] * w.magnitude[i]
     return UNSURE
-
-
-def is_sure(s: FmuInstance, start: float, stop: float) -> bool:
-    """Return True if the dense output of a step satisfies the equations up to the event that cuts it: see `cut.py` of a run."""
-    w = s.solver
-    e = s.events
-    k = e.conditions
-    size = stop - start
-    if size < SHORTEST * ulp(max(abs(start), abs(stop))):
-        return True
-    for p in range(2):
-        time = start + size * HALVES[p]
-        full_at(w, time, k.later)
-        w.derivative(time, k.later, w.inputs, w.constants, w.mode, k.rate)
-        for i in range(w.n):
-            k.slope[i] = 0.0
-        for b in range(PARTED):
-            full_at(w, time + NEAR * size * BACK[b], w.si)
-            for i in range(w.n):
-                k.slope[i] += SLOPE[b] / NEAR * w.si[i]
-        for i in range(w.n):
-            allowed = w.absolute[i] * w.magnitude[i] + w.relative * abs(k.later[i])
-            if abs(size * k.rate[i] - k.slope[i]) > ALLOWED * allowed:
-                return False
-    return True

@@ -13,6 +13,7 @@ import numpy as np
 from compiler.api import Array, BoolArray, IntArray
 
 from ...errors import RunFailed
+from ..integrators.acceptance.event_passing import MOST_ROUNDS, OFTEN, SHORT
 from ..segments.sampling import due_at, sampling_of
 from .bounds import bounds_of
 from .complementarity import Companion
@@ -21,10 +22,8 @@ from .mode_iteration import reread, settled
 from .resets import listed_events, reset
 from .valves import ValveSwitching
 
-SHORT = 1e-12  # relative to the time: events closer than this count as simultaneous
 MOST_AT_ONCE = 60  # most simultaneous events
-MOST_ROUNDS = 100  # most rounds of events that cause each other at one instant
-LEFT = 3  # times in a row that an event makes its condition false before it is expected to
+LEFT = OFTEN  # times in a row that an event makes its condition false before it is expected to
 SHRUNK = 1e-2  # fraction of the longest interval between events: a shorter one shows that they accumulate
 BEYOND = 2  # in units of the rounding of a root: a crossing that the flow contradicts counts from there on
 ALIKE = 4  # largest quotient of the factors by which the intervals between accumulating events shrink

@@ -19,17 +19,16 @@ from compiler.api import Array, BoolArray, IntArray
 from ...errors import RunFailed
 from ...numerics.indicators import COEFFICIENTS, FINER, ON_GRID, SHARES
 from ..integrators.acceptance.crossing_search import WIDTH
+from ..integrators.acceptance.event_passing import FEWEST, SMALLEST
 from ..integrators.compiled.indicator_record import interpreted_record
 from .bounds import Overlooked
 from .events import Events
 from .indicators import HybridState
 
 NARROWEST = 2.0**-44  # smallest part, as a fraction of the interval searched, for conditions with narrow peaks
-SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump lies at one of its places
 GOLDEN = 0.5 * (5**0.5 - 1)  # share of a bracket that a golden section keeps
 CONSTANT = 1e-13  # of the largest range of an indicator in a run: a smaller one is rounding
 MOST_HIDDEN = 1000  # most parts that are halved for a peak that their places do not show
-FEWEST = 1 / 64  # smallest first part, as a fraction of the interval searched
 MOST_PARTS = 1 << 15  # most parts of the interval searched
 
 if TYPE_CHECKING:

@@ -13,16 +13,14 @@ import numpy as np
 
 from compiler.api import Array
 
+from ..integrators.acceptance import event_passing
+from ..integrators.acceptance.event_passing import ALLOWED, HALVES, NEAR, SHORTEST
+
 if TYPE_CHECKING:
     from ..events.locate import StateAt
     from .integration_state import IntegrationState
 
-NEAR = 1e-3  # fraction of the remaining part: distance of the states of a difference quotient
-PLACES = (0.5, 1.0)  # fractions of the remaining part at which rates are evaluated
-BACK = np.array([0.0, -1.0, -2.0, -3.0, -4.0])
-SLOPE = np.array([25.0, -48.0, 36.0, -16.0, 3.0]) / 12  # backward difference quotient of order 4
-ALLOWED = 1.0  # in units of the tolerance: error of the states if the derivatives err as much over the whole part
-SHORTEST = 2.0**14  # units in the last place of a time: a shorter part gives no difference quotient
+BACK, SLOPE = np.array(event_passing.BACK), np.array(event_passing.SLOPE)
 
 
 def is_sure(stepper: IntegrationState, start: float, stop: float, mode: Array, states_at: StateAt) -> bool:
@@ -30,7 +28,7 @@ def is_sure(stepper: IntegrationState, start: float, stop: float, mode: Array, s
     size, count = stop - start, len(stepper.program.states.names)
     if size < SHORTEST * np.spacing(max(abs(start), abs(stop))):
         return True
-    times = start + size * np.array(PLACES)
+    times = start + size * np.array(HALVES)
     states, fixed = states_at(times, True), (stepper.inputs, stepper.constants, mode)
     rates = np.array([stepper.program.derivative(t, x, *fixed)[:count] for t, x in zip(times, states, strict=True)])
     stepper.count({"derivative": len(times)})

@@ -13,6 +13,7 @@ from compiler.api import Array, BoolArray
 from ...errors import RunFailed, StepsCollapsed
 from ..events.indicators import HybridState
 from ..events.locate import Flip, StateAt, first_flip
+from ..integrators.acceptance.event_passing import HARMLESS
 from ..monitors.validity import ValidityMonitor
 from ..segments.timeline import Segment, discrete_variables, mode_after, with_time_of
 from ..segments.trajectory import Tolerances, Trajectory
@@ -21,12 +22,12 @@ from .integration_state import PhaseProblem
 from .segment_integrator import SegmentIntegrator
 
 if TYPE_CHECKING:
+    from ..events.events import Events
     from ..integrators.compiled.run import CompiledMethod
 
 PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a pilot run
 CLOSE = 1e-8  # fraction of the run: a zero crossing this soon after collapsed steps is their cause
 MOST_EVENTS = 10_000_000  # most events of one run
-HARMLESS = 0.01  # in units of the tolerance: largest difference of two laws that one step may use both of
 
 
 class EventIntegrator(SegmentIntegrator):
@@ -155,6 +156,11 @@ class EventIntegrator(SegmentIntegrator):
         self.piece, count, self.events.on = mark
         del self.result.pieces[count:]
         self.flip = None
+
+    @property
+    def passable_events(self) -> Events:
+        """Events of the run."""
+        return self.events
 
     @property
     def floor(self) -> Any:

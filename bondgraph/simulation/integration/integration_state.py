@@ -209,6 +209,11 @@ class IntegrationState:
         return 0, {}
 
     @property
+    def passable_events(self) -> Events | None:
+        """Return the events of a run that machine code may pass; None if there are none."""
+        return None
+
+    @property
     def floor(self) -> Any:
         """Rounding errors of the roots of conditions; None if there are none."""
         return None
@@ -223,12 +228,14 @@ class IntegrationState:
 
     def tell_crawling(self, solver: CompiledMethod, steps: int, mode: Array) -> None:
         """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
-        if is_usual(solver, steps):
+        flip, magnitude = self.flip, self.tolerances.magnitude  # what lies behind an event in its step never comes
+        time, state = (float(solver.time), solver.state) if flip is None else (flip.time, flip.state / magnitude)
+        if is_usual(state, steps):
             return
         context = self.context
         self.result.notes += [
             *notes_of(context, solver, steps, mode, self.solver == "explicit"),
-            *growth_notes(context, solver, self.result.notes),
+            *growth_notes(context, time, state, self.result.notes),
         ]
 
     def name(self, method: int, target: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from compiler.api import AUTOMATIC, Array
 
 from ...errors import StepsCollapsed
 from ..integrators.compiled.run import CompiledMethod, obstacle, steps
-from ..integrators.methods import EXPLICIT, EXPONENTIAL, METHODS, PARTS, RADAU
+from ..integrators.methods import CHOSEN, EXPLICIT, EXPONENTIAL, METHODS, PARTS, RADAU
 from ..integrators.outcomes import FINISHED, FLIP, HANDOVER, MORE, STIFF
 from ..integrators.projection.limits import NEAR
 from ..integrators.radau import StepFailed
@@ -24,7 +24,9 @@ LARGEST_SPARE = 64  # most states of a workspace that is left to the next run
 
 if TYPE_CHECKING:
     from ..segments.trajectory import Tolerances
+    from .event_integrator import EventIntegrator
     from .integration_state import IntegrationState
+    from .passed_events import PassedEvents
 
 
 def target_of(stepper: IntegrationState) -> str:
@@ -96,6 +98,7 @@ class NativeIntegrator:
         self.tolerances: Tolerances = stepper.tolerances
         self.noted = False  # True while the checkpoint before the last step is stored
         self.passed = 0  # number of steps after which Python has acted
+        self.events: PassedEvents | None = None
         self.key = _spare_key(stepper, stretch, x, method)
         spare: CompiledMethod | None = None
         if self.key is not None and stepper.run_values is not None:
@@ -122,6 +125,12 @@ class NativeIntegrator:
         solver.begin()
         if self.key is not None:
             solver.save()
+        if solver.native and method in CHOSEN and stepper.passable_events is not None:
+            from .passed_events import PassedEvents, is_passable
+
+            if is_passable(stepper):
+                self.events = PassedEvents(cast("EventIntegrator", stepper), solver)
+                self.events.begin(stretch.mode, method)
 
     def release(self) -> None:
         """Leave the workspace to the next run with the same values."""
@@ -138,6 +147,8 @@ class NativeIntegrator:
         stepper.result.work = solver.went_on(stepper.position, stepper.result.work, stepper.traffic)
         automatic = _automatic(stepper, method)
         solver.begin_at(stretch, x, stepper.signals(stretch), method, automatic)
+        if self.events is not None:
+            self.events.begin(stretch.mode, method)
 
     def to_end(self) -> Any:
         """Return the state at the end of the segment, or where it is cut."""
@@ -183,13 +194,20 @@ class NativeIntegrator:
         most = MOST_COMPILED if native else MOST_STEPS
         if stepper.most_steps < MOST_STEPS:
             most = stepper.most_steps - stepper.steps
+        passed = self.events
+        if passed is not None:
+            passed.hand_over()
         try:
-            return steps(self.solver, self._look, most, pause)
+            return steps(self.solver, self._look, most, pause, passed)
         except StepFailed as failed:
             told = stepper.failed(self.solver, failed.what, self.stretch.mode)
             if isinstance(told, StepsCollapsed) and stepper.flips_just_ahead(told, self.stretch):
                 return FINISHED
             raise told from None
+        finally:
+            if passed is not None:
+                self.stretch = passed.take_over()
+                self.noted = False
 
     def _look(self) -> list[int]:
         """Check the limits of the model in the last step; return those that are violated."""

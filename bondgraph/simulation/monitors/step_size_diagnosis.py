@@ -88,13 +88,14 @@ def notes_of(context: SegmentContext, solver: LastStep, steps: int, mode: Array,
     return [f"most of the {steps} steps follow {found}; {advice(found, explicit)}"]
 
 
-def is_usual(solver: LastStep, steps: int) -> bool:
-    """Return True if a segment took few steps, and no state is far beyond its magnitude at its end."""
-    return steps < MANY and not bool((np.abs(solver.state) > BEYOND).any())
+def is_usual(state: Array, steps: int) -> bool:
+    """Return True if a segment took few steps, and no state is far beyond its magnitude at its end, by which it is divided."""
+    return steps < MANY and not bool((np.abs(state) > BEYOND).any())
 
 
-def growth_notes(context: SegmentContext, solver: LastStep, notes: Sequence[str]) -> list[str]:
+def growth_notes(context: SegmentContext, time: float, state: Array, notes: Sequence[str]) -> list[str]:
     """Return a note on the state farthest beyond its magnitude at the end of a segment; none if its magnitude was given, or after a first note in `notes`.
+    `state`: divided by the magnitudes.
 
     One that nothing moved in the pilot run (behind a dead time, before an event) has the magnitude that others of its unit lend it, and is measured
     by theirs.
@@ -102,7 +103,7 @@ def growth_notes(context: SegmentContext, solver: LastStep, notes: Sequence[str]
     names, units = context.program.states.names, context.program.states.units
     tolerances = context.tolerances
     count = len(names)
-    far = np.abs(np.asarray(solver.state)[:count])
+    far = np.abs(np.asarray(state)[:count])
     if not (far > BEYOND).any():
         return []
     sizes = tolerances.magnitude[:count]
@@ -114,9 +115,9 @@ def growth_notes(context: SegmentContext, solver: LastStep, notes: Sequence[str]
     begin = f"`{names[worst]}` has got "
     if any(note.startswith(begin) for note in notes):
         return []
-    value = solver.state[worst] * tolerances.magnitude[worst]
+    value = state[worst] * tolerances.magnitude[worst]
     return [
-        f"{begin}to {value:.4g} {units[worst]} at t = {float(solver.time):.6g} s, {far[worst]:.2g} times what a look ahead saw: it grows without bound, "
+        f"{begin}to {value:.4g} {units[worst]} at t = {time:.6g} s, {far[worst]:.2g} times what a look ahead saw: it grows without bound, "
         "or the tolerance let it beyond a value from which there is no way back, as zero is for a concentration; compare with a tolerance that is ten "
         "times tighter, or give its own (`tolerance`)"
     ]

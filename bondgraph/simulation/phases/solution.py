@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,10 +39,11 @@ class PhaseSolution:
         """Return the outputs, shape (points, outputs). `watch` looks at the last instant, whose mode no segment has."""
         instants, states, program = self.instants, self.trajectory.states, self.constraints.program
         values = np.empty((len(instants), len(program.outputs.names)))
-        for segment in self.segments:
-            part = self._within(segment)
+        for _, alike in groupby(self.segments, lambda s: np.asarray(s.mode).tobytes()):  # events return to a mode
+            first, *others = alike
+            part = self._within(first if not others else Segment(first.start, others[-1].stop, first.mode))
             if part.start < part.stop:
-                values[part] = self.output(instants[part], states[part], segment.mode)
+                values[part] = self.output(instants[part], states[part], first.mode)
         if self.trajectory.handover is not None or not len(instants):
             return values
         last = self.segments[-1]

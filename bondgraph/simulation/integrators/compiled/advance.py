@@ -8,12 +8,14 @@ from __future__ import annotations
 from importlib import import_module
 from math import isfinite, sqrt, ulp
 
+from ...segments import timeline
+from ..acceptance.event_passing import FOUND, LEFT, EventWorkspace, method_in, passing, put_said
 from ..acceptance.singular_poses import GOES_ON, begin_watch, watch
 from ..acceptance.step_acceptance import add_work, grow, steep
 from ..acceptance.zero_crossings import may_flip
 from ..dense_output.dense_output import sample
-from ..dop853 import OFTEN
-from ..methods import CONSERVING, ESTIMATES, EXACT, METHODS
+from ..dop853 import LOOK_AGAIN, OFTEN
+from ..methods import CONSERVING, ESTIMATES, EXACT, EXPLICIT, EXPONENTIAL, METHODS
 from ..outcomes import FINISHED, FLIP, HANDOVER, LOOK, MORE, STIFF
 from ..radau import FIRST_ULPS
 from ..steps.energy_step import take_energy
@@ -23,6 +25,7 @@ from ..workspace import IntegratorWorkspace
 
 # The step of each method, by its number: a new one is a row of the table of solvers and a module of `steps/`.
 STEPS = tuple(getattr(import_module(f"..steps.{row.word}_step", __package__), f"{row.word}_step") for row in METHODS)
+MARGIN = float(timeline.ROUNDING)
 
 
 def advance(s: IntegratorWorkspace, most: int) -> int:
@@ -57,6 +60,95 @@ def advance(s: IntegratorWorkspace, most: int) -> int:
             if near != GOES_ON:
                 return near
     return FINISHED if s.time >= s.stop else MORE
+
+
+def advance_through(e: EventWorkspace, most: int) -> int:
+    """Make up to `most` steps as `advance`, through events that need no Python, each of which begins another segment."""
+    s = e.solver
+    made = 0
+    while made < most:
+        before = s.steps
+        answer = advance(s, most - made)
+        made += s.steps - before
+        if answer == FLIP:
+            happened = passing(e)
+            if happened == LEFT:
+                return FLIP
+            if happened == FOUND:
+                begin_behind(e)
+            elif e.logged > e.logged_before and EXACT[s.method] != 0:
+                s.last_size = 0.0  # the matrix is another
+        elif answer != MORE:
+            return answer
+    return MORE
+
+
+def begin_behind(e: EventWorkspace) -> None:
+    """Finish a step up to its event, and begin the segment behind it."""
+    s = e.solver
+    k = e.conditions
+    s.until = k.time
+    advance(s, 1)
+    e.steps += s.steps
+    e.derivatives += s.derivatives
+    e.jacobians += s.jacobians
+    e.factorisations += s.factorisations
+    s.method = method_in(e)
+    s.automatic = e.automatic if s.method == EXPLICIT or s.method == EXPONENTIAL else 0
+    while s.position < s.instant_count and s.instants[s.position] <= k.time:
+        for i in range(s.n):
+            s.reported[s.position * s.n + i] = k.state[i]
+        s.position += 1
+    for i in range(s.n):
+        s.state[i] = k.state[i] / s.magnitude[i]
+        s.absolute[i] = s.resting[i]
+        s.peak[i] = max(abs(s.state[i]), 1.0)
+        s.greatest[i] = 0.0
+        s.error[i] = 0.0
+        e.begun_state[i] = k.state[i]
+    for i in range(e.mode_size):
+        s.mode[i] = k.mode[i]
+    put_said(e)
+    for j in range(s.root_count):
+        s.root_floor[j] = k.floor[j]
+    e.passed += 1
+    e.begun = k.time
+    e.begun_position = s.position
+    forget_all(s, k.time)
+    begin(s)
+
+
+def forget_all(s: IntegratorWorkspace, start: float) -> None:
+    """Put the fields of a new segment, up to the same end: see `compiled/fields.py`."""
+    s.time = start
+    s.until = s.stop
+    margin = MARGIN * ulp(max(abs(start), abs(s.stop)))
+    s.earliest = start + margin
+    s.latest = s.stop - margin
+    while s.node_next > 0 and s.node_time[s.node_next - 1] >= start:
+        s.node_next -= 1
+    while s.node_next < s.signal_nodes and s.node_time[s.node_next] < start:
+        s.node_next += 1
+    s.fastest = 0.0
+    s.since_looked = LOOK_AGAIN
+    s.held_by_stability = 0
+    s.free_steps = 0
+    s.steps = 0
+    s.rejected = 0
+    s.derivatives = 0
+    s.jacobians = 0
+    s.factorisations = 0
+    s.negative = 0
+    s.ends = 0
+    s.known = 0
+    s.current = 0
+    s.factorised = 0
+    s.first_sloped = 0
+    s.node_count = 0
+    s.pending = 0
+    s.last_size = 0.0
+    s.last_error = 0.0
+    s.contraction = 0.0
 
 
 def one_step(s: IntegratorWorkspace) -> int:

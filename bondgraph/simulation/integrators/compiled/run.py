@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import time as clock
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -48,6 +48,18 @@ def obstacle(program: Program) -> str:
     if program.invariants.names and (program.solved is None) != ("solved" not in program.native.addresses):
         return "closed loops are held on their constraints"
     return ""
+
+
+Advance = Callable[[int], int]  # most steps -> an answer of `outcomes.py`
+
+
+class PassedSteps(Protocol):
+    """Events that machine code passes, seen from the loop over steps; `record` has the steps of segments that have ended."""
+
+    record: Any
+
+    def advance(self, most: int) -> int:
+        """Make steps, through events."""
 
 
 class Ordered:
@@ -254,22 +266,30 @@ class CompiledMethod:
             self.values["work"][:] = work
         return None if work is None else self.values["work"]
 
-    def advance(self, most: int) -> int:
-        """Make up to `most` steps; return the reason for the stop, one of the numbers of `outcomes.py`. Raises `StepFailed`."""
-        advance = "advance" if self._record.method in CHOSEN else ANY
-        answer: int = self.values.call(advance, most)
+    def forget_mode(self) -> None:
+        """Put the mode again at its next use: machine code has another one."""
+        self._mode = None
+
+    def advance(self, most: int, through: Advance | None = None) -> int:
+        """Make up to `most` steps; return the reason for the stop, one of the numbers of `outcomes.py`. `through`: the loop that passes events. Raises
+        `StepFailed`."""
+        advance = through or self._advance
+        answer = advance(most)
         self.order.record.tolerant = 0
         while answer == ORDER:
             # With an order computed for just these numbers, small pivots are accepted.
             if self.order.choose(self._shift / self.factorised_size, self.jacobian):
                 self.order.record.tolerant = 1
-                answer = self.values.call(advance, 1)
+                answer = advance(1)
             else:
                 answer = NEWTON
             self.order.record.tolerant = 0
         if answer in FAILURES:
             raise StepFailed(FAILURES[answer])
         return answer
+
+    def _advance(self, most: int) -> int:
+        return self.values.call("advance" if self._record.method in CHOSEN else ANY, most)
 
     @property
     def _shift(self) -> float:
@@ -342,18 +362,26 @@ class CompiledMethod:
         return out
 
 
-def steps(solver: CompiledMethod, look: Callable[[], list[int]], most: int, pause: float = np.inf) -> int:
+def steps(
+    solver: CompiledMethod,
+    look: Callable[[], list[int]],
+    most: int,
+    pause: float = np.inf,
+    passed: PassedSteps | None = None,
+) -> int:
     """Step to the end of the segment, or to a change of states or a singular pose; return the reason, a number of `outcomes.py`.
 
     `MORE` after `pause` steps of the segment, in Python after each step. `look` checks the limits of the model in the last step, and returns the
-    violated ones. Raises `StepFailed`.
+    violated ones. `passed`: the events that machine code passes, with the steps of segments that they end. Raises `StepFailed`.
     """
     several, answer, record = 64 if solver.native else 1, MORE, solver.record
+    through = None if passed is None else passed.advance
     while answer == LOOK or (answer == MORE and record.steps < pause):
-        if record.steps >= most:
+        made = record.steps if passed is None else record.steps + passed.record.steps
+        if made >= most:
             raise StepFailed("steps")
         began = clock.perf_counter()
-        answer = solver.advance(max(1, int(min(several, most - record.steps, pause - record.steps))))
+        answer = solver.advance(max(1, int(min(several, most - made, pause - record.steps))), through)
         if answer == LOOK:
             solver.left[look()] = 1
         elif not solver.native:

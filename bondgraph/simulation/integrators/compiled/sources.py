@@ -17,12 +17,12 @@ from ..methods import ANY, CHOSEN
 from ..pilot.loop import coarse, last_step
 from ..pilot.step import euler
 from ..projection.projection import least_singular_values, project_all, rates_projected
-from .advance import STEPS, advance, begin
+from .advance import STEPS, advance, advance_through, begin
 
 SOURCES: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        begin, advance, euler, coarse, last_step, roots_along, states_along, scaled_along, evaluate, doubt, look_ahead, decide, survey, narrow,
+        begin, advance, advance_through, euler, coarse, last_step, roots_along, states_along, scaled_along, evaluate, doubt, look_ahead, decide, survey, narrow,
         least_singular_values, project_all, rates_projected, balance, real_factors, least_degree, plan_eliminations, put_rows,
     )
 }  # fmt: skip

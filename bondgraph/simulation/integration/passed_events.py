@@ -1,0 +1,150 @@
+"""Events that the loop over steps passes in machine code, and what Python then has to know of them: see `acceptance/event_passing.py`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compiler.api import AUTOMATIC, Program
+
+from ..events.events import EventInstant, Events
+from ..integrators.acceptance.crossing_search import GRID, PLACES
+from ..integrators.acceptance.event_passing import FOUND, KNOWN, ROOM, EventWorkspace
+from ..integrators.compiled.record_layout import RecordArray, form_of
+from ..monitors import step_size_diagnosis
+from ..segments.timeline import Segment, mode_size
+from .method import method_in_any_mode
+
+if TYPE_CHECKING:
+    from ..integrators.compiled.run import CompiledMethod
+    from .event_integrator import EventIntegrator
+    from .integration_state import IntegrationState
+
+TOTALS = {"derivative": "derivatives", "jacobian": "jacobians", "factorisation": "factorisations"}
+
+
+def _room(program: Program, events: Events) -> dict[str, Any]:
+    """Return the fields that depend on the program alone."""
+    hybrid, states, size = events.hybrid, len(program.states.names), mode_size(program, events.constants)
+    settings = [(number, s) for number, event in enumerate(hybrid.events) for s in event.settings]
+    count, conditions, junctions = len(hybrid.events), len(hybrid.conditions), len(hybrid.junctions)
+    given = {
+        "stops": [e.stops or e.sampled for e in hybrid.events], "owner": [number for number, _ in settings],
+        "position": [s.position for _, s in settings], "is_mode": [s.kind == "mode" for _, s in settings],
+    }  # fmt: skip
+    whole = {
+        "on": count, "acts": count, "acted": count, "left": count, "on_before": count, "crossed": conditions, "is_active": junctions,
+        "known_method": KNOWN, "log_kind": ROOM, "log_crossed": ROOM * conditions, "log_acted": ROOM * count,
+    }  # fmt: skip
+    lengths = {
+        "given": len(settings), "active": junctions, "holds": count, "times": PLACES + GRID + 1, "seen": (PLACES + GRID + 1) * conditions,
+        "mode_before": size, "known_mode": KNOWN * size, "log_time": ROOM, "log_mode": ROOM * size, "begun_state": states, "peak": states,
+    }  # fmt: skip
+    numbers = {"mode_size": size, "event_count": count, "setting_count": len(settings), "junction_count": junctions}
+    zeros = (
+        "logged_before", "derivatives_before", "known_count", "logged", "passed", "begun_position", "most_events", "otherwise", "steps", *TOTALS.values(),
+        "recent", "spacing", "spacing_before", "begun",
+    )  # fmt: skip
+    arrays: dict[str, Any] = {name: np.array(values, dtype=np.int64) for name, values in given.items()}
+    arrays |= {name: np.zeros(length, dtype=np.int64) for name, length in whole.items()}
+    arrays |= {name: np.zeros(length) for name, length in lengths.items()}
+    return arrays | numbers | dict.fromkeys(zeros, 0)
+
+
+def is_passable(stepper: IntegrationState) -> bool:
+    """Return True if machine code may pass the usual events of a run: nothing but states, modes and conditions changes at them, and nobody looks on."""
+    program, events = stepper.program, stepper.passable_events
+    if events is None or program.native is None or not len(events.places):
+        return False
+    hybrid = events.hybrid
+    looks_on = stepper.powers is not None or stepper.extremes is not None or stepper.history is not None
+    looks_on = looks_on or bool(stepper.choice) or len(program.limits) > 0 or events.bounds is not None
+    ties = bool(program.unknowns.names) or bool(stepper.constraints) or bool(program.jumping.names)
+    special = bool(events.counted) or hybrid.switches_signals or events.valves is not None
+    computed = any(s.kind == "computed" for event in hybrid.events for s in event.settings)
+    return not (looks_on or ties or special or computed) and len(set(events.keys)) == len(events.keys)
+
+
+class PassedEvents:
+    """Record of the events of a run that machine code passes, beside the solver."""
+
+    def __init__(self, stepper: EventIntegrator, solver: CompiledMethod) -> None:
+        program, events = stepper.program, stepper.events
+        self.stepper, self.solver = stepper, solver
+        given = {
+            "solver": solver.values, "conditions": events.record, "many": step_size_diagnosis.MANY, "automatic": int(stepper.solver == AUTOMATIC),
+        }  # fmt: skip
+        self.values = RecordArray(form_of(EventWorkspace, program, "", lambda: _room(program, events)), given)
+        self.record = self.values.record
+        names = [name for name, _ in events.hybrid.junctions]
+        self.values["is_active"][:] = [name not in stepper.off for name in names]
+
+    def begin(self, mode: Any, method: int) -> None:
+        """Take note of the method with which Python has begun a segment in a mode."""
+        record, values, size = self.record, self.values, self.record.mode_size
+        record.otherwise = method_in_any_mode(self.stepper)
+        if record.otherwise >= 0:
+            record.known_count = 0
+        elif record.known_count < KNOWN:
+            here = record.known_count
+            values["known_mode"][here * size : (here + 1) * size] = mode
+            values["known_method"][here] = method
+            record.known_count += 1
+
+    def hand_over(self) -> None:
+        """Put what Python knows of the events into the record."""
+        events, record, values = self.stepper.events, self.record, self.values
+        values["on"][:] = [events.on.get(key, False) for key in events.keys]
+        values["left"][:] = [events.left.get(key, 0) for key in events.keys]
+        record.recent = events.log[-1].time if events.log else -np.inf
+        record.spacing = events.spacing
+        record.most_events = self.stepper.most_events - len(events.log)
+
+    def advance(self, most: int) -> int:
+        """Make steps, through events; see `compiled/advance.py`."""
+        return self.values.call("advance_through", most)
+
+    def take_over(self) -> Segment:
+        """Tell the integrator what has happened since `hand_over`; return its present segment."""
+        stepper, events, record, values = self.stepper, self.stepper.events, self.record, self.values
+        events.last, events.spacing = None, record.spacing  # the record of the conditions has been used
+        self.solver.forget_mode()
+        if not record.logged:
+            return stepper.piece
+        modes = values["log_mode"].reshape(ROOM, -1)[: record.logged].copy()
+        crossed, acted = (values[n].reshape(ROOM, -1)[: record.logged] != 0 for n in ("log_crossed", "log_acted"))
+        kinds = values["log_kind"][: record.logged].tolist()
+        start, stop, mode, resolution = (
+            stepper.piece.start,
+            stepper.piece.stop,
+            stepper.piece.mode,
+            stepper.piece.resolution,
+        )
+        for number, time in enumerate(values["log_time"][: record.logged].tolist()):
+            stepper.result.pieces.append(Segment(start, time, mode))
+            if kinds[number] == FOUND:
+                conditions, own = (tuple(mask[number].nonzero()[0].tolist()) for mask in (crossed, acted))
+                events.log.append(EventInstant(time, conditions, own))
+            start, mode = time, modes[number]
+        stepper.piece = Segment(start, stop, mode, resolution)
+        stepper.mode = mode
+        events.on |= dict(zip(events.keys, (values["on"] != 0).tolist(), strict=True))
+        events.left |= dict(zip(events.keys, values["left"].tolist(), strict=True))
+        record.logged = 0
+        if record.passed:
+            self._count_passed()
+        return stepper.piece
+
+    def _count_passed(self) -> None:
+        """Count the steps of segments that have ended, and keep a checkpoint at the start of the last one."""
+        stepper, record, values = self.stepper, self.record, self.values
+        stepper.events.floor = self.solver.values["root_floor"].copy()
+        stepper.steps += record.steps
+        stepper.result.steps += record.steps
+        stepper.count({kind: getattr(record, name) for kind, name in TOTALS.items()})
+        stepper.grow(values["peak"].copy())
+        stepper.position = record.begun_position
+        stepper.keep(record.begun, values["begun_state"].copy(), stepper.mode, stepper.piece.start)
+        for name in ("passed", "steps", *TOTALS.values()):
+            setattr(record, name, 0)

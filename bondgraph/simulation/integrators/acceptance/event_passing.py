@@ -1,0 +1,467 @@
+"""Events that a run passes without Python: the first zero crossing of a step, what acts there, and the mode just after it.
+
+The usual case alone, by the rules of `simulation/events`: whatever else comes up is `LEFT` to Python, which begins with the same step again.
+"""
+
+from __future__ import annotations
+
+from math import isfinite, ulp
+from typing import TYPE_CHECKING
+
+from compiler.api import Record
+
+from ...monitors import step_size_diagnosis
+from ..methods import EXACT, PARTS
+from ..workspace import Function, IntegratorWorkspace
+from .crossing_search import narrow, survey
+from .event_indicators import INFINITE, IndicatorWorkspace, decide, doubt, evaluate, look_ahead
+from .zero_crossings import (
+    COEFFICIENTS,
+    GRID,
+    ON_GRID,
+    PLACES,
+    SHARES,
+    contradicts,
+    full_at,
+    roots_along,
+    roots_at,
+    truth,
+)
+
+if TYPE_CHECKING:
+    from compiler.api import Floats, Ints
+
+NONE, FOUND, THROUGH, LEFT = (
+    0,
+    1,
+    2,
+    3,
+)  # no crossing; one that ends the step; one that only events read; Python has to act
+SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump lies at one of its places
+FEWEST = 1 / 64  # smallest first part, as a fraction of the interval searched
+SHORT = 1e-12  # relative to the time: events closer than this count as simultaneous
+MOST_ROUNDS = 100  # most rounds of events that cause each other at one instant
+OFTEN = 3  # times in a row that an event makes its condition false before it is expected to
+HARMLESS = 0.01  # in units of the tolerance: largest difference of two laws that one step may use both of
+ROOM = 256  # instants in the record of what has happened
+KNOWN = 16  # modes whose method is known
+BEYOND = step_size_diagnosis.BEYOND
+# Check of a step cut by an event, see `integration/cut.py`.
+NEAR = 1e-3  # fraction of the remaining part: distance of the states of a difference quotient
+HALVES = (0.5, 1.0)  # fractions of the remaining part at which rates are evaluated
+BACK = (0.0, -1.0, -2.0, -3.0, -4.0)
+SLOPE = (25.0 / 12, -48.0 / 12, 36.0 / 12, -16.0 / 12, 3.0 / 12)  # backward difference quotient of order 4
+PARTED = len(BACK)
+ALLOWED = 1.0  # in units of the tolerance: error of the states if the derivatives err as much over the whole part
+SHORTEST = 2.0**14  # units in the last place of a time: a shorter part gives no difference quotient
+
+
+class EventWorkspace(Record):
+    """Events of a program in a run, and what they do on the way. n states, m conditions, c events; modes have `mode_size` items."""
+
+    triggers: Function
+    values: Function
+    actives: Function
+    solver: IntegratorWorkspace
+    conditions: IndicatorWorkspace
+    mode_size: int
+    event_count: int
+    setting_count: int
+    junction_count: int
+    stops: Ints  # c: 1 where the event ends the run
+    owner: Ints  # setting_count: the event
+    position: Ints  # setting_count: place in the mode or among the states
+    is_mode: Ints  # setting_count
+    given: Floats  # setting_count
+    active: Floats  # junction_count
+    is_active: Ints  # junction_count: 1 where it is on in this program
+    holds: Floats  # c: truth of the conditions of the events
+    on: Ints  # c: the same before this instant
+    acts: Ints  # c
+    acted: Ints  # c
+    left: Ints  # c: times in a row that an event made its condition false
+    crossed: Ints  # m: conditions that have crossed zero
+    recent: float  # instant of the last event
+    spacing: float  # length of the part of a step in which the last zero crossing was found
+    times: Floats  # PLACES + GRID + 1
+    seen: Floats  # (PLACES + GRID + 1) m: roots at these times
+    many: int  # steps of a segment whose cause is reported
+    most_events: int  # that may still act
+    # of the step, to begin it again
+    mode_before: Floats  # mode_size
+    on_before: Ints  # c
+    logged_before: int
+    spacing_before: float
+    derivatives_before: int
+    # methods with which segments in some modes have begun
+    automatic: int  # 1 if another method may take over
+    known_count: int
+    known_mode: Floats  # KNOWN mode_size
+    known_method: Ints  # KNOWN
+    otherwise: int  # method in all other modes; -1: not known
+    # what has happened since Python has looked: instants, and the modes from there on
+    logged: int
+    log_time: Floats  # ROOM
+    log_kind: Ints  # ROOM: FOUND or THROUGH
+    log_mode: Floats  # ROOM mode_size
+    log_crossed: Ints  # ROOM m
+    log_acted: Ints  # ROOM c
+    # segments that have ended, and the one that has begun last
+    passed: int
+    begun: float
+    begun_state: Floats  # n
+    begun_position: int
+    peak: Floats  # n: largest values in SI
+    steps: int
+    derivatives: int
+    jacobians: int
+    factorisations: int
+
+
+def passing(e: EventWorkspace) -> int:
+    """Find out what happens in the last step: `NONE`, `FOUND` with the hybrid state after all events, or `LEFT`, and then nothing has changed."""
+    s = e.solver
+    keep_before(e)
+    answer = crossing(e)
+    if answer == FOUND:
+        answer = happening(e)
+    if answer == LEFT:
+        for i in range(e.mode_size):
+            s.mode[i] = e.mode_before[i]
+        put_said(e)
+        for i in range(e.event_count):
+            e.on[i] = e.on_before[i]
+        e.logged = e.logged_before
+        e.spacing = e.spacing_before
+        s.derivatives = e.derivatives_before
+    return answer
+
+
+def keep_before(e: EventWorkspace) -> None:
+    """Keep what a crossing that is passed through changes."""
+    for i in range(e.mode_size):
+        e.mode_before[i] = e.solver.mode[i]
+    for i in range(e.event_count):
+        e.on_before[i] = e.on[i]
+    e.logged_before = e.logged
+    e.spacing_before = e.spacing
+    e.derivatives_before = e.solver.derivatives
+
+
+def put_said(e: EventWorkspace) -> None:
+    """Read the truth of the conditions from the mode."""
+    s = e.solver
+    for j in range(s.root_count):
+        s.root_said[j] = 1 if s.mode[e.conditions.places[j]] == 1.0 else 0
+
+
+def crossing(e: EventWorkspace) -> int:
+    """Find the crossing that ends the last step; pass through those that only events read, none of which acts."""
+    s = e.solver
+    k = e.conditions
+    start = s.end_time[s.ends - 2]
+    stop = s.end_time[s.ends - 1]
+    parts = PARTS[s.method]
+    for part in range(parts):
+        begin = start + (stop - start) * float(part) / float(parts)
+        end = stop if part + 1 == parts else start + (stop - start) * float(part + 1) / float(parts)
+        while begin < end:
+            answer = first_crossing(e, begin, end)
+            if answer == FOUND:
+                answer = judged(e, start, stop)
+            if answer == NONE:
+                break
+            if answer != THROUGH:
+                return answer
+            begin = k.found
+    return NONE
+
+
+def first_crossing(e: EventWorkspace, start: float, stop: float) -> int:
+    """Find the first zero crossing in a part of the last step: see `first_flip` of `events/locate.py`."""
+    s = e.solver
+    k = e.conditions
+    for j in range(s.root_count):
+        k.said[j] = s.root_said[j]
+        k.floor[j] = s.root_floor[j]
+    smallest = max(SMALLEST * (stop - start), 64.0 * ulp(max(abs(start), abs(stop))))
+    spacing = max(e.spacing, FEWEST * (stop - start))
+    low = start
+    while low < stop:
+        high = stop
+        if spacing < 0.5 * (stop - low):
+            high = low + spacing
+            spacing *= 2.0
+        survey_part(e, low, high, 1 if low == start else 0)
+        if k.near_count > 0:
+            if (k.unsure_count > 0 and high - low > smallest) or has_dips(k):
+                return LEFT
+            for i in range(k.suspect_count):
+                e.times[i] = k.suspects[i]
+            roots_along(s, k.suspect_count, e.times, e.seen)
+            if k.suspect_count > 0 and narrow(k, s, 0, k.suspect_count, e.times, e.seen) != 0:
+                e.spacing = high - low
+                return FOUND
+        low = high
+    e.spacing = INFINITE
+    return NONE
+
+
+def survey_part(e: EventWorkspace, low: float, high: float, begins: int) -> None:
+    """Examine the polynomials of a part through the roots at its places."""
+    s = e.solver
+    k = e.conditions
+    m = s.root_count
+    for place in range(PLACES):
+        time = low + (high - low) * SHARES[place]
+        if place == 0:
+            time = low
+        if place == PLACES - 1:
+            time = high
+        roots_at(s, time, k.values[place * m :])
+    for j in range(m):
+        for degree in range(PLACES):
+            total = 0.0
+            for place in range(PLACES):
+                root = k.values[place * m + j]
+                if isfinite(root):
+                    total += COEFFICIENTS[degree * PLACES + place] * root
+            k.form[degree * m + j] = total
+        for place in range(GRID + 1):
+            value = 0.0
+            for degree in range(PLACES):
+                value += ON_GRID[place * PLACES + degree] * k.form[degree * m + j]
+            k.grid[place * m + j] = value
+    k.low = low
+    k.high = high
+    survey(k, begins, 0)
+
+
+def has_dips(k: IndicatorWorkspace) -> bool:
+    """Return True if a condition that no place shows may touch zero, which takes a search for its minimum."""
+    for j in range(k.root_count):
+        if k.near[j] != 0 and k.shown[j] == 0:
+            if k.converged[j] == 0:
+                return True
+            for place in range(1, GRID):
+                if k.dips[place * k.root_count + j] != 0:
+                    return True
+    return False
+
+
+def judged(e: EventWorkspace, start: float, stop: float) -> int:
+    """Put the hybrid state at a crossing into the conditions, as they are behind it; return `FOUND` if it ends the step, or `THROUGH`."""
+    s = e.solver
+    k = e.conditions
+    k.time = k.found
+    full_at(s, k.found, k.state)
+    roots_at(s, k.found, k.change)
+    for i in range(e.mode_size):
+        k.mode[i] = s.mode[i]
+    steers = 0
+    for j in range(s.root_count):
+        e.crossed[j] = contradicts(k.change[j], k.floor[j], k.strict[j], k.said[j])
+        if e.crossed[j] != 0:
+            k.mode[k.places[j]] = 1.0 - k.mode[k.places[j]]
+            steers += k.steers[j]
+    if switches(e):
+        return LEFT
+    if find_rising(e) > 0:
+        return FOUND
+    if steers > 0:
+        return FOUND if laws_differ(e, start, stop) else LEFT
+    if e.logged >= ROOM:
+        return LEFT
+    for i in range(e.event_count):
+        e.on[i] = 1 if e.holds[i] == 1.0 else 0
+    log(e, THROUGH)
+    for i in range(e.mode_size):
+        s.mode[i] = k.mode[i]
+    put_said(e)
+    return THROUGH
+
+
+def find_rising(e: EventWorkspace) -> int:
+    """Find the events whose conditions become true at the hybrid state; return how many."""
+    k = e.conditions
+    e.triggers(k.time, k.state, k.inputs, k.constants, k.mode, e.holds)
+    rising = 0
+    for i in range(e.event_count):
+        e.acts[i] = 1 if e.holds[i] == 1.0 and e.on[i] == 0 else 0
+        rising += e.acts[i]
+    return rising
+
+
+def switches(e: EventWorkspace) -> bool:
+    """Return True if other junctions are off at the hybrid state."""
+    k = e.conditions
+    if e.junction_count > 0:
+        e.actives(k.time, k.state, k.inputs, k.constants, k.mode, e.active)
+    for i in range(e.junction_count):
+        if (1 if e.active[i] == 1.0 else 0) != e.is_active[i]:
+            return True
+    return False
+
+
+def laws_differ(e: EventWorkspace, start: float, stop: float) -> bool:
+    """Return True if the rates under the modes of both sides differ beyond what one step may use both of."""
+    s = e.solver
+    k = e.conditions
+    time = 0.5 * (k.found + stop)
+    full_at(s, time, k.later)
+    s.derivative(time, k.later, s.inputs, s.constants, s.mode, k.slope)
+    s.derivative(time, k.later, s.inputs, s.constants, k.mode, k.rate)
+    s.derivatives += 2
+    for i in range(s.n):
+        allowed = HARMLESS * (s.resting[i] * s.magnitude[i] + s.relative * abs(k.later[i]))
+        if not abs((stop - start) * (k.rate[i] - k.slope[i])) <= allowed:
+            return True
+    return False
+
+
+def log(e: EventWorkspace, kind: int) -> None:
+    """Record an instant, with the mode from there on."""
+    k = e.conditions
+    here = e.logged
+    e.log_time[here] = k.time
+    e.log_kind[here] = kind
+    for i in range(e.mode_size):
+        e.log_mode[here * e.mode_size + i] = k.mode[i]
+    for j in range(k.root_count):
+        e.log_crossed[here * k.root_count + j] = e.crossed[j]
+    for i in range(e.event_count):
+        e.log_acted[here * e.event_count + i] = e.acted[i] if kind == FOUND else 0
+    e.logged += 1
+
+
+def happening(e: EventWorkspace) -> int:
+    """Let all events at a crossing act, as `Events.happen` does; return `FOUND`, or `LEFT`."""
+    s = e.solver
+    k = e.conditions
+    time = k.found
+    if time - e.recent <= SHORT * abs(time) or time >= s.stop or e.logged >= ROOM or e.most_events <= 0:
+        return LEFT
+    if s.steps >= e.many:
+        return LEFT
+    if EXACT[s.method] == 0 and not is_sure(s, k, s.end_time[s.ends - 2], time):
+        return LEFT
+    for i in range(s.n):
+        if abs(k.state[i]) > BEYOND * s.magnitude[i]:  # which is reported
+            return LEFT
+        e.peak[i] = max(e.peak[i], max(s.greatest[i] * s.magnitude[i], abs(k.state[i])))
+    if acting(e) == LEFT or switches(e) or k.flows == 0 or method_in(e) < 0:
+        return LEFT
+    acted = 0
+    for i in range(e.event_count):
+        if e.acted[i] != 0:
+            acted += 1
+            if e.stops[i] != 0 or (e.on[i] != 0 and e.left[i] >= OFTEN):
+                return LEFT
+    for j in range(s.root_count):
+        if acted == 0 and e.crossed[j] != 0 and k.mode[k.places[j]] == s.mode[k.places[j]]:
+            return LEFT  # the flow contradicts the crossing
+    for i in range(e.event_count):
+        if e.acted[i] != 0:
+            e.left[i] = e.left[i] + 1 if e.on[i] == 0 else 0
+    log(e, FOUND)
+    e.recent = time
+    e.most_events -= 1
+    return FOUND
+
+
+def acting(e: EventWorkspace) -> int:
+    """Change the hybrid state by all events, until none acts; return `LEFT` where they do not end soon."""
+    k = e.conditions
+    for i in range(e.event_count):
+        e.acted[i] = 0
+    if settling(e) == LEFT:
+        return LEFT
+    for _ in range(MOST_ROUNDS):
+        rising = find_rising(e)
+        for i in range(e.event_count):
+            e.on[i] = 1 if e.holds[i] == 1.0 else 0
+            e.acted[i] = max(e.acted[i], e.acts[i])
+        if rising == 0:
+            return FOUND
+        if resetting(e) == LEFT:
+            return LEFT
+        evaluate(k)
+        for j in range(k.root_count):
+            if abs(k.root[j]) <= k.noise[j]:
+                k.mode[k.places[j]] = float(truth(0.0, k.strict[j]))
+        if settling(e) == LEFT:
+            return LEFT
+    return LEFT
+
+
+def settling(e: EventWorkspace) -> int:
+    """Change the mode until all conditions are as just after the instant; return `LEFT` where they do not settle."""
+    k = e.conditions
+    for _ in range(2 * (k.root_count + 1)):
+        evaluate(k)
+        if doubt(k) > 0:
+            look_ahead(k)
+            decide(k)
+        changed = 0
+        for j in range(k.root_count):
+            if float(k.truth[j]) != k.mode[k.places[j]]:
+                k.mode[k.places[j]] = float(k.truth[j])
+                changed += 1
+        if changed == 0:
+            return FOUND
+    return LEFT
+
+
+def resetting(e: EventWorkspace) -> int:
+    """Set what the acting events set, each from the values before; return `LEFT` where that is refused."""
+    k = e.conditions
+    if e.setting_count > 0:
+        e.values(k.time, k.state, k.inputs, k.constants, k.mode, e.given)
+    for i in range(e.setting_count):
+        if e.acts[e.owner[i]] != 0:
+            if not isfinite(e.given[i]):
+                return LEFT
+            for j in range(i):
+                same = e.is_mode[i] == e.is_mode[j] and e.position[i] == e.position[j]
+                if same and e.acts[e.owner[j]] != 0 and e.owner[i] != e.owner[j]:
+                    return LEFT
+            if e.is_mode[i] != 0:
+                k.mode[e.position[i]] = e.given[i]
+            else:
+                k.state[e.position[i]] = e.given[i]
+    return FOUND
+
+
+def method_in(e: EventWorkspace) -> int:
+    """Return the method with which a segment in the mode of the hybrid state begins; -1 if it is not known."""
+    for number in range(e.known_count):
+        same = 1
+        for i in range(e.mode_size):
+            if e.known_mode[number * e.mode_size + i] != e.conditions.mode[i]:
+                same = 0
+        if same != 0:
+            return e.known_method[number]
+    return e.otherwise
+
+
+def is_sure(s: IntegratorWorkspace, k: IndicatorWorkspace, start: float, stop: float) -> bool:
+    """Return True if the dense output of a step satisfies the equations from its start up to the event that cuts it: see `integration/cut.py`."""
+    size = stop - start
+    if size < SHORTEST * ulp(max(abs(start), abs(stop))):
+        return True
+    s.derivatives += 2
+    for p in range(2):
+        time = start + size * HALVES[p]
+        full_at(s, time, k.later)
+        s.derivative(time, k.later, s.inputs, s.constants, s.mode, k.rate)
+        for i in range(s.n):
+            k.slope[i] = 0.0
+        for b in range(PARTED):
+            full_at(s, time + NEAR * size * BACK[b], s.si)
+            for i in range(s.n):
+                k.slope[i] += SLOPE[b] / NEAR * s.si[i]
+        for i in range(s.n):
+            allowed = s.resting[i] * s.magnitude[i] + s.relative * abs(k.later[i])
+            if abs(size * k.rate[i] - k.slope[i]) > ALLOWED * allowed:
+                return False
+    return True
