@@ -48,6 +48,7 @@ class Magnitudes:
     moved: Any
     stopped: float | None
     unknown: tuple[str, ...]
+    look: PilotObserver | None  # the pilot run; None without states
 
     def by_name(self, names: Sequence[str]) -> dict[str, float]:
         """Return the magnitudes of what moves."""
@@ -68,26 +69,29 @@ class Magnitudes:
 
 def nominal_magnitudes(
     constraints: Constraints, mechanisms: Sequence[str], state: Array, stretches: Sequence[Segment], choice: PilotObservation | None = None,
-    largest: Array | float = 0.0,
+    largest: Array | float = 0.0, look: PilotObserver | None = None,
 ) -> Magnitudes:  # fmt: skip
     """Return a positive magnitude for every state and unknown.
 
-    `mechanisms`: their names; `choice`: monitor of the state selection; `largest`: magnitudes known from elsewhere.
+    `mechanisms`: their names; `choice`: monitor of the state selection; `largest`: magnitudes known from elsewhere; `look`: the pilot run, if it was made.
     """
     program, constants, inputs = constraints.program, constraints.constants, constraints.inputs
     given = np.asarray(program.nominal(constants), dtype=float)
     peak = np.maximum(np.abs(state), largest)
     stopped = None
-    if len(program.states.names):
+    if look is None and len(program.states.names):
+        free: list[Any] = []
 
         def look_along(way: Sequence[Segment]) -> PilotObserver:
             coarse = PilotRun(program, constants, inputs, state, constraints, mechanisms)
+            coarse.free = free  # all begin at one state
             return PilotObserver(coarse.peak(way, choice), coarse.beginning, coarse.stopped)
 
         first = stretches[0]
         look = trusted(
             look_along, program, stretches, len(program.signals(first.start, inputs, constants, first.mode)) > 0
         )
+    if look is not None:
         peak, stopped = np.maximum(peak, look.largest), look.stopped
     elif len(peak):
         peak = np.maximum(peak, _without_states(constraints, state, stretches))
@@ -101,7 +105,7 @@ def nominal_magnitudes(
         result[unknown] = share * charged[unknown]
         values = np.where(result > 0, result, share * (charged.max() or 1.0))
     names = () if stopped is None else tuple(program.variables.names[i] for i in np.flatnonzero(unknown))
-    return Magnitudes(values, result, stopped, names)
+    return Magnitudes(values, result, stopped, names, look)
 
 
 def _without_states(constraints: Constraints, state: Array, stretches: Sequence[Segment]) -> Any:

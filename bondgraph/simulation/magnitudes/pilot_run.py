@@ -72,6 +72,7 @@ class PilotRun:
         self.state, self.largest = np.array(state, dtype=float), np.abs(state)
         self.stopped: float | None = None  # time at which it gave up
         self.beginning = self.largest  # magnitudes with the reach of the motion by the forces at the start
+        self.free: list[Any] = []  # that reach, and these magnitudes, where another run from this state has found them
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.smallest = smallest_angles(program, mechanisms)
         self.kinds = unit_numbers(program)
@@ -85,7 +86,9 @@ class PilotRun:
     def peak(self, stretches: Sequence[Segment], choice: PilotObservation | None) -> Any:
         """Return the largest magnitudes on the way, as far as the pilot run gets."""
         first = stretches[0]
-        reach = self._reach(first)
+        if not self.free:
+            self.free += [self._reach(first), self.beginning]
+        reach, self.beginning = self.free
         whole, taken = stretches[-1].stop - first.start, 0
         if not whole > 0:  # a part that is shorter than rounding
             return self.largest

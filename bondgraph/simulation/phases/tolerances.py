@@ -12,7 +12,7 @@ from ...errors import UsageError
 from ...results.records import ToleranceDoubt
 from ..constraints.constraints import Constraints
 from ..magnitudes.nominal_magnitudes import Magnitudes, nominal_magnitudes, of_what_moved, rounding_levels
-from ..magnitudes.pilot_run import PilotObservation
+from ..magnitudes.pilot_run import PilotObservation, PilotObserver
 from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment
 
@@ -82,9 +82,11 @@ class MagnitudeSearch:
         nominal = self._nominal(self.choice(), self.peaks)
         return PhaseMagnitudes(nominal.values, nominal.doubts, self.known, nominal.by_name(names))
 
-    def _nominal(self, observation: PilotObservation, largest: Array | float = 0.0) -> Magnitudes:
+    def _nominal(
+        self, observation: PilotObservation, largest: Array | float = 0.0, look: PilotObserver | None = None
+    ) -> Magnitudes:
         return nominal_magnitudes(
-            self.constraints, self.mechanisms, self.state, self.stretches, observation, largest
+            self.constraints, self.mechanisms, self.state, self.stretches, observation, largest, look
         )  # fmt: skip
 
     def _with_events(self, events: Events) -> PhaseMagnitudes:
@@ -102,7 +104,7 @@ class MagnitudeSearch:
             first = self._nominal(UntilEvent(events, self.choice()))
             events.measure_anew(first.moved, at)
             largest = self.coarse(first.values)
-            nominal = self._nominal(UntilEvent(events, self.choice()), np.maximum(largest, self.peaks))
+            nominal = self._nominal(UntilEvent(events, self.choice()), np.maximum(largest, self.peaks), first.look)
             doubts, guess = nominal.doubts, nominal.values
             known = nominal.by_name(names) | dict(known)
         moved = np.array([known.get(n, 0.0) for n in names])
