@@ -13,14 +13,14 @@ import numpy as np
 
 from compiler.api import Array
 
-from ..integrators.acceptance import event_passing
-from ..integrators.acceptance.event_passing import ALLOWED, HALVES, NEAR, SHORTEST
+from ..integrators import cuts
+from ..integrators.cuts import ALLOWED, HALVES, NEAR, SHORTEST
 
 if TYPE_CHECKING:
     from ..events.locate import StateAt
     from .integration_state import IntegrationState
 
-BACK, SLOPE = np.array(event_passing.BACK), np.array(event_passing.SLOPE)
+BACK, SLOPE = np.array(cuts.BACK), np.array(cuts.SLOPE)
 
 
 def is_sure(stepper: IntegrationState, start: float, stop: float, mode: Array, states_at: StateAt) -> bool:

@@ -67,13 +67,6 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
     return known[key]
 
 
-def method_in_any_mode(stepper: IntegrationState) -> int:
-    """Return the method that goes on in a mode that has not been examined, if no mode would be; else -1."""
-    if stepper.solver != AUTOMATIC:
-        return UNCLEAR if SOLVERS[stepper.solver].exact else METHODS.index(SOLVERS[stepper.solver])
-    return UNCLEAR if stepper.result.settled is None else stepper.result.settled
-
-
 def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
     """Return the method that fits the eigenvalues on a segment; count the evaluations of trial steps, also where an earlier run has made them."""
     key = stepper.key_at(stretch, x)

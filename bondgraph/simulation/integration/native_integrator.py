@@ -24,9 +24,8 @@ LARGEST_SPARE = 64  # most states of a workspace that is left to the next run
 
 if TYPE_CHECKING:
     from ..segments.trajectory import Tolerances
-    from .event_integrator import EventIntegrator
     from .integration_state import IntegrationState
-    from .passed_events import PassedEvents
+    from .passed_events import EventRun, PassedEvents
 
 
 def target_of(stepper: IntegrationState) -> str:
@@ -129,7 +128,7 @@ class NativeIntegrator:
             from .passed_events import PassedEvents, is_passable
 
             if is_passable(stepper):
-                self.events = PassedEvents(cast("EventIntegrator", stepper), solver)
+                self.events = PassedEvents(cast("EventRun", stepper), solver)
                 self.events.begin(stretch.mode, method)
 
     def release(self) -> None:

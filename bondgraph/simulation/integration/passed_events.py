@@ -2,26 +2,52 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from compiler.api import AUTOMATIC, Program
+from compiler.api import AUTOMATIC, SOLVERS, Program
 
 from ..events.events import EventInstant, Events
 from ..integrators.acceptance.crossing_search import GRID, PLACES
 from ..integrators.acceptance.event_passing import FOUND, KNOWN, ROOM, EventWorkspace
 from ..integrators.compiled.record_layout import RecordArray, form_of
+from ..integrators.methods import METHODS
 from ..monitors import step_size_diagnosis
 from ..segments.timeline import Segment, mode_size
-from .method import method_in_any_mode
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ..integrators.compiled.run import CompiledMethod
-    from .event_integrator import EventIntegrator
+    from ..segments.trajectory import Trajectory
     from .integration_state import IntegrationState
 
 TOTALS = {"derivative": "derivatives", "jacobian": "jacobians", "factorisation": "factorisations"}
+
+
+class EventRun(Protocol):
+    """Integration from event to event, seen from the events that machine code passes."""
+
+    program: Program
+    events: Events
+    result: Trajectory
+    solver: str
+    off: tuple[str, ...]
+    most_events: int
+    piece: Segment
+    mode: Any
+    steps: int
+    position: int
+
+    def count(self, evaluations: Mapping[str, int]) -> None:
+        """Count evaluations."""
+
+    def grow(self, x: Any) -> None:
+        """Update the largest magnitudes."""
+
+    def keep(self, time: float, x: Any, mode: Any, begun: float) -> None:
+        """Store a checkpoint."""
 
 
 def _room(program: Program, events: Events) -> dict[str, Any]:
@@ -29,7 +55,7 @@ def _room(program: Program, events: Events) -> dict[str, Any]:
     hybrid, states, size = events.hybrid, len(program.states.names), mode_size(program, events.constants)
     settings = [(number, s) for number, event in enumerate(hybrid.events) for s in event.settings]
     count, conditions, junctions = len(hybrid.events), len(hybrid.conditions), len(hybrid.junctions)
-    given = {
+    tables = {
         "stops": [e.stops or e.sampled for e in hybrid.events], "owner": [number for number, _ in settings],
         "position": [s.position for _, s in settings], "is_mode": [s.kind == "mode" for _, s in settings],
     }  # fmt: skip
@@ -38,7 +64,7 @@ def _room(program: Program, events: Events) -> dict[str, Any]:
         "known_method": KNOWN, "log_kind": ROOM, "log_crossed": ROOM * conditions, "log_acted": ROOM * count,
     }  # fmt: skip
     lengths = {
-        "given": len(settings), "active": junctions, "holds": count, "times": PLACES + GRID + 1, "seen": (PLACES + GRID + 1) * conditions,
+        "reset_value": len(settings), "active": junctions, "holds": count, "times": PLACES + GRID + 1, "roots_there": (PLACES + GRID + 1) * conditions,
         "mode_before": size, "known_mode": KNOWN * size, "log_time": ROOM, "log_mode": ROOM * size, "begun_state": states, "peak": states,
     }  # fmt: skip
     numbers = {"mode_size": size, "event_count": count, "setting_count": len(settings), "junction_count": junctions}
@@ -46,7 +72,7 @@ def _room(program: Program, events: Events) -> dict[str, Any]:
         "logged_before", "derivatives_before", "known_count", "logged", "passed", "begun_position", "most_events", "otherwise", "steps", *TOTALS.values(),
         "recent", "spacing", "spacing_before", "begun",
     )  # fmt: skip
-    arrays: dict[str, Any] = {name: np.array(values, dtype=np.int64) for name, values in given.items()}
+    arrays: dict[str, Any] = {name: np.array(values, dtype=np.int64) for name, values in tables.items()}
     arrays |= {name: np.zeros(length, dtype=np.int64) for name, length in whole.items()}
     arrays |= {name: np.zeros(length) for name, length in lengths.items()}
     return arrays | numbers | dict.fromkeys(zeros, 0)
@@ -66,16 +92,23 @@ def is_passable(stepper: IntegrationState) -> bool:
     return not (looks_on or ties or special or computed) and len(set(events.keys)) == len(events.keys)
 
 
+def _method_in_any_mode(stepper: EventRun) -> int:
+    """Return the method that goes on in a mode that has not been examined, if no mode would be; else -1."""
+    if stepper.solver != AUTOMATIC:
+        return -1 if SOLVERS[stepper.solver].exact else METHODS.index(SOLVERS[stepper.solver])
+    return -1 if stepper.result.settled is None else stepper.result.settled
+
+
 class PassedEvents:
     """Record of the events of a run that machine code passes, beside the solver."""
 
-    def __init__(self, stepper: EventIntegrator, solver: CompiledMethod) -> None:
+    def __init__(self, stepper: EventRun, solver: CompiledMethod) -> None:
         program, events = stepper.program, stepper.events
         self.stepper, self.solver = stepper, solver
-        given = {
+        fields = {
             "solver": solver.values, "conditions": events.record, "many": step_size_diagnosis.MANY, "automatic": int(stepper.solver == AUTOMATIC),
         }  # fmt: skip
-        self.values = RecordArray(form_of(EventWorkspace, program, "", lambda: _room(program, events)), given)
+        self.values = RecordArray(form_of(EventWorkspace, program, "", lambda: _room(program, events)), fields)
         self.record = self.values.record
         names = [name for name, _ in events.hybrid.junctions]
         self.values["is_active"][:] = [name not in stepper.off for name in names]
@@ -83,7 +116,7 @@ class PassedEvents:
     def begin(self, mode: Any, method: int) -> None:
         """Take note of the method with which Python has begun a segment in a mode."""
         record, values, size = self.record, self.values, self.record.mode_size
-        record.otherwise = method_in_any_mode(self.stepper)
+        record.otherwise = _method_in_any_mode(self.stepper)
         if record.otherwise >= 0:
             record.known_count = 0
         elif record.known_count < KNOWN:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from compiler.api import Record
 
 from ...monitors import step_size_diagnosis
+from ..cuts import ALLOWED, BACK, HALVES, NEAR, PARTED, SHORTEST, SLOPE
 from ..methods import EXACT, PARTS
 from ..workspace import Function, IntegratorWorkspace
 from .crossing_search import narrow, survey
@@ -46,14 +47,6 @@ HARMLESS = 0.01  # in units of the tolerance: largest difference of two laws tha
 ROOM = 256  # instants in the record of what has happened
 KNOWN = 16  # modes whose method is known
 BEYOND = step_size_diagnosis.BEYOND
-# Check of a step cut by an event, see `integration/cut.py`.
-NEAR = 1e-3  # fraction of the remaining part: distance of the states of a difference quotient
-HALVES = (0.5, 1.0)  # fractions of the remaining part at which rates are evaluated
-BACK = (0.0, -1.0, -2.0, -3.0, -4.0)
-SLOPE = (25.0 / 12, -48.0 / 12, 36.0 / 12, -16.0 / 12, 3.0 / 12)  # backward difference quotient of order 4
-PARTED = len(BACK)
-ALLOWED = 1.0  # in units of the tolerance: error of the states if the derivatives err as much over the whole part
-SHORTEST = 2.0**14  # units in the last place of a time: a shorter part gives no difference quotient
 
 
 class EventWorkspace(Record):
@@ -72,7 +65,7 @@ class EventWorkspace(Record):
     owner: Ints  # setting_count: the event
     position: Ints  # setting_count: place in the mode or among the states
     is_mode: Ints  # setting_count
-    given: Floats  # setting_count
+    reset_value: Floats  # setting_count
     active: Floats  # junction_count
     is_active: Ints  # junction_count: 1 where it is on in this program
     holds: Floats  # c: truth of the conditions of the events
@@ -84,7 +77,7 @@ class EventWorkspace(Record):
     recent: float  # instant of the last event
     spacing: float  # length of the part of a step in which the last zero crossing was found
     times: Floats  # PLACES + GRID + 1
-    seen: Floats  # (PLACES + GRID + 1) m: roots at these times
+    roots_there: Floats  # (PLACES + GRID + 1) m: roots at these times
     many: int  # steps of a segment whose cause is reported
     most_events: int  # that may still act
     # of the step, to begin it again
@@ -198,8 +191,8 @@ def first_crossing(e: EventWorkspace, start: float, stop: float) -> int:
                 return LEFT
             for i in range(k.suspect_count):
                 e.times[i] = k.suspects[i]
-            roots_along(s, k.suspect_count, e.times, e.seen)
-            if k.suspect_count > 0 and narrow(k, s, 0, k.suspect_count, e.times, e.seen) != 0:
+            roots_along(s, k.suspect_count, e.times, e.roots_there)
+            if k.suspect_count > 0 and narrow(k, s, 0, k.suspect_count, e.times, e.roots_there) != 0:
                 e.spacing = high - low
                 return FOUND
         low = high
@@ -416,19 +409,19 @@ def resetting(e: EventWorkspace) -> int:
     """Set what the acting events set, each from the values before; return `LEFT` where that is refused."""
     k = e.conditions
     if e.setting_count > 0:
-        e.values(k.time, k.state, k.inputs, k.constants, k.mode, e.given)
+        e.values(k.time, k.state, k.inputs, k.constants, k.mode, e.reset_value)
     for i in range(e.setting_count):
         if e.acts[e.owner[i]] != 0:
-            if not isfinite(e.given[i]):
+            if not isfinite(e.reset_value[i]):
                 return LEFT
             for j in range(i):
                 same = e.is_mode[i] == e.is_mode[j] and e.position[i] == e.position[j]
                 if same and e.acts[e.owner[j]] != 0 and e.owner[i] != e.owner[j]:
                     return LEFT
             if e.is_mode[i] != 0:
-                k.mode[e.position[i]] = e.given[i]
+                k.mode[e.position[i]] = e.reset_value[i]
             else:
-                k.state[e.position[i]] = e.given[i]
+                k.state[e.position[i]] = e.reset_value[i]
     return FOUND
 
 

@@ -65,11 +65,11 @@ def advance(s: IntegratorWorkspace, most: int) -> int:
 def advance_through(e: EventWorkspace, most: int) -> int:
     """Make up to `most` steps as `advance`, through events that need no Python, each of which begins another segment."""
     s = e.solver
-    made = 0
-    while made < most:
+    count = 0
+    while count < most:
         before = s.steps
-        answer = advance(s, most - made)
-        made += s.steps - before
+        answer = advance(s, most - count)
+        count += s.steps - before
         if answer == FLIP:
             happened = passing(e)
             if happened == LEFT:

@@ -377,11 +377,11 @@ def steps(
     several, answer, record = 64 if solver.native else 1, MORE, solver.record
     through = None if passed is None else passed.advance
     while answer == LOOK or (answer == MORE and record.steps < pause):
-        made = record.steps if passed is None else record.steps + passed.record.steps
-        if made >= most:
+        count = record.steps if passed is None else record.steps + passed.record.steps
+        if count >= most:
             raise StepFailed("steps")
         began = clock.perf_counter()
-        answer = solver.advance(max(1, int(min(several, most - made, pause - record.steps))), through)
+        answer = solver.advance(max(1, int(min(several, most - count, pause - record.steps))), through)
         if answer == LOOK:
             solver.left[look()] = 1
         elif not solver.native:
