@@ -50,8 +50,8 @@ def domain_of(domain: object, also: Iterable[str] = ()) -> str:
     return str(domain)
 
 
-def ports_of(ports: Ports) -> tuple[str, tuple[str, ...]]:
-    """Return ports in parentheses, and their names."""
+def ports_of(ports: Ports, also: Iterable[str] = ()) -> tuple[str, tuple[str, ...]]:
+    """Return ports in parentheses, and their names; `also` are domains of multibonds."""
     if not isinstance(ports, Mapping | list | tuple):
         raise UsageError("BR503", f"ports are a list of names or a mapping from names to domains, not {ports!r}")
     given = dict(ports) if isinstance(ports, Mapping) else dict.fromkeys(ports, "")
@@ -59,7 +59,7 @@ def ports_of(ports: Ports) -> tuple[str, tuple[str, ...]]:
         raise UsageError(
             "BR504", f"the ports of an element have different names, without indices: {', '.join(map(str, ports))}"
         )
-    listed = ", ".join(f"{p}: {domain_of(d)}" if d else p for p, d in given.items())
+    listed = ", ".join(f"{p}: {domain_of(d, also)}" if d else p for p, d in given.items())
     return (f"({listed})" if listed else ""), tuple(given)
 
 
@@ -119,9 +119,9 @@ def value_of(value: Value, what: str, unit: str = "", declared: bool = False) ->
     if is_number(value):
         return _number(value, what, unit, declared)
     if isinstance(value, list | tuple):
-        if len(value) < 2:
-            raise UsageError("BR509", f"{what}: a list has two items or more")
-        return f"({', '.join(value_of(v, what, unit, declared) for v in value)})"
+        if not value:
+            raise UsageError("BR509", f"{what}: a list has an item or more")
+        return f"[{', '.join(value_of(v, what, unit, declared) for v in value)}]"
     raise UsageError("BR510", f"{what} is a number, a text of the language, or a list of these, not {value!r}")
 
 

@@ -152,7 +152,7 @@ class Elements:
             raise UsageError("BR514", f"`{own}` needs its law{', or its energy' if kind in STORAGES else ''}")
         else:
             text = law_of(law, f"the law of `{own}`")
-        listed, names = ports_of(given.get("ports", ()))
+        listed, names = ports_of(given.get("ports", ()), BUNDLES if ELEMENTS[kind].sides else ())
         attributes = braces(self._attributes(own, given))
         statement = f"{kind} {own}{listed} : {text}{attributes}{literal_of(given.get('description', ''))}"
         return self._add(name, statement, names)

@@ -22,7 +22,7 @@ class Bonding(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedQuantity:
-    """A parameter, constant, input, signal, output or slot; in an f-string it is its name, an item of a list is `gap[2]`."""
+    """A parameter, constant, input, signal, output or slot; in an f-string it is its name, an item of a list is `gap[2]`, of a matrix `K[1, 2]`."""
 
     graph: Bonding
     name: str
@@ -30,11 +30,12 @@ class NamedQuantity:
     def __str__(self) -> str:
         return self.name
 
-    def __getitem__(self, item: int) -> NamedQuantity:
-        """Return an item of a list, from 1."""
-        if not isinstance(item, int) or item < 1:
+    def __getitem__(self, item: int | tuple[int, int]) -> NamedQuantity:
+        """Return an item of a list, or an entry of a matrix, from 1."""
+        items = item if isinstance(item, tuple) else (item,)
+        if not all(isinstance(i, int) and i > 0 for i in items):
             raise UsageError("BR538", f"the items of `{self.name}` are counted from 1")
-        return NamedQuantity(self.graph, f"{self.name}[{item}]")
+        return NamedQuantity(self.graph, f"{self.name}[{', '.join(map(str, items))}]")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -227,6 +227,33 @@ def test_signals_integrals_constants_and_lists() -> None:
     assert result["third"].tolist() == [0.1, 0.1]
 
 
+def test_matrices_and_multibonds_of_transformers() -> None:
+    """The spring behind an arm of `language.md`, with its matrices from numpy: the stiffness that the plate feels is T' K T."""
+    g = Graph("Held")
+    arm, stiffness = np.array([[1, 0, -0.04], [0, 1, 0], [0, 0, 1]]), np.diag([2e3, 5e3])
+    K = g.parameter("K", stiffness, "N/m")
+    ports = {"x": "translation", "y": "translation", "phi": "rotation"}
+    plate = g.I(
+        "plate", "p = [[0.5 kg, 0, 0], [0, 0.5 kg, 0], [0, 0, 2e-4 [kg*m^2]]]*f", ports=ports, start={"x": "0.1 [N*s]"}
+    )
+    lever = g.TF("lever", "b.f = [[1, 0, -40 mm], [0, 1, 0], [0, 0, 1]]*a.f", ports={"a": "planar", "b": "planar"})
+    spring = g.C("spring", f"x.F = {K[1, 1]}*x, y.F = {K[2, 2]}*y, phi.M = 3 [N*m]*phi", ports=tuple(ports))
+    hand = g.splitter("hand", tuple(ports))
+    for port in ports:
+        joint = g.one(f"j_{port}")
+        joint >> plate[port]
+        joint >> hand[port]
+    g.multibond(hand, lever["a"])
+    g.multibond(lever["b"], spring)
+    g.output("turn", f"{plate['phi']}.omega")
+    result = g.model().simulate(to="20 ms", points=3, rtol=1e-10)
+    whole, mass = arm.T @ np.diag([2e3, 5e3, 3.0]) @ arm, np.diag([0.5, 0.5, 2e-4])
+    values, shapes = np.linalg.eig(np.linalg.solve(mass, whole))
+    parts = np.linalg.solve(shapes, [0.2, 0, 0])
+    exact = [(shapes @ (parts * np.cos(np.sqrt(values) * t)))[2] for t in result.time]
+    assert result["turn"] == pytest.approx(exact, abs=1e-7)
+
+
 def test_arrays_by_index() -> None:
     """A chain of three masses with a Python loop; the slowest mode of fixed ends is 2 sin(pi/8)."""
     g = Graph("Chain", plain=True)

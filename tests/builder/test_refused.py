@@ -361,7 +361,7 @@ def test_calls_that_make_no_sense() -> None:
         ("`settings` is a mapping", lambda: g.experiment("e", 1, settings=["a"])),
         ("already has an experiment `twice`", lambda: [g.experiment("twice", 1) for _ in "12"]),
         ("a plain graph has no units", lambda: Graph("P", plain=True).parameter("a", 1, "m")),
-        ("a list has two items or more", lambda: g.parameter("a", [1])),
+        ("a list has an item or more", lambda: g.parameter("a", [])),
         ("axes are from, to, middle or world", lambda: g.multibody("m1").free("f", "ground", "ground", axes="x")),
         ("`m2` has no body `b`", lambda: g.multibody("m2").hinge("h", "ground", "b")),
         ("cannot contain itself", lambda: g.instance("i", g)),
