@@ -35,8 +35,6 @@ ROUNDS = 8  # rounds with smaller and smaller scales
 EXTENDED = 300  # most states for which residuals are computed in extended precision
 ROUNDED = 64 * EPS  # rounding of the scaled entries of a lossless model
 NULL = 1e-9  # relative to the largest singular value of the scaled matrix: possible null vectors
-CLEAN = 1e-11  # relative to the largest component of a scaled null vector: rounding
-NULL_ENTRIES = 64.0  # units in the last place of the terms that cancel in A v
 WALK = 0.03  # relative to the magnitudes: step along a null space to other equilibria
 BESIDE = 0.2  # fraction of that: largest distance of the next equilibrium from the straight line
 NEWTON = 8
@@ -250,25 +248,10 @@ def null_space(A: Array) -> Any:
         return np.zeros((0, 0))
     scaled, _, columns = scales.equilibrated(A)
     _, sizes, right = np.linalg.svd(scaled)
-    vectors = right[sizes <= NULL * max(sizes.max(initial=0.0), 1e-300)].T
-    vectors = _reduced_columns(vectors)
-    vectors = np.where(np.abs(vectors) > CLEAN, vectors, 0.0)
-    terms = np.abs(scaled) @ np.abs(vectors)
-    null = (np.abs(scaled @ vectors) <= NULL_ENTRIES * n * EPS * terms).all(axis=0)
+    vectors, null = scales.null_basis(
+        scaled, np.abs(scaled), right[sizes <= NULL * max(sizes.max(initial=0.0), 1e-300)]
+    )
     return vectors[:, null] / columns[:, None]
-
-
-def _reduced_columns(vectors: Array) -> Any:
-    """Return another basis of the same space, with an identity in k of its rows: it shows the zeros of the space."""
-    from scipy.linalg import qr
-
-    if not vectors.shape[1]:
-        return vectors
-    _, _, order = qr(vectors.T, pivoting=True, mode="economic")
-    chosen = order[: vectors.shape[1]]
-    found = np.linalg.solve(vectors[chosen].T, vectors.T).T
-    found[chosen] = np.eye(len(chosen))
-    return found
 
 
 def rounding_of(point: OperatingPoint) -> Any:
@@ -319,9 +302,10 @@ def _quotient(A: Array, sizes: Array, vectors: Array) -> tuple[Any, Any, Any]:
     """Return the matrix (n - k, n - k) of motions modulo null vectors (n, k), the sizes of its terms, and the remaining indices."""
     from scipy.linalg import qr
 
+    vectors, rows, _ = scales.equilibrated(vectors)  # in any units the same states are left
     _, _, order = qr(vectors.T, pivoting=True, mode="economic")
     pivots, left = np.sort(order[: vectors.shape[1]]), np.sort(order[vectors.shape[1] :])
-    follow = np.linalg.solve(vectors[pivots].T, vectors[left].T).T
+    follow = np.linalg.solve(vectors[pivots].T, vectors[left].T).T * rows[left][:, None] / rows[pivots]
     inner = A[np.ix_(left, left)] - follow @ A[np.ix_(pivots, left)]
     size = sizes[np.ix_(left, left)] + np.abs(follow) @ sizes[np.ix_(pivots, left)]
     return inner, size, left

@@ -9,6 +9,10 @@ import numpy as np
 
 from compiler.api import Array, IntArray
 
+EPS = float(np.finfo(float).eps)
+CLEAN = 1e-11  # relative to the largest component of a scaled null vector: rounding
+NULL_ENTRIES = 64.0  # units in the last place of the terms that cancel in a row
+
 
 def nonzero(sizes: Array) -> Any:
     """Return sizes with 1 in the place of zeros."""
@@ -21,6 +25,23 @@ def equilibrated(matrix: Array) -> tuple[Any, Any, Any]:
     matrix = matrix / rows[:, None]
     columns = nonzero(np.abs(matrix).max(axis=0, initial=0.0))
     return matrix / columns, rows, columns
+
+
+def null_basis(matrix: Array, terms: Array, vectors: Array, error: float = 0.0) -> tuple[Any, Any]:
+    """Return another basis (n, k) of the span of singular vectors (k, n), with an identity in k of its rows, and which of its columns are null vectors of
+    the matrix up to the rounding of its entries, whose terms have the sizes `terms`. `error`: of the components of the vectors."""
+    from scipy.linalg import qr
+
+    basis = vectors.T
+    if not basis.shape[1]:
+        return basis, np.zeros(0, dtype=bool)
+    _, _, order = qr(vectors, pivoting=True, mode="economic")
+    chosen = order[: len(vectors)]
+    basis = np.linalg.solve(basis[chosen].T, vectors).T
+    basis[chosen] = np.eye(len(chosen))
+    basis = np.where(np.abs(basis) > CLEAN, basis, 0.0)
+    allowed = NULL_ENTRIES * matrix.shape[0] * EPS * (terms @ (np.abs(basis) + error))
+    return basis, (np.abs(matrix @ basis) <= allowed).all(axis=0)
 
 
 def group_numbers(groups: Sequence[object]) -> Any:

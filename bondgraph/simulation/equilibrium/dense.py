@@ -10,19 +10,26 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ...errors import RunFailed
-from ...numerics.scales import equilibrated, group_numbers, largest_of_group, nonzero
+from ...numerics.scales import equilibrated, group_numbers, largest_of_group, nonzero, null_basis
 from ..constraints.constraints import Constraints
 from ..monitors.step_failure import not_finite
 from ..segments.timeline import Segment
-from .steady import CANCELLED, drivers, given_terms, unread_states
+from .steady import CANCELLED, SHARE, drivers, given_terms, unread_states
 
 LARGEST = 1e100  # states beyond it have no equilibrium
 SINGULAR = 1e-12  # relative to the largest singular value
+VECTORS = 0.1  # in units of the error of a row: error of the components of a singular vector
 CLOSE = 1e-9  # size of the last correction, relative to the magnitude of a state
 ROUNDING = 1e-12  # relative to the terms in a rate: a smaller rate is rounding where they cancel
 RESTING = 1e-8  # relative to the terms in a rate: a larger rate is a motion
 FIRST = 0.1  # of the time in which the first rates reach a magnitude: without restoring forces eigenvalues give no time
+BALANCED = 1e-10  # relative to the rates of the start: what a state far away has to leave of them
+NOTHING = 1e-40  # relative to the magnitude of a state: zero
 STEADY = 1e-7  # relative to the terms in a rate: a smaller change along a motion is none
+FAR, ALIKE = (
+    1e9,
+    0.1,
+)  # rad, of an angle that something must restore; relative: a change of rates that is as derivatives say
 PLACES = (-1.7, 0.6, 3.1)  # along a motion, in magnitudes of the state that moves most: the rates are compared there
 
 
@@ -40,12 +47,15 @@ class EquilibriumSearch:
         self.basis: Any = None  # basis of the directions that loop joints allow at the current state
         self.farthest = LARGEST
         self.loop_terms: Any = 0.0  # terms of the loop unknowns in each rate at the current state
+        self.terms: Any = None  # sizes of the terms in the derivatives at the current state
+        self.begun: Any = None  # magnitudes (n,) and rates (n,) of the start, if there is a search
         self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
 
     def group(self, units: Sequence[str]) -> None:
         """Set the groups of states of one unit, and which are angles: those without a unit, unless no state has one."""
         self.kind = group_numbers(units)
-        self.turns = np.array([unit == "1" and "1/s" in units for unit in units], dtype=bool)
+        self.dimensional = np.array([unit != "1" for unit in units], dtype=bool)
+        self.turns = ~self.dimensional & ("1/s" in units)
 
     def at(self, full: Array) -> tuple[Any, Any, Any]:
         """Return state, rates, and their derivatives by the states alone."""
@@ -59,10 +69,12 @@ class EquilibriumSearch:
         slope = self.rates(full)
         whole = np.asarray(self.program.jacobian(self.time, full, *self.fixed))
         jacobian = whole[:n, :n].copy()
-        self.loop_terms = np.abs(whole[:n, n:]) @ np.abs(full[n:])
+        self.loop_terms, self.terms = np.abs(whole[:n, n:]) @ np.abs(full[n:]), np.abs(jacobian)
         if len(full) > n:
-            jacobian = jacobian - whole[:n, n:] @ np.linalg.solve(whole[n:, n:], whole[n:, :n])
-        jacobian[self.unread] = 0.0
+            followed = np.linalg.solve(whole[n:, n:], whole[n:, :n])
+            jacobian -= whole[:n, n:] @ followed
+            self.terms += np.abs(whole[:n, n:]) @ np.abs(followed)
+        jacobian[self.unread] = self.terms[self.unread] = 0.0
         self.largest = np.maximum(self.largest, np.abs(full[:n]))
         return full, slope, jacobian
 
@@ -87,11 +99,16 @@ class EquilibriumSearch:
 
     def scale(self, change: Array) -> Any:
         """Return magnitudes of the states, as far as they are known: states of one unit share the largest."""
-        seen = largest_of_group(np.maximum(self.largest, np.where(np.isfinite(change), np.abs(change), 0.0)), self.kind)
-        return nonzero(np.where(seen > 0, seen, self.unseen))
+        return nonzero(self.size(np.where(np.isfinite(change), np.abs(change), 0.0)))
+
+    def size(self, change: Any) -> Any:
+        """Return the same, 0 where nothing is known."""
+        seen = largest_of_group(np.maximum(self.largest, change), self.kind)
+        return np.where(seen > 0, seen, self.unseen)
 
     def begin(self, slope: Array, jacobian: Any) -> None:
         """Set magnitudes for units of which no state has a value: how far the first rates lead within the time of the fastest mode, and what follows."""
+        self.begun = self.largest, np.abs(slope)
         fastest = self.fastest(jacobian)
         if not 0 < fastest < np.inf:
             return
@@ -104,6 +121,13 @@ class EquilibriumSearch:
                 break
             reach = further
         self.unseen = largest_of_group(np.where(np.isfinite(reach), reach, 0.0), self.kind)
+
+    def close(self, full: Array, slope: Array, jacobian: Any) -> bool:
+        """Return True if the equilibrium is near, in units of the magnitudes here and at the start: not of those on the way."""
+        if self.distance(slope, jacobian) > CLOSE:
+            return False
+        self.largest = np.maximum(np.where(self.begun[0] > 0, self.begun[0], self.unseen), np.abs(full[: self.count]))
+        return self.distance(slope, jacobian) <= CLOSE
 
     def step(self, full: Array, slope: Array, jacobian: Any, size: float) -> tuple[Any, Any, Any] | None:
         """Make one implicit Euler step; None if its result is not finite."""
@@ -121,39 +145,49 @@ class EquilibriumSearch:
         inner = self.basis.T @ jacobian @ self.basis
         return self.basis @ np.linalg.solve(np.eye(len(inner)) / size - inner, self.basis.T @ slope)
 
-    def correction(self, slope: Array, jacobian: Any) -> Any:
-        """Return Newton's minimum-norm step, which is zero along directions without restoring force. Infinite if nothing balances the rates."""
+    def correction(self, slope: Array, jacobian: Any, noise: Any = None) -> Any:
+        """Return Newton's minimum-norm step, which is zero along directions without restoring force. Infinite if nothing balances the rates.
+
+        `noise`: rounding error of each rate, if not that of the current state."""
+        seen = self.scale(np.zeros(self.count))
+        noise = ROUNDING * (np.abs(jacobian) @ seen + self.loop_terms) if noise is None else noise
+        seen = self.moved(seen, jacobian)
         if self.basis is not None:  # only along the directions that loop joints allow
-            inner = np.abs(self.basis).T @ self._noise(jacobian)
-            change = self._least(self.basis.T @ slope, self.basis.T @ jacobian @ self.basis, inner)
-            return self.basis @ change if np.isfinite(change).all() else np.full(self.count, np.inf)
-        return self._least(slope, jacobian, self._noise(jacobian))
+            basis, size = self.basis, np.abs(self.basis)
+            terms = None if self.terms is None else size.T @ self.terms @ size
+            change = self._least(
+                basis.T @ slope, basis.T @ jacobian @ basis, size.T @ noise, np.ones(basis.shape[1]), terms
+            )
+            return basis @ change if np.isfinite(change).all() else np.full(self.count, np.inf)
+        return self._least(slope, jacobian, noise, seen, self.terms)
 
-    def _noise(self, jacobian: Any) -> Any:
-        """Return the rounding error of each rate."""
-        return ROUNDING * (np.abs(jacobian) @ self.scale(np.zeros(self.count)) + self.loop_terms)
-
-    def _least(self, slope: Array, jacobian: Array, noise: Array) -> Any:
+    def _least(self, slope: Array, jacobian: Array, noise: Array, size: Array, terms: Array | None) -> Any:
         rows = np.abs(jacobian).max(axis=1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
             return np.full(len(slope), np.inf)
-        matrix, rows, columns = equilibrated(jacobian)
+        matrix, rows, columns = equilibrated(jacobian * size)
+        columns = columns / size
         left, sizes, right = np.linalg.svd(matrix)
         rank = int((sizes > SINGULAR * sizes[0]).sum())
+        if terms is not None:  # a slow mode beside stiff ones is as small as rounding, but its rates are none
+            scaled = terms / rows[:, None] / columns
+            while rank < len(slope) and not null_basis(matrix, scaled, right[rank:], VECTORS)[1].all():
+                rank += 1
         needed = -slope / rows
         if rank < len(slope):  # part of the rates that no change of the states can cancel
             lost = left[:, rank:].T
             allowed = CLOSE * (np.abs(lost) @ np.abs(needed)) + np.abs(lost) @ (noise / rows)
             if (np.abs(lost @ needed) > allowed).any():
                 return np.full(len(slope), np.inf)
-            kept = lost / rows / columns  # conserved quantities (w with w J = 0) stay unchanged
-            kept = kept / np.linalg.norm(kept, axis=1, keepdims=True)
-            whole, wanted = np.concatenate([matrix, kept]), np.concatenate([needed, np.zeros(len(kept))])
-            change = np.linalg.lstsq(whole, wanted, rcond=SINGULAR)[0]
+            conserved = lost / rows / columns  # conserved quantities (w with w J = 0) stay unchanged
+            conserved = conserved / np.linalg.norm(conserved, axis=1, keepdims=True)
+            whole, wanted = np.concatenate([matrix, conserved]), np.concatenate([needed, np.zeros(len(conserved))])
+            smallest = sizes[rank - 1] / sizes[0] if rank else 1.0
+            change = np.linalg.lstsq(whole, wanted, rcond=min(SINGULAR, 0.1 * smallest))[0]
             # a conserved quantity may drive the rates: then there is no equilibrium
             beside = np.abs(whole @ change - wanted)
             allowed = CLOSE * max(np.abs(needed).max(), np.abs(change).max()) + np.concatenate(
-                [noise / rows, np.zeros(len(kept))]
+                [noise / rows, np.zeros(len(conserved))]
             )
             return change / columns if (beside <= allowed).all() else np.full(len(slope), np.inf)
         change = right[:rank].T @ ((left[:, :rank].T @ needed) / sizes[:rank])
@@ -182,7 +216,10 @@ class EquilibriumSearch:
             if not np.isfinite(change).all():
                 break  # the remainder is rounding
             full, slope, jacobian = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
-        return full
+        size = NOTHING * self.scale(np.zeros(self.count))
+        return np.concatenate(
+            [np.where(np.abs(full[: self.count]) < size, 0.0, full[: self.count]), full[self.count :]]
+        )
 
     # ------------------------------------------------------------ messages
     def steady_motion(self, full: Array, slope: Array, jacobian: Any) -> RunFailed | None:
@@ -194,7 +231,7 @@ class EquilibriumSearch:
         size = self.scale(np.zeros(self.count))
         terms = np.abs(jacobian) @ self.moved(size, jacobian) + self.loop_terms
         moving = np.where(np.abs(slope) > RESTING * terms, slope, 0.0)
-        if not moving.any():
+        if not moving.any() or (self.size(0.0)[(moving != 0) & self.dimensional] == 0).any():  # how far is unknown
             return None
         way = moving / (np.abs(moving) / size).max()  # as far as one state moves by its magnitude
         allowed = STEADY * terms
@@ -223,7 +260,27 @@ class EquilibriumSearch:
         resting = np.abs(slope) <= np.maximum(RESTING * terms, CANCELLED * shared)
         if not resting.all() and not self.cancels(full, np.where(resting, 0.0, slope)):
             raise self.no_rest(slope)
+        if self.begun is None:
+            return full
+        self.refuse_spin(full, slope, jacobian)
+        self.largest = self.begun[0]  # what a motion has made large hides nothing that drives it
+        size = self.scale(np.zeros(self.count))
+        if not np.isfinite(
+            self.correction(slope, jacobian, ROUNDING * (np.abs(jacobian) @ size) + BALANCED * self.begun[1])
+        ).all():
+            raise self.no_rest(slope)
         return full
+
+    def refuse_spin(self, full: Array, slope: Array, jacobian: Any) -> None:
+        """Raise `RunFailed` for an angle that turned so far that rounding stopped it: nothing restores it there as the derivatives say."""
+        for i in np.flatnonzero(self.turns & (np.abs(full[: self.count]) > FAR)):
+            step = np.where(np.arange(len(full)) == i, SHARE * full, 0.0)
+            change, expected = self.at(full + step)[1] - slope, jacobian @ step[: self.count]
+            if not expected.any() or (np.abs(change - expected) > ALIKE * np.abs(expected).max()).any():
+                raise RunFailed(
+                    "BR789", f"no equilibrium was found: `{self.names[i]}` turns for ever, and nothing stops that motion;",
+                    'start it without that motion, or analyse what is near the motion with `--at start` (in Python `state="start"`)',
+                )  # fmt: skip
 
     def cancels(self, full: Array, slope: Array) -> bool:
         """Return True if all rates are rounding of terms of parameters and inputs that cancel each other."""

@@ -46,7 +46,7 @@ def found_by(search: EquilibriumSearch, state: Array) -> Any:
     if not slope.any():
         return search.rested(x)
     search.begin(slope, jacobian)
-    if search.distance(slope, jacobian) <= CLOSE:
+    if search.close(x, slope, jacobian):
         return search.rested(search.polished(x, slope, jacobian))
     if (moving := search.steady_motion(x, slope, jacobian)) is not None:
         raise moving
@@ -63,7 +63,7 @@ def found_by(search: EquilibriumSearch, state: Array) -> Any:
         gain = before / max(after, 1e-300) if np.isfinite(before) and np.isfinite(after) else 1.0
         size *= GROWTH * min(max(gain, 0.5), 100.0)
         x, slope, jacobian = trial, new_slope, new_jacobian
-        if after <= CLOSE:
+        if after <= CLOSE and search.close(x, slope, jacobian):
             return search.rested(search.polished(x, slope, jacobian))
     first_state, first_slope, _ = search.at(np.array(state))
     if search.cancels(first_state, first_slope):

@@ -15,8 +15,8 @@ import numpy as np
 from compiler.api import Array
 
 from ...errors import RunFailed
-from ...numerics.scales import nonzero
-from .dense import CLOSE, SINGULAR, EquilibriumSearch
+from ...numerics.scales import nonzero, null_basis
+from .dense import CLOSE, SINGULAR, VECTORS, EquilibriumSearch
 from .steady import unread_states
 
 OFF = 1e-10  # relative to the largest entries: size of the perturbation
@@ -84,20 +84,22 @@ class SparseSearch(EquilibriumSearch):
 
         return self._factors((eye_array(self.count) / size - jacobian).tocsc()).solve(slope)
 
-    def _least(self, slope: Array, jacobian: Any, noise: Array) -> Any:
+    def _least(self, slope: Array, jacobian: Any, noise: Array, size: Array, terms: Any) -> Any:
         """Return the same as `EquilibriumSearch._least`; rates that no change can cancel, and conserved quantities, come from the two null spaces."""
-        rows = _largest(jacobian, 1)
+        matrix = _scaled(jacobian, size, 0)
+        rows = _largest(matrix, 1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
             return np.full(len(slope), np.inf)
         rows = nonzero(rows)
-        matrix = _scaled(jacobian, 1 / rows, 1)
+        matrix = _scaled(matrix, 1 / rows, 1)
         columns = nonzero(_largest(matrix, 0))
         matrix = _scaled(matrix, 1 / columns, 0)
+        columns = columns / size
         needed = -slope / rows
         try:
             spaces = self._null_spaces(matrix)
             if spaces is None:
-                return super()._least(slope, jacobian.toarray(), noise)
+                return super()._least(slope, jacobian.toarray(), noise, size, None)
             left, right = spaces
             weights = np.where(np.abs(left) > NOTHING, np.abs(left), 0.0).T
             allowed = CLOSE * (weights @ np.abs(needed)) + weights @ (noise / rows)
@@ -160,10 +162,13 @@ def _near(factors: Any, matrix: Any, way: str, norm: float, random: Any) -> Any:
 
 
 def _exact(matrix: Any, vectors: Array, norm: float) -> Any:
-    """Return an orthonormal basis of the part of the span of some vectors that the matrix maps to zero, up to rounding."""
+    """Return an orthonormal basis of the part of the span of some vectors that the matrix maps to zero, up to the rounding of its entries."""
     vectors, _ = np.linalg.qr(vectors)
     _, sizes, turned = np.linalg.svd(matrix @ vectors, full_matrices=False)
-    return vectors @ turned[sizes <= SINGULAR * norm].T
+    null, size = turned[sizes <= SINGULAR * norm] @ vectors.T, np.abs(matrix)
+    while not null_basis(matrix, size, null, VECTORS)[1].all():
+        null = null[1:]
+    return null.T
 
 
 def _padded(right: Array, count: int) -> Any:
