@@ -103,9 +103,9 @@ def explain(
 
 @click.command("compile")
 @file_argument
-@click.option("-o", "--out", required=True, metavar="MODEL.py|.c|.diffsl|.fmu", help="The file to write.")
+@click.option("-o", "--out", required=True, metavar="MODEL.py|.c|.mo|.diffsl|.fmu", help="The file to write.")
 @click.option(
-    "--target", metavar="NAME", help="Kind of program: numpy, c, casadi, jax, diffsl. By default what the ending means."
+    "--target", metavar="NAME", help="Kind of program: numpy, c, casadi, jax, modelica, diffsl. By default what the ending means."
 )
 @click.option(
     "--platforms", metavar="NAMES", help="Of an FMU, separated by commas: linux64 (by default), linux-aarch64."
@@ -118,7 +118,7 @@ def explain(
 def compile(
     file: str, out: str, target: str | None, part: str | None, single: bool, model: str | None, **unit: str | None
 ) -> None:
-    """Write a Python module that needs numpy alone, C that needs nothing, functions of CasADi or JAX, DiffSL, or a functional mock-up unit."""
+    """Write a Python module that needs numpy alone, C that needs nothing, functions of CasADi or JAX, Modelica, DiffSL, or a functional mock-up unit."""
     from compiler.api import target_of, text_targets
 
     from ..files import write_text

@@ -16,6 +16,7 @@ import bondgraph
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
 from tests.compiling import MODELS
+from tests.event_models import HEATER, servo
 
 COMPILER = shutil.which("gcc") or shutil.which("cc") or ""
 needs_compiler = pytest.mark.skipif(not COMPILER, reason="no C compiler")
@@ -73,33 +74,6 @@ BALL = """model Ball {
   output h = height, n = bounces
 }
 """
-HEATER = """model Heater {
-  parameter T_0 = 290 K
-  mode heats = true, starts = 0
-  signal T = integral((2 [K/s] if heats else 0 [K/s]) - (T - 285 K)/(10 s), T_0)
-  when T > 295 K or time > 40 s { heats = false }
-  when T < 293 K and time < 40 s { heats = true, starts = starts + 1 }
-  output temperature = T, n = starts
-}
-"""
-SERVO = """model Servo {
-  parameter target = 3 rad
-  mode volt = 0 V, error = 0 rad, sum = 0
-  I rotor  : L = 0.002 [kg*m^2]*omega
-  R drag   : M = 1 [mN*m*s]*omega
-  GY motor : u1 = 0.1 [V*s]*omega2
-  R coil   : u = 2 ohm*i
-  MSe supply : u = volt
-  supply -> 1(coil) -> motor -> 1(rotor, drag)
-  signal angle = integral(rotor.omega, 0 rad)
-  every 10 msTIMING {
-    error = floor(angle/0.01)*0.01 - target
-    sum   = sum - 0.01*error
-    volt  = min(max(-10 V*error + 1 V*sum - 1 [V*s]*rotor.omega, -12 V), 12 V)
-  }
-  output phi = angle, u = volt
-}
-"""
 PARTS = "import Pid, DiscretePid from control\n"
 STAIRS = "model Stairs { mode a = 0\n every 1 s { a = a + 1 }\n signal x = integral(1 + 2*sin(3*time/1 s), 0 s)\n output y = integral(floor(x/0.3 s), 0 s), n = floor(2*time/1 s) + a }"
 
@@ -109,9 +83,9 @@ STAIRS = "model Stairs { mode a = 0\n every 1 s { a = a + 1 }\n signal x = integ
 @pytest.mark.parametrize(
     ("text", "step", "end", "tolerance"),
     [
-        (BALL, 1e-3, 2.0, 1e-9), (HEATER, 1e-2, 60.0, 1e-7), (SERVO.replace("TIMING", ""), 1e-3, 1.0, 1e-8),
-        (SERVO.replace("TIMING", " offset 3 ms delay 4.5 ms"), 2e-3, 1.0, 1e-8),
-        (SERVO.replace("TIMING", " delay 2 ms jitter 5 ms seed 3"), 1e-3, 1.0, 1e-8), (STAIRS, 1e-2, 4.0, 1e-8),
+        (BALL, 1e-3, 2.0, 1e-9), (HEATER, 1e-2, 60.0, 1e-7), (servo(""), 1e-3, 1.0, 1e-8),
+        (servo(" offset 3 ms delay 4.5 ms"), 2e-3, 1.0, 1e-8),
+        (servo(" delay 2 ms jitter 5 ms seed 3"), 1e-3, 1.0, 1e-8), (STAIRS, 1e-2, 4.0, 1e-8),
     ],
 )  # fmt: skip
 def test_events_samples_and_stairs(text: str, step: float, end: float, tolerance: float, tmp_path: Path) -> None:

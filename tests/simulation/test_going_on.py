@@ -13,30 +13,15 @@ import bondgraph
 from bondgraph import RunFailed, RunInterrupted, UsageError, read_result
 from bondgraph.errors import RunBroken
 from bondgraph.results.result import Result
+from tests.event_models import servo
 from tests.simulation.test_events import BALL
 
 RTOL = 1e-8
+SAMPLED = servo("")
 DELAYED = """
 model Delayed {
   signal x = integral(-1 [1/s]*delay(x, 0.37 s) + (0.5 [1/s] if time > 1.3 s else 0 [1/s]), 1)
   output y = x
-}
-"""
-SAMPLED = """
-model Sampled {
-  mode volt = 0 V, sum = 0
-  I rotor  : L = 0.002 [kg*m^2]*omega
-  R drag   : M = 1 [mN*m*s]*omega
-  GY motor : u1 = 0.1 [V*s]*omega2
-  R coil   : u = 2 ohm*i
-  MSe supply : u = volt
-  supply -> 1(coil) -> motor -> 1(rotor, drag)
-  signal angle = integral(rotor.omega, 0 rad)
-  every 10 ms {
-    volt = 10 V*(3 rad - angle) + 1 V*sum - 1 [V*s]*rotor.omega
-    sum  = sum + 0.01*(3 rad - angle)
-  }
-  output phi = angle, u = volt
 }
 """
 HARDENING = """
