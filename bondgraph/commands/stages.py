@@ -105,7 +105,9 @@ def explain(
 @file_argument
 @click.option("-o", "--out", required=True, metavar="MODEL.py|.c|.mo|.diffsl|.fmu", help="The file to write.")
 @click.option(
-    "--target", metavar="NAME", help="Kind of program: numpy, c, casadi, jax, modelica, diffsl. By default what the ending means."
+    "--target",
+    metavar="NAME",
+    help="Kind of program: numpy, c, casadi, jax, modelica, diffsl. By default what the ending means.",
 )
 @click.option(
     "--platforms", metavar="NAMES", help="Of an FMU, separated by commas: linux64 (by default), linux-aarch64."

@@ -162,12 +162,12 @@ def _structure_3(variables: Sequence[FmuVariable]) -> Iterator[str]:
     unknowns["EventIndicator"] = [(i, v) for i, v in enumerate(variables) if v.is_indicator]
     states = {v.derivative_of for v in variables} - {None}
     moving = [i for i, v in enumerate(variables) if i in states or v.causality == "input"]
-    given = [i for i, v in enumerate(variables) if v.causality == "parameter"]
+    parameters = [i for i, v in enumerate(variables) if v.causality == "parameter"]
     for name, members in unknowns.items():
         element = name.replace("Derivative", "ContinuousStateDerivative")
         for place, item in members:
-            known = [i for i, _ in item.reads or () if variables[i].initial != "calculated"] + given
-            lists = {"InitialUnknown": known, "EventIndicator": moving}
+            at_start = [i for i, _ in item.reads or () if variables[i].initial != "calculated"] + parameters
+            lists = {"InitialUnknown": at_start, "EventIndicator": moving}
             reads = {"dependencies": " ".join(map(str, lists[name]))} if name in lists else _reads(item, 0)
             yield f"    <{element}{_attributes({'valueReference': str(place)} | reads)}/>"
 

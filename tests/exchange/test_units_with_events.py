@@ -58,6 +58,21 @@ def test_an_importer_handles_the_events_of_co_simulation(early: bool, tmp_path: 
     assert instants == pytest.approx(wanted, abs=1e-12)
 
 
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_communication_points_are_instants_but_for_rounding(fmi: str, tmp_path: Path) -> None:
+    """0.1 + 0.2 is an ulp behind the sample at 0.3: neither that way nor what follows it is too short for a step."""
+    text = "plain model A { parameter k = 2\n mode a = 3*k, b = 1\n signal x = integral(a, k)\n when x > 5*k { a = -a }\n every 0.3 { b = b + 1 }\n output y = x, z = b }"
+    exported(text, tmp_path, fmi=fmi)
+    with instance(tmp_path) as (unit, place):
+        time = 0.0
+        for step in (*[0.1] * 13, 1e-16, 1e-15, 3e-14, 0.1, *[0.1] * 6):
+            unit.doStep(time, step)
+            time += step
+            y, z = unit.getReal([place["y"], place["z"]])
+            assert y == pytest.approx(min(2 + 6 * time, 18 - 6 * time), abs=1e-12)
+            assert z == 2 + int((time + 1e-12) / 0.3)
+
+
 @pytest.mark.parametrize("early", [False, True])
 def test_samples_at_communication_points_are_events_of_the_importer(early: bool, tmp_path: Path) -> None:
     exported("plain model Stair { mode n = 0\n every 1 { n = n + 1 }\n output y = n }", tmp_path, fmi="3")

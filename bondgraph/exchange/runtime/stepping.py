@@ -37,6 +37,8 @@ BATCH = 1000
 AGAIN = 0.25  # first step, as a share of one that an event has cut badly
 MOST = 10_000_000  # steps within one communication step
 ROUNDING = 64.0  # units in the last place by which an importer's time may be off
+NOTHING = 4.0  # within which nothing changes: an importer's point is an instant of the unit but for rounding
+TINY = 1e5  # up to which a step is one that the end of a communication step has cut
 
 
 def do_step(s: FmuInstance, time: float, size: float) -> int:
@@ -87,6 +89,11 @@ def go_to(s: FmuInstance, target: float) -> int:
     """Integrate to a time, from event to event and from segment to segment."""
     result = OK
     while s.time < target:
+        if target - s.time <= NOTHING * ulp(target):
+            s.time = target
+            s.broken = 1
+            forget(s)
+            return result
         until = min(target, s.next_instant)
         answer = go_along(s, until)
         if answer > WARNING:
@@ -127,7 +134,7 @@ def happens(s: FmuInstance) -> int:
 def go_along(s: FmuInstance, until: float) -> int:
     """Integrate within a segment, up to a time or to the first event."""
     w = s.solver
-    if s.broken != 0 or w.time != s.time:
+    if s.broken != 0 or w.time != s.time or w.size < TINY * ulp(s.time):
         start_steps(s, until)
     w.stop = until
     w.until = until

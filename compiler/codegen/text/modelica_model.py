@@ -68,10 +68,10 @@ def _obstacles(e: StateEquations) -> Iterator[tuple[Span | None, str]]:
             yield event.span, "Samples with a delay or jitter"
         if any(isinstance(line, LinearSystem) for line in needed_lines(e.lines, _read(event))):
             yield event.span, "Events that read an algebraic loop"
-    known = {name for name, own in function_names(lambda row: row.name).items() if own in KNOWN} | {"Piecewise"}
+    writable = {name for name, own in function_names(lambda row: row.name).items() if own in KNOWN} | {"Piecewise"}
     for line in e.lines:
         for part in (p for x in results_of(line) for p in sympy.preorder_traversal(x)):
-            if part.is_Function and not _is_condition(part) and type(part).__name__ not in known:
+            if part.is_Function and not _is_condition(part) and type(part).__name__ not in writable:
                 yield line.span, f"`{type(part).__name__}`, tables and noise"
             if part.is_number and part.is_finite is False:
                 yield line.span, "Infinite numbers"
@@ -108,8 +108,8 @@ def _true_at_start(e: StateEquations) -> Iterator[EventEquations]:
         compute(conditions)
     for event in e.events:
         if not event.sampling:
-            found = event.condition.subs(values)
-            if found not in (sympy.false, 0, 0.0):
+            truth = event.condition.subs(values)
+            if truth not in (sympy.false, 0, 0.0):
                 yield event
 
 
@@ -305,9 +305,9 @@ def _equal(value: float | None) -> str:
 
 
 def _attributes(unit: str, more: str = "") -> str:
-    found = [f'unit = "{_unit(unit)}"'] if _unit(unit) else []
-    found += [more] if more else []
-    return f"({', '.join(found)})" if found else ""
+    attributes = [f'unit = "{_unit(unit)}"'] if _unit(unit) else []
+    attributes += [more] if more else []
+    return f"({', '.join(attributes)})" if attributes else ""
 
 
 def _unit(unit: str) -> str:
