@@ -33,7 +33,10 @@ TURN = 0.97  # cosine of the largest turn between two tangents
 SHORTEST = 1e-7  # shortest step, as a fraction of the range
 ASIDE = (1e-4, 1e-3, 1e-2, 1e-5)  # relative to the magnitudes: first steps onto another branch
 PROBES = 6  # first steps that are tried, each a quarter of the one before
-LIMIT_STEPS = 30  # halvings of the step within which the model ceases to be valid
+LIMIT_STEPS = 30  # halvings of the step within which the model ceases to be valid, or a condition changes
+CLOSE_BY = SHORTEST * 4.0 ** np.arange(6)  # fractions of the range: steps across a bend
+BENT = 1e-3  # relative to the largest slope of a row: least change of a slope at a kink
+JUMPS = 1e-6  # the same: least rate that a condition brings by changing at a rest
 LONGEST = 4.0  # longest step, in units of the first one
 RESTING = 1e-6  # relative to the terms in a rate: where a larger rate is left at rest, these are rounding of zero
 NOISE = 1e-14  # relative to the largest term of a row: rounding
@@ -184,6 +187,20 @@ class BranchFollower:
         found, self.neutral = decisive(point, A, self.neutral)
         return BranchPlace(point, value, A, b, tangent, found, self.scale)
 
+    def behind_bend(self, here: BranchPlace) -> tuple[BranchPlace | None, float]:
+        """Return the nearest place close by that has other slopes, as a law bends between, and the length of the step; None if there is none."""
+        for length in CLOSE_BY.tolist():
+            place = self.corrected(here, length)
+            if place is None:
+                continue
+            slopes, others = (
+                np.concatenate([p.A * p.scale[p.point.reduced.chosen], p.b[:, None] * self.range], axis=1)
+                for p in (here, place)
+            )
+            if (np.abs(others - slopes).max(axis=1) > BENT * np.abs(slopes).max(axis=1)).any():
+                return place, length
+        return None, 0.0
+
     def corrected(self, start: BranchPlace, length: float) -> BranchPlace | None:
         """Return the point of the branch at a length along the tangent; None if it is not found."""
         origin = np.concatenate([start.point.state[: self.count] / self.scale, [start.value / self.range]])
@@ -252,6 +269,9 @@ class BranchFollower:
         return None
 
 
+NO_FURTHER = "no further state of rest was found"
+
+
 class BranchLine:
     """One branch, as far as it goes within a range."""
 
@@ -259,6 +279,7 @@ class BranchLine:
         self.follower, self.low, self.high, self.points, self.most = follower, low, high, points, most
         self.places: list[BranchPlace] = []
         self.sure: tuple[BranchPlace, float] | None = None  # the last point with a verdict, and its distance
+        self.changed: BranchPlace | None = None  # the last place at which conditions changed
         self.ended = f"after {most} points"
 
     def go(self, first: BranchPlace) -> list[tuple[str, BranchPlace]]:
@@ -268,21 +289,28 @@ class BranchLine:
         length = 1.0 / self.points
         while len(self.places) < self.most:
             here = self.places[-1]
-            found = follower.corrected(here, length)
+            found, next_length = follower.corrected(here, length), 1.3 * length
             if found is None or found.tangent @ here.tangent < TURN:
                 length *= 0.5
-                if length < SHORTEST:
-                    self.ended = "no further state of rest was found"
+                if length >= SHORTEST:
+                    continue
+                (found, length), next_length = follower.behind_bend(here), 1.0 / self.points
+                if found is None:
+                    self.ended = NO_FURTHER
                     break
-                continue
             end = self._passed(found.value)
-            limit, whole = self._limit(here, found, length)
-            if limit is not None:
-                found, length, end, self.ended = whole, limit[0], None, limit[1]
+            change = self._change(here, found, length)
+            if change is not None and (end is None or self._passed(change[2].value) is None):
+                before, at, after = change
+                special += self._passed_between(before, at)
+                ahead = self._ahead(before, after) if at > 0.0 or here is not self.changed else NO_FURTHER
+                self.places[len(self.places) - (at == 0.0) :] = [before if isinstance(ahead, str) else ahead]
+                if isinstance(ahead, str):
+                    self.ended = ahead
+                    break
+                self.sure, self.changed, length = None, ahead, 1.0 / self.points
+                continue
             special += self._passed_between(found, length)
-            if limit is not None:
-                self.places.append(found)
-                break
             if end is not None:
                 self.places.append(_ended(follower, here, length, end) or found)
                 self.ended = f"`{follower.name}` leaves the range"
@@ -290,24 +318,55 @@ class BranchLine:
             self.places.append(found)
             follower.see(found.point, found.A)
             self.places[-1] = follower.place(found.point, found.value, found.tangent)
-            length = min(1.3 * length, LONGEST / self.points)
+            length = min(next_length, LONGEST / self.points)
         return special
 
-    def _limit(self, here: BranchPlace, found: BranchPlace, length: float) -> tuple[tuple[float, str] | None, BranchPlace]:  # fmt: skip
-        """Return the length up to which the model is valid with the violated limit, and the last valid point; None with the given point if it is valid."""
-        left = found.point.left
-        if not left:
-            return None, found
-        low, high, last = 0.0, length, here
+    def _reason(self, place: BranchPlace) -> str | None:
+        """Return why the branch ends before a place; "" where only conditions of laws are others there, None where all is as assumed."""
+        left = place.point.left
+        if left:
+            return f"the model does not hold beyond: {left[0].words_at_rest}"
+        mode, acting = place.point.acting
+        if acting:
+            return f"beyond acts {' and '.join(acting[:3])}"
+        return None if np.array_equal(mode, place.point.mode) else ""
+
+    def _change(self, here: BranchPlace, found: BranchPlace, length: float) -> tuple[BranchPlace, float, BranchPlace] | None:  # fmt: skip
+        """Return the last place of a step where all is as assumed, its length, and the first where it is not; None if it is so at the end of the step."""
+        if self._reason(found) is None:
+            return None
+        low, high, before, after = 0.0, length, here, found
         for _ in range(LIMIT_STEPS):
             middle = 0.5 * (low + high)
             place = self.follower.corrected(here, middle)
             if place is None:
                 break
-            beyond = place.point.left
+            beyond = self._reason(place) is not None
             low, high = (low, middle) if beyond else (middle, high)
-            last, left = (last, beyond) if beyond else (place, left)
-        return (low, f"the model does not hold beyond: {left[0].words_at_rest}"), last
+            before, after = (before, place) if beyond else (place, after)
+        return before, low, after
+
+    def _ahead(self, before: BranchPlace, after: BranchPlace) -> BranchPlace | str:
+        """Return the place before a change with the conditions that hold beyond, and the tangent along which they do; or why the branch ends there."""
+        reason = self._reason(after)
+        if reason:
+            return reason
+        follower, mode = self.follower, after.point.acting[0]
+        try:
+            point = before.point.in_mode(mode)
+            place = follower.place(point, before.value, before.tangent)
+        except (RunFailed, np.linalg.LinAlgError):
+            return NO_FURTHER
+        if (np.abs(follower.rates(point)) > JUMPS * follower.system(point, place.A, place.b)[0]).any():
+            numbers = np.flatnonzero(mode[point.conditions.places] != before.point.mode[point.conditions.places])
+            return f"the rates jump with {point.conditions.listed_conditions(numbers)}"
+        for length in ASIDE:
+            for tangent in (place.tangent, -place.tangent):
+                start = replace(place, tangent=tangent)
+                moved = follower.corrected(start, length)
+                if moved is not None and self._reason(moved) is None:
+                    return start
+        return NO_FURTHER
 
     def _passed_between(self, found: BranchPlace, length: float) -> list[tuple[str, BranchPlace]]:
         """Return the special points between the last point with known stability and another one."""

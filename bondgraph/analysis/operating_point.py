@@ -31,7 +31,7 @@ from .singular_slopes import (
     slopes_from_beside,
 )  # fmt: skip
 from .sizes import sizes
-from .thresholds import Thresholds, thresholds
+from .thresholds import Thresholds, acting, thresholds
 
 if TYPE_CHECKING:
     from compiler.api import Compilation, Expression, Lowered, Plan, Program
@@ -116,6 +116,13 @@ class OperatingPoint:
         if constraints and not old.taking.all():
             constraints.leave_out(old.taking)
         mode = self._mode_with(constraints.constants)
+        return self._within(constraints, state, mode)
+
+    def in_mode(self, mode: Array) -> OperatingPoint:
+        """Return the same point in another mode, with the nearest state on constraints and loops. Raises `RunFailed`."""
+        return self._within(self.constraints, self.state, mode)
+
+    def _within(self, constraints: Constraints, state: Array, mode: Array) -> OperatingPoint:
         state = constraints.project(self.time, np.asarray(state, dtype=float), mode)
         state = constraints.loops().solve(self.time, state, mode)
         point = OperatingPoint(self.made, constraints, state, mode, self.time, self.by, self.values)
@@ -430,6 +437,15 @@ class OperatingPoint:
         from ..simulation.events.indicators import HybridState
 
         return thresholds(self.conditions, HybridState(self.time, self.state, self.mode), self.sizes)
+
+    @cached_property
+    def acting(self) -> tuple[Array, tuple[str, ...]]:
+        """Mode with the conditions that hold here; and the events and junctions that act here and change the equations, in words."""
+        if self.program.hybrid is None:
+            return self.mode, ()
+        from ..simulation.events.indicators import HybridState
+
+        return acting(self.conditions, HybridState(self.time, self.state, self.mode), self.sizes)
 
     def refuse_thresholds(self) -> None:
         """Raise `RunFailed` if an event is exactly at its threshold, or keep it at a one-sided point."""

@@ -42,6 +42,16 @@ def thresholds(events: EventIndicators, at: HybridState, size: Array) -> Thresho
     return _Neighbourhood(events, at, size).thresholds()
 
 
+def acting(events: EventIndicators, at: HybridState, size: Array) -> tuple[Array, tuple[str, ...]]:
+    """Return the mode with the conditions that hold at a hybrid state; and the events and junctions that act there and change the equations, in words."""
+    here, after = _Neighbourhood(events, at, size), events.guess(at)
+    off = [set(events.actives(replace(at, mode=mode))) for mode in (at.mode, after)]
+    words = [f"`active` of `{junction}`" for junction in sorted(off[0] ^ off[1])]
+    rising = [i for i in here.rising(np.array(at.mode), after) if here.effect(np.array(at.mode), after, i)[0]]
+    notes = [events.hybrid.events[i] for i in rising]
+    return after, tuple(words + [f"`{note}` ({note.span.file_and_line})" for note in notes])
+
+
 @dataclass(frozen=True, slots=True)
 class _Neighbourhood:
     events: EventIndicators
@@ -56,8 +66,8 @@ class _Neighbourhood:
             off = [set(events.actives(replace(self.at, mode=mode))) for mode in (low, high)]
             names |= {f"`active` of `{junction}`": None for junction in sorted(off[0] ^ off[1])}
             for base, other in ((low, high), (high, low)):
-                for i in self._rising(base, other):
-                    changed, jumping = self._effect(base, other, i)
+                for i in self.rising(base, other):
+                    changed, jumping = self.effect(base, other, i)
                     note = events.hybrid.events[i]
                     names |= {f"`{note}` ({note.span.file_and_line})": None} if changed else {}
                     outputs |= dict.fromkeys(jumping)
@@ -84,12 +94,12 @@ class _Neighbourhood:
         mode[place] = truth
         return mode
 
-    def _rising(self, base: Array, other: Array) -> list[int]:
+    def rising(self, base: Array, other: Array) -> list[int]:
         """Return the events, without sampled ones, that act where one mode becomes the other."""
         before, after = (self.events.triggers(replace(self.at, mode=mode)) for mode in (base, other))
         return [int(i) for i in np.flatnonzero(after & ~before) if not self.events.hybrid.events[i].sampled]
 
-    def _effect(self, base: Array, other: Array, event: int) -> tuple[bool, set[str]]:
+    def effect(self, base: Array, other: Array, event: int) -> tuple[bool, set[str]]:
         """Return True if an event changes states, junctions, rates or slopes at or beside the point, and the outputs that it changes."""
         from ..simulation.events.resets import reset
 
@@ -99,7 +109,7 @@ class _Neighbourhood:
             after, acting = replace(self.at, state=state, mode=other), [event]
             for _ in range(CHAIN):
                 before, after = after.mode, reset(self.events, after, acting)
-                acting = self._rising(before, after.mode)
+                acting = self.rising(before, after.mode)
                 if not acting:
                     break
             if (np.abs(after.state - state)[:count] > SET * step).any():

@@ -206,3 +206,58 @@ def test_a_momentum_that_is_rounding_has_no_magnitude() -> None:
         branch = model.continuation("m", low, high)
         assert branch.ended == "`m` leaves the range" and branch.values[-1] == high
         np.testing.assert_allclose(branch.outputs["x"], branch.values * 9.81e-3, rtol=1e-12)
+
+
+def along(rate: str, more: str = "") -> bondgraph.Model:
+    """A signal x with this rate in 1/s, and an input a."""
+    return bondgraph.load(f"model A {{ input a = 0\n {more}\n signal x = integral(({rate})/1 s, 0)\n output y = x\n}}")
+
+
+@pytest.mark.parametrize("factor", [0.3, 2.0, 30.0])
+@pytest.mark.parametrize(
+    "law", ["x if x < 1 else F*(x - 1) + 1", "x + (F - 1)*max(x - 1, 0)", "linear(x, (-9, 1, 2, 9), (-9, 1, 1 + F, 1 + 8*F))"]
+)  # fmt: skip
+def test_a_branch_goes_on_behind_a_bend(law: str, factor: float) -> None:
+    """Straight on both sides; where a spring became twice as stiff, the branch ended."""
+    found = along(f"a - ({law.replace('F', str(factor))})").continuation("a", 0.0, 1.5)
+    y = found["y"]
+    assert found.values == pytest.approx(np.where(y < 1, y, factor * (y - 1) + 1), abs=1e-9)
+    assert "leaves the range" in found.ended and found.stable.sum() >= len(y) - 2
+
+
+@pytest.mark.parametrize(
+    ("rate", "more", "end", "words"),
+    [
+        ("a - x - (1 if on else 0)", "mode on = false\n when x > 0.8 { on = true }", 0.8, "acts `when x > 0.8`"),
+        ("a - x - (1 if hysteresis(x, 0.2, 0.7) else 0)", "", 0.7, "acts `when x > 0.7`"),
+        ("a - (x if x < 0.6 else x + 1)", "", 0.6, "jump with the condition in `x`"),
+        (
+            "a - x + (x if on else 0)",
+            "mode on = false\n when a - 2*x < -0.5 { on = true }",
+            0.5,
+            "acts `when a - 2*x < -0.5`",
+        ),
+    ],
+)
+def test_a_branch_ends_where_the_model_becomes_another_one(rate: str, more: str, end: float, words: str) -> None:
+    """It went on in the mode of its first point: 3 for a relay whose rest at a = 3 is 2."""
+    found = along(rate, more).continuation("a", 0.0, 3.0)
+    assert found["y"] == pytest.approx(found.values, abs=1e-12)
+    assert found.values[-1] == pytest.approx(end, rel=1e-8) and words in found.ended
+
+
+def test_what_an_event_counts_ends_no_branch() -> None:
+    """A mode that no rate reads; and friction that sticks, up to its limit."""
+    found = along("a - x", "mode n = 0\n when x > 0.8 { n = n + 1 }").continuation("a", 0.0, 3.0)
+    assert "leaves the range" in found.ended and found["y"] == pytest.approx(found.values, abs=1e-12)
+    stuck = bondgraph.load("""import DryFriction from mechanics
+model A {
+  input a = 0 N
+  MSe push : F = a
+  I mass : p = 1 kg*v
+  C spring : F = 10 [N/m]*x
+  DryFriction part { F_c = 1 N, F_s = 1.5 N }
+  push -> 1(spring, part.ends) -> mass
+  output x = spring.x
+}""").continuation("a", 0.0, 3.0)
+    assert stuck.values[-1] == pytest.approx(1.5, rel=1e-8) and "abs(end.F) > F_s" in stuck.ended

@@ -88,7 +88,7 @@ class Pending:
     scope: Scope  # scope in which `value` is read
     owner: Scope  # scope of the declaration
     is_default: bool
-    state: str = "waiting"  # waiting, busy, done, broken
+    state: str = "waiting"  # waiting, busy, guessed (done, for a unit alone), done, broken
     result: Scalar | Items | None = None
 
 

@@ -15,7 +15,7 @@ from ..expressions.expression_compiler import ExpressionCompiler
 from ..expressions.lists import columns_of, parts_of, place_in
 from ..expressions.template import Typed, Value
 from ..names.errors import DimensionMismatch, NotStatic, WrongType
-from ..names.scope import STATIC_ROLES, Items, Scalar, Scope
+from ..names.scope import STATIC_ROLES, Items, Pending, Scalar, Scope
 from ..names.statement_errors import Wrong, describe, unit_hint
 from .elaboration_cache import ElaborationCache
 from .resolver import Resolver, read_condition
@@ -37,17 +37,14 @@ class MemoryResolver(Resolver):
         self._nested: dict[tuple[int, int], Scalar | Items] = {}
         self._keep_scopes: list[Scope] = []  # their identity is a key above
         self._inferring = False
+        self._guessed_quantities: list[Pending] = []  # those of the inference at hand
+        self._units: dict[str, Dimension] = {}  # of integrals, as they were inferred
 
     def nested_memory(self, call: tree.Call, scope: Scope) -> Scalar | Items:
-        """Integral, delay or rate inside a larger expression: a signal, or a list of rates, that the author gave no name."""
-        if call.function == "der" and self._inferring:
-            value = self._guessed(call.arguments[0], scope)
-            rates = tuple(
-                Scalar(Quantity("der"), self._per_second(p.dimension), "signal", "der") for p in parts_of(value)
-            )
-            return Items("der", rates, columns_of(value)) if isinstance(value, tuple) else rates[0]
-        if call.function == "hysteresis" and self._inferring:
-            return Scalar(Quantity("hysteresis"), ONE, "mode", "hysteresis")
+        """Integral, delay, rate or relay inside a larger expression: a signal, or a list of rates, without a name. For a unit alone none is entered."""
+        if self._inferring:
+            self.guesses += 1
+            return self._unit_of_memory(call, scope)
         key = (id(call), id(scope))
         if key not in self._nested:
             self._keep_scopes.append(scope)
@@ -60,6 +57,20 @@ class MemoryResolver(Resolver):
             else:
                 self._nested[key] = self._integral(call, scope, "", "signal", None, "")
         return self._nested[key]
+
+    def _unit_of_memory(self, call: tree.Call, scope: Scope) -> Scalar | Items:
+        """Integral, delay, rate or relay of which only the dimension counts."""
+        name = call.function
+        if name == "hysteresis":
+            return Scalar(Quantity(name), ONE, "mode", name)
+        value = self._guessed(call.arguments[name == "integral"], scope)
+        if name == "der":
+            rates = tuple(Scalar(Quantity(name), self._per_second(p.dimension), "signal", name) for p in parts_of(value))
+            return Items(name, rates, columns_of(value)) if isinstance(value, tuple) else rates[0]
+        dimension = self._dimension(value)
+        if dimension is None and name == "integral" and not scope.plain:
+            dimension = self._inferred(call.arguments[0], scope)
+        return Scalar(Quantity(name), dimension, "signal", name)
 
     def _free_name(self, call: tree.Call, scope: Scope, place: str = "") -> str:
         """Name of a nested signal, or of the one at a place in a list; those in its arguments have theirs already."""
@@ -74,7 +85,12 @@ class MemoryResolver(Resolver):
         template = self.template(start, scope)
         dimension = declared or self._dimension(template.value)
         if dimension is None and not scope.plain:
-            dimension = self._inferred(rate, scope)
+            dimension = self._units.get(name) or self._inferred(rate, scope)
+            if name and dimension is not None:
+                self._units[name] = dimension  # what it was inferred from is checked when the rate is read
+        if self._inferring:
+            self.guesses += 1
+            return Scalar(Quantity(name), dimension, role, name)
         name = name or self._free_name(call, scope)
         self.quantities[name] = Named(name, role, str(dimension or ONE), None, None, call.span, description)
         self._memories.append((name, call, scope, dimension))
@@ -134,12 +150,16 @@ class MemoryResolver(Resolver):
         return self._dimension(self._guessed(expression, scope))
 
     def _guessed(self, expression: tree.ExpressionSyntax, scope: Scope) -> Value:
-        """Value of an expression for its dimension, in which quantities that are being resolved fit any."""
+        """Value of an expression for its dimension, in which quantities that are being resolved fit any. What reads these is resolved again later."""
         before, self._inferring = self._inferring, True
         try:
             return ExpressionCompiler(scope, self.resolve).compile(expression).value
         finally:
             self._inferring = before
+            if not before:
+                for pending in self._guessed_quantities:
+                    pending.state = "waiting"
+                self._guessed_quantities.clear()
 
     def comparison(
         self, call: tree.Call, left: tree.ExpressionSyntax, operator: str, right: tree.ExpressionSyntax

@@ -51,12 +51,14 @@ class QuantityResolver(MemoryResolver):
     # ------------------------------------------------------------ quantities
     def quantity(self, pending: Pending) -> Scalar | Items:
         """Resolve a quantity: its dimension, its definition, and its value if it is constant during a run."""
-        if pending.state == "done":
+        if pending.state in ("done", "guessed"):
+            self.guesses += pending.state == "guessed"
             assert pending.result is not None
             return pending.result
         if pending.state == "broken":
             raise AlreadyTold
         if pending.state == "busy" and self._inferring:
+            self.guesses += 1
             return Scalar(Quantity(pending.name), self._guessed_unit(pending), pending.role, pending.name)
         if pending.state == "busy" and (loop := self._in_loop(pending)) is not None:
             return loop
@@ -77,7 +79,7 @@ class QuantityResolver(MemoryResolver):
             return self.quantity(pending)
         if self._waiting >= MAXIMUM_ROW:
             raise Wrong(self._too_long(pending))
-        pending.state = "busy"
+        pending.state, guesses = "busy", self.guesses
         self._waiting += 1
         try:
             pending.result = self._resolve_quantity(pending)
@@ -91,6 +93,9 @@ class QuantityResolver(MemoryResolver):
         finally:
             self._waiting -= 1
         pending.state = "done"
+        if self._inferring and self.guesses > guesses:
+            pending.state = "guessed"
+            self._guessed_quantities.append(pending)
         return pending.result
 
     def _in_loop(self, pending: Pending) -> Scalar | None:
@@ -192,8 +197,12 @@ class QuantityResolver(MemoryResolver):
             if isinstance(entry, Pending):
                 yield entry
 
+    def _bare(self, pending: Pending, guesses: int) -> Dimension | None:
+        """Dimension of a definition that has none: of a bare number, unless it read since then what is not resolved yet."""
+        return None if pending.owner.plain or self.guesses > guesses else ONE
+
     def _resolve_quantity(self, pending: Pending) -> Scalar | Items:
-        item = pending.item
+        item, guesses = pending.item, self.guesses
         override = self.overrides.get(pending.name)
         if override is not None and pending.role in ("parameter", "input"):
             self.used_overrides.add(pending.name)
@@ -209,7 +218,7 @@ class QuantityResolver(MemoryResolver):
             return self._settled(pending, override, declared, unit)
         default = self.template(item.value, pending.owner, unit).value
         if declared is None:  # the default gives the dimension; a bare zero is a bare number
-            declared = self._dimension(default) or (None if pending.owner.plain else ONE)
+            declared = self._dimension(default) or self._bare(pending, guesses)
         entered = self._settled(pending, override, declared, unit)
         # The default also says whether it is a truth: a place of the text that reads it is compiled once for all instances.
         truth = isinstance(default, Typed) and default.truth
@@ -274,10 +283,13 @@ class QuantityResolver(MemoryResolver):
             if pending.role in UNCHANGING_ROLES:
                 raise Wrong(NotStatic(value.span, f"The {pending.role} `{pending.name}`", f"{value.function}(…)"))
             return self._integral(value, scope, pending.name, pending.role, declared, pending.item.description or "")
+        guesses = self.guesses
         template = self.template(value, scope, unit)
         if pending.role in UNCHANGING_ROLES:
             self._require_static(template, scope, pending)
         units = self._checked_units(pending, template.value, value, declared)
+        if declared is None and self.guesses > guesses:
+            units = [part.dimension for part in parts_of(template.value)]
         bounds = [self.bind(template, f, scope) for f in template.formulas]
         if isinstance(template.value, tuple):
             items = tuple(

@@ -95,6 +95,7 @@ class Resolver(ABC):
         self.element_names: dict[str, ElementEntry] = {}
         self.walls: dict[str, WallEntry] = {}  # ports of models
         self._file_constants: dict[str, Pending] = {}
+        self.guesses = 0  # readings so far of what is not resolved yet, for a unit alone
         self._templates = known.templates
         self._keep = known.nodes
 
@@ -223,9 +224,12 @@ class Resolver(ABC):
         for template in known:
             if self.fits(template, scope):
                 return template
-        self._keep.append(expression)
-        known.append(ExpressionCompiler(scope, self.resolve, unit=unit).compile(expression))
-        return known[-1]
+        guesses = self.guesses
+        template = ExpressionCompiler(scope, self.resolve, unit=unit).compile(expression)
+        if self.guesses == guesses:
+            self._keep.append(expression)
+            known.append(template)
+        return template
 
     def fits(self, made: Template | CompiledLaw, scope: Scope) -> bool:
         """Return True if lists have the same shapes and units here as when a template or law was made, and functions are those of the same branches."""
