@@ -54,6 +54,20 @@ def test_a_rate_that_ends(what: str, target: str) -> None:
     assert 0.85 * time < result.time[-1] <= time + 0.02
 
 
+@pytest.mark.machine_code
+@pytest.mark.parametrize(
+    ("law", "time"), [("1/(time - 0.3)", 0.3), ("1/(1 - 1.0123*time)", 1 / 1.0123), ("-1/(2.7 - time)^3", 2.7), ("exp(-time)/(time - 1e-3)", 1e-3)]
+)  # fmt: skip
+@pytest.mark.parametrize("rate", ["{}", "{} - z^3", "sin(z) + {}"])
+def test_a_pole_in_time(law: str, time: float, rate: str) -> None:
+    """Next to it the rounding of time hides the law: millions of steps of some last places tried to follow that."""
+    said, result = failed(
+        "plain model M {\n  signal z = integral(%s, 0)\n  output w = z\n}\n" % rate.format(law), "native"
+    )
+    assert told_time(said) == pytest.approx(time, rel=1e-6)
+    assert result.steps < 100_000
+
+
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_branch_that_is_not_taken_has_no_fault(target: str) -> None:
     text = "plain model M {\n  signal x = integral(-1, 1)\n  signal z = integral((sqrt(x) if x > 0 else 0) - 0*z^3, 0)\n  output w = z\n}\n"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from click.testing import CliRunner
 
 from bondgraph.commands import commands
+from compiler.errors import CompilationFailed
 from compiler.graph.units import UNITS
 from tests.compiling import compiled
 
@@ -75,3 +78,16 @@ def test_it_is_told_by_check_and_run(tmp_path) -> None:  # type: ignore[no-untyp
         done = CliRunner().invoke(commands, arguments)
         assert done.exit_code == 0, done.output
         assert "note: line 4: `5 N*m` is read as" in done.output
+
+
+@pytest.mark.parametrize(
+    ("settings", "step"), [({"k": "250 N/m"}, "simulate 0 .. 1 s"), ({}, "set k = 250 N/m; simulate 0 .. 1 s"), ({}, "sweep k = 250 N/m, 1 [N/m]; modes")]
+)  # fmt: skip
+def test_the_advice_works_where_the_reading_as_a_name_is_refused(settings: dict[str, str | float], step: str) -> None:
+    """`N/m` divides by a parameter m, as anywhere in a text; "check the units" was the advice, of a text without a wrong unit."""
+    text = f"model A {{\n  parameter m = 2 kg, k: N/m = 100\n  output y = k*m\n  experiment e {{ {step} }}\n}}"
+    with pytest.raises(CompilationFailed) as told:
+        notes(text, settings, "e")
+    found = re.search(r"for the unit write `(.*)`\.", str(told.value))
+    assert found is not None
+    notes(text.replace("250 N/m", found[1]), dict.fromkeys(settings, found[1]), "e")

@@ -14,7 +14,7 @@ from ..expressions.scales import scale_of
 from ..names.domain_table import paths_of
 from ..names.errors import DimensionMismatch, NotStatic, UnknownName, WrongExperiment, WrongValue
 from ..names.scope import STATIC_ROLES, Scalar, Scope
-from ..names.statement_errors import Wrong, describe, suggestion
+from ..names.statement_errors import Wrong, describe, suggestion, unit_hint
 from ..network.elaborate import Elaborator
 from .step_attributes import expressions_of, read_attributes, word
 
@@ -50,7 +50,7 @@ def read_sweep(
         for part, formula in zip(parts_of(template.value), template.formulas, strict=True):
             if part.dimension is not None and entry.dimension is not None and part.dimension != entry.dimension:
                 what = f"`{name}` is {describe(entry.dimension)}, but `{value.span.text}` is {describe(part.dimension)}"
-                raise Wrong(DimensionMismatch(value.span, what, "Write values of the same kind."))
+                raise Wrong(DimensionMismatch(value.span, what, unit_hint(part.dimension, entry.dimension, value)))
             number = elaborator.value_of(elaborator.bind(template, formula, root), value.span)
             if number is None:
                 raise Wrong(WrongExperiment(value.span, "A swept value is known before the run", "Write numbers."))

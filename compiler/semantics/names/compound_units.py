@@ -192,10 +192,9 @@ def _notes(product: tree.Product, home: Source) -> Iterator[str]:
         number = literal.span.text.removesuffix(unit).strip()
         span = literal.span
         place = f"line {span.line}" if span.source is home else span.source.name
-        yield (
-            f"{place}: `{number} {unit}{rest}` is read as `{number} [{unit}]{rest}`, where {names} {'is a name' if len(units) == 1 else 'are names'} "
-            f"of the model; for the unit write `{number} [{unit}{rest}]`"
-        )
+        are = "is a name" if len(units) == 1 else "are names"
+        advice = f"for the unit write `{number} [{unit}{rest}]`"
+        yield f"{place}: `{number} {unit}{rest}` is read as `{number} [{unit}]{rest}`, where {names} {are} of the model; {advice}"
 
 
 def _symbol(factor: tree.ExpressionSyntax) -> str:

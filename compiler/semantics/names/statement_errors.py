@@ -9,6 +9,7 @@ from itertools import islice
 from ...errors import Diagnostic
 from ...graph.units import ONE, Dimension
 from ...syntax import tree
+from .compound_units import ambiguous_products
 
 MAXIMUM_COMPARED = 500  # names that a suggestion is chosen from: comparing is slow
 
@@ -56,4 +57,8 @@ def unit_hint(found: Dimension | None, wanted: Dimension | None, written: tree.E
         return "Write a bare number; an angle may be in `deg`, a share in `percent`."
     if isinstance(written, tree.Literal) and wanted is not None:
         return f"Write a quantity in [{wanted}], as `2 [{wanted}]`."
+    reading = None if written is None else next(ambiguous_products(written, written.span.source), None)
+    if reading is not None:
+        _, _, words = reading.partition(": ")
+        return f"{words}."
     return "Check the units of the names in it, and whether a factor is missing."

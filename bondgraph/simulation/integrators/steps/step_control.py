@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 STUBBORN, PATIENT, SHORTER, GROWN = radau.STUBBORN, radau.PATIENT, radau.SHORTER, radau.GROWN
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)
+FLAT = 1e-3  # relative to the largest value within some last places of time: less is no jump
 NEAREST, BEYOND = radau.NEAREST, radau.BEYOND
 STAGNANT, ASIDE, FINEST, RINGING = tolerances.STAGNANT, tolerances.ASIDE, tolerances.FINEST, tolerances.RINGING
 LOOKS, BETWEEN = tuple(timeline.LOOKS.tolist()), tuple(timeline.BETWEEN.ravel().tolist())
@@ -42,9 +43,25 @@ def first_size(
     if s.time + 1.01 * size >= s.stop:
         size = s.stop - s.time
     least = 10.0 * ulp(s.time)
+    wish = size
     while size > 2.0 * least and not follows(s, s.time + size, seen, unseen, looks, between, through):
         size *= 0.5
+    if size < wish and size <= 2.0 * least and is_flat(s, seen + unseen):
+        return wish
     return size
+
+
+def is_flat(s: IntegratorWorkspace, count: int) -> bool:
+    """Return True if all signals hardly change between the nodes seen last: what no step resolves is no jump, but rounding of time next to a pole."""
+    for j in range(s.signal_count):
+        low = s.seen[j]
+        high = s.seen[j]
+        for k in range(count):
+            low = min(low, s.seen[k * s.signal_count + j])
+            high = max(high, s.seen[k * s.signal_count + j])
+        if not high - low <= FLAT * max(abs(low), abs(high)):
+            return False
+    return True
 
 
 def follows(
