@@ -21,26 +21,31 @@ def chargeable(
 ) -> Any:
     """Return magnitudes of all states and unknowns, shape (n,).
 
-    First the change at the largest rates over the whole run, then the effect of other states, link by link of the Jacobian. `known`: the known
-    magnitudes, 0 elsewhere. A state that nothing moves and nothing couples stays 0.
+    First the change at the largest rates over the whole run, or over the time in which a state itself brings its rate to zero: a diode at its full
+    voltage would else bring 1e80 C. Then the effect of other states, link by link of the Jacobian. `known`: the known magnitudes, 0 elsewhere. A state
+    that nothing moves and nothing couples stays 0.
     """
     whole = stretches[-1].stop - stretches[0].start
     result = np.array(known, dtype=float)
     count = len(program.states.names)
     differential = np.arange(len(result)) < count
-    rates = np.zeros(len(result))
+    changes, (rows, columns) = np.zeros(len(result)), program.pattern
+    own = rows == columns
     with np.errstate(all="ignore"):
         for stretch in stretches[:: max(1, len(stretches) // MOST_STRETCHES)]:
             for time in np.linspace(stretch.start, stretch.stop, PLACES):
-                slope = np.abs(program.derivative(time, state, inputs, constants, stretch.mode))
-                rates = np.maximum(rates, np.where(np.isfinite(slope), slope, 0.0))
+                place = time, state, inputs, constants, stretch.mode
+                rates, returns = np.abs(program.derivative(*place)), np.zeros(len(result))
+                returns[rows[own]] = -np.asarray(program.jacobian_entries(*place))[own]
+                change = rates / np.maximum(returns, 1.0 / whole)
+                changes = np.maximum(changes, np.where(np.isfinite(change), change, 0.0))
         first = stretches[0]
         entries = program.jacobian_entries(first.start, state, inputs, constants, first.mode)
     entries = np.where(np.isfinite(entries), entries, 0.0)
-    (rows, columns), follow = program.pattern, _followed(program, entries)
+    follow = _followed(program, entries)
     gain = np.where(differential[rows], whole * np.abs(entries), 0.0)
     missing = result == 0
-    result[missing & differential] = (rates * whole)[missing & differential]
+    result[missing & differential] = changes[missing & differential]
     for _ in range(len(result)):
         missing = (result == 0) | ~np.isfinite(result)
         if not missing.any():
