@@ -65,7 +65,9 @@ class MemoryResolver(Resolver):
             return Scalar(Quantity(name), ONE, "mode", name)
         value = self._guessed(call.arguments[name == "integral"], scope)
         if name == "der":
-            rates = tuple(Scalar(Quantity(name), self._per_second(p.dimension), "signal", name) for p in parts_of(value))
+            rates = tuple(
+                Scalar(Quantity(name), self._per_second(p.dimension), "signal", name) for p in parts_of(value)
+            )
             return Items(name, rates, columns_of(value)) if isinstance(value, tuple) else rates[0]
         dimension = self._dimension(value)
         if dimension is None and name == "integral" and not scope.plain:
