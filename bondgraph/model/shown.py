@@ -54,7 +54,7 @@ class Shown(AnalysedModel):
         """
         from ..presentation.diagram import mechanism_of, shapes_of, write_figure
 
-        figure = shapes_of(self, experiment or None, name, modes) if modes else mechanism_of(self, name, experiment, at)
+        figure = shapes_of(self, experiment, name, modes) if modes else mechanism_of(self, name, experiment, at)
         if path is not None:
             write_figure(figure, path)
         return figure

@@ -107,8 +107,8 @@ class Computing:
             if not isinstance(setpoint, Mapping) or not set(setpoint) <= set(outputs):
                 raise UsageError("BR803", f"{entry['what']}: a setpoint gives values to {', '.join(outputs)}")
             wanted = {n: quantity(str(setpoint.get(n, 0.0)), known[n].unit, n) for n in outputs}
-            inputs = model.invert(wanted, by).inputs
-            rest = model.equilibrium(settings=inputs)
+            inputs = model.invert(wanted, by, None).inputs
+            rest = model.equilibrium(None, inputs)
             missed = max(abs(rest[n] - wanted[n]) for n in outputs)
             signed = [inputs[a] - (inputs[b] if b else 0.0) for a, _, b in (pair.partition("/") for pair in by)]
             heads = [

@@ -174,3 +174,16 @@ def test_the_manipulator(manipulator_page: Path, open_page: Open) -> None:
     to_instant(page, 0.5)
     assert page.evaluate(shape) != quarter and "NaN" not in quarter
     assert opened.console == [] and opened.elsewhere() == []
+
+
+def test_it_prints_whole(motor: str, open_page: Open) -> None:
+    page = open_page(motor, dark=True).page
+    page.emulate_media(media="print")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.locator("details:not([open])").count() == 0 and not page.locator("#player").is_visible()
+    hidden = (
+        "[...document.querySelectorAll('#text, .equations, .sheet')].filter(e => e.scrollHeight > e.clientHeight + 4)"
+    )
+    assert page.evaluate(f"{hidden}.length") == 0
+    letter = page.evaluate("getComputedStyle(document.querySelector('.bondgraph .letter')).fill")
+    assert int(re.findall(r"\d+", letter)[0]) < 128  # dark on paper

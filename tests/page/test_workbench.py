@@ -132,6 +132,10 @@ def test_an_hour(server: Server, folder: Path, open_page: Callable[..., Any], tm
         "0:9",
     ]
     assert "k_z*x" in page.inner_text("#text .listing") and page.inner_text("#said") == "not saved"
+    page.focus("#problems li:nth-child(2) a")
+    page.keyboard.press("Enter")
+    before = "document.querySelector('textarea').value.slice(0, document.querySelector('textarea').selectionStart)"
+    assert page.evaluate(f"{before}.split('\\n').length") == 8
     page.click(".mend button:has-text('k_s')")  # `did you mean`
     until(page, "document.querySelectorAll('#problems li').length === 2")
     page.fill("textarea", page.input_value("textarea").replace("kgg", "kg").replace("m_w*x", "m_w*v"))

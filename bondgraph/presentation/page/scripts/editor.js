@@ -109,6 +109,7 @@ class Editor {
     this.problems.innerHTML = found.problems;
     this.problems.classList.toggle("wrong", Boolean(found.problems));
     [...this.lines.children].forEach((line, i) => line.classList.toggle("bad", found.lines.includes(i + 1)));
+    this.problems.querySelectorAll("li strong").forEach((place, i) => { if (found.lines[i]) place.replaceChildren(html("a", { href: "#text", "data-to": `0:${found.lines[i]}` }, place.textContent)); });
     this.area.setAttribute("aria-invalid", String(Boolean(found.problems)));
     const mend = found.corrections.map((c) => { const made = html("button", { type: "button" }, `${c.title} (line ${c.line})`); made.addEventListener("click", () => { this.area.value = c.text; this.paint(); this.say(); this.check(); this.area.focus(); }); return made; });
     if (mend.length) this.problems.append(html("div", { class: "choice mend" }, ...mend));

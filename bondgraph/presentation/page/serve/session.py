@@ -53,7 +53,7 @@ class Loaded:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Text of the file now, what tells it from another, its errors with their lines, and texts that mend them."""
+    """Text of the file now, what tells it from another, its errors with their lines (0: in another file), and texts that mend them."""
 
     text: str = ""
     stamp: str = ""
@@ -116,7 +116,7 @@ class Session:
 
     def _told(self, diagnostics: Sequence[Diagnostic], text: str) -> dict[str, Any]:
         """Return errors as the fields of a `Text`: markup, lines, corrections."""
-        lines = tuple(d.span.line for d in diagnostics if d.span.source.path == self.path)
+        lines = tuple(d.span.line if d.span.source.path == self.path else 0 for d in diagnostics)
         return {
             "problems": problems_markup(tuple(diagnostics)), "lines": lines, "corrections": self.corrections(text, self.path),
         }  # fmt: skip
