@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import shlex
 import shutil
 from collections import Counter
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from docutils import nodes
 from docutils.parsers.rst import directives
+from pygments.lexers.shell import BashSessionLexer
 from pygments.lexers.special import TextLexer
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
@@ -181,15 +183,37 @@ def tell_counts(app: Sphinx, failure: Exception | None) -> None:
     RUN.clear()
 
 
+class CommandLexer(BashSessionLexer):  # type: ignore[misc]
+    """Commands behind `$`; what they print may begin with `#`."""
+
+    name = "commands with what they print"
+    aliases: ClassVar[list[str]] = []
+    _ps1rgx = re.compile(r"^(\$ )(.*\n?)")
+
+
+def reach_by_keyboard(
+    app: Sphinx, page: str, template: str, context: dict[str, object], doctree: nodes.document | None
+) -> None:
+    """Let blocks that scroll take the focus, and give captions of the navigation their level, as screen readers need it."""
+    for name, old, new in (
+        ("body", "<pre>", '<pre tabindex="0">'),
+        ("body", '<div class="table-wrapper', '<div tabindex="0" class="table-wrapper'),
+        ("furo_navigation_tree", 'role="heading">', 'role="heading" aria-level="2">'),
+    ):
+        context[name] = str(context.get(name, "")).replace(old, new)
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directives and the colours with Sphinx."""
     for fence in FENCES:
         app.add_lexer(fence, BondgraphLexer)
     app.add_lexer("csv", TextLexer)
+    app.add_lexer("console", CommandLexer)
     app.add_directive("bg", FileDirective)
     app.add_directive("run", CommandDirective)
     app.add_directive("python", PythonDirective)
     app.connect("source-read", start_page)
     app.connect("doctree-read", end_page)
+    app.connect("html-page-context", reach_by_keyboard, priority=900)  # behind the theme
     app.connect("build-finished", tell_counts)
     return {"parallel_read_safe": False, "parallel_write_safe": True}

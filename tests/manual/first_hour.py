@@ -17,7 +17,7 @@ MEASURED = re.compile(r"took [\d.]+ \w+")
 def blocks(page: Path) -> Iterator[tuple[str, str]]:
     """Yield the files (name, text) and the commands (line, output) of a page, in their order."""
     text = page.read_text(encoding="utf-8")
-    pattern = r'<p class="file-name">.*?<span class="pre">(?P<name>[^<]*)</span>|<pre>(?P<block>.*?)</pre>'
+    pattern = r'<p class="file-name">.*?<span class="pre">(?P<name>[^<]*)</span>|<pre[^>]*>(?P<block>.*?)</pre>'
     name = ""
     for match in re.finditer(pattern, text, re.DOTALL):
         if match["name"]:

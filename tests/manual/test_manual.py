@@ -79,6 +79,16 @@ def test_the_first_hour_in_a_process_of_its_own(
     assert compare(site[0] / "first_hour.html", tmp_path, [sys.executable, "-m", "bondgraph"], "check") == 2
 
 
+@pytest.mark.machine_code
+def test_a_keyboard_and_a_reader_find_their_way(site: tuple[Path, str]) -> None:
+    """Blocks that scroll take the focus, headings have a level, pictures a text."""
+    for page in ("first_hour", "course/12_mems", "commands"):
+        text = (site[0] / f"{page}.html").read_text(encoding="utf-8")
+        assert "<pre" in text and "<pre>" not in text
+        assert 'role="heading"' in text and 'role="heading">' not in text
+        assert all(re.search(r'alt="[^"]+"', image) for image in re.findall("<img[^>]*>", text))
+
+
 def test_the_version_has_its_changes() -> None:
     """The release page tells the changes of this version, and how to cite it; there is one number."""
     text = (MANUAL / "release.md").read_text(encoding="utf-8")
