@@ -13,14 +13,6 @@ COMMENT = re.compile(r"(^|\s)#.*")  # names of nodes have the sign, too: `1(r[i]
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
-    """A line of an answer without its comment; `span` is its place."""
-
-    text: str
-    span: Span
-
-
-@dataclass(frozen=True, slots=True)
 class Mark:
     """A line of an answer, or a gap (at the end of the answer), with what is wrong with it; nothing if it is right."""
 
@@ -56,13 +48,12 @@ class MarkedAnswer:
         return "\n".join(m.text() for m in sorted(self.marks, key=attrgetter("span.start")))
 
 
-def lines_of(answer: Source) -> Iterator[Line]:
-    """Yield the lines that have more than a comment."""
+def lines_of(answer: Source) -> Iterator[Span]:
+    """Yield the lines that have more than a comment, without that."""
     for number, start in enumerate(answer.line_starts, 1):
         text = COMMENT.sub("", answer.line(number)).rstrip()
-        if text.strip():
-            first = start + len(text) - len(text.lstrip())
-            yield Line(text.strip(), Span(answer, first, start + len(text)))
+        if text:
+            yield Span(answer, start + len(text) - len(text.lstrip()), start + len(text))
 
 
 def gaps(answer: Source, missing: Sequence[str]) -> Iterator[Mark]:

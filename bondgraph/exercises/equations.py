@@ -20,12 +20,13 @@ from compiler.api import Compilation, CompilationFailed, Expression, Kind, Leaf,
 
 from ..compiled_model import CompiledModel
 from ..errors import UsageError
-from .answer import Line, Mark, MarkedAnswer, gaps, lines_of
+from .answer import Mark, MarkedAnswer, gaps, lines_of
 
 EQUATION = re.compile(r"d/dt\s+(\S+)\s*=\s*(.*)")
 POINTS, LEAST = 40, 8  # random points, and how many of them must have values
 SAME, SAME_SLOPE = 1e-9, 1e-6  # relative differences
 ROUNDED, TINY = 1e-12, 1e-300  # relative round-off of a slope beside the whole; so that nothing is divided by zero
+OUTPUT = "answer of {}"
 SOURCES = (Kind.EFFORT_SOURCE, Kind.FLOW_SOURCE)
 
 
@@ -41,17 +42,17 @@ def mark_equations(model: CompiledModel, answer: Source) -> MarkedAnswer:
     """Return the marks of an answer. Raises `CompilationFailed` for errors of the model, `UsageError`."""
     base = model.with_inputs()
     rates, stray = _rates(base.state_space), list[Mark]()
-    marks, written = dict[str, Mark](), dict[str, Line]()
+    marks, written = dict[str, Mark](), dict[str, Span]()
     for line in lines_of(answer):
         match = EQUATION.fullmatch(line.text)
         if match and match[1] in rates and match[1] not in marks:
-            marks[match[1]] = Mark(line.span, line.text, "it has no right side yet" * (match[2] in ("", "?")))
-            written[match[1]] = Line(match[2], Span(answer, line.span.end - len(match[2]), line.span.end))
+            marks[match[1]] = Mark(line, line.text, "it has no right side yet" * (match[2] in ("", "?")))
+            written[match[1]] = Span(answer, line.end - len(match[2]), line.end)
         else:
             fault = f"there is no state `{match[1]}` left" if match else "a line has the form `d/dt STATE = RIGHT SIDE`"
-            stray.append(Mark(line.span, line.text, fault))
+            stray.append(Mark(line, line.text, fault))
 
-    def mark(faults: Iterable[tuple[str, Span, str]]) -> dict[str, Line]:
+    def mark(faults: Iterable[tuple[str, Span, str]]) -> dict[str, Span]:
         """Note faults, and return the lines that have none."""
         marks.update({name: replace(marks[name], span=span, wrong=wrong) for name, span, wrong in faults})
         return {name: line for name, line in written.items() if not marks[name].wrong}
@@ -92,7 +93,7 @@ def _names(compilation: Compilation) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*states, *drive, *quantities)))
 
 
-def _misread(compilation: Compilation, line: Line) -> tuple[Span, str] | None:
+def _misread(compilation: Compilation, line: Span) -> tuple[Span, str] | None:
     """Return what is wrong with the words of a right side; None if it may be compiled."""
     try:
         tree = api.parse_expression(Source("answer", _in_place(line, "", "")))
@@ -107,38 +108,34 @@ def _misread(compilation: Compilation, line: Line) -> tuple[Span, str] | None:
     return None
 
 
-def _in_place(line: Line, before: str, after: str) -> str:
+def _in_place(line: Span, before: str, after: str) -> str:
     """Return a right side behind as many spaces and lines as in its answer, so that places are the same; `before` takes the place of some."""
-    start = line.span.start - len(before)
-    return re.sub(r"[^\n]", " ", line.span.source.text[:start]) + before + line.text + after
+    start = line.start - len(before)
+    return re.sub(r"[^\n]", " ", line.source.text[:start]) + before + line.text + after
 
 
-def _moved(span: Span, line: Line) -> Span:
-    start = min(max(span.start, line.span.start), line.span.end)
-    return Span(line.span.source, start, max(start, min(span.end, line.span.end)))
+def _moved(span: Span, line: Span) -> Span:
+    start = min(max(span.start, line.start), line.end)
+    return Span(line.source, start, max(start, min(span.end, line.end)))
 
 
-def _first(failed: CompilationFailed, line: Line) -> tuple[Span, str]:
+def _first(failed: CompilationFailed, line: Span) -> tuple[Span, str]:
     problem = failed.diagnostics[0]
     return _moved(problem.span, line), f"{problem.sentence}. {problem.help}".strip()
 
 
-def _with_answers(base: Compilation, lines: Mapping[str, Line], units: bool = True) -> Compilation:
+def _with_answers(base: Compilation, lines: Mapping[str, Span], units: bool = True) -> Compilation:
     """Return the model with right sides as outputs, each of the unit of its rate. Raises `CompilationFailed`."""
     rates = _rates(base.state_space)
     zeros = {name: f") + 0 [{rates[name]}]" if rates[name] else ") + 0" for name in lines}
-    texts = [(_output(name), _in_place(line, "(", zeros[name] if units else ")")) for name, line in lines.items()]
+    texts = [(OUTPUT.format(name), _in_place(line, "(", zeros[name] if units else ")")) for name, line in lines.items()]
     scene = replace(base.scene, extra_outputs=tuple(texts))
     compilation = Compilation(base.source, scene, base.library, True, base.most_parts)
     _ = compilation.state_space
     return compilation
 
 
-def _output(state: str) -> str:
-    return f"answer of {state}"
-
-
-def _refused(base: Compilation, name: str, line: Line) -> tuple[Span, str] | None:
+def _refused(base: Compilation, name: str, line: Span) -> tuple[Span, str] | None:
     """Return what the compiler says of a right side alone; None if nothing."""
     with suppress(CompilationFailed):
         _with_answers(base, {name: line})
@@ -147,8 +144,8 @@ def _refused(base: Compilation, name: str, line: Line) -> tuple[Span, str] | Non
         space = _with_answers(base, {name: line}, False).state_space
     except CompilationFailed as failed:
         return _first(failed, line)
-    unit = space.variables[space.outputs[_output(name)]].unit
-    return line.span, f"its unit is {unit or 1}, and that of the rate {_rates(base.state_space)[name] or 1}"
+    unit = space.variables[space.outputs[OUTPUT.format(name)]].unit
+    return line, f"its unit is {unit or 1}, and that of the rate {_rates(base.state_space)[name] or 1}"
 
 
 # ---------------------------------------------------------------- comparing
@@ -161,7 +158,7 @@ def _compared(compilation: Compilation, names: Sequence[str]) -> dict[str, str]:
     rates = {space.variables[s.variable].name: rate for s, rate in zip(space.states, lowered.rates, strict=True)}
     draws = random.Random(1)
     points = [_point(lowered, draws, spread) for spread in (1.0, 1.0, 9.0, 4.0) for _ in range(POINTS // 4)]
-    pairs = {name: (rates[name], lowered.outputs[_output(name)]) for name in names}
+    pairs = {name: (rates[name], lowered.outputs[OUTPUT.format(name)]) for name in names}
     agreeing = {name: [a for p in points if (a := _agree(pair, p)) is not None] for name, pair in pairs.items()}
     few = {n: "it could not be compared: it has no value at most points" for n, a in agreeing.items() if len(a) < LEAST}
     return few | {n: _difference(lowered, *pairs[n], points) for n, a in agreeing.items() if not all(a)}

@@ -46,13 +46,13 @@ def mark_strokes(compilation: Compilation, answer: Source) -> MarkedAnswer:
         tail, arrow, head = (part.strip() for part in match.groups()) if match else ("", "", "")
         if bonds[f"{tail} -> {head}"]:
             bond = bonds[f"{tail} -> {head}"].pop(0)
-            marks[bond] = Mark(line.span, line.text, "it has no stroke yet" if arrow == "->" else "")
+            marks[bond] = Mark(line, line.text, "it has no stroke yet" if arrow == "->" else "")
             put |= {} if arrow == "->" else {bond: TAIL if arrow == "->|" else HEAD}
             continue
         fault = "there is no such bond left" if match else "a line has two names and an arrow, `a ->| b` or `a |-> b`"
         if f"{head} -> {tail}" in bonds and match:
             fault = "there is no such bond: its arrow leads the other way, and only the stroke is yours"
-        stray.append(Mark(line.span, line.text, fault))
+        stray.append(Mark(line, line.text, fault))
     wrong = faults(causal.graph, put)
     every = [Mark(m.span, m.words, m.wrong or wrong.get(bond, "")) for bond, m in marks.items()]
     marked = MarkedAnswer((*stray, *every, *gaps(answer, [arrow for arrow, left in bonds.items() for _ in left])))

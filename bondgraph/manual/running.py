@@ -195,12 +195,13 @@ def reach_by_keyboard(
     app: Sphinx, page: str, template: str, context: dict[str, object], doctree: nodes.document | None
 ) -> None:
     """Let blocks that scroll take the focus, and give captions of the navigation their level, as screen readers need it."""
-    for name, old, new in (
-        ("body", "<pre>", '<pre tabindex="0">'),
-        ("body", '<div class="table-wrapper', '<div tabindex="0" class="table-wrapper'),
-        ("furo_navigation_tree", 'role="heading">', 'role="heading" aria-level="2">'),
+    for old, new in (
+        ("<pre>", '<pre tabindex="0">'),
+        ('<div class="table-wrapper', '<div tabindex="0" class="table-wrapper'),
     ):
-        context[name] = str(context.get(name, "")).replace(old, new)
+        context["body"] = str(context.get("body", "")).replace(old, new)
+    tree = str(context["furo_navigation_tree"])
+    context["furo_navigation_tree"] = tree.replace('role="heading">', 'role="heading" aria-level="2">')
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
