@@ -35,6 +35,7 @@ SCHEMA = "bondgraph-inversion/1"
 ITERATIONS = 30
 CLOSE = 1e-14  # relative to the magnitudes
 ENOUGH = 1e-9
+REFINED = 3  # solutions, each of what those before leave
 STAGES = 64  # most stages from the first equilibrium to the targets
 
 
@@ -196,7 +197,11 @@ class Search:
         moved = self.conserved @ point.state[: point.count] - self.held
         right = np.concatenate([point.rates[chosen], point.outputs[self.rows] - wanted, moved])
         scaled, rows, columns = equilibrated(matrix)
-        found = -np.linalg.lstsq(scaled, right / rows, rcond=1e-13)[0] / columns
+        found = np.zeros(len(columns))
+        for _ in range(
+            REFINED
+        ):  # a row may have terms far below its largest entry: they are right once the residual is
+            found -= np.linalg.lstsq(scaled, (right + matrix @ found) / rows, rcond=1e-13)[0] / columns
         if not np.isfinite(found).all():
             return None
         change = np.zeros(point.all)
