@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import os
 import re
 import shlex
@@ -32,6 +33,19 @@ def blocks(page: Path) -> Iterator[tuple[str, str]]:
         name = ""
 
 
+def agree(printed: str, shown: str) -> bool:
+    """Return True if the words are the same, and the numbers but for round-off."""
+
+    def close(a: str, b: str) -> bool:
+        try:
+            return math.isclose(float(a), float(b), rel_tol=1e-5, abs_tol=1e-15)
+        except ValueError:
+            return a == b
+
+    words, others = printed.split(), shown.split()
+    return len(words) == len(others) and all(map(close, words, others))
+
+
 def compare(page: Path, folder: Path, bondgraph: Sequence[str], only: str = "") -> int:
     """Write the files of a page into a folder, run its commands (`only` those that begin so) there, and return how many. Raises AssertionError."""
     count = 0
@@ -42,7 +56,7 @@ def compare(page: Path, folder: Path, bondgraph: Sequence[str], only: str = "") 
             count += 1
             done = subprocess.run([*bondgraph, *shlex.split(name)[2:]], cwd=folder, env={**os.environ, "COLUMNS": "100"}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)  # fmt: skip
             printed = "\n".join(line for line in done.stdout.splitlines() if not line.startswith(FIRST_RUN))
-            assert MEASURED.sub("", printed).strip() == MEASURED.sub("", text).strip(), (
+            assert agree(MEASURED.sub("", printed), MEASURED.sub("", text)), (
                 f"{name}\n{printed}\nbut the page shows\n{text}"
             )
     return count
