@@ -207,9 +207,11 @@ class AnalysedModel(CompiledModel):
         from .quantities import quantity
 
         experiment, settings = options.get("experiment", ""), options.get("settings") or {}
-        _, fixed = independent(self, (parameter,), experiment, settings)
-        unit = self.compilation(self.scene(experiment, settings)).whole_graph.quantities[parameter].unit
-        first, last = (quantity(v, unit, parameter) for v in (low, high))
+        quantities = self.compilation(self.scene(experiment, settings)).whole_graph.quantities
+        if parameter not in quantities or quantities[parameter].role != "input":
+            independent(self, (parameter,), experiment, settings)  # refuses what is none
+        first, last = (quantity(v, quantities[parameter].unit, parameter) for v in (low, high))
+        _, fixed = independent(self, (parameter,), experiment, {**settings, parameter: first})
         asked = AnalysisRequest(experiment, {**fixed, parameter: first}, names_of(outputs), (parameter,))
         return follow(self.operating_point(asked), parameter, first, last, points, most, branches)
 

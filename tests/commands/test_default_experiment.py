@@ -74,3 +74,7 @@ def test_methods_take_the_first() -> None:
     assert model.continuation("load", 1.0, 2.0, points=2)["x"][0] == pytest.approx(1 / 32)
     assert model.invert({"x": 1.0}, ["load"]).inputs["load"] == pytest.approx(32)
     assert model.equilibrium(None)["x"] == pytest.approx(1 / 8)
+    moved = bondgraph.load(TEXT.replace("set k = 32 [N/m]", "set load = 1 N*step(time - 1 s)"))
+    assert moved.continuation("load", 1.0, 2.0, points=2)["x"][0] == pytest.approx(
+        1 / 8
+    )  # not as the experiment moves it
