@@ -38,7 +38,7 @@ def agree(printed: str, shown: str) -> bool:
 
     def close(a: str, b: str) -> bool:
         try:
-            return math.isclose(float(a), float(b), rel_tol=1e-5, abs_tol=1e-15)
+            return a == b or math.isclose(float(a), float(b), rel_tol=1e-5, abs_tol=1e-15)
         except ValueError:
             return a == b
 
