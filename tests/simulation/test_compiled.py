@@ -98,8 +98,8 @@ def test_sizes_and_errors_of_all_steps(rtol: float, monkeypatch: pytest.MonkeyPa
     seen: dict[str, list[tuple[float, Any]]] = {"native": [], "numpy": []}
     original = compiled.CompiledMethod.advance
 
-    def one(solver: compiled.CompiledMethod, most: int) -> int:
-        answer = original(solver, 1)
+    def one(solver: compiled.CompiledMethod, most: int, *through: compiled.Advance | None) -> int:
+        answer = original(solver, 1, *through)
         seen["native" if solver.native else "numpy"].append((solver.last_step[1], np.array(solver.error)))
         return answer
 

@@ -26,10 +26,8 @@ FIRST = 0.1  # of the time in which the first rates reach a magnitude: without r
 BALANCED = 1e-10  # relative to the rates of the start: what a state far away has to leave of them
 NOTHING = 1e-40  # relative to the magnitude of a state: zero
 STEADY = 1e-7  # relative to the terms in a rate: a smaller change along a motion is none
-FAR, ALIKE = (
-    1e9,
-    0.1,
-)  # rad, of an angle that something must restore; relative: a change of rates that is as derivatives say
+FAR = 1e9  # rad: an angle that something must restore
+ALIKE = 0.1  # relative: a change of rates that is as derivatives say
 PLACES = (-1.7, 0.6, 3.1)  # along a motion, in magnitudes of the state that moves most: the rates are compared there
 
 
@@ -48,7 +46,7 @@ class EquilibriumSearch:
         self.farthest = LARGEST
         self.loop_terms: Any = 0.0  # terms of the loop unknowns in each rate at the current state
         self.terms: Any = None  # sizes of the terms in the derivatives at the current state
-        self.begun: Any = None  # magnitudes (n,) and rates (n,) of the start, if there is a search
+        self.begun: Any = None  # magnitudes, rates and terms of loop unknowns of the start, (n,) each, if there is a search
         self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
 
     def group(self, units: Sequence[str]) -> None:
@@ -108,7 +106,7 @@ class EquilibriumSearch:
 
     def begin(self, slope: Array, jacobian: Any) -> None:
         """Set magnitudes for units of which no state has a value: how far the first rates lead within the time of the fastest mode, and what follows."""
-        self.begun = self.largest, np.abs(slope)
+        self.begun = self.largest, np.abs(slope), self.loop_terms
         fastest = self.fastest(jacobian)
         if not 0 < fastest < np.inf:
             return
@@ -264,10 +262,9 @@ class EquilibriumSearch:
             return full
         self.refuse_spin(full, slope, jacobian)
         self.largest = self.begun[0]  # what a motion has made large hides nothing that drives it
-        size = self.scale(np.zeros(self.count))
-        if not np.isfinite(
-            self.correction(slope, jacobian, ROUNDING * (np.abs(jacobian) @ size) + BALANCED * self.begun[1])
-        ).all():
+        terms = np.abs(jacobian) @ self.scale(np.zeros(self.count)) + self.begun[2]
+        change = self.correction(slope, jacobian, ROUNDING * terms + BALANCED * self.begun[1])
+        if not np.isfinite(change).all() and not self.cancels(full, slope):
             raise self.no_rest(slope)
         return full
 
@@ -299,6 +296,8 @@ class EquilibriumSearch:
 
     def no_rest(self, slope: Array) -> RunFailed:
         """Return the error that names the state that keeps moving, and its drivers."""
+        if self.begun is not None:
+            self.largest = self.begun[0]  # beside what it has become, a state that drifts has a small rate
         sizes = np.abs(slope) / self.scale(np.zeros(self.count))
         worst = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
         return RunFailed(

@@ -360,11 +360,11 @@ class QuantityResolver(MemoryResolver):
     ) -> Scalar:
         name = pending.name + suffix
         role = pending.role
-        if dimension is None and role != "output":
+        if dimension is None and role != "output" and not pending.owner.plain:
             if name in self.overrides:
                 self.used_overrides.add(name)
                 hint = "Give the zero in the default the unit that it stands for: `0 [N]`."
-                raise Wrong(WrongType(span, f"Zero for `{name}`, which is one without a unit", "another number", hint))
+                raise Wrong(WrongType(span, f"Zero for `{name}`, as in its default without a unit,", "another number", hint))
             return Scalar(0.0, None, "constant", name)
         if suffix and name in self.overrides and role == "parameter":
             self.used_overrides.add(name)
