@@ -364,7 +364,9 @@ class QuantityResolver(MemoryResolver):
             if name in self.overrides:
                 self.used_overrides.add(name)
                 hint = "Give the zero in the default the unit that it stands for: `0 [N]`."
-                raise Wrong(WrongType(span, f"Zero for `{name}`, as in its default without a unit,", "another number", hint))
+                raise Wrong(
+                    WrongType(span, f"Zero for `{name}`, as in its default without a unit,", "another number", hint)
+                )
             return Scalar(0.0, None, "constant", name)
         if suffix and name in self.overrides and role == "parameter":
             self.used_overrides.add(name)
