@@ -169,7 +169,11 @@ def test_what_cannot_go_on_has_a_status(tmp_path: Path) -> None:
     limited = 'model A { signal x = integral(1, 0 s)\n require x < 0.5 s "too far"\n output y = x }'
     noisy = "model A { output y = integral(noise(time, 1 ms, 1), 0 s) }"
     sampled = "model A { parameter T = 1 s\n mode a = 0\n every T offset 0.5 s { a = 1 }\n output y = a }"
+    stiff = "model A { C c : u = q/(1 nF)\n R r : u = 1 [kohm]*i\n Se s : u = 5 V\n s -> 1(c, r)\n output u = c.u }"
+    root = "model A { output y = sqrt(0.5 - time/1 s) }"
     for text, step, status in (
+        (stiff, 0.01, 6),
+        (root, 0.1, 6),
         (twice, 0.1, 3),
         (endless, 0.1, 2),
         (piled, 0.01, 1),

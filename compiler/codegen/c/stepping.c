@@ -18,8 +18,9 @@ enum {
 };
 /* What a function returns: events without end within a step, among them a law that jumps and on whose jump the motion stays (dry friction
    under a load: give it a mode that sticks, or a smooth law), or at an instant; two events that set one thing at an instant; a limit of the
-   model that does not hold; a step, period, offset, delay or jitter out of its range. */
-enum { NAME_fine = 0, NAME_piled_up, NAME_without_end, NAME_set_twice, NAME_beyond_limit, NAME_wrong_time };
+   model that does not hold; a step, period, offset, delay or jitter out of its range; a state or output that is no finite number, as where the
+   step is too long for the fastest mode. */
+enum { NAME_fine = 0, NAME_piled_up, NAME_without_end, NAME_set_twice, NAME_beyond_limit, NAME_wrong_time, NAME_not_finite };
 
 struct NAME_model {
     double step, time, count; /* the instant is count*step */
@@ -269,9 +270,10 @@ static int NAME_advance(struct NAME_model *model, double end)
         }
         for (i = 0; i < NAME_n_states; i++) {
             model->state[i] = state[i];
+            status = isfinite(state[i]) ? status : NAME_not_finite;
         }
         model->time = target;
-        if (target < end) {
+        if (target < end && status == NAME_fine) {
             status = NAME_instant(model);
         }
     }
@@ -332,6 +334,9 @@ int NAME_step(struct NAME_model *model, const struct NAME_inputs *in, struct NAM
     status = NAME_instant(model);
     NAME_output(model->time, model->state, model->inputs, model->constants, model->mode, value);
     NAME_holds(model->time, model->state, model->inputs, model->constants, model->mode, holds);
+    for (i = 0; i < NAME_n_outputs && status == NAME_fine; i++) {
+        status = isfinite(value[i]) ? NAME_fine : NAME_not_finite;
+    }
     for (i = 0; i < NAME_n_limits && status == NAME_fine; i++) {
         status = holds[i] > 0.5 ? NAME_fine : NAME_beyond_limit;
     }
