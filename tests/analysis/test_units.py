@@ -141,19 +141,19 @@ CLOCKED = """model Clocked {
   bridge -> 1(winding, coil)
 }"""
 TIMED = """model Timed {
-  parameter R = 2 kohm, C = 1 nF, T = 1 us
+  parameter R = 2 kohm, C = 1 nF, T = 3 ms
   R lead : u = R*i
   C store : u = q/C
   Se source : u = 3 V if mod(time, T) < T/2 else 1 V
   source -> 1(lead, store)
 }"""
-FASTER = tuple({"time": -k} for k in range(0, 19, 3))
+FASTER = tuple({"time": -k} for k in (0, 5, 10, 15, 18))
 
 
 @pytest.mark.few(4)
 @pytest.mark.parametrize("powers", (*FASTER, {"time": 5}, *POWERS[::3]), ids=str)
 def test_an_analysis_of_one_instant_looks_at_no_second(powers: dict[str, int]) -> None:
-    """Samples every 1e-18 s are no million too many, and a period of 1e-21 s is none: no experiment tells a length of time."""
+    """Samples every 1e-21 s are no million too many, and periods of 3e-21 s are none: no experiment tells a length of time."""
     text, units = in_other_units(CLOCKED, powers)
     rest = bondgraph.load(text).equilibrium()
     assert rest.states["coil.lambda"] == pytest.approx(8e-3 * 3 / (2 + 3) * units.of_unit("V*s"), rel=1e-12)
