@@ -26,7 +26,7 @@ def charged(t: np.ndarray, volts: float, I_s: float, C: float, U_t: float) -> np
     return np.asarray(volts + U_t * np.log(-np.expm1(-I_s * t / (C * U_t)) + np.exp(-volts / U_t) * decayed))
 
 
-@pytest.mark.parametrize("solver", [None, "radau13"])
+@pytest.mark.parametrize("solver", [None, "radau13", "rodas"])
 @pytest.mark.parametrize("start", [0.0, 1e-6, 1e-3])
 @pytest.mark.parametrize("volts", [0.8, 1.5, 3.0, 5.0, 15.0])
 def test_right_or_refused(volts: float, start: float, solver: str | None) -> None:

@@ -32,12 +32,8 @@ from .zero_crossings import (
 if TYPE_CHECKING:
     from compiler.api import Floats, Ints
 
-NONE, FOUND, THROUGH, LEFT = (
-    0,
-    1,
-    2,
-    3,
-)  # no crossing; one that ends the step; one that only events read; Python has to act
+# No crossing; one that ends the step; one that only events read; Python has to act.
+NONE, FOUND, THROUGH, LEFT = 0, 1, 2, 3
 SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump lies at one of its places
 FEWEST = 1 / 64  # smallest first part, as a fraction of the interval searched
 SHORT = 1e-12  # relative to the time: events closer than this count as simultaneous

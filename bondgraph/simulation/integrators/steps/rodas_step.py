@@ -23,6 +23,7 @@ STAGES, WRITTEN, ROWS, GAMMA = rodas.STAGES, rodas.WRITTEN, rodas.ROWS, rodas.GA
 C, D, A, COUPLING, WITHIN = rodas.C, rodas.D, rodas.A, rodas.COUPLING, rodas.WITHIN
 SHORTEST, LONGEST, SAFETY, POWER, ASIDE = rodas.SHORTEST, rodas.LONGEST, rodas.SAFETY, rodas.POWER, rodas.ASIDE
 CAREFUL, MOST_BENDS, BENT = rodas.CAREFUL, rodas.MOST_BENDS, radau.BENT
+LEAP = 1e3  # times its magnitude, or itself: a state that a step leads further was not followed, whatever the estimate says beside its new size
 
 
 def rodas_step(s: IntegratorWorkspace) -> int:
@@ -97,13 +98,16 @@ def try_step(s: IntegratorWorkspace, size: float) -> float:
         rates(s, s.time + C[stage] * size, s.new, s.slope[stage * n :])
         solve_stage(s, stage, size)
     total = 0.0
+    leap = 0.0
     for i in range(n):
         change = s.slope[(STAGES - 1) * n + i]
         s.new[i] += change
+        leap = max(leap, abs(s.new[i]) / (LEAP * max(abs(s.state[i]), 1.0)))
         s.error[i] = change / (s.absolute[i] + max(abs(s.state[i]), abs(s.new[i])) * s.relative)
         total += s.error[i] * s.error[i]
     put_polynomial(s)
-    return CAREFUL * sqrt(total / float(n))
+    norm = CAREFUL * sqrt(total / float(n))
+    return max(norm, leap) if leap > 1.0 else norm
 
 
 def argue(s: IntegratorWorkspace, stage: int) -> None:
