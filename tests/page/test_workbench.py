@@ -98,7 +98,7 @@ def test_files_of_a_folder(folder: Path) -> None:
     assert json.loads(session.save("new.bg", "model New {}\n", ""))["saved"] and session.name == "new.bg"
     (folder / "new.bg").unlink()
     assert not json.loads(session.save("new.bg", "model Lost {}\n", session.shown.stamp))["saved"]
-    for name in ("../out.bg", "/tmp/out.bg", "sub/../../out.bg", ".hidden.bg", "a/b.bg", "x.txt", "", "x.bg\n"):
+    for name in ("../out.bg", "/out.bg", "sub/../../out.bg", ".hidden.bg", "a/b.bg", "x.txt", "", "x.bg\n"):
         with pytest.raises(UsageError, match="is no model of the folder"):
             session.save(name, "", "")
     with pytest.raises(UsageError, match="about one file"):
