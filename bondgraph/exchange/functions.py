@@ -84,6 +84,20 @@ _COMMON = (
     _row("GetNominalsOfContinuousStates", "c: pointer, nominals: pointer, count: size", exchange.get_nominals),
     _row("GetEventIndicators", "c: pointer, indicators: pointer, count: size", exchange.get_indicators),
 )
+
+
+def _of_states(state: str, deserialize: str) -> tuple[FmiFunction, ...]:
+    """Return the rows for copies of an instance, in the spelling of a version."""
+    return (
+        _row(f"Get{state}", _STATE, memory.get_state, "c, state, fmu_model"),
+        _row(f"Set{state}", _STATE, memory.set_state, "c, state, fmu_model"),
+        _row(f"Free{state}", _STATE, memory.free_state, "state, state"),
+        _row(f"Serialized{state}Size", f"{_STATE}, size: pointer", memory.get_size, "size, fmu_model"),
+        _row(f"Serialize{state}", f"{_STATE}, data: pointer, size: size", memory.serialize, "state, data, size, fmu_model"),
+        _row(f"{deserialize}{state}", "c: pointer, data: pointer, size: size, state: pointer", memory.deserialize, "data, size, state, fmu_model"),
+    )  # fmt: skip
+
+
 FMI_2 = (
     *_COMMON,
     _row("SetDebugLogging", "c: pointer, on: int, count: size, categories: pointer", memory.do_nothing, "c"),
@@ -98,12 +112,7 @@ FMI_2 = (
     _row("SetReal", _SOME, values.set_values),
     *(_row(f"{way}{kind}", _SOME, values.have_none, "c, count") for way in ("Get", "Set") for kind in ("Integer", "Boolean", "String")),
     _row("GetDirectionalDerivative", f"{_ALONG}, result: pointer", values.get_slopes),
-    _row("GetFMUstate", _STATE, memory.get_state, "c, state, fmu_model"),
-    _row("SetFMUstate", _STATE, memory.set_state, "c, state, fmu_model"),
-    _row("FreeFMUstate", _STATE, memory.free_state, "state, state"),
-    _row("SerializedFMUstateSize", f"{_STATE}, size: pointer", memory.get_size, "size, fmu_model"),
-    _row("SerializeFMUstate", f"{_STATE}, data: pointer, size: size", memory.serialize, "state, data, size, fmu_model"),
-    _row("DeSerializeFMUstate", "c: pointer, data: pointer, size: size, state: pointer", memory.deserialize, "data, size, state, fmu_model"),
+    *_of_states("FMUstate", "DeSerialize"),
     _row("NewDiscreteStates", "c: pointer, events: pointer", exchange.update_events, "c, events, events"),
     _row("CompletedIntegratorStep", "c: pointer, no_return: int, events: pointer, ends: pointer", exchange.end_step),
     _row("GetDerivatives", "c: pointer, rates: pointer, count: size", exchange.get_rates),
@@ -172,12 +181,7 @@ FMI_3 = (
          "c, unknowns, rows=size, knowns, columns=seeds, seed, result"),
     _row("GetAdjointDerivative", f"{_ALONG}, seeds: size, result: pointer, size: size", values.get_adjoint_slopes,
          "c, unknowns, rows=seeds, knowns, columns=size, seed, result"),
-    _row("GetFMUState", _STATE, memory.get_state, "c, state, fmu_model"),
-    _row("SetFMUState", _STATE, memory.set_state, "c, state, fmu_model"),
-    _row("FreeFMUState", _STATE, memory.free_state, "state, state"),
-    _row("SerializedFMUStateSize", f"{_STATE}, size: pointer", memory.get_size, "size, fmu_model"),
-    _row("SerializeFMUState", f"{_STATE}, data: pointer, size: size", memory.serialize, "state, data, size, fmu_model"),
-    _row("DeserializeFMUState", "c: pointer, data: pointer, size: size, state: pointer", memory.deserialize, "data, size, state, fmu_model"),
+    *_of_states("FMUState", "Deserialize"),
     *(_row(name, "c: pointer", values.refuse) for name in ("EnterConfigurationMode", "ExitConfigurationMode", "EvaluateDiscreteStates")),
     _row("GetIntervalDecimal", f"{_SOME}, kinds: pointer", values.have_none, "c, count"),
     _row("GetIntervalFraction", f"{_TIMES}, kinds: pointer", values.have_none, "c, count"),
