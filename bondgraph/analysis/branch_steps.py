@@ -40,6 +40,7 @@ JUMPS = 1e-6  # the same: least rate that a condition brings by changing at a re
 LONGEST = 4.0  # longest step, in units of the first one
 RESTING = 1e-6  # relative to the terms in a rate: where a larger rate is left at rest, these are rounding of zero
 NOISE = 1e-14  # relative to the largest term of a row: rounding
+NO_FURTHER = "no further state of rest was found"
 LOST = 1e-13  # relative to the terms of a rate: a state that contributes less is rounding of zero
 TIED = 2.0  # relative to what it follows: a tied coordinate within it is rounding, if that is
 CROSSED = 0.5  # relative to a test function at the ends of a step: limit next to a zero, exceeded next to a pole
@@ -267,9 +268,6 @@ class BranchFollower:
             if moved is not None:
                 return moved
         return None
-
-
-NO_FURTHER = "no further state of rest was found"
 
 
 class BranchLine:
