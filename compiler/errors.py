@@ -53,7 +53,7 @@ class Diagnostic:
 
 @dataclass(frozen=True, slots=True)
 class WordedDiagnostic(Diagnostic):
-    """An error whose sentence and advice are written where it is found; `others` are related places."""
+    """An error whose sentence and advice are written where it is found; `others` are related places. Subclasses have a code alone."""
 
     title = "{what}"
     advice = "{hint}"

@@ -8,8 +8,6 @@ from ..fast_dataclass import dataclass
 
 @dataclass(frozen=True, slots=True)
 class NoiseOutOfStep(Diagnostic):
-    """BG602."""
-
     code = "BG602"
     title = "The instants at which `noise` takes a new number are not equally spaced in time"
     advice = "Write `noise(time, period, seed)`, with a period that does not change; bend the result instead."
@@ -17,8 +15,6 @@ class NoiseOutOfStep(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class TableTurnsBack(Diagnostic):
-    """BG603."""
-
     code = "BG603"
     title = "Causality asks the table in the law of `{owner}` for its argument, but its values neither rise nor fall throughout"
     advice = "Give a table of the other variable, say `require = …` to see what stands against it, or put a storage beside it."
@@ -27,8 +23,6 @@ class TableTurnsBack(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class EvenPower(Diagnostic):
-    """BG604."""
-
     code = "BG604"
     title = "Causality asks the law of `{owner}` for the base of a power, but a power of {exponent} has two inverses or none"
     advice = "Write the law the other way round; of a positive base `b`, `exp(n*log(b))` is the same power and can be turned round."
@@ -38,8 +32,6 @@ class EvenPower(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NoSteps(Diagnostic):
-    """BG620."""
-
     code = "BG620"
     title = "A model with events is written in C with a loop over fixed steps, which has no method for {what}"
     advice = "Compile for numpy, which has functions for all of them; or compile a controller alone, with `--part`."
@@ -48,8 +40,6 @@ class NoSteps(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NoPart(Diagnostic):
-    """BG621."""
-
     code = "BG621"
     title = "The model has no instance `{name}`"
     advice = "{hint}"
@@ -59,8 +49,6 @@ class NoPart(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class PartWithElements(Diagnostic):
-    """BG622."""
-
     code = "BG622"
     title = "`{name}` is no controller: it holds `{element}`, which bonds join to the rest"
     advice = "A part that is compiled alone consists of signals, modes and events; compile the whole model instead."
@@ -70,8 +58,6 @@ class PartWithElements(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class PartWithoutOutputs(Diagnostic):
-    """BG623."""
-
     code = "BG623"
     title = "`{name}` has no outputs, so that nothing of it would be computed"
     advice = "Give its model an `output`: the command of a controller."
@@ -80,8 +66,6 @@ class PartWithoutOutputs(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NumpyAlone(Diagnostic):
-    """BG605."""
-
     code = "BG605"
     title = "{what} cannot be written in {target} yet"
     advice = "Compile for numpy, which has functions for all of them."
@@ -91,8 +75,6 @@ class NumpyAlone(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NotInUnit(Diagnostic):
-    """BG606."""
-
     code = "BG606"
     title = "A functional mock-up unit cannot hold {what} yet"
     advice = "{instead}"

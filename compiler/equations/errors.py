@@ -8,8 +8,6 @@ from ..fast_dataclass import dataclass
 
 @dataclass(frozen=True, slots=True)
 class NotInvertible(Diagnostic):
-    """BG401."""
-
     code = "BG401"
     title = "Causality asks `{element}` for its {wanted}, but its law cannot be solved for it"
     advice = "{hint}"
@@ -20,8 +18,6 @@ class NotInvertible(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class Undetermined(Diagnostic):
-    """BG404."""
-
     code = "BG404"
     title = "Nothing decides `{variable}`: the bonds at `{node}` form a ring of junctions or transformers"
     advice = "Leave out one bond of the ring, or put an element into it."
@@ -31,8 +27,6 @@ class Undetermined(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class SignalOfItself(Diagnostic):
-    """BG407."""
-
     code = "BG407"
     title = "Nothing decides the signal `{name}`: its definition leads back to it unchanged"
     advice = "Say what one of the signals of this circle depends on, or let it be an `input`."
@@ -41,8 +35,6 @@ class SignalOfItself(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NotConservative(Diagnostic):
-    """BG405."""
-
     code = "BG405"
     title = (
         "The law of `{element}` creates energy: the slope of `{first}` over `{over_first}` is {value}, "
@@ -61,8 +53,6 @@ class NotConservative(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class EnergyJumps(Diagnostic):
-    """BG420."""
-
     code = "BG420"
     title = (
         "The energy of `{element}` jumps by {height} J at {place}, and no effort gives back what it takes to pass there"
@@ -75,8 +65,6 @@ class EnergyJumps(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class StoredJumps(Diagnostic):
-    """BG421."""
-
     code = "BG421"
     title = "Causality asks for the rate of `{variable}`, but by its law it jumps by {height} (SI) at {place}: the rate would be an impulse"
     advice = "Write a law without the jump, or put a resistor between the storage and what decides over it."
@@ -87,8 +75,6 @@ class StoredJumps(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NothingLeft(Diagnostic):
-    """BG406."""
-
     code = "BG406"
     title = "Nothing is left at the junction `{node}`: all that hangs on it is zero, so its {variable} has no value"
     advice = "Give one of them a value that is not zero, or leave out what reads `{node}`."

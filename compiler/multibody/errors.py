@@ -8,8 +8,6 @@ from ..fast_dataclass import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop(Diagnostic):
-    """BG201."""
-
     code = "BG201"
     title = (
         "`{joint}` is locked where it starts, not where it was drawn, and so is all of the loop that it closes ({loop})"
@@ -21,8 +19,6 @@ class ClosedLoop(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NothingMoves(Diagnostic):
-    """BG202."""
-
     code = "BG202"
     title = "Nothing with {what} moves along `{coordinate}`: its acceleration is not determined"
     advice = "Give the body `{body}` {what}, or join something with {what} to it."
@@ -33,8 +29,6 @@ class NothingMoves(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class RodWithoutLength(Diagnostic):
-    """BG203."""
-
     code = "BG203"
     title = "The rod `{joint}` has no length: its two ends are drawn at one place"
     advice = "What holds two points together is a hinge, in space a ball."

@@ -9,8 +9,6 @@ from ..source import Span
 
 @dataclass(frozen=True, slots=True)
 class SingularLoop(Diagnostic):
-    """BG502."""
-
     code = "BG502"
     title = "The algebraic loop through {members} has no unique solution"
     advice = (
@@ -23,8 +21,6 @@ class SingularLoop(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class ForcedByInput(Diagnostic):
-    """BG503."""
-
     code = "BG503"
     title = "`{element}` is forced by the input `{source}`, so its flow needs the derivative of what comes from outside"
     advice = "Give `{source}` as an expression of time (`set` in an experiment), or put a resistor between the two."
@@ -34,8 +30,6 @@ class ForcedByInput(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class DerivativeWithoutEnd(Diagnostic):
-    """BG504."""
-
     code = "BG504"
     title = "`{element}` is in derivative form, but nothing decides `{variable}`: it would depend on its own derivatives without end"
     advice = (
@@ -48,17 +42,12 @@ class DerivativeWithoutEnd(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NothingToCompute(Diagnostic):
-    """BG505."""
-
     code = "BG505"
     title = "The model has no output and no state"
     advice = "Name what you want to see: `output x = spring.x`."
 
 
-@dataclass(frozen=True, slots=True)
 class NoRate(WordedDiagnostic):
-    """BG506."""
-
     code = "BG506"
 
 
@@ -86,8 +75,6 @@ def no_rate(span: Span, role: str, name: str) -> NoRate:
 
 @dataclass(frozen=True, slots=True)
 class RateJumps(Diagnostic):
-    """BG507."""
-
     code = "BG507"
     title = "`{words}` is the rate of what jumps, by {what} in line {line}: it would be an impulse"
     advice = (
@@ -109,8 +96,6 @@ def rate_jumps(span: Span, operator: str, place: Span) -> RateJumps:
 
 @dataclass(frozen=True, slots=True)
 class RateWithoutEnd(Diagnostic):
-    """BG508."""
-
     code = "BG508"
     title = "`{words}` depends on its own derivatives without end: nothing else decides what it differentiates"
     advice = (

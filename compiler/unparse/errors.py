@@ -8,8 +8,6 @@ from ..fast_dataclass import dataclass
 
 @dataclass(frozen=True, slots=True)
 class UnwrittenUnit(Diagnostic):
-    """BG701."""
-
     code = "BG701"
     title = "`{name}` cannot be written as text: the language has no unit for {unit}"
     advice = "Use exponents up to 20, and fractions with denominators up to 20; or divide by a constant so that it has no unit."
@@ -19,8 +17,6 @@ class UnwrittenUnit(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class UnwrittenSize(Diagnostic):
-    """BG702."""
-
     code = "BG702"
     title = "`{name}` cannot be written as text: its expression has {what}"
     advice = "Give its parts names of their own, as signals or constants."
@@ -30,8 +26,6 @@ class UnwrittenSize(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class UnwrittenDomain(Diagnostic):
-    """BG703."""
-
     code = "BG703"
     title = "The bond from `{tail}` to `{name}` cannot be written as text: nothing tells its domain"
     advice = "Put a junction between them; a junction says its domain."
@@ -41,8 +35,6 @@ class UnwrittenDomain(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class UnwrittenNumber(Diagnostic):
-    """BG704."""
-
     code = "BG704"
     title = "`{name}` cannot be written as text: it contains the number {number}"
     advice = "Keep numbers finite."
@@ -52,8 +44,6 @@ class UnwrittenNumber(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class UnwrittenPort(Diagnostic):
-    """BG705."""
-
     code = "BG705"
     title = "`{name}` cannot be written as text: in a flat text nothing shows `{words}`, which it reads"
     advice = "Put an element or a junction that has this variable at the end of the bond."

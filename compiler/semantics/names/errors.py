@@ -9,8 +9,6 @@ from ...source import Span
 
 @dataclass(frozen=True, slots=True)
 class UnknownName(Diagnostic):
-    """BG101."""
-
     code = "BG101"
     title = "There is no `{name}` in {where}"
     advice = "{hint}"
@@ -21,8 +19,6 @@ class UnknownName(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class UnknownFunction(Diagnostic):
-    """BG109."""
-
     code = "BG109"
     title = "There is no function `{name}`"
     advice = "{hint}"
@@ -30,24 +26,16 @@ class UnknownFunction(Diagnostic):
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
 class UnknownUnit(WordedDiagnostic):
-    """BG102."""
-
     code = "BG102"
 
 
-@dataclass(frozen=True, slots=True)
 class DimensionMismatch(WordedDiagnostic):
-    """BG103."""
-
     code = "BG103"
 
 
 @dataclass(frozen=True, slots=True)
 class DuplicateName(Diagnostic):
-    """BG104."""
-
     code = "BG104"
     title = "The name `{name}` is already taken in this model"
     advice = "Rename one of the two."
@@ -60,8 +48,6 @@ class DuplicateName(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class UnknownKind(Diagnostic):
-    """BG105."""
-
     code = "BG105"
     title = "`{kind}` is neither a kind of element nor a model"
     advice = "{hint}"
@@ -71,8 +57,6 @@ class UnknownKind(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NotStatic(Diagnostic):
-    """BG106."""
-
     code = "BG106"
     title = "{what} must be known before the run, but `{name}` changes during it"
     advice = "Use numbers, parameters and constants here."
@@ -88,8 +72,6 @@ class NotStatic(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class Cycle(Diagnostic):
-    """BG107."""
-
     code = "BG107"
     title = "{what}: {chain}"
     advice = "Break the circle at one of these names."
@@ -99,8 +81,6 @@ class Cycle(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class WrongArguments(Diagnostic):
-    """BG108."""
-
     code = "BG108"
     title = "`{function}` takes {expected}, not {count}"
     advice = "Write it as `{usage}`."
@@ -112,8 +92,6 @@ class WrongArguments(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class MissingValue(Diagnostic):
-    """BG110."""
-
     code = "BG110"
     title = "{role} `{name}` has no value"
     advice = 'Give it one where it is declared, or set it: in an instance `{{ {short} = … }}`, on the command line `--set "{name}=…"`.'
@@ -128,8 +106,6 @@ class MissingValue(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class WrongType(Diagnostic):
-    """BG111."""
-
     code = "BG111"
     title = "{what} is expected here, this is {found}"
     advice = "{hint}"
@@ -140,8 +116,6 @@ class WrongType(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class WrongIndex(Diagnostic):
-    """BG112."""
-
     code = "BG112"
     title = "`{name}` has no item {index}"
     advice = "{hint}"
@@ -152,8 +126,6 @@ class WrongIndex(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class UnknownDomain(Diagnostic):
-    """BG114."""
-
     code = "BG114"
     title = "The domain of `{name}` is not known"
     advice = "Give it after a colon, as in `1 body : translation`, on it or on what it is bonded to, or write the law in a domain's letters."
@@ -162,8 +134,6 @@ class UnknownDomain(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class DomainConflict(Diagnostic):
-    """BG115."""
-
     code = "BG115"
     title = "`{name}` is {first} here, but joined to `{neighbour}`, which is {second}"
     advice = "Two domains meet only through a transducer: TF, GY or a field with a port in each. Members of one array have one domain."
@@ -179,8 +149,6 @@ class DomainConflict(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NameClash(Diagnostic):
-    """BG116."""
-
     code = "BG116"
     title = "`{name}` could be a variable of `{element}` or the {role} of that name"
     advice = "Rename the {role}{instead}."
@@ -192,8 +160,6 @@ class NameClash(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class ForeignVariable(Diagnostic):
-    """BG117."""
-
     code = "BG117"
     title = "The law of `{element}` reads `{name}`, which changes during a run"
     advice = "{hint}"
@@ -204,8 +170,6 @@ class ForeignVariable(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class NeedlessM(Diagnostic):
-    """BG118."""
-
     code = "BG118"
     title = "`{kind} {element}` is modulated in name only: its law reads nothing that changes elsewhere"
     advice = "Write `{plain} {element}`."
@@ -214,17 +178,12 @@ class NeedlessM(Diagnostic):
     plain: str
 
 
-@dataclass(frozen=True, slots=True)
 class WrongLaw(WordedDiagnostic):
-    """BG119."""
-
     code = "BG119"
 
 
 @dataclass(frozen=True, slots=True)
 class UnknownAttribute(Diagnostic):
-    """BG120."""
-
     code = "BG120"
     title = "`{owner}` has no attribute `{name}`"
     advice = "{hint}"
@@ -235,8 +194,6 @@ class UnknownAttribute(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class WrongValue(Diagnostic):
-    """BG122."""
-
     code = "BG122"
     title = "`{attribute}` of `{owner}` cannot be `{value}`"
     advice = "{hint}"
@@ -246,32 +203,21 @@ class WrongValue(Diagnostic):
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
 class WrongConnection(WordedDiagnostic):
-    """BG121."""
-
     code = "BG121"
 
 
 @dataclass(frozen=True, slots=True)
 class Unsupported(WordedDiagnostic):
-    """BG130."""
-
     code = "BG130"
     title = "{what} is not supported by this version"
 
 
-@dataclass(frozen=True, slots=True)
 class WrongImport(WordedDiagnostic):
-    """BG131."""
-
     code = "BG131"
 
 
-@dataclass(frozen=True, slots=True)
 class NoSingleModel(WordedDiagnostic):
-    """BG132."""
-
     code = "BG132"
 
 
@@ -280,8 +226,6 @@ NO_NAMES = "Write an expression that has a finite value."  # the advice where no
 
 @dataclass(frozen=True, slots=True)
 class NoValue(Diagnostic):
-    """BG133."""
-
     code = "BG133"
     title = "This has no finite value: {why}"
     advice = "{values}"
@@ -291,8 +235,6 @@ class NoValue(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class ReservedName(Diagnostic):
-    """BG134."""
-
     code = "BG134"
     title = "`{name}` is reserved"
     advice = (
@@ -302,45 +244,28 @@ class ReservedName(Diagnostic):
     name: str
 
 
-@dataclass(frozen=True, slots=True)
 class WrongMechanism(WordedDiagnostic):
-    """BG140."""
-
     code = "BG140"
 
 
-@dataclass(frozen=True, slots=True)
 class WrongExperiment(WordedDiagnostic):
-    """BG150."""
-
     code = "BG150"
 
 
-@dataclass(frozen=True, slots=True)
 class WrongTable(WordedDiagnostic):
-    """BG151."""
-
     code = "BG151"
 
 
-@dataclass(frozen=True, slots=True)
 class WrongColumn(WordedDiagnostic):
-    """BG152."""
-
     code = "BG152"
 
 
-@dataclass(frozen=True, slots=True)
 class WrongEvent(WordedDiagnostic):
-    """BG153."""
-
     code = "BG153"
 
 
 @dataclass(frozen=True, slots=True)
 class AbsentName(Diagnostic):
-    """BG170."""
-
     code = "BG170"
     title = "There is no `{name}` here: it stands in {branch}, which is not taken"
     advice = (
@@ -354,38 +279,24 @@ class AbsentName(Diagnostic):
         return ((self.declared, "where it is declared"),)
 
 
-@dataclass(frozen=True, slots=True)
 class WrongStructure(WordedDiagnostic):
-    """BG171."""
-
     code = "BG171"
 
 
-@dataclass(frozen=True, slots=True)
 class WrongSet(WordedDiagnostic):
-    """BG172."""
-
     code = "BG172"
 
 
-@dataclass(frozen=True, slots=True)
 class WrongSampling(WordedDiagnostic):
-    """BG175."""
-
     code = "BG175"
 
 
-@dataclass(frozen=True, slots=True)
 class SamplingOutOfRange(WordedDiagnostic):
-    """BG176."""
-
     code = "BG176"
 
 
 @dataclass(frozen=True, slots=True)
 class LateStorage(Diagnostic):
-    """BG177."""
-
     code = "BG177"
     title = "`{words}` is set by an `every` with a delay, which sets `mode`s alone"
     advice = (
@@ -396,8 +307,6 @@ class LateStorage(Diagnostic):
 
 @dataclass(frozen=True, slots=True)
 class TooMany(Diagnostic):
-    """BG160."""
-
     code = "BG160"
     title = "{what}: more than {limit}"
     advice = "{hint}"
