@@ -44,6 +44,17 @@ def test_the_mode_is_named_with_its_frequency_and_elements(solver: str, monkeypa
     assert "`bell`" in note and "`clamp`" in note and "`soft`" not in note and "rigid" in note
 
 
+@pytest.mark.machine_code
+@pytest.mark.parametrize("width", ["0.1 [ns]", "1 [ns]", "10 [ns]"])
+def test_short_steps_at_the_end_are_not_most_steps(width: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A push at the end of the run, within nanoseconds, moves a speck that follows it at once."""
+    few(monkeypatch)
+    speck = f"I speck : p = 1e-9 kg*v; R oil : F = 1 [N*s/m]*v; Se push : F = 1 N*exp((time - 0.3 s)/({width})); push -> 1(speck, oil); output w = speck.v, x ="
+    text = RINGING.format(start="1 mm").replace("output x =", speck)
+    (note,) = bondgraph.load(text).simulate(to=0.3, points=11, solver="radau").notes
+    assert "an oscillation" in note and "`bell`" in note
+
+
 def test_who_asks_for_an_explicit_method_is_told_what_it_costs(monkeypatch: pytest.MonkeyPatch) -> None:
     few(monkeypatch)
     found = bondgraph.load(RINGING.format(start="0 m")).simulate(to=1.0, points=11, solver="explicit")

@@ -226,15 +226,15 @@ class IntegrationState:
         """Return projected states at several instants, with their unknowns; shape (times, n)."""
         return self.loops.solve_all(times, self.constraints.project_all(times, states, mode), mode)
 
-    def tell_crawling(self, solver: CompiledMethod, steps: int, mode: Array) -> None:
-        """Note in the result the cause of very many steps, and states far beyond their magnitudes."""
+    def tell_crawling(self, solver: CompiledMethod, steps: int, segment: Segment) -> None:
+        """Note in the result the cause of very many steps in a segment, and states far beyond their magnitudes."""
         flip, magnitude = self.flip, self.tolerances.magnitude  # what lies behind an event in its step never comes
         time, state = (float(solver.time), solver.state) if flip is None else (flip.time, flip.state / magnitude)
         if is_usual(state, steps):
             return
         context = self.context
         self.result.notes += [
-            *notes_of(context, solver, steps, mode, self.solver == "explicit"),
+            *notes_of(context, solver, steps, segment, self.solver == "explicit"),
             *growth_notes(context, time, state, self.result.notes),
         ]
 

@@ -174,7 +174,7 @@ class NativeIntegrator:
         stepper.result.steps += record.steps
         stepper.count(solver.evaluations)
         stepper.result.rounded = max(stepper.result.rounded, record.rounded)
-        stepper.tell_crawling(solver, record.steps, self.stretch.mode)
+        stepper.tell_crawling(solver, record.steps, self.stretch)
         stepper.grow(solver.greatest * self.tolerances.magnitude)
         if stepper.flip is not None:
             stepper.grow(stepper.flip.state)

@@ -16,6 +16,7 @@ from compiler.api import Array
 from ...numerics.scales import largest_of_group
 from ..integrators.pilot.schedule import unit_numbers
 from ..segments.context import LastStep, SegmentContext
+from ..segments.timeline import Segment
 
 LARGEST = 200  # most states for which modes are computed
 MANY = 20_000  # steps of a segment from which on a run reports their cause
@@ -76,13 +77,16 @@ def limiting_mode(
     return LimitingMode(complex(rates[chosen]), elements, not slower.any())
 
 
-def notes_of(context: SegmentContext, solver: LastStep, steps: int, mode: Array, explicit: bool) -> list[str]:
-    """Return a note on the mode that limits the steps of a segment; none if the steps were few, or if the model has no slower mode."""
+def notes_of(context: SegmentContext, solver: LastStep, steps: int, segment: Segment, explicit: bool) -> list[str]:
+    """Return a note on the mode that limits the steps of a segment; none if the steps were few, or if the model has no slower mode.
+
+    The steps have their mean length there: the last one was cut where the segment ends.
+    """
     if steps < MANY:
         return []
-    start, stop = solver.last_step
+    time = float(solver.last_step[1])
     x = solver.state * context.tolerances.magnitude
-    found = limiting_mode(context, float(stop), x, mode, float(stop - start), np.array(solver.error))
+    found = limiting_mode(context, time, x, segment.mode, (time - segment.start) / steps, np.array(solver.error))
     if found is None or found.alone:
         return []
     return [f"most of the {steps} steps follow {found}; {advice(found, explicit)}"]
