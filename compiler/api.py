@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from .errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, printable, render
     from .graph.domains import BUNDLES, DOMAINS, Domain
     from .graph.elements import ELEMENTS, Kind, letters
-    from .graph.mechanism import Joint, Mechanism, freedoms_of
+    from .graph.mechanism import Body, Joint, Mechanism, freedoms_of
     from .graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Quantity, Reading
     from .graph.network import Node as GraphNode
     from .graph.prune import adjustable, derivative_wishes, preferring

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.presentation.diagram.mechanism_geometry import mechanism_geometry_of
+from bondgraph.presentation.diagram.mechanism_geometry import RIGHT, UP, mechanism_geometry_of
 from bondgraph.presentation.page.runs import PageModel
 from bondgraph.presentation.page.scene import scenes_of
 from bondgraph.presentation.page.shapes import modes_data
@@ -28,8 +28,10 @@ def test_points_are_those_of_the_drawing(name: str) -> None:
     for node, scene in zip(nodes, told, strict=True):
         drawn = mechanism_geometry_of(graph, node)
 
-        def flat(point: Any, scene: dict[str, Any] = scene) -> tuple[float, float]:
-            return float(np.dot(scene["right"], point)), float(np.dot(scene["up"], point))
+        right, up = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)) if scene["planar"] else (RIGHT, UP)
+
+        def flat(point: Any, right: Any = right, up: Any = up) -> tuple[float, float]:
+            return float(np.dot(right, point)), float(np.dot(up, point))
 
         assert [b["name"] for b in scene["bodies"]] == [x.name for x in drawn.limbs]
         for body, limb in zip(scene["bodies"], drawn.limbs, strict=True):
@@ -40,6 +42,34 @@ def test_points_are_those_of_the_drawing(name: str) -> None:
             assert ends == [pytest.approx(seen.first, abs=1e-15), pytest.approx(seen.second, abs=1e-15)]
             assert (link["kind"], link["grounded"], tuple(link["sprung"])) == (seen.kind, seen.grounded, seen.sprung)
         assert [(m["name"], flat(m["at"])) for m in scene["marks"]] == [(n, pytest.approx(p)) for n, p in drawn.marks]
+
+
+SOLIDS = """model Solids {
+  multibody m : spatial {
+    gravity = (0, -9.81 [m/s^2], 0)
+    body brick { mass = 2 kg, inertia = 1 [kg*m^2]*(2*(0.04 + 0.09)/12, 2*(0.01 + 0.09)/12, 2*(0.01 + 0.04)/12), turn = (0, 0, 90 deg), at = (1 m, 0, 0) }
+    body disc  { mass = 3 kg, inertia = 1 [kg*m^2]*(3*0.25/2, 3*0.25/4, 3*0.25/4), at = (2 m, 0, 0) }
+    body globe { mass = 5 kg, inertia = 1 [kg*m^2]*(0.4*5*0.04, 0.4*5*0.04, 0.4*5*0.04), at = (3 m, 0, 0) }
+    body point { mass = 1 kg, at = (4 m, 0, 0) }
+    free a : ground to brick
+    free b : ground to disc
+    free c : ground to globe
+    free d : ground to point
+  }
+}"""
+
+
+def test_solids_have_the_mass_and_inertia_of_their_bodies() -> None:
+    """A brick of 0.1 x 0.2 x 0.3 m turned by 90 deg, a thin disc of radius 0.5 m about x, a ball of radius 0.2 m; a point has no extent."""
+    (scene,) = scenes_of(bondgraph.load(SOLIDS).compilation().whole_graph).told
+    brick, disc, globe, point = (body["solid"] for body in scene["bodies"])
+    sides = {int(np.argmax(np.abs(s))): float(np.abs(s).max()) for s in brick["axes"]}
+    assert brick["round"] == 0 and sides == pytest.approx({1: 0.05, 0: 0.10, 2: 0.15})
+    assert disc["round"] == 2 and [np.linalg.norm(s) for s in disc["axes"]] == pytest.approx([0.5, 0.5, 0], abs=1e-7)
+    assert all(abs(s[0]) < 1e-12 for s in disc["axes"][:2])
+    assert globe["round"] == 3 and [np.linalg.norm(s) for s in globe["axes"]] == pytest.approx([0.2] * 3)
+    assert point is None and [body["heavy"] for body in scene["bodies"]] == [True] * 4
+    assert scene["up"] == pytest.approx([0, 1, 0])
 
 
 def numbers(packed: dict[str, str]) -> Any:

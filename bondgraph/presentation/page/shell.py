@@ -18,7 +18,7 @@ from .markup import Html, tag
 
 HERE = Path(__file__).parent
 STYLES = ("page", "text", "diagram", "runs", "live", "print")
-SCRIPTS = ("numbers", "plot", "export", "mechanism", "diagram", "player", "sliders", "page")
+SCRIPTS = ("numbers", "plot", "export", "solids", "mechanism", "diagram", "player", "sliders", "page")
 LIVE = ("editor", "live")
 
 

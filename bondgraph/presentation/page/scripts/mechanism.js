@@ -1,7 +1,9 @@
-// A mechanism that moves: points turn with their bodies, and bodies, joints and springs are drawn anew at each instant.
+// A mechanism that moves in space: bodies, joints and springs as solids, turned by the reader; points turn with their bodies.
 
-const WIDE = 520, EDGE = 34, BAR = 7;
+const TINTS = ["#a9cdea", "#f5c6a2", "#a5dcc6", "#e5bdd6", "#c2dfef", "#e6d29c", "#c6cdd3"].map(rgb);
+const JOINT = rgb("#6a7783"), STAND = rgb("#a7afb7"), SPRING = rgb("#b9680f"), HEAVY = rgb("#4c5761"), TRACE = rgb("#d55e00"), THIN = rgb("#8a949d"), AXES = ["#c8443c", "#3f9a52", "#3c72c8"].map(rgb);
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+function rgb(hex) { return [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16)); }
 
 // A vector turned by a quaternion w, x, y, z.
 function turned([w, x, y, z], [a, b, c]) {
@@ -29,66 +31,43 @@ function hull(points) {
   return sorted.length < 3 ? sorted : [...half(sorted), ...half(sorted.reverse())];
 }
 
-const way = (points, closed) => points.map((p, i) => `${i ? "L" : "M"}${p[0].toFixed(2)} ${p[1].toFixed(2)}`).join("") + (closed ? "Z" : "");
-
-function coil([x, y], [u, v]) {
-  const length = Math.hypot(u - x, v - y) || 1, a = (u - x) / length, b = (v - y) / length, teeth = 9, found = [[x, y]];
-  for (let i = 1; i < teeth; i++) {
-    const s = length * (0.12 + 0.76 * i / teeth), side = 5 * (i % 2 ? 1 : -1);
-    found.push([x + s * a - side * b, y + s * b + side * a]);
-  }
-  return way([...found, [u, v]]);
-}
-
-function hatch([x, y], [u, v]) {
-  const length = Math.hypot(u - x, v - y) || 1, a = (u - x) / length, b = (v - y) / length;
-  let d = way([[x, y], [u, v]]);
-  for (let s = 0; s <= length; s += 6) d += way([[x + s * a, y + s * b], [x + s * a - 5 * a - 5 * b, y + s * b - 5 * b + 5 * a]]);
-  return d;
-}
-
-const disc = ([x, y], r) => `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`;
+const HOME = { plane: [0, 0], space: [-25, 24] };  // degrees: about the upright, and above the level
+const SIDES = { home: null, front: [0, 0], side: [90, 0], top: [0, 90] };
 
 class Stage {
   constructor(host, scene) {
     this.scene = scene;
     this.parts = scene.planar ? 3 : 7;
     this.factor = 1;
-    this.picture = svg("svg", { class: "stage bondgraph", role: "img", "aria-label": `mechanism ${scene.name}` });
+    const right = Math.abs(scene.up[0]) > 0.9 ? [0, 1, 0] : unitary(plus([1, 0, 0], scene.up, -scene.up[0]));
+    this.level = [right, cross(right, scene.up)];  // to the right and towards the reader, seen from the front
+    this.canvas = html("canvas", {});
+    this.solids = new Solids(this.canvas);
+    this.letters = svg("svg", { "aria-hidden": "true" });
+    this.box = html("div", { class: "stage bondgraph", tabindex: 0, role: "img", "aria-label": `mechanism ${scene.name}; drag or arrow keys turn it, plus and minus zoom, 0 shows all` }, this.canvas, this.letters);
     this.range = html("input", { type: "range", min: 0, max: 4, step: 0.05, value: 0, "aria-label": "how much motions are exaggerated" });
     this.told = html("output", {});
+    this.traces = html("input", { type: "checkbox" });
+    const views = Object.entries(SIDES).map(([words, angles]) => { const made = html("button", { type: "button" }, words); made.addEventListener("click", () => this.look(angles)); return made; });
     const label = html("label", { class: "factor" }, "motion ", this.range, this.told);
-    host.append(html("figure", { class: "panel" }, html("figcaption", {}, scene.name, " ", label), this.picture));
+    host.append(html("figure", { class: "panel" }, html("figcaption", {}, scene.name, label, html("label", { class: "factor" }, this.traces, "traces"), html("span", { class: "choice views" }, ...views)), this.box));
     this.range.addEventListener("input", () => { this.exaggerate(10 ** Number(this.range.value)); this.show(this.place); });
-    this.make();
+    this.traces.addEventListener("change", () => this.show(this.place));
+    this.names = scene.bodies.map((body) => this.letter(body.name, "port"));
+    this.ends = ["x", "y", "z"].map((name) => this.letter(name, "port"));
+    this.look(null);
+    this.listen();
+    new ResizeObserver(() => this.show(this.place)).observe(this.box);
   }
 
-  make() {
-    const add = (look) => { const made = svg("path", { class: look }); this.picture.append(made); return made; };
-    this.plates = this.scene.bodies.map(() => [add("edge"), add("plate")]);
-    this.outlines = this.scene.bodies.map((body) => body.outlines.map(() => add("line")));
-    this.links = this.scene.links.map((link) => {
-      const found = { rail: add("hatch"), line: add("line"), sign: add("sign pin") };
-      found.line.append(svg("title", {}, document.createTextNode([link.kind, link.name, ...link.sprung].join(" "))));
-      return found;
-    });
-    this.masses = this.scene.bodies.map((body) => {
-      const name = svg("text", { class: "port" });
-      name.textContent = body.name;
-      this.picture.append(name);
-      return [add("solid"), name];
-    });
-    this.marks = this.scene.marks.map(() => add("line"));
-  }
+  letter(words, kind) { const made = svg("text", { class: kind }, words); this.letters.append(made); return made; }
 
   // Poses along a run: rows of numbers, one for each part of each body.
   load(poses, count, free) {
-    this.poses = poses; this.count = count;
+    Object.assign(this, { poses, count, free });
     const [size, moved] = this.sizes();
     const wanted = free ? 0.12 * size / (moved || 1) : moved > 0 && moved < 0.03 * size ? 0.08 * size / moved : 1;
-    this.size = size;
     this.exaggerate(free ? wanted : wanted > 1 ? 10 ** Math.min(4, Math.round(Math.log10(wanted) * 4) / 4) : 1);
-    this.free = free;
     this.range.parentElement.hidden = free;
     this.range.value = Math.log10(this.factor);
   }
@@ -99,26 +78,28 @@ class Stage {
     this.frame();
   }
 
-  sizes() {
-    let moved = 0;
-    const rest = this.scene.bodies.flatMap((b) => [b.centre, ...b.points, ...b.outlines.flat()]).concat(this.scene.links.flatMap((l) => l.ends.map((e) => e.at)));
-    const all = rest.map((p) => this.flat(p));
-    const span = (k) => all.length ? Math.max(...all.map((p) => p[k])) - Math.min(...all.map((p) => p[k])) : 1;
-    const size = Math.max(span(0), span(1)) || 1;
-    const saved = this.factor;
-    this.factor = 1;
-    for (let i = 0; i < this.count; i += Math.max(1, Math.floor(this.count / 60)))
-      this.scene.bodies.forEach((body, b) => {
-        for (const point of [body.centre, ...body.points]) {
-          const [x, y] = this.at(b, point, i), [u, v] = this.flat(point);
-          moved = Math.max(moved, Math.hypot(x - u, y - v));
-        }
-      });
-    this.factor = saved;
-    return [Math.max(size, 1e-12), moved];
-  }
+  // Instants that stand for all.
+  some(most) { const step = Math.max(1, Math.floor(this.count / most)); return Array.from({ length: Math.ceil(this.count / step) }, (_, i) => i * step); }
 
-  flat(point) { return [dot(this.scene.right, point), dot(this.scene.up, point)]; }
+  // Points that a body fills at rest.
+  filled(body) { return [body.centre, ...body.points, ...body.outlines.flat(), ...(this.thick(body) ? body.solid.axes.flatMap((axis) => [plus(body.centre, axis), plus(body.centre, axis, -1)]) : [])]; }
+
+  // A solid of the same mass and inertia; one beyond the mechanism, as of a rotor behind its gear, says nothing of a shape.
+  thick({ solid }) { return solid && !(this.span > 0 && Math.max(...solid.axes.map((a) => Math.hypot(...a))) > 1.5 * this.span); }
+
+  sizes() {
+    const rest = this.scene.bodies.flatMap((b) => [b.centre, ...b.points, ...b.outlines.flat()]).concat(this.scene.links.flatMap((l) => l.ends.map((e) => e.at)));
+    const reach = (points) => Math.max(0, ...[0, 1, 2].map((k) => { const [low, high] = extent([points.map((p) => p[k])]); return points.length ? high - low : 0; }));
+    this.span = reach(rest);
+    const size = this.span || reach(this.scene.bodies.flatMap((b) => this.filled(b))) || 1;
+    this.factor = 1;
+    let moved = 0;
+    for (const i of this.some(60)) {
+      const poses = this.all(i);
+      this.scene.bodies.forEach((body, b) => { for (const point of [body.centre, ...body.points]) moved = Math.max(moved, Math.hypot(...plus(this.at(poses, b, point), point, -1))); });
+    }
+    return [size, moved];
+  }
 
   pose(b, place) {
     const value = (k) => between(row(this.poses, this.scene.first + b * this.parts + k, this.count), place);
@@ -134,106 +115,181 @@ class Stage {
     return { place: [0, 1, 2].map((k) => near(value(k), body.at[k])), turn: turn.map((v) => v / size) };
   }
 
-  // Where a point of a body is in the plane of the picture.
-  at(b, point, place) {
-    if (b < 0) return this.flat(point);
-    const { place: centre, turn } = this.pose(b, place), rest = this.scene.bodies[b].at;
-    const arm = turned(turn, point.map((v, k) => v - rest[k]));
-    return this.flat(arm.map((v, k) => v + centre[k]));
-  }
+  all(place) { return this.scene.bodies.map((_, b) => this.pose(b, place)); }
 
-  points(place) {
-    const { bodies, links, marks } = this.scene;
-    return {
-      bodies: bodies.map((body, b) => [body.centre, ...body.points].map((p) => this.at(b, p, place))),
-      outlines: bodies.map((body, b) => body.outlines.map((line) => line.map((p) => this.at(b, p, place)))),
-      links: links.map((link) => link.ends.map((e) => this.at(e.body, e.at, place))),
-      marks: marks.map((m) => this.at(m.body, m.at, place)),
-    };
-  }
+  // Where a point of a body is, and where a direction of it points.
+  at(poses, b, point) { return b < 0 ? point : plus(turned(poses[b].turn, plus(point, this.scene.bodies[b].at, -1)), poses[b].place); }
+  along(poses, b, axis) { return unitary(b < 0 ? axis : turned(poses[b].turn, axis)); }
 
-  // The part of the plane that holds everything at every instant.
+  // What holds everything at every instant, and the ways of frames, or else of the centres.
   frame() {
-    if (!this.poses) return;
-    let [left, right, low, high] = [Infinity, -Infinity, Infinity, -Infinity];
-    for (let i = 0; i < this.count; i += Math.max(1, Math.floor(this.count / 40))) {
-      const { bodies, links, outlines } = this.points(i);
-      for (const [x, y] of [...bodies.flat(), ...links.flat(), ...outlines.flat(2)]) {
-        if (!Number.isFinite(x + y)) continue;
-        left = Math.min(left, x); right = Math.max(right, x); low = Math.min(low, y); high = Math.max(high, y);
+    const { bodies, links, marks } = this.scene, low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity], seen = [];
+    const marked = marks.filter((m) => m.body >= 0), traced = marked.length ? marked : bodies.map((body, b) => ({ body: b, at: body.centre }));
+    this.ways = traced.map(() => []);
+    const instants = this.some(400), few = Math.max(1, Math.floor(instants.length / 40));
+    instants.forEach((i, n) => {
+      const poses = this.all(i);
+      traced.forEach((m, k) => this.ways[k].push([i, this.at(poses, m.body, m.at)]));
+      if (n % few) return;
+      for (const point of [...bodies.flatMap((body, b) => this.filled(body).map((p) => this.at(poses, b, p))), ...links.flatMap((l) => l.ends.map((e) => this.at(poses, e.body, e.at)))]) {
+        if (!point.every(Number.isFinite)) continue;
+        seen.push(point);
+        point.forEach((v, k) => { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
       }
-    }
-    const span = Math.max(right - left, high - low) || 1;
-    this.unit = WIDE / span; this.origin = [left, high];
-    this.picture.setAttribute("viewBox", `0 0 ${((right - left) * this.unit || 0) + 2 * EDGE} ${((high - low) * this.unit || 0) + 2 * EDGE}`);
+    });
+    this.middle = low.map((v, k) => (v + high[k]) / 2 || 0);
+    this.seen = seen.map((p) => plus(p, this.middle, -1));
+    const size = Math.max(...high.map((v, k) => v - low[k])) / 2;
+    this.thin = (size > 0 && size < Infinity ? size : 1) / 30;  // radius of rods and joints
+    this.aim(HOME[this.scene.planar ? "plane" : "space"]);
+    this.shapely = this.half[1] / this.half[0];
+    this.shapes = bodies.map((body) => this.shape(body));
   }
 
-  page([x, y]) { return [(x - this.origin[0]) * this.unit + EDGE, (this.origin[1] - y) * this.unit + EDGE]; }
+  // A body at rest: a plate through its points where they lie in a plane, else rods between those nearest each other.
+  shape(body) {
+    const near = 1e-6 * (this.span || 1), apart = (list) => list.filter((p, i) => list.findIndex((q) => Math.hypot(...plus(p, q, -1)) <= near) === i), held = apart(body.points);
+    const points = this.thick(body) && held.length > 1 ? held : apart([body.centre, ...held]), arms = points.slice(1).map((p) => plus(p, points[0], -1));
+    let normal = this.scene.planar ? [0, 0, 1] : null;
+    for (const a of arms) for (const b of arms) { const n = cross(a, b); if (!normal && Math.hypot(...n) > 0.05 * Math.hypot(...a) * Math.hypot(...b)) normal = unitary(n); }
+    if (!points.length || (points.length < 2 && !this.scene.planar)) return { rods: [] };
+    if (normal && arms.every((a) => Math.abs(dot(a, normal)) <= 1e-3 * this.span)) {
+      const [u, v] = across(normal), r = 1.2 * this.thin;
+      const flat = hull(points.flatMap((p) => ROUND.map(([c, s]) => [dot(u, p) + r * c, dot(v, p) + r * s])));
+      const base = plus(scaled(normal, dot(normal, points[0])), normal, -r / 5);
+      return { plate: flat.map(([s, t]) => plus(plus(base, u, s), v, t)), thickness: scaled(normal, 2 * r / 5), rods: [] };
+    }
+    const rods = [], joined = [points[0]], left = points.slice(1);
+    while (left.length) {
+      const [, p, q] = left.flatMap((q) => joined.map((p) => [Math.hypot(...plus(q, p, -1)), p, q])).reduce((best, one) => one[0] < best[0] ? one : best);
+      rods.push([p, q]);
+      joined.push(...left.splice(left.indexOf(q), 1));
+    }
+    return { rods };
+  }
+
+  // ---------------------------------------------------------------- where the reader is
+
+  look(angles) { Object.assign(this, { angles: [...(angles ?? HOME[this.scene.planar ? "plane" : "space"])], zoom: 1, shift: [0, 0] }); this.show(this.place); }
+
+  turn(yaw, pitch) { this.angles = [this.angles[0] + yaw, Math.max(-90, Math.min(90, this.angles[1] + pitch))]; this.show(this.place); }
+  nearer(factor) { this.zoom = Math.max(0.2, Math.min(50, this.zoom * factor)); this.show(this.place); }
+  push(right, down) { this.shift = [this.shift[0] + right, this.shift[1] + down]; this.show(this.place); }
+
+  listen() {
+    const held = new Map(), box = this.box;
+    const spread = () => { const [p, q] = [...held.values()]; return q ? Math.hypot(p[0] - q[0], p[1] - q[1]) : 0; };
+    box.addEventListener("pointerdown", (event) => { held.set(event.pointerId, [event.clientX, event.clientY]); box.setPointerCapture(event.pointerId); });
+    box.addEventListener("pointermove", (event) => {
+      if (!held.has(event.pointerId)) return;
+      const [x, y] = held.get(event.pointerId), before = spread(), right = event.clientX - x, down = event.clientY - y;
+      held.set(event.pointerId, [event.clientX, event.clientY]);
+      if (held.size > 1) this.zoom *= spread() / (before || 1) || 1;
+      if (event.shiftKey || event.buttons & 6) this.push(right, down); else this.turn(-right / 2, down / 2 * (held.size > 1 ? 0.5 : 1));
+    });
+    for (const kind of ["pointerup", "pointercancel"]) box.addEventListener(kind, (event) => held.delete(event.pointerId));
+    box.addEventListener("contextmenu", (event) => event.preventDefault());
+    box.addEventListener("wheel", (event) => { if (document.activeElement !== box && !event.ctrlKey) return; event.preventDefault(); this.nearer(1.0015 ** -event.deltaY); }, { passive: false });
+    box.addEventListener("dblclick", () => this.look(null));
+    box.addEventListener("keydown", (event) => {
+      const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key], factor = { "+": 1.25, "=": 1.25, "-": 0.8 }[event.key];
+      if (event.ctrlKey || event.metaKey || !(way || factor || event.key === "0")) return;
+      event.preventDefault();
+      if (way && event.shiftKey) this.push(20 * way[0], 20 * way[1]); else if (way) this.turn(-10 * way[0], 10 * way[1]); else if (factor) this.nearer(factor); else this.look(null);
+    });
+  }
+
+  // Sets how directions of space are seen, and what of the plane that is seen holds everything.
+  aim(angles) {
+    const [yaw, pitch] = angles.map((a) => a * Math.PI / 180), [front, ahead] = this.level, { up } = this.scene;
+    const right = plus(scaled(front, Math.cos(yaw)), ahead, -Math.sin(yaw)), level = plus(scaled(ahead, Math.cos(yaw)), front, Math.sin(yaw));
+    const above = plus(scaled(up, Math.cos(pitch)), level, -Math.sin(pitch)), towards = plus(scaled(level, Math.cos(pitch)), up, Math.sin(pitch));
+    this.way = (v) => [dot(right, v), -dot(above, v), dot(towards, v)];
+    const seen = this.seen.map(this.way), ranges = [0, 1].map((k) => extent([seen.map((p) => p[k])]));
+    this.centre = [...ranges.map(([low, high]) => (low + high) / 2), 0];
+    this.half = ranges.map(([low, high]) => (high - low) / 2 + 4 * this.thin);
+  }
+
+  // ---------------------------------------------------------------- what is seen
 
   show(place) {
     this.place = place;
-    if (!this.poses || !this.count) return;
-    const found = this.points(place);
-    found.bodies.forEach((points, b) => {
-      const [centre, ...others] = points.map((p) => this.page(p));
-      const outline = way(hull([centre, ...others]), true);
-      for (const path of this.plates[b]) path.setAttribute("d", outline);
-      this.masses[b][0].setAttribute("d", disc(centre, 3));
-      this.masses[b][1].setAttribute("x", centre[0] + 10);
-      this.masses[b][1].setAttribute("y", centre[1] - 8);
+    const width = this.box.clientWidth;
+    if (!this.poses || !this.count || !width || place === undefined) return;
+    const height = Math.round(Math.max(0.4 * width, Math.min(width * this.shapely, 0.95 * width, 480))), hasty = performance.now() - this.drawn < 150, fine = hasty ? 1 : 2;  // dots of the canvas for each of the page: few while it moves
+    clearTimeout(this.waiting);
+    if (hasty) this.waiting = setTimeout(() => this.show(this.place), 200);
+    this.box.style.setProperty("height", `${height}px`);
+    this.letters.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    this.aim(this.angles);
+    this.scale = fine * this.zoom * Math.min(width / this.half[0], height / this.half[1]) / 2;
+    this.view = (p) => plus(scaled(plus(this.way(plus(p, this.middle, -1)), this.centre, -1), this.scale), [(width / 2 + this.shift[0]) * fine, (height / 2 + this.shift[1]) * fine, 0]);
+    const { scene, solids } = this, poses = this.all(place), seen = (b, p) => this.view(this.at(poses, b, p));
+    solids.begin(width * fine, height * fine);
+    scene.bodies.forEach((body, b) => this.body(body, this.shapes[b], TINTS[b % TINTS.length], (p) => seen(b, p), (v) => this.way(turned(poses[b].turn, v))));
+    for (const link of scene.links) this.link(link, ...link.ends.map((e) => seen(e.body, e.at)), this.way(this.along(poses, link.axis_of, link.axis)));
+    for (const { body, at } of scene.marks) this.cross(seen(body, at), 1.4 * this.thin * this.scale, (v) => this.way(this.along(poses, body, v)));
+    if (this.traces.checked) for (const way of this.ways) this.solids.line(way.map(([, p]) => this.view(p)), 3, TRACE);
+    const corner = [26 * fine, (height - 26) * fine, 1e6];
+    this.cross(corner, 18 * fine, this.way, 1);
+    solids.end();
+    this.drawn = performance.now();
+    this.ends.forEach((letter, k) => { const [x, y] = plus(scaled(corner, 1 / fine), this.way([0, 1, 2].map((i) => Number(i === k))), 24); letter.setAttribute("x", x - 3); letter.setAttribute("y", y + 4); });
+    this.label(scene.bodies.map((body, b) => scaled(seen(b, body.centre), 1 / fine)), height);
+  }
+
+  // Names beside the centres, below each other where they would meet.
+  label(centres, height) {
+    const taken = [];
+    centres.map((at, b) => [at, b]).sort(([p], [q]) => p[1] - q[1]).forEach(([[x, y], b]) => {
+      const words = this.scene.bodies[b].name, wide = 7 * words.length, left = x + 9;
+      let base = y - 7;
+      for (const [l, r, t] of taken) if (left < r && left + wide > l && Math.abs(base - t) < 12) base = t + 12;
+      taken.push([left, left + wide, base]);
+      this.names[b].setAttribute("x", left);
+      this.names[b].setAttribute("y", Math.min(base, height - 3));
     });
-    found.outlines.forEach((lines, b) => lines.forEach((line, i) => this.outlines[b][i].setAttribute("d", way(line.map((p) => this.page(p))))));
-    found.links.forEach((ends, i) => this.link(this.scene.links[i], this.links[i], ...ends.map((p) => this.page(p)), place));
-    found.marks.forEach((p, i) => { const [x, y] = this.page(p); this.marks[i].setAttribute("d", `M${x - 4} ${y}h8M${x} ${y - 4}v8`); });
   }
 
-  link(link, paths, first, second, place) {
-    const spring = link.sprung.length > 0;
-    let rail = "", line = "", sign = "", look = "line", mark = "pin";
-    if (["distance", "rod"].includes(link.kind)) {
-      line = spring ? coil(first, second) : way([first, second]);
-      look = spring ? "spring" : link.kind === "rod" ? "line" : "measure";
-      sign = disc(first, 3) + disc(second, 3);
-    } else if (["slide", "cylinder", "screw"].includes(link.kind)) {
-      [rail, line] = this.slide(link, first, second, place);
-    } else if (["free", "planar"].includes(link.kind)) {
-      const apart = Math.hypot(first[0] - second[0], first[1] - second[1]) > 1.5;
-      line = apart ? (spring ? coil(first, second) : way([first, second])) : spring ? coil([first[0] - 15, first[1]], [first[0] + 15, first[1]]) : "";
-      look = spring ? "spring" : "measure";
-      sign = disc(first, 3) + (apart ? disc(second, 3) : "");
-    } else if (["wheel", "skate"].includes(link.kind)) {
-      if (link.kind === "skate") line = way([-18, 18].map((half) => second.map((v, k) => v + half * this.along(link, place)[k])));
-      sign = disc(second, 3);
-    } else {
-      const [x, y] = second;
-      if (link.grounded) { line = way([[x, y], [x - 9, y + 16], [x + 9, y + 16]], true); rail = hatch([x - 14, y + 16], [x + 14, y + 16]); look = "stand"; }
-      sign = link.kind === "weld" ? way([[x - 4, y - 4], [x + 4, y - 4], [x + 4, y + 4], [x - 4, y + 4]], true) : disc(second, 5);
-      mark = ["weld", "ball"].includes(link.kind) ? "solid" : "pin";
-      if (spring) line += disc(second, 9) + disc(second, 12);
+  cross(at, size, way, width = 0.5) {
+    [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((axis, k) => this.solids.line([at, plus(at, way(axis), size)], 2 + 2 * width, AXES[k]));
+  }
+
+  body(body, shape, tint, seen, way) {
+    const s = this.scale, thin = this.thin * s, centre = seen(body.centre);
+    if (shape.plate) this.solids.prism(shape.plate.map(seen), scaled(way(shape.thickness), s), tint);
+    for (const rod of shape.rods) this.solids.rod(...rod.map(seen), 0.55 * thin, scaled(tint, 0.85));
+    for (const line of body.outlines) this.solids.line(line.map(seen), 4, HEAVY);
+    if (this.thick(body)) {
+      const axes = body.solid.axes.map((axis) => scaled(way(axis), s));
+      if (body.solid.round === 3) this.solids.ball(centre, Math.hypot(...axes[0]), tint);
+      else this.solids[body.solid.round === 2 ? "cylinder" : "box"](centre, axes, tint, 0.45);
     }
-    for (const [path, d] of [[paths.rail, rail], [paths.line, line], [paths.sign, sign]]) path.setAttribute("d", d || "M0 0");
-    paths.line.setAttribute("class", look);
-    paths.sign.setAttribute("class", `sign ${mark}`);
+    if (body.heavy) this.solids.ball(centre, (shape.plate || shape.rods.length || body.solid ? 0.55 : 1) * thin, HEAVY);
   }
 
-  // The direction of a joint's axis on the page.
-  along(link, place) {
-    const axis = link.axis_of < 0 ? link.axis : turned(this.pose(link.axis_of, place).turn, link.axis);
-    const [u, v] = this.flat(axis), length = Math.hypot(u, v);
-    return length > 1e-9 ? [u / length, -v / length] : [1, 0];
-  }
-
-  // A block on a rail along its axis; the rail is hatched where it is the ground.
-  slide(link, first, second, place) {
-    const [u, v] = this.along(link, place);
-    const across = u > 0 || (u === 0 && v > 0) ? [-v, u] : [v, -u];
-    const gone = (second[0] - first[0]) * u + (second[1] - first[1]) * v;
-    const base = [second[0] + 8 * across[0], second[1] + 8 * across[1]];
-    const along = (s) => [base[0] + (s - gone) * u, base[1] + (s - gone) * v];
-    const low = Math.min(0, gone) - 26, high = Math.max(0, gone) + 26;
-    const ends = across[0] * -v + across[1] * u > 0 ? [along(low), along(high)] : [along(high), along(low)];
-    const corner = (s, t) => [second[0] + s * u + t * across[0], second[1] + s * v + t * across[1]];
-    const block = way([corner(-11, -8), corner(11, -8), corner(11, 8), corner(-11, 8)], true);
-    return [link.grounded ? hatch(...ends) : way(ends), block];
+  link(link, first, second, axis) {
+    const { solids } = this, r = this.thin * this.scale, spring = link.sprung.length > 0, apart = Math.hypot(...plus(second, first, -1)) > 0.3 * r;
+    const sides = (axis, u, w = u) => [...across(axis).map((v) => scaled(v, u)), scaled(axis, w)], up = this.way(this.scene.up);
+    if (["distance", "rod", "free", "planar"].includes(link.kind)) {
+      if (spring) solids.coil(...(apart ? [first, second] : [plus(first, [2.4 * r, 0, 0], -1), plus(first, [2.4 * r, 0, 0])]), 0.7 * r, SPRING);
+      else if (apart) { if (link.kind === "rod") solids.rod(first, second, 0.3 * r, JOINT); else solids.line([first, second], 2, THIN); }
+      for (const end of apart ? [first, second] : [first]) solids.ball(end, 0.45 * r, JOINT);
+      return;
+    }
+    if (["slide", "cylinder", "screw"].includes(link.kind)) {
+      const gone = dot(plus(second, first, -1), axis), low = plus(second, axis, Math.min(-gone, 0) - 3.2 * r), high = plus(second, axis, Math.max(-gone, 0) + 3.2 * r), half = scaled(plus(high, low, -1), 0.5);
+      const rail = [...across(axis).map((v) => scaled(v, 0.45 * r)), half];
+      solids[link.kind === "slide" ? "box" : "cylinder"](plus(low, half), rail, link.grounded ? STAND : JOINT);
+      solids.box(second, sides(axis, r, 1.3 * r), JOINT);
+    } else if (link.kind === "skate") solids.box(second, sides(axis, 0.3 * r, 2 * r), JOINT);
+    else if (link.kind === "wheel") solids.ball(second, 0.4 * r, JOINT);
+    else {
+      if (link.grounded) { const foot = plus(second, up, -2.4 * r); solids.rod(second, foot, 0.5 * r, STAND); solids.box(foot, sides(up, 1.7 * r, 0.3 * r), STAND); }
+      if (link.kind === "weld") solids.box(second, sides(axis, 0.8 * r), JOINT);
+      if (["ball", "universal"].includes(link.kind)) solids.ball(second, r, JOINT);
+      if (["hinge", "universal"].includes(link.kind)) solids.cylinder(second, sides(axis, link.kind === "hinge" ? 0.85 * r : 0.5 * r, 1.5 * r), JOINT);
+      if (spring) { const [u, v] = across(axis); for (const f of [-0.6, 0, 0.6]) solids.line([...ROUND, ROUND[0]].map(([c, s]) => plus(plus(plus(second, u, 1.5 * r * c), v, 1.5 * r * s), axis, f * r)), 3, SPRING); }
+    }
   }
 }
