@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +19,7 @@ from .codegen.zero_divisors import zero_divisors
 from .equations import EquationSystem, derive_equations, notes
 from .equations.companion import companion, companion_inputs
 from .equations.products import integrands
-from .errors import CompilationFailed, Diagnostic
+from .errors import CompilationFailed, Diagnostic, standing
 from .fast_dataclass import dataclass
 from .garbage_collection import uncollected
 from .graph.network import BondGraph, Element
@@ -50,7 +49,7 @@ from .scene import Plan, RunMetadata, Scene
 from .semantics import MAXIMUM_PARTS, Built, build_graph, open_part
 from .semantics.names.compound_units import ambiguous_products, in_one_literal, unit_notes, with_compound_units
 from .semantics.names.errors import TooLongRow
-from .source import Source, Span
+from .source import Source
 from .syntax import SyntaxTree, parse
 
 if TYPE_CHECKING:
@@ -482,17 +481,6 @@ def _following(space: StateSpace, places: Mapping[int, int]) -> dict[str, tuple[
         for f in space.following
         for name in (space.variables[f.variable].name, *names.get(f.variable, ()))
     }
-
-
-def standing(item: Diagnostic, stands: Mapping[str, Span]) -> Diagnostic:
-    """The diagnostic with the places of the instances that it is in, found by the names in it."""
-    if item.stands:
-        return item
-    names = (getattr(item, word, "") for word in ("element", "owner", "culprit", "node"))
-    name = next((n for n in names if isinstance(n, str) and n), "")
-    parts = name.split(".")
-    paths = [".".join(parts[:i]) for i in range(1, len(parts) + 1)]
-    return replace(item, stands=tuple((stands[p], f"`{p}` stands here") for p in paths if p in stands))
 
 
 def too_long(tree: SyntaxTree) -> Diagnostic:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import field, fields
+from dataclasses import field, fields, replace
 from typing import ClassVar
 
 from .fast_dataclass import dataclass
@@ -63,6 +63,17 @@ class WordedDiagnostic(Diagnostic):
 
     def related(self) -> tuple[tuple[Span, str], ...]:
         return self.others
+
+
+def standing(item: Diagnostic, stands: Mapping[str, Span]) -> Diagnostic:
+    """The diagnostic with the places of the instances that it is in, found by the names in it."""
+    if item.stands:
+        return item
+    names = (getattr(item, word, "") for word in ("element", "owner", "culprit", "node"))
+    name = next((n for n in names if isinstance(n, str) and n), "")
+    parts = name.split(".")
+    paths = [".".join(parts[:i]) for i in range(1, len(parts) + 1)]
+    return replace(item, stands=tuple((stands[p], f"`{p}` stands here") for p in paths if p in stands))
 
 
 class CompilationFailed(Exception):

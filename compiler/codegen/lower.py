@@ -88,10 +88,7 @@ def lower(
             if entry != ZERO and column < count:
                 result.jacobian[row, column] = entry
     result.starts = (*(_entry(result, s.start) for s in space.states), *(ZERO for _ in space.unknowns))
-    said = [(c.variable, c.start) for c in space.claims]
-    drawn = [(s.variable, s.drawn) for s in (space.states[i] for i in space.moved) if s.drawn is not None]
-    posed = [(c.variable, 0.0) for c in space.posed]
-    result.claims = tuple(result.values[v] - _entry(result, start) for v, start in (*said, *drawn, *posed))
+    _lower_claims(result)
     _lower_invariants(result, slopes)
     result.dependents = tuple(result.values[d.variable] for d in (*space.dependents, *space.momenta))
     for row, dependent in enumerate(space.dependents):
@@ -134,6 +131,15 @@ def _put_leaves(result: Lowered) -> None:
     result.inputs = (*roles["input"], *(d.variable for d in space.delays))
     for position, discrete in enumerate(space.discretes):
         result.values[discrete.variable] = result.event_symbol(position)
+
+
+def _lower_claims(result: Lowered) -> None:
+    """Starts of what is computed, those of the drawing and of poses: differences that vanish where they hold."""
+    space = result.space
+    said = [(c.variable, c.start) for c in space.claims]
+    drawn = [(s.variable, s.drawn) for s in (space.states[i] for i in space.moved) if s.drawn is not None]
+    posed = [(c.variable, 0.0) for c in space.posed]
+    result.claims = tuple(result.values[v] - _entry(result, start) for v, start in (*said, *drawn, *posed))
 
 
 def _lower_invariants(result: Lowered, slopes: dict[int, dict[int, Expression]]) -> None:

@@ -129,12 +129,7 @@ def _open(
     group = groups(graph, joins, frozenset(among.values()))
     switches = {*among.values(), *others.values()}
     grounds = frozenset(i for i, n in enumerate(graph.nodes) if i not in switches and _is_ground(n, kind))
-    transformers = {
-        i: law
-        for i, n in enumerate(graph.nodes)
-        if isinstance(n, Element)
-        if (law := _transformer_law(graph, n, variable))
-    }
+    transformers = _transformers(graph, variable)
     still = {
         group[b]
         for i, n in enumerate(graph.nodes)
@@ -214,6 +209,12 @@ class TransformerLaw:
 
     slopes: tuple[Fraction, Fraction]
     sign: Expression
+
+
+def _transformers(graph: BondGraph, variable: str) -> dict[int, TransformerLaw]:
+    """Return the laws of the transformers by the index of the node."""
+    elements = [(i, n) for i, n in enumerate(graph.nodes) if isinstance(n, Element)]
+    return {i: law for i, n in elements if (law := _transformer_law(graph, n, variable))}
 
 
 def _transformer_law(graph: BondGraph, node: Element, variable: str) -> TransformerLaw | None:

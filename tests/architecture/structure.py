@@ -107,6 +107,20 @@ def functions_with_more_parameters(limit: int) -> list[str]:
     return [f"{m}.{f.name}: {len(parameters(f))}" for m, f in functions() if len(parameters(f)) > limit]
 
 
+def functions_longer_than(limit: int) -> list[str]:
+    lengths = [(f"{m}.{f.name}", (f.end_lineno or 0) - f.lineno) for m, f in functions()]
+    return [f"{name}: {length} lines" for name, length in lengths if length > limit]
+
+
+def files_longer_than(limit: int) -> list[str]:
+    lengths = [
+        (path, path.read_text(encoding="utf-8").count("\n"))
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*.py")
+    ]
+    return [f"{path.relative_to(ROOT)}: {length} lines" for path, length in lengths if length > limit]
+
+
 def share_of_bare_any(package: str) -> float:
     """Share of a package's parameters whose type is `Any` alone."""
     annotations = [p.annotation for m, f in functions() if m.split(".")[0] == package for p in parameters(f)]

@@ -11,6 +11,7 @@ FILES_ON_CYCLES = {"bondgraph": 0, "compiler": 0}
 FOLDERS_ON_CYCLES = {"bondgraph": 0, "compiler": 0}
 FILES_THAT_IMPORT_THE_MODEL = 3
 FUNCTIONS_OF_MORE_THAN_SEVEN_PARAMETERS = 0
+LONGEST_FUNCTION, LONGEST_FILE = 70, 500  # lines: below the first of a function, and all of a file
 SHARE_OF_BARE_ANY = {"bondgraph": 0.02, "compiler": 0.018}
 CLASSES_OF_ONE_NAME = 0
 DOCSTRINGS_THAT_OPEN_WITH_A_QUESTION = 0
@@ -39,6 +40,11 @@ def test_few_files_know_the_model() -> None:
 def test_functions_take_few_parameters() -> None:
     found = structure.functions_with_more_parameters(7)
     assert len(found) <= FUNCTIONS_OF_MORE_THAN_SEVEN_PARAMETERS, found
+
+
+def test_functions_and_files_are_short() -> None:
+    assert structure.functions_longer_than(LONGEST_FUNCTION) == []
+    assert structure.files_longer_than(LONGEST_FILE) == []
 
 
 @pytest.mark.parametrize("package", structure.PACKAGES)

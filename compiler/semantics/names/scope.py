@@ -324,6 +324,15 @@ class Scope:
             yield from scope.entries
             scope = scope.outer
 
+    def readable(self) -> Iterator[str]:
+        """Names that denote numbers."""
+        for name in self.names():
+            entry = self.find(name)
+            if isinstance(entry, Array):
+                entry = next(iter(entry.items.values()), None)
+            if isinstance(entry, Scalar | Items | Pending):
+                yield name
+
 
 @dataclass(frozen=True, slots=True)
 class DeclaredPart:

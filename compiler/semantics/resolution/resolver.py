@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
@@ -331,7 +331,7 @@ class Resolver(ABC):
         if entry is None:
             entry = self.file_entry(path.head, scope)
         if entry is None:
-            here = scope.names() if path.steps else _readable(scope)  # an element may be before a point
+            here = scope.names() if path.steps else scope.readable()  # an element may be before a point
             names = chain(here, scope.definition.file.constants)
             hint = suggestion(path.head, names, "Declare it with `parameter`, `constant`, `signal` or `input`.")
             hint = hint if path.steps else name_advice(path.head) or hint
@@ -409,23 +409,15 @@ class Resolver(ABC):
             raise Wrong(WrongIndex(path.span, name, ", ".join(map(str, index)), "It is no list and no array."))
         match entry:
             case InstanceEntry():
-                inner = entry.scope.entries.get(step.name)
-                if inner is None:
-                    hint = suggestion(step.name, list(entry.scope.entries), f"It has {', '.join(entry.scope.entries)}.")
-                    kind = entry.scope.definition.name
-                    where = f"`{name}`, which is a `{kind}`" if kind != name else f"`{name}`"
-                    raise Wrong(UnknownName(path.span, step.name, where, hint))
-                return inner
+                kind = entry.scope.definition.name
+                where = f"`{name}`, which is a `{kind}`" if kind != name else f"`{name}`"
+                return _inner(entry.scope.entries, step.name, where, path.span)
             case ElementEntry():
                 return element_member(entry, step.name, path)
             case WallEntry():
                 return wall_member(entry, step.name, path)
             case MechanismEntry():
-                part = entry.parts.entries.get(step.name)
-                if part is None:
-                    hint = suggestion(step.name, list(entry.parts.entries), f"It has {', '.join(entry.parts.entries)}.")
-                    raise Wrong(UnknownName(path.span, step.name, f"the mechanism `{name}`", hint))
-                return part
+                return _inner(entry.parts.entries, step.name, f"the mechanism `{name}`", path.span)
             case PartEntry():
                 return part_member(entry, step.name, path)
             case GroupEntry():
@@ -461,6 +453,14 @@ class Resolver(ABC):
         """Integral, delay or rate inside a larger expression: a signal, or a list of rates, that the author gave no name."""
 
 
+def _inner(entries: Mapping[str, Entry], name: str, where: str, span: Span) -> Entry:
+    """An entry by its name. Raises `Wrong` if there is none; `where`: what has the entries, in words."""
+    if name not in entries:
+        hint = suggestion(name, list(entries), f"It has {', '.join(entries)}.")
+        raise Wrong(UnknownName(span, name, where, hint))
+    return entries[name]
+
+
 def read_condition(
     resolver: Resolver, expression: tree.ExpressionSyntax, scope: Scope, hint: str
 ) -> tuple[Template, Bound]:
@@ -471,16 +471,6 @@ def read_condition(
         raise Wrong(WrongType(expression.span, "A condition", "a number", hint))
     formula = Formula(len(template.slots), select(typed.expression, TRUE, ZERO))
     return template, resolver.bind(template, formula, scope)
-
-
-def _readable(scope: Scope) -> Iterator[str]:
-    """Names in a scope that denote numbers."""
-    for name in scope.names():
-        entry = scope.find(name)
-        if isinstance(entry, Array):
-            entry = next(iter(entry.items.values()), None)
-        if isinstance(entry, Scalar | Items | Pending):
-            yield name
 
 
 def _known(scalar: Scalar) -> float | None:
