@@ -27,8 +27,6 @@ settings.load_profile("repeatable")
 _KEPT = tempfile.TemporaryDirectory(prefix="bondgraph-tests-")
 os.environ.setdefault("BONDGRAPH_CACHE", _KEPT.name)
 
-_FROZEN: list[bool] = []  # whether the test that runs left objects out of collections
-
 Golden = Callable[[Path, str], None]
 
 
@@ -63,27 +61,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     config.hook.pytest_deselected(items=list(left_out))
 
 
-def _freeze() -> None:
-    """Leave what there is out of later collections, and remember that a test did so."""
-    _FROZEN.append(True)
-    _freeze_all()
-
-
-_freeze_all, gc.freeze = gc.freeze, _freeze
+# A server leaves all there is out of later collections; here that would keep the garbage of earlier tests.
+_freeze_all, gc.freeze = gc.freeze, lambda: None
 
 
 def pytest_collection_finish() -> None:
     """Leave thousands of tests and the modules they import out of every later collection."""
     gc.collect()
     _freeze_all()
-
-
-def pytest_runtest_teardown() -> None:
-    """Undo the freezing of a server, which no longer collects what it has compiled: garbage of earlier tests must go."""
-    if _FROZEN:
-        _FROZEN.clear()
-        gc.unfreeze()
-        pytest_collection_finish()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
