@@ -25,10 +25,8 @@ if TYPE_CHECKING:
     Prepare = Callable[[Scene, bool], CompiledScene]
 
 SAME_REST = 1e-6  # relative to the largest state of its unit: difference of one rest found twice
-SHORTER, TOO_MANY = (
-    1e-3,
-    ("BR761", "BR762", "BR763"),
-)  # a part of a length of time, and refusals of one with too many instants
+# A part of a length of time, and refusals of one with too many instants.
+SHORTER, TOO_MANY = 1e-3, ("BR761", "BR762", "BR763")
 KEPT = 1e-9  # relative: change of what is stored where junctions go on or off
 
 

@@ -25,10 +25,7 @@ class BondgraphLexer(RegexLexer):  # type: ignore[misc]
         """The rules as Pygments takes them, made when the first lexer is."""
         rest = [(r"\n", Token.Text), (r"[ \t\r]+", Token.Text), (r"[^\n]", Token.Punctuation)]
         ends = [(r"(?<![,(])\n", Token.Text, "#pop"), (";", Token.Punctuation, "#pop")]
-        return {
-            "root": [*_states(rules()), *rest],
-            "quantities": [*_states(quantity_rules()), *ends, *rest],
-        }
+        return {"root": [*_states(rules()), *rest], "quantities": [*_states(quantity_rules()), *ends, *rest]}
 
 
 def _states(listed: Iterable[Rule]) -> list[Any]:

@@ -10,14 +10,7 @@ from compiler.api import DOMAINS, ELEMENTS, UNITS, FileSurvey, Span, tree
 
 from .answers import HoverText
 from .context import WORD
-from .facts import (
-    author_unit,
-    domain_line,
-    number,
-    ports,
-    quantity_line,
-    stroke_lines,
-)
+from .facts import author_unit, domain_line, number, ports, quantity_line, stroke_lines
 from .names import DeclaredName, table_of
 from .occurrences import NameUse, model_of
 from .vocabulary import FUNCTION_TEXTS, JUNCTIONS, KEYWORDS, USAGES, kind_text

@@ -24,11 +24,8 @@ if TYPE_CHECKING:
 
 MODELS, TESTS = ROOT / "models", ROOT / "tests"
 CASES = TESTS / "errors" / "cases"
-COMPARING = (
-    "gallery/test_*.py",
-    "acceptance/test_models.py",
-    "physics/test_*.py",
-)  # tests of models against something else
+# Tests of models against something else.
+COMPARING = ("gallery/test_*.py", "acceptance/test_models.py", "physics/test_*.py")
 PLACE = re.compile(r"^[^:\n]+:\d+:\d+: (BG\d+): (.*)$", re.MULTILINE)
 
 

@@ -128,11 +128,8 @@ def _records(content: bytes, begin: int) -> tuple[dict[int, Any], int]:
     while at + _HEAD.size + _HASH <= len(content):
         _, length = _HEAD.unpack_from(content, at)
         start = at + _HEAD.size + _HASH
-        head, told, body = (
-            content[at : at + _HEAD.size],
-            content[at + _HEAD.size : start],
-            content[start : start + length],
-        )
+        head, told = content[at : at + _HEAD.size], content[at + _HEAD.size : start]
+        body = content[start : start + length]
         if len(body) < length or hashlib.sha256(head + body).digest() != told:
             break
         some = _JournalUnpickler(io.BytesIO(body)).load()

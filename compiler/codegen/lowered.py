@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field
 
-from ..algebra.expression import (
-    Expression,
-    Symbol,
-    operations,
-    symbols,
-)
+from ..algebra.expression import Expression, Symbol, operations, symbols
 from ..algebra.table import is_table
 from ..errors import ValuesNeeded
 from ..fast_dataclass import dataclass

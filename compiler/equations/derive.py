@@ -6,17 +6,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from ..algebra.expression import (
-    ZERO,
-    Expression,
-    Number,
-    Symbol,
-    add,
-    divide,
-    evaluate,
-    multiply,
-    substitute,
-)
+from ..algebra.expression import ZERO, Expression, Number, Symbol, add, divide, evaluate, multiply, substitute
 from ..algebra.formula import Bound, Formula, bind, leaf, over
 from ..algebra.invert import obstacle
 from ..causality import CausalGraph

@@ -17,19 +17,7 @@ from dataclasses import replace
 from functools import cache
 
 from ..algebra.affine import jointly_affine
-from ..algebra.expression import (
-    ONE,
-    ZERO,
-    Apply,
-    Expression,
-    Number,
-    Symbol,
-    add,
-    divide,
-    evaluate,
-    multiply,
-    symbols,
-)
+from ..algebra.expression import ONE, ZERO, Apply, Expression, Number, Symbol, add, divide, evaluate, multiply, symbols
 from ..algebra.formula import Formula, bind, leaf
 from .system import Argument, Assignment, EquationSystem, State, StateFollower, Variable
 

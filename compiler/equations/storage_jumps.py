@@ -40,12 +40,8 @@ GRID = sorted(s * 0.7236 * 10 ** (k / 4) for k in range(-60, 49) for s in (-1, 1
 TRIALS = 3  # values of the other stored quantities
 MORE = 12  # more of them, beside the thresholds that they have themselves
 ORDERS = 3  # a root and its first derivatives, at whose signs it is cut into pieces that rise or fall
-AROUND = (
-    -0.4436,
-    -0.0731,
-    0.1129,
-    0.7236,
-)  # relative distances of the energies by which a jump is measured, no round numbers
+# Relative distances of the energies by which a jump is measured, no round numbers.
+AROUND = (-0.4436, -0.0731, 0.1129, 0.7236)
 EQUAL = 1e-6  # energies that differ by less, in relation to those around, were meant to be equal
 MOST = 1000  # whole number of a threshold
 HALVINGS = 200

@@ -81,9 +81,8 @@ class Joint:
     span: Span
     axes: str = "from"  # from, to, middle or world: in whose axes a free joint measures
     other_axis: Vector = ORIGIN  # the second of a universal joint; of a wheel or skate: the normal of its plane
-    ratio: Bound = (
-        NOTHING  # gear: turn of the second by that of the first; rack: m by rad; screw: m by turn (2 pi); wheel: radius
-    )
+    # gear: turn of the second by that of the first; rack: m by rad; screw: m by turn (2 pi); wheel: radius
+    ratio: Bound = NOTHING
     rest: Mapping[str, Bound] = field(default_factory=dict)  # coordinates as drawn, if not zero
     locked: bool = False  # it leaves nothing in this run
     planar: bool = True  # True in a planar mechanism

@@ -162,11 +162,8 @@ _PREFIXED: Mapping[str, Scale] = {
     "Ah": Scale(AMPERE * SECOND, Fraction(3600)),
     "cal": Scale(JOULE, Fraction(4184, 1000)),  # thermochemical
 }
-_INCH, _POUND, _GRAVITY = (
-    Fraction(254, 10000),
-    Fraction(45359237, 10**8),
-    Fraction(980665, 10**5),
-)  # exact by definition
+# Exact by definition.
+_INCH, _POUND, _GRAVITY = Fraction(254, 10000), Fraction(45359237, 10**8), Fraction(980665, 10**5)
 _PLAIN: Mapping[str, Scale] = {
     "deg": Scale(ONE, Fraction(1, 180), 1),
     "rev": Scale(ONE, Fraction(2), 1),

@@ -9,16 +9,8 @@ from typing import Any, NamedTuple, get_args
 from ..fast_dataclass import dataclass
 from .arrays import Record
 
-FLOAT, INT, BOOL, FLOATS, INTS, WORDS, BYTES, NOTHING = (
-    "double",
-    "i64",
-    "i1",
-    "floats",
-    "ints",
-    "words",
-    "bytes",
-    "void",
-)
+FLOAT, INT, BOOL, NOTHING = "double", "i64", "i1", "void"
+FLOATS, INTS, WORDS, BYTES = "floats", "ints", "words", "bytes"
 WORD, BYTE = "i32", "i8"  # items of `ShortInts` and `Bytes`: integers as soon as they are read
 _WORDS = {
     "float": FLOAT,

@@ -130,10 +130,8 @@ class _Writer:
         dimension = self.words.dimension(named)
         integral = self.graph.integrals.get(named.name)
         if integral is not None:
-            rate, start = (
-                self.words.bound(integral.rate, dimension / SECOND),
-                self.words.bound(integral.start, dimension),
-            )
+            rate = self.words.bound(integral.rate, dimension / SECOND)
+            start = self.words.bound(integral.start, dimension)
             value = f"integral({rate}, {start})"
         elif (delay := self.graph.delays.get(named.name) or self.delayed.get(named.name)) is not None:
             lag = self.words.bound(delay.lag, ONE if self.plain else SECOND)

@@ -52,15 +52,7 @@ def _names(model: AnalysedModel) -> Html:
     values = {n: p for n, p in model.parameters.items() if "." not in n}
     shown = [f"{n} = {p.value:.6g}{'' if p.unit == '1' else f' {p.unit}'}" for n, p in values.items()]
     lists = (("parameters", shown), ("inputs", model.inputs), ("outputs", model.outputs), ("states", model.states))
-    rows = [
-        tag(
-            "tr",
-            tag("th", what),
-            tag("td", some_of(names, ROWS)),
-        )
-        for what, names in lists
-        if names
-    ]
+    rows = [tag("tr", tag("th", what), tag("td", some_of(names, ROWS))) for what, names in lists if names]
     return tag("details", tag("summary", "what can be set and seen"), tag("table", *rows))
 
 

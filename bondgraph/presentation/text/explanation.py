@@ -97,10 +97,8 @@ class RunExplanation:
         yield from self._expensive()
 
     def _remaining(self) -> Iterator[str]:
-        count, order = (
-            self.cost,
-            len(self.certificate.states) + sum(x.size for x in self.certificate.loops if not x.linear),
-        )
+        loops = sum(x.size for x in self.certificate.loops if not x.linear)
+        count, order = self.cost, len(self.certificate.states) + loops
         rows = [
             ("once in a run, of parameters", count.once, ""),
             ("with each new time, of time and inputs", count.with_time, ""),

@@ -46,9 +46,8 @@ class EquilibriumSearch:
         self.farthest = LARGEST
         self.loop_terms: Any = 0.0  # terms of the loop unknowns in each rate at the current state
         self.terms: Any = None  # sizes of the terms in the derivatives at the current state
-        self.begun: Any = (
-            None  # magnitudes, rates and terms of loop unknowns of the start, (n,) each, if there is a search
-        )
+        # magnitudes, rates and terms of loop unknowns of the start, (n,) each, if there is a search
+        self.begun: Any = None
         self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
 
     def group(self, units: Sequence[str]) -> None:

@@ -59,10 +59,8 @@ def given_terms(program: Program, parameters: Array, time: float, state: Array, 
     constants, count = program.constants(parameters), len(program.states.names)
     others = [(inputs, program.constants(moved)) for moved in _each_moved(np.asarray(parameters, dtype=float))]
     others += [(moved, constants) for moved in _each_moved(np.asarray(inputs, dtype=float))]
-    rates, terms = (
-        np.asarray(program.derivative(time, state, inputs, constants, mode), dtype=float)[:count],
-        np.zeros(count),
-    )
+    rates = np.asarray(program.derivative(time, state, inputs, constants, mode), dtype=float)[:count]
+    terms = np.zeros(count)
     for given, other in others:
         rate = np.asarray(program.derivative(time, state, given, other, mode), dtype=float)[:count]
         terms = np.fmax(terms, np.abs(rate - rates) / SHARE)

@@ -42,10 +42,8 @@ SETTLED = 1e-6  # relative to the waves: end of the iteration for nonlinear laws
 NEWTON = 30  # iterations for networks with nonlinear laws
 LEAST_WAVE = 1e-6  # relative to the largest so far: differences over less are the rounding of the unknowns of loops
 IMPEDANCES = 6  # rounds in which the impedance of the waves is chosen
-BEGINNINGS = (
-    1.0,
-    *(10.0 ** np.arange(-30, 31, 6)).tolist(),
-)  # its first values, in SI, from below: above the network's own all is rounding
+# Its first values, in SI, from below: above the network's own all is rounding.
+BEGINNINGS = (1.0, *(10.0 ** np.arange(-30, 31, 6)).tolist())
 STEP, IMPEDANCE = "step of the companion", "impedance of the valves"  # its inputs, besides the waves
 CONDUCTS = ", which conducts"  # end of the label of a port whose state is fixed
 # of stored quantities: an input where a law is nonlinear, and an output

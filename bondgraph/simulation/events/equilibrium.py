@@ -33,10 +33,8 @@ STEP = 2.0**-13  # relative to a magnitude: difference step for sampled values, 
 def rest_with_events(constraints: Constraints, state: Array, first: Segment, events: Events) -> HybridState:
     """Return the hybrid state at the equilibrium, with its mode. Raises `RunFailed` if there is none."""
     program, visited = constraints.program, []
-    at, sampled = (
-        HybridState(first.start, np.asarray(state, dtype=float), np.array(first.mode)),
-        sampled_settings(program, constraints),
-    )
+    at = HybridState(first.start, np.asarray(state, dtype=float), np.array(first.mode))
+    sampled = sampled_settings(program, constraints)
     for _ in range(MOST_MODES):
         segment, slack = replace(first, mode=at.mode), np.zeros(len(at.mode))
         if sampled:

@@ -20,9 +20,8 @@ from compiler.api import Array, Program
 from ...results.checkpoint import DelayHistory
 
 DEGREE = 5  # degree of the polynomials, equal to that of the solver's dense output
-PLACES = 0.5 - 0.5 * np.cos(
-    np.pi * np.arange(2 * DEGREE + 1) / (2 * DEGREE)
-)  # every second one is a node, the others show the error
+# Every second one is a node, the others show the error.
+PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * DEGREE + 1) / (2 * DEGREE))
 TO_COEFFICIENTS = np.linalg.inv(np.vander(PLACES[::2], increasing=True))
 BETWEEN = np.vander(PLACES[1::2], DEGREE + 1, increasing=True)
 SHARE = 0.1  # of the relative tolerance: largest error of a polynomial

@@ -20,11 +20,8 @@ DIFFERENCE = 1e-6  # step of differences, in units of the mechanism
 PRECISION = 1e-13  # size of the last step, relative to the states
 NOISE = 1e-9  # error of central differences where a derivative is zero, relative to the equation's value
 LEAST = 1e-3  # relative to the size of a state: size of one that is smaller; and share of a residual that a state of this size moves
-DECADES, BLIND, FARTHEST = (
-    80,
-    1e12,
-    1e40,
-)  # most powers of ten that are tried, factor where nothing is seen to move, and end
+# Most powers of ten that are tried, factor where nothing is seen to move, and end.
+DECADES, BLIND, FARTHEST = 80, 1e12, 1e40
 SINGULAR = 1e-12  # relative to the largest singular value
 STRONGEST = 1e8  # damping beyond which nothing moves any more
 Missed = Callable[[Any], Any]  # states -> residuals of the initial equations

@@ -21,10 +21,8 @@ COUNT = 9  # places in a step
 PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(COUNT) / (COUNT - 1))
 # Barycentric weights of these places (Berrut and Trefethen, Barycentric Lagrange interpolation, SIAM Review 46, 2004, equation 5.4).
 WEIGHTS = np.where(np.arange(COUNT) % (COUNT - 1) == 0, 0.5, 1.0) * (-1.0) ** np.arange(COUNT)
-CANDIDATES, TRIALS = (
-    4,
-    8,
-)  # steps that are searched together for each end of each output, and how often the next ones are
+# Steps that are searched together for each end of each output, and how often the next ones are.
+CANDIDATES, TRIALS = 4, 8
 BEYOND = 0.2  # part of the rise to a place of a step by which an estimate may be too low
 ROUNDS, PARTS = 5, 8  # times that a bracket is cut into so many parts and the best two are kept
 

@@ -24,9 +24,8 @@ LEAST_TURNS = 0.003  # least phase of the limiting mode per step, in radians: th
 MOST_TURNS = 30.0  # largest phase per step, in radians, of a mode that the steps follow
 NAMED = 3  # most elements named
 APART = 30.0  # ratio of two rates: the slower mode could be followed with much longer steps
-BEYOND = (
-    1e4  # factor on the largest value in the pilot run; no other check sees a motion made unstable by loose tolerances
-)
+# Factor on the largest value in the pilot run; no other check sees a motion made unstable by loose tolerances.
+BEYOND = 1e4
 LENT = 1e-3  # relative to the largest magnitude of the unit: little more than what that lends to what rests
 SHARE = 0.05  # least share of an element, relative to the largest
 

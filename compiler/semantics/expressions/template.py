@@ -33,9 +33,8 @@ Vector = tuple[Typed, ...]
 Matrix = tuple[Vector, ...]  # rows of one length
 Value = Typed | Vector | Matrix
 Shape = tuple[int, int]  # numbers in a list, and the columns of a matrix, else 0
-ListUnits = tuple[
-    tuple[Dimension | None, ...], int
-]  # units of the numbers in a list (None: zero, whatever the unit), and the columns
+# Units of the numbers in a list (None: zero, whatever the unit), and the columns.
+ListUnits = tuple[tuple[Dimension | None, ...], int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +86,8 @@ class Template:
     formulas: tuple[Formula, ...]
     checks: tuple[Check, ...] = ()
     lists: tuple[tuple[tree.PathSyntax, ListUnits], ...] = ()  # lists that it reads, with the units that they had
-    functions: tuple[
-        tuple[str, tree.FunctionSyntax | None], ...
-    ] = ()  # the model's own that it calls; None where a branch that is not taken has one
+    # the model's own that it calls; None where a branch that is not taken has one
+    functions: tuple[tuple[str, tree.FunctionSyntax | None], ...] = ()
 
     @property
     def scalar(self) -> Typed:
@@ -133,9 +131,8 @@ class CompiledLaw:
     remembered: tuple[str, ...]
     checks: tuple[Check, ...]  # points of tables, known per instance
     lists: tuple[tuple[tree.PathSyntax, ListUnits], ...]  # lists that it reads, with their units
-    functions: tuple[
-        tuple[str, tree.FunctionSyntax | None], ...
-    ] = ()  # the model's own that it calls; None where a branch that is not taken has one
+    # the model's own that it calls; None where a branch that is not taken has one
+    functions: tuple[tuple[str, tree.FunctionSyntax | None], ...] = ()
 
 
 def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot], Reference]) -> Bound:

@@ -16,15 +16,7 @@ from ...syntax.blocks import flat
 from ..expressions.own_functions import check_function
 from ..mechanisms.blocks import declare_mechanism
 from ..names.domain_table import ELEMENT_KINDS, element_ports, wall_components
-from ..names.errors import (
-    AbsentName,
-    Cycle,
-    DuplicateName,
-    TooMany,
-    UnknownAttribute,
-    UnknownKind,
-    WrongType,
-)
+from ..names.errors import AbsentName, Cycle, DuplicateName, TooMany, UnknownAttribute, UnknownKind, WrongType
 from ..names.foreign_words import kind_advice
 from ..names.scope import (
     Absent,

@@ -123,13 +123,8 @@ class _LawReader:
     def __init__(
         self, declaration: tree.Declaration, definition: tree.LawSyntax, name: str, ports: Mapping[str, Domain], scope: Scope
     ) -> None:  # fmt: skip
-        self.declaration, self.definition, self.name, self.ports, self.scope = (
-            declaration,
-            definition,
-            name,
-            ports,
-            scope,
-        )
+        self.declaration, self.definition = declaration, definition
+        self.name, self.ports, self.scope = name, ports, scope
         self.row = ELEMENTS[declaration.kind]
         self.kind = self.row.letters
 

@@ -41,9 +41,7 @@ class RecordLayout:
         words: list[int] = []
         inside: list[int] = []  # indices of words that are addresses within the block
         arrays: list[tuple[int, str, Any]] = []
-        self.functions: list[
-            tuple[int, str]
-        ] = []  # indices of words that are addresses of functions, with their fields
+        self.functions: list[tuple[int, str]] = []  # indices of words that are addresses of functions, and their fields
         self._lay(fields, values, words, inside, arrays)
         arrays.sort(key=lambda item: not item[2].any())  # nonzero arrays first: the rest of a block is zeros
         own = [np.ravel(a).view(np.int64) for _, _, a in arrays if a.any()]
