@@ -317,6 +317,7 @@ def test_random_graphs(example: Example) -> None:
         np.testing.assert_allclose(found.rates, expected, rtol=1e-8, atol=1e-9 * size)
 
 
+@pytest.mark.machine_code
 def test_most_random_graphs_have_the_form() -> None:
     """The test above must not be empty."""
     if not COUNT["tried"]:

@@ -117,6 +117,7 @@ def test_another_coordinate_leads_through_the_dead_centre_of_the_crank() -> None
 
 
 # ---------------------------------------------------------------- any coordinate, from anywhere
+@pytest.mark.few(4)
 @pytest.mark.parametrize("start", ["e.q.x", "e.q.y", "e.q.phi", "e.d.phi", "e.c.phi", "e.b.phi", "e.s.x", "e.p.y"])
 def test_any_coordinate_may_say_the_pose(start: str) -> None:
     """The pose of a crank's start, given by another coordinate of the same linkage in an experiment."""

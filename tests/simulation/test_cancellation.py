@@ -70,7 +70,15 @@ def test_zero_by_a_symmetry_is_no_doubt() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["manipulator", "quarter_car", "rectifier", "robot_arm", "loudspeaker", "pid_dc_motor"]
+    "name",
+    [
+        "manipulator",
+        "quarter_car",
+        pytest.param("rectifier", marks=pytest.mark.machine_code),
+        pytest.param("robot_arm", marks=pytest.mark.machine_code),
+        "loudspeaker",
+        "pid_dc_motor",
+    ],
 )
 def test_models_of_the_gallery_have_no_doubt(name: str) -> None:
     model = bondgraph.load(MODELS / f"{name}.bg")

@@ -259,7 +259,7 @@ def turning_time(push: float, stiff: float, coulomb: float, static: float, narro
     return begin, end.y[0, -1]
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("row", FRICTION, ids=str)
 @pytest.mark.parametrize("target", BOTH)
 def test_the_peak_of_friction_before_a_stop_is_not_stepped_over(row: tuple[Any, ...], target: str) -> None:

@@ -287,7 +287,7 @@ def _shaken_break(text: str, share: float, rng: random.Random) -> str:
     return re.sub(r"[ \t]*\n[ \t]*", other, text)
 
 
-@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 @given(st.sampled_from(FILES), st.sampled_from([0.01, 0.1, 0.5, 1.0]), st.integers(0, 2**32))
 @example(MODELS / "manipulator.bg", 1.0, 0)
 def test_shaken_files(path: Path, share: float, seed: int) -> None:
