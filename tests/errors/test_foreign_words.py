@@ -55,6 +55,7 @@ CASES = [  # the line; words of the advice; the line when it is followed
     ("function f(x) { return 2*x }", "`function f(x) = 2*x`", "function f(x) = 2*x"), ("def f(x): return 2*x", "`function f(x) = 2*x`", "function f(x) = 2*x"),
     ("function f(x): 2*x", "`function f(x) = 2*x`", "function f(x) = 2*x"), ("when mass.v < 0 then mass.v = 0", "when condition {", "when mass.v < 0 { mass.v = 0 }"),
     ("when mass.v < 0 { reinit(mass.v, 0) }", "`mass.v = 0`", "when mass.v < 0 { mass.v = 0 }"), ("when mass.v < 0 { mass.v := 0 }", "written `=`", "when mass.v < 0 { mass.v = 0 }"),
+    ("mode u = 0; every 5 ms { u := 1 }", "written `=`", "mode u = 0; every 5 ms { u = 1 }"), ("mode u = 0; every 5 ms { u = 1 | 2 }", "`or`", ""),
     ("// comment", "`#`", "# comment"), ("% comment", "`#`", "# comment"), ("/* comment */", "`#`", "# comment */"),
     ("parameter c = 3 // comment", "`#`", "parameter c = 3 # comment"), ("equation", "between the braces", ""), ("annotation(x=1);", "between the braces", ""),
     ("simulate 0 .. 1 s", "experiment", "experiment e { simulate 0 .. 1 s }"), ("experiment e { simulate 5 s }", "`simulate 0 .. 5 s`", "experiment e { simulate 0 .. 5 s }"),
