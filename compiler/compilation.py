@@ -418,22 +418,22 @@ class Compilation:
 
     def text(self, target: str) -> str:
         """The program as a text for others, by the name of its target (`text_targets`)."""
-        from .codegen.text.targets import text_targets
+        from .codegen.text.targets import target_text
 
         self.look_at_laws()
         descriptions = {name: quantity.description for name, quantity in self.whole_graph.quantities.items()}
         with self._instances(), self._bounded():
-            return text_targets()[target].write(self.state_space, descriptions)
+            return target_text(target, self.state_space, descriptions)
 
     def part_text(self, name: str, target: str) -> str:
         """One instance of the model alone, a controller, as a text for others."""
-        from .codegen.text.targets import text_targets
+        from .codegen.text.targets import target_text
 
         graph = part_alone(self.whole_graph, name)
         zeros = known_zeros(graph, self.scene.free)
         space = derive(prune(graph, zeros), Request(zeros, self.scene.free)).reduced
         descriptions = {n: quantity.description for n, quantity in graph.quantities.items()}
-        return text_targets()[target].write(space, descriptions)
+        return target_text(target, space, descriptions)
 
     @cached_property
     def state_equations(self) -> str:

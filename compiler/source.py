@@ -12,6 +12,7 @@ from pathlib import Path, PurePath
 from .fast_dataclass import dataclass
 
 MAXIMUM_BYTES = 32_000_000  # of one file, before it is read
+UNIT = ".fmu"  # ending of functional mock-up units, which are imported as models
 _COMMENT = re.compile(r"#[^\n]*")
 
 
@@ -86,6 +87,12 @@ class Span:
     def words(self) -> str:
         """Text on one line without its comments, as its name in messages."""
         return " ".join(_COMMENT.sub(" ", self.text).split())
+
+    @property
+    def unit(self) -> Path | None:
+        """File of a functional mock-up unit for which the text stands; None for an author's text."""
+        path = self.source.path
+        return path if path is not None and path.suffix == UNIT else None
 
     def to(self, other: Span) -> Span:
         """Span from the start of this one to the end of the other."""

@@ -12,6 +12,7 @@ from compiler.api import Array, NotDifferentiable
 
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
+from ..simulation.segments.units import refuse_units
 from .movable import refuse_structural
 from .operating_point import AnalysisRequest, OperatingPoint, length_of
 
@@ -118,6 +119,7 @@ def placed(prepare: Prepare, scene: Scene, asked: AnalysisRequest, values: Mappi
     plan = replace(plan, equilibrium=asked.state == "equilibrium", start=begins, tolerances={})
     if program.delays is not None:
         raise _delayed(compiled)
+    refuse_units(program.hybrid)
     with np.errstate(all="ignore"):
         leg = _phase(prepare, scene, PhaseOptions(plan, 1e-6, None, False, values or {}), length_of(compiled.plan))
         state, mode = leg.state, leg.stretches[0].mode

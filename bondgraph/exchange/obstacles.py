@@ -28,6 +28,12 @@ def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
         name = space.variables[space.forced[0].variable].name
         yield space.forced[0].span, f"the rate of `{name}`, which may jump as only a run sees,", _RUN
     for event in lowered.events.events:
+        if event.span.unit is not None:
+            yield (
+                event.span,
+                f"`{event.owner}`, a unit itself ({event.span.source.name})",
+                "Join the two in the tool that imports this one.",
+            )
         for setting in event.settings:
             if setting.kind == "computed":
                 text = "Set the state of a storage, or a `mode`."

@@ -214,7 +214,8 @@ class Phase:
         assert self.events is not None
         saved = None if self.history is None else self.history.saved()
         companion = None if self.companion is None else self.companion.ahead()
-        copied = replace(self.events, on=dict(self.events.on), log=[], companion=companion)
+        units = None if self.events.units is None else self.events.units.ahead()
+        copied = replace(self.events, on=dict(self.events.on), log=[], companion=companion, units=units)
         largest = pilot(self._problem(copied, None), self.state, self.stretches, magnitude)
         if self.history is not None and saved is not None:
             self.history.restore(saved)

@@ -74,6 +74,15 @@ class NumpyAlone(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class UnitInText(Diagnostic):
+    code = "BG607"
+    title = "`{name}` is an imported unit ({file}), whose equations no program can hold"
+    advice = "Write the rest alone: give its outputs as `input`s of the model, and join the two where they run."
+    name: str
+    file: str
+
+
+@dataclass(frozen=True, slots=True)
 class NotInUnit(Diagnostic):
     code = "BG606"
     title = "A functional mock-up unit cannot hold {what} yet"

@@ -25,6 +25,15 @@ class UnwrittenSize(Diagnostic):
 
 
 @dataclass(frozen=True, slots=True)
+class UnwrittenFile(Diagnostic):
+    code = "BG706"
+    title = "`{name}` cannot be written as text: it is an imported unit ({file})"
+    advice = "A flat text has no instances, and so no unit either: print the model without it."
+    name: str
+    file: str
+
+
+@dataclass(frozen=True, slots=True)
 class UnwrittenDomain(Diagnostic):
     code = "BG703"
     title = "The bond from `{tail}` to `{name}` cannot be written as text: nothing tells its domain"

@@ -12,7 +12,7 @@ from ..graph.elements import TRANSDUCERS
 from ..graph.network import BondEnd, BondGraph, Delay, Event, Junction, MechanismNode, Named, Node, Requirement
 from ..graph.units import ONE, SECOND
 from .element import element_line
-from .errors import UnwrittenDomain
+from .errors import UnwrittenDomain, UnwrittenFile
 from .implicit_nodes import heating_resistors, shared_ports
 from .literals import NotWritable, bond_lines, braces, description_text, former_name, number_text, unit_text
 from .mechanism import mechanism_lines
@@ -86,6 +86,8 @@ class _Writer:
         yield f"require {self.words.condition(required.condition)}{description_text(required.text)}"
 
     def _event(self, event: Event) -> Iterator[str]:
+        if event.span.unit is not None:
+            raise NotWritable(UnwrittenFile, file=event.span.source.name)
         if event.sampling is not None:
             unit = ONE if self.plain else SECOND
             pairs = zip(("every", "offset", "delay", "jitter", "seed"), event.sampling.values(), strict=True)

@@ -18,6 +18,7 @@ from ..integrators.pilot.schedule import Conditions
 from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment, with_discrete_variables
 from ..segments.transition import PhaseTransition
+from ..segments.units import units_of
 from .complementarity import Companion, Instant
 from .events import Events
 from .impulse import StorageJump, after_impulse
@@ -118,6 +119,9 @@ def begun(
 ) -> tuple[Events, HybridState]:
     """Return the events of a run, and the hybrid state after all events at its beginning."""
     events = Events(constraints, np.abs(full), horizon, companion=companion)
+    events.units = units_of(
+        events.hybrid, dict(zip(events.sampled.tolist(), events.sampling[:, 0], strict=True)), first.start
+    )
     moment = events.happen(HybridState(first.start, full, first.mode), due=events.due(first.start))
     events.tell_valves(first.mode)
     return events, moment
@@ -132,7 +136,7 @@ def continued(
     assert hybrid is not None
     full = carried_over(constraints, state, first, begin)
     mode = with_discrete_variables(hybrid, first.mode, begin.modes)
-    events = Events(constraints, np.abs(full), horizon, dict(begin.on), companion=companion)
+    events = Events(constraints, np.abs(full), horizon, begin.units, dict(begin.on), companion=companion)
     known = np.array([begin.magnitudes.get(n) or begin.peaks.get(n, 0.0) for n in (*names, *program.unknowns.names)])
     events.measure(np.where(known > 0, known, events.magnitude))
     mode = events.guess(HybridState(first.start, full, mode))

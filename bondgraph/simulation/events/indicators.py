@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from ...errors import RunFailed
 from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
 from ..integrators.compiled.indicator_record import indicator_record, interpreted_record
+
+if TYPE_CHECKING:
+    from ..segments.units import CoSimulatedUnits
 
 SHAKES, LAST_PLACES = 8, 2.0**-52  # evaluations, with values moved by some units in the last place
 Flow = tuple[Any, float] | None  # rates, and the time in which they move a state by its magnitude; None without rates
@@ -40,6 +43,7 @@ class EventIndicators:
     constraints: Constraints  # constraints of the program, with the program itself
     magnitude: Any
     horizon: float  # length of the run, s
+    units: CoSimulatedUnits | None = None  # imported ones, in a run
 
     def __post_init__(self) -> None:
         self.program, self.inputs = self.constraints.program, self.constraints.inputs

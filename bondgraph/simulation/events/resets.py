@@ -12,6 +12,7 @@ from compiler.api import Array, BoolArray, EventNote, SettingNote
 
 from ...errors import RunFailed
 from ..initialization.initial_equations import fulfil
+from ..segments.units import refused
 from .indicators import EventIndicators, HybridState
 
 CLOSE = 1e-9  # relative accuracy with which a reset value must hold
@@ -25,6 +26,7 @@ def reset(indicators: EventIndicators, at: HybridState, acting: Sequence[int]) -
         return at
     hybrid = indicators.hybrid
     values = hybrid.values(at.time, at.state, indicators.inputs, indicators.constants, at.mode).tolist()
+    _exchange(indicators, at.time, acting, values)
     owned = ((number, event, setting) for number, event in enumerate(hybrid.events) for setting in event.settings)
     resets = [(e, s, value) for (number, e, s), value in zip(owned, values, strict=True) if number in acting]
     _check(at.time, resets)
@@ -38,6 +40,21 @@ def reset(indicators: EventIndicators, at: HybridState, acting: Sequence[int]) -
     now = HybridState(at.time, state, mode)
     computed = [(s, value) for _, s, value in resets if s.kind == "computed"]
     return _followed(indicators, now, computed, free) if computed else now
+
+
+def _exchange(indicators: EventIndicators, time: float, acting: Sequence[int], values: list[float]) -> None:
+    """Put what imported units give into the values of the settings of their events. Raises `RunFailed`."""
+    first = 0
+    for number, event in enumerate(indicators.hybrid.events):
+        here, first = first, first + len(event.settings)
+        if event.span.unit is None or number not in acting:
+            continue
+        if indicators.units is None:
+            raise refused(event)
+        names = [setting.words for setting in event.settings]
+        given = dict(zip(names, values[here:first], strict=True))
+        found = indicators.units.units[number].exchange(time, given)
+        values[here:first] = [found[name] for name in names]
 
 
 def _followed(indicators: EventIndicators, at: HybridState, computed: Sequence[tuple[SettingNote, float]], free: BoolArray) -> HybridState:  # fmt: skip

@@ -126,7 +126,9 @@ class EventIntegrator(SegmentIntegrator):
         events = self.events
         if handover.off is None:
             handover = replace(handover, off=self.off)
-        return replace(handover, modes=discrete_variables(events.hybrid, self.mode), on=dict(events.on))
+        return replace(
+            handover, modes=discrete_variables(events.hybrid, self.mode), on=dict(events.on), units=events.units
+        )
 
     def grow(self, x: Array) -> None:
         """Update the largest magnitudes."""

@@ -25,6 +25,7 @@ def phase_notes(
     if events is not None:
         from ..events.bounds import notes_on_conditions
 
+        notes += () if events.units is None else events.units.notes
         notes += (*notes_on_conditions(constraints.program, events.crowded, events.touches), *undetermined)
     if constraints and len(trajectory.states):
         from ..constraints.singular import told_of

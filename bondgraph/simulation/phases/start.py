@@ -13,6 +13,7 @@ from ..constraints.constraints import Constraints
 from ..initialization.consistent_start import consistent_start
 from ..segments.timeline import Segment
 from ..segments.transition import PhaseTransition
+from ..segments.units import refuse_units
 
 if TYPE_CHECKING:
     from compiler.api import Array, Plan, Program
@@ -150,6 +151,7 @@ class PhaseInitialization:
         from ..equilibrium.steady import check_steady, steady_rates
 
         program, constraints = self.program, self.constraints
+        refuse_units(program.hybrid)
         inputs = constraints.inputs
         if program.hybrid is None or self.companion is not None:
             start = replace(start, state=equilibrium(program, constraints, inputs, start.state, start.first))

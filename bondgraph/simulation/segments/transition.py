@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ...results.checkpoint import DelayHistory
+    from .units import CoSimulatedUnits
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,3 +29,4 @@ class PhaseTransition:
     past: DelayHistory | None = None  # history of delayed signals
     magnitudes: Mapping[str, float] = field(default_factory=dict)  # magnitudes of states and unknowns
     unknowns: Mapping[str, float] = field(default_factory=dict)  # unknowns of loops
+    units: CoSimulatedUnits | None = None  # imported ones, within a run

@@ -8,6 +8,9 @@ from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
+from ...errors import CompilationFailed
+from ...reduction import StateSpace
+from ..errors import UnitInText
 from .target import TextTarget
 
 
@@ -17,6 +20,13 @@ def text_targets() -> Mapping[str, TextTarget]:
     modules = (import_module(f"{__package__}.{found.name}") for found in iter_modules([str(Path(__file__).parent)]))
     targets: list[TextTarget] = [module.TARGET for module in modules if hasattr(module, "TARGET")]
     return {target.name: target for target in targets}
+
+
+def target_text(target: str, space: StateSpace, descriptions: Mapping[str, str]) -> str:
+    """Return the program as a text for others. Raises `CompilationFailed`."""
+    if refusals := [UnitInText(e.span, e.owner, e.span.source.name) for e in space.events if e.span.unit is not None]:
+        raise CompilationFailed(refusals)
+    return text_targets()[target].write(space, descriptions)
 
 
 def target_of(ending: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Set
 from pathlib import Path
 
 from ...errors import CompilationFailed, Diagnostic
-from ...source import Source, Span, read_text
+from ...source import UNIT, Source, Span, read_text
 from ...syntax import SyntaxTree, parse, tree
 from ...syntax.outline import Outline
 from .compound_units import with_compound_units
@@ -15,6 +15,7 @@ from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes
 from .project_folder import is_there, project_folder, within_project
 from .scope import RESERVED, FileScope, ModelDefinition, SetDefinition
 from .statement_errors import MAXIMUM_MISTAKES, Wrong, suggestion
+from .unit_file import NotImportable, read_unit_description, unit_model
 
 MAXIMUM_FILES = 500
 
@@ -101,6 +102,8 @@ class Loader:
         except UnicodeDecodeError:
             what = f"`{statement.place}` is not a text in UTF-8"
             raise Wrong(WrongImport(statement.span, what, "Only .bg files can be imported.")) from None
+        except NotImportable as wrong:
+            raise Wrong(WrongImport(statement.span, f"`{statement.place}` cannot be imported: {wrong.args[0]}", wrong.args[1])) from None  # fmt: skip
         except CompilationFailed as failed:
             self.diagnostics += failed.diagnostics
             return
@@ -122,8 +125,15 @@ class Loader:
                 )
 
     def _read(self, target: Path, importer: FileScope, names: set[str], chain: tuple[Path, ...]) -> FileScope:
-        """Read the models of a file that have these names, with what they name. Raises OSError, UnicodeDecodeError and `CompilationFailed`."""
+        """Read the models of a file that have these names, with what they name.
+
+        Raises OSError, UnicodeDecodeError, NotImportable and `CompilationFailed`.
+        """
         name = _shown(target, importer.source)
+        if target.suffix == UNIT:
+            text = unit_model(read_unit_description(target), name, target)
+            loaded = FileScope(text, {}, {}, {}, root=importer.root, library=self.library)
+            return self._declare(loaded, parse(text), chain)
         tree = None if self.held is None else self.held(target, name, names)
         if tree is not None:
             loaded = FileScope(tree.source, {}, {}, {}, root=importer.root, library=self.library)
@@ -151,8 +161,8 @@ class Loader:
             hint = "Only files below the project folder are read: that of the nearest `bondgraph.toml` or `pyproject.toml` above the file, else its own."
             what = f"`{statement.place}` lies outside the project folder"
             raise Wrong(WrongImport(statement.span, what, hint))
-        if target.suffix != ".bg" or not is_there(target):
-            near = [p.name for p in scope.source.path.parent.glob("*.bg")]
+        if target.suffix not in (".bg", UNIT) or not is_there(target):
+            near = [p.name for p in scope.source.path.parent.glob("*") if p.suffix in (".bg", UNIT)]
             hint = suggestion(statement.place, near, "The path is relative to the file with the import.")
             raise Wrong(WrongImport(statement.span, f"There is no file `{statement.place}`", hint))
         return target

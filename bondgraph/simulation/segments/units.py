@@ -1,0 +1,249 @@
+"""Imported functional mock-up units in a run: co-simulated at the instants of their `every`, by FMPy.
+
+At a communication point a unit's values of the last step become those of the model; then it takes its inputs and makes the next step.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from math import isfinite
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
+from weakref import finalize
+
+from ...errors import MissingPackage, RunFailed
+
+if TYPE_CHECKING:
+    from compiler.api import EventNote, Hybrid, UnitDescription, UnitVariable
+
+ALLOWED = "BONDGRAPH_RUN_FMU"  # environment variable: any value allows the code of units to run
+LATE = 1e-9  # fraction of a step by which a run may begin beside a communication point
+MOST_TOLD = 300  # characters of a unit's own message
+
+
+def refused(event: EventNote) -> RunFailed:
+    """Return the failure where something else than a run from its start meets a unit."""
+    return RunFailed(
+        "BR790", f"`{event.owner or event.words}` is an imported unit ({event.span.source.name}), which has no equations here:",
+        "simulate from the start; no analysis, and no run that goes on from a result, can hold it",
+    )  # fmt: skip
+
+
+def refuse_units(hybrid: Hybrid | None) -> None:
+    """Raise `RunFailed` if a program holds a unit."""
+    for event in () if hybrid is None else hybrid.events:
+        if event.span.unit is not None:
+            raise refused(event)
+
+
+@dataclass(eq=False)
+class CoSimulatedUnit:
+    """An instance of a unit: the event at which it exchanges values, and its communication step in s."""
+
+    event: EventNote
+    step: float
+    folder: str  # of its files
+    description: UnitDescription
+    # the first communication points, two at most: their numbers, and what the unit took there
+    taken: list[tuple[int, Mapping[str, float]]] = field(default_factory=list)
+    messages: list[str] = field(default_factory=list)
+    instance: Any = None
+
+    def exchange(self, time: float, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the values that the block sets at a communication point. `values`: as the model has them. Raises `RunFailed`."""
+        from compiler.api import AHEAD
+
+        number = round(time / self.step)
+        settings = dict(values)
+        if len(self.taken) < 2:
+            self.taken.append((number, values))
+        with _Reported(self, time):
+            if self.instance is None:
+                self._begin(number * self.step, values)
+                settings |= self._outputs("")
+            self._take(self.description.of("input"), values)
+            self._step(number)
+            return settings | self._outputs(AHEAD)
+
+    def again(self) -> CoSimulatedUnit:
+        """Return another instance that has gone as far, one step at most."""
+        other = CoSimulatedUnit(self.event, self.step, self.folder, self.description)
+        for number, values in self.taken:
+            other.exchange(number * self.step, values)
+        return other
+
+    def _begin(self, time: float, values: Mapping[str, float]) -> None:
+        """Instantiate the unit, and initialize it with its parameters and inputs."""
+        from fmpy.fmi2 import FMU2Slave
+        from fmpy.fmi3 import FMU3Slave
+
+        unit, older = self.description, self.description.version == "2.0"
+        make = FMU2Slave if older else FMU3Slave
+        instance = make(
+            guid=unit.token, unzipDirectory=self.folder, modelIdentifier=unit.identifier, instanceName=unit.name
+        )
+        if older:
+            instance.instantiate(callbacks=_callbacks(self.messages))
+            instance.setupExperiment(startTime=time)
+            self.instance = instance
+            self._take(unit.of("parameter"), values)
+            instance.enterInitializationMode()
+        else:
+            instance.instantiate(logMessage=lambda _, status, category, text: _tell(self.messages, text))
+            self.instance = instance
+            self._take(unit.of("parameter"), values)
+            instance.enterInitializationMode(startTime=time)
+        finalize(self, _end, instance)
+        self._take(unit.of("input"), values)
+        instance.exitInitializationMode()
+
+    def _take(self, variables: Sequence[UnitVariable], values: Mapping[str, float]) -> None:
+        from compiler.api import HELD
+
+        numbers = []
+        for item in variables:
+            factor, offset = _scale(item)
+            numbers.append((values[HELD + item.name] - offset) / factor)
+        if numbers:
+            write = self.instance.setReal if self.description.version == "2.0" else self.instance.setFloat64
+            write([v.reference for v in variables], numbers)
+
+    def _outputs(self, before: str) -> dict[str, float]:
+        """Return the outputs in SI, by name."""
+        outputs = self.description.of("output")
+        read = self.instance.getReal if self.description.version == "2.0" else self.instance.getFloat64
+        results = {}
+        for item, number in zip(outputs, read([v.reference for v in outputs]), strict=True):
+            factor, offset = _scale(item)
+            results[before + item.name] = factor * float(number) + offset
+            if not isfinite(number):
+                raise ValueError(f"its output `{item.own}` is not finite")
+        return results
+
+    def _step(self, number: int) -> None:
+        start, end = number * self.step, (number + 1) * self.step
+        told = self.instance.doStep(start, end - start)
+        if told is not None and told[1]:
+            raise ValueError("it asks to end the run")
+        if told is not None and told[2]:
+            raise ValueError("it returned early from a step")
+
+    def __str__(self) -> str:
+        return (
+            f"`{self.event.owner}` ({PurePath(self.event.span.source.name).name}) is a unit of FMI {self.description.version}, "
+            f"co-simulated in steps of {self.step:g} s: what it takes and what it gives holds for one step, and no energy balance sees inside of it"
+        )
+
+
+class _Reported:
+    """Context in which what a unit raises becomes a `RunFailed`."""
+
+    def __init__(self, unit: CoSimulatedUnit, time: float) -> None:
+        self.unit, self.time = unit, time
+
+    def __enter__(self) -> None:
+        self.unit.messages.clear()
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, Exception):
+            from compiler.api import printable
+
+            told = printable("; ".join([str(error), *self.unit.messages[:2]]))[:MOST_TOLD]
+            event = self.unit.event
+            raise RunFailed(
+                "BR791", f"at t = {self.time:.9g} s the unit `{event.owner}` ({event.span.source.name}) failed: {told}"
+            ) from error
+
+
+class CoSimulatedUnits:
+    """Units of a run, by the numbers of their events."""
+
+    def __init__(self, units: Mapping[int, CoSimulatedUnit]) -> None:
+        self.units = units
+
+    def ahead(self) -> CoSimulatedUnits | None:
+        """Return copies for a pilot run at the start, which do not move those of the run; None later: it ends where they act."""
+        if any(len(unit.taken) > 1 for unit in self.units.values()):
+            return None
+        return CoSimulatedUnits({number: unit.again() for number, unit in self.units.items()})
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences for the result."""
+        return tuple(map(str, self.units.values()))
+
+
+def units_of(hybrid: Hybrid, steps: Mapping[int, float], start: float) -> CoSimulatedUnits | None:
+    """Return the units of a run that begins at a time; None if it has none. `steps`: periods by event. Raises `RunFailed`, `MissingPackage`."""
+    units = {}
+    for number, step in steps.items():
+        event = hybrid.events[number]
+        if event.span.unit is None:
+            continue
+        if not os.environ.get(ALLOWED):
+            raise RunFailed(
+                "BR792", f"`{event.owner}` is a unit of native code ({event.span.source.name}), which runs only where that is allowed:",
+                "if you trust the file, set BONDGRAPH_RUN_FMU=1 in the environment",
+            )  # fmt: skip
+        if abs(start / step - round(start / step)) > LATE:
+            raise RunFailed(
+                "BR793", f"the run begins at t = {start:.9g} s, between two communication points of `{event.owner}`:",
+                f"begin it at a multiple of {step:.9g} s, or set another `communication_step`",
+            )  # fmt: skip
+        units[number] = _loaded(event, step, event.span.unit)
+    return CoSimulatedUnits(units) if units else None
+
+
+def _loaded(event: EventNote, step: float, file: Path) -> CoSimulatedUnit:
+    from shutil import rmtree
+    from tempfile import mkdtemp
+    from zipfile import ZipFile
+
+    from compiler.api import read_unit_description
+
+    try:
+        import fmpy.fmi2  # noqa: F401
+    except ImportError as error:
+        raise MissingPackage("BR794", "imported units need FMPy:", 'pip install "bondgraph-lang[fmi]"') from error
+    folder = mkdtemp(prefix="bondgraph-")
+    unit = CoSimulatedUnit(event, step, folder, read_unit_description(file))
+    finalize(unit, rmtree, folder, ignore_errors=True)
+    with _Reported(unit, 0.0), ZipFile(file) as archive:
+        archive.extractall(folder)
+    return unit
+
+
+def _scale(item: UnitVariable) -> tuple[float, float]:
+    """Return factor and offset by which a value there becomes one in SI."""
+    if item.factor is not None:
+        return item.factor, item.offset
+    from compiler.api import Source, read_unit
+
+    scale = read_unit(Source("unit", item.unit))
+    return replace(scale, offset=Fraction(0)).to_si(Fraction(1)), float(scale.offset)
+
+
+def _tell(messages: list[str], text: bytes) -> None:
+    messages.append(text.decode("utf-8", "replace"))
+
+
+def _callbacks(messages: list[str]) -> Any:
+    """Return the structure of functions that a unit of FMI 2.0 calls."""
+    from fmpy.fmi2 import defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+
+    functions = fmi2CallbackFunctions()
+    functions.logger = fmi2CallbackLoggerTYPE(lambda _, name, status, category, text: _tell(messages, text))
+    functions.allocateMemory, functions.freeMemory = defaultCallbacks.allocateMemory, defaultCallbacks.freeMemory
+    return functions
+
+
+def _end(instance: Any) -> None:
+    """End an instance; a unit that fails at this has no run any more."""
+    for call in (instance.terminate, instance.freeInstance):
+        try:
+            call()
+        except Exception:
+            continue

@@ -1,0 +1,194 @@
+"""A functional mock-up unit as a model: `import Motor from "motor.fmu"`.
+
+Its description becomes a text of the language, a model with parameters, inputs and one `every`; nothing of the unit runs here. The run exchanges the
+values that the block sets with the unit: see `bondgraph/simulation/segments/units.py`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from fractions import Fraction
+from math import inf, isfinite
+from pathlib import Path
+from xml.etree import ElementTree
+from zipfile import BadZipFile, ZipFile
+
+from ...errors import printable
+from ...fast_dataclass import dataclass
+from ...graph.units import Dimension
+from ...source import MAXIMUM_BYTES, Source
+from .scope import RESERVED
+
+STEP, HELD, AHEAD = "communication_step", "held_", "ahead_"
+_BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
+_REAL = {
+    "2.0": ("ScalarVariable", "SimpleType"),
+    "3.0": ("Float64", "Float64Type"),
+}  # elements of variables and of types
+_BOUNDS = {"needsExecutionTool": "needs the tool that made it", "canBeInstantiatedOnlyOncePerProcess": "may be there only once"}  # fmt: skip
+_UNIT = re.compile(r"[^\W\d_%][\w*/^() %.-]*|%|1|1/[\w*/^() .-]+")
+
+
+class NotImportable(Exception):
+    """Raised for a file that is no unit, or one that no model can hold; its texts are what is wrong, and advice."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnitVariable:
+    """A variable of a unit: its name in the language, its own and its reference there, and its value in SI = factor*value + offset.
+
+    `unit`: as the language writes it; a factor of None is that of this unit.
+    """
+
+    name: str
+    own: str
+    reference: int
+    role: str
+    unit: str
+    factor: float | None
+    offset: float
+    start: float | None
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnitDescription:
+    """All that a model and a run need of a unit. `step`: its own communication step in s, if it names one."""
+
+    name: str
+    version: str
+    token: str
+    identifier: str
+    description: str
+    step: float | None
+    variables: tuple[UnitVariable, ...]
+
+    def of(self, *roles: str) -> list[UnitVariable]:
+        """Return the variables with one of these roles."""
+        return [v for v in self.variables if v.role in roles]
+
+
+def read_unit_description(path: Path) -> UnitDescription:
+    """Return the description of a unit. Raises OSError, NotImportable."""
+    try:
+        with ZipFile(path) as archive:
+            if archive.getinfo("modelDescription.xml").file_size > MAXIMUM_BYTES:
+                raise NotImportable("its description is too long", f"At most {MAXIMUM_BYTES} bytes are read.")
+            text = archive.read("modelDescription.xml")
+        if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+            raise ValueError
+        root = ElementTree.fromstring(text)
+        return _described(root, path.stem)
+    except (BadZipFile, KeyError, ValueError, RuntimeError, NotImplementedError, ElementTree.ParseError):
+        hint = "It is an archive with a `modelDescription.xml` of FMI 2.0 or 3.0."
+        raise NotImportable("it is no functional mock-up unit", hint) from None
+
+
+def unit_model(unit: UnitDescription, name: str, path: Path) -> Source:
+    """Return the text of a model that stands for a unit."""
+    first = "" if unit.step is None else f" = {unit.step!r} s"
+    yields, takes = unit.of("output"), unit.of("parameter", "input")
+    lines = [f'  "{unit.description}"', f'  parameter {STEP}: s{first} "time between two exchanges"']
+    for item in takes:
+        start = "" if item.start is None else f" = {_number(item.start, item)}"
+        lines.append(f'  {item.role} {_declared(item)}{start} "{item.description}"')
+    lines += [f"  mode {_declared(v, before)} = 0" for v in yields for before in ("", AHEAD)]
+    lines += [f"  mode {_declared(v, HELD)} = 0" for v in takes]
+    lines += [f"  every {STEP} {{", *(f"    {v.name} = {AHEAD}{v.name}" for v in yields)]
+    lines += [f"    {HELD}{v.name} = {v.name}" for v in takes]
+    lines += [f"    {AHEAD}{v.name} = {AHEAD}{v.name} + {_number(1.0, v)}" for v in yields]  # something moves: the unit
+    return Source(name, "\n".join([f"model {unit.name} {{", *lines, "  }", "}", ""]), path)
+
+
+def _declared(item: UnitVariable, before: str = "") -> str:
+    return f"{before}{item.name}" if item.unit == "1" else f"{before}{item.name}: {item.unit}"
+
+
+def _number(value: float, item: UnitVariable) -> str:
+    return repr(value) if item.unit == "1" else f"{value!r} [{item.unit}]"
+
+
+def _described(root: ElementTree.Element, stem: str) -> UnitDescription:
+    version, head, stepper = root.get("fmiVersion", "")[:3], root.find("DefaultExperiment"), root.find("CoSimulation")
+    if root.tag != "fmiModelDescription" or version not in _REAL:
+        raise ValueError
+    if stepper is None:
+        hint = "Export it for co-simulation, which most tools can."
+        raise NotImportable("it has model exchange only, and no steps of its own", hint)
+    for flag, what in _BOUNDS.items():
+        if stepper.get(flag) in ("true", "1"):
+            raise NotImportable(f"it {what}", "Export it without that bound.")
+    name, token = root.get("modelName") or stem, root.get("guid" if version == "2.0" else "instantiationToken", "")
+    identifier, variables = stepper.get("modelIdentifier", ""), tuple(_variables(root, version))
+    if not identifier.isidentifier():
+        raise ValueError
+    if not any(v.role == "output" for v in variables):
+        raise NotImportable("it has no real output", "Nothing in a model could read it.")
+    step = None if head is None or "stepSize" not in head.attrib else float(head.attrib["stepSize"])
+    own = step if step is not None and 0 < step < inf else None
+    return UnitDescription(_NewNames().new(name), version, token, identifier, _text(root), own, variables)
+
+
+def _variables(root: ElementTree.Element, version: str) -> Iterator[UnitVariable]:
+    """Yield the real numbers among the variables, and no arrays."""
+    names, (element, type_element) = _NewNames(), _REAL[version]
+    units = {u.get("name", ""): u.find("BaseUnit") for u in root.iterfind("UnitDefinitions/Unit")}
+    types = {t.get("name"): _real(t, version) for t in root.iterfind(f"TypeDefinitions/{type_element}")}
+    for item in root.iterfind(f"ModelVariables/{element}"):
+        role, real = item.get("causality", ""), _real(item, version)
+        if role not in ("parameter", "input", "output") or real is None or item.find("Dimension") is not None:
+            continue
+        facts = {**(types.get(real.get("declaredType")) or {}), **real}
+        unit, factor, offset = _scale(facts.get("unit", ""), units, facts.get("relativeQuantity") in ("true", "1"))
+        name, own = names.new(item.get("name", "")), item.get("name", "")
+        start = float(facts["start"]) if "start" in facts else 0.0 if role == "input" else None
+        if start is not None and factor is not None:
+            start = factor * start + offset
+        if start is not None and not isfinite(start):
+            raise NotImportable(f"its `{own}` starts at no finite value", "Give it one where the unit is made.")
+        yield UnitVariable(
+            name, own, int(item.get("valueReference", "")), role, unit, factor, offset, start, _text(item)
+        )
+
+
+def _real(item: ElementTree.Element, version: str) -> Mapping[str, str] | None:
+    """Return the attributes of a real number; None for another kind."""
+    inner = item.find("Real") if version == "2.0" else item
+    return None if inner is None else inner.attrib
+
+
+def _scale(name: str, units: Mapping[str, ElementTree.Element | None], is_difference: bool) -> tuple[str, float | None, float]:  # fmt: skip
+    """Return a unit in the language, with its factor and offset."""
+    base = units.get(name)
+    if base is not None:
+        powers = tuple(Fraction(int(base.get(b, "0"))) for b in _BASES)
+        factor, offset = float(base.get("factor", "1")), 0.0 if is_difference else float(base.get("offset", "0"))
+        if not isfinite(factor) or not isfinite(offset) or factor == 0 or any(abs(p) > 20 for p in powers):
+            raise ValueError
+        return str(Dimension(powers)), factor, offset
+    if not name:
+        return "1", 1.0, 0.0
+    if not _UNIT.fullmatch(name):
+        raise NotImportable(f"its unit `{printable(name)}` is none of the language", "Define it by base units there.")
+    return name, None, 0.0
+
+
+def _text(item: ElementTree.Element) -> str:
+    return printable(item.get("description", "")).replace('"', "'").replace("\\", "/")
+
+
+class _NewNames:
+    """Names of the language for names of units; no two are one."""
+
+    def __init__(self, taken: Iterable[str] = (STEP,)) -> None:
+        self.taken = set(taken)
+
+    def new(self, name: str) -> str:
+        """Return `mass.p` as `mass_p`."""
+        word = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_") or "x"
+        word = f"x{word}" if word[0].isdigit() or word.startswith((HELD, AHEAD)) else word
+        while word in self.taken or word in RESERVED:
+            word += "_"
+        self.taken.add(word)
+        return word

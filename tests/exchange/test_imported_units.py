@@ -1,0 +1,207 @@
+"""Imported units: what was exported runs in a model as the model itself does; what no model can hold, and what no analysis can, is refused by name."""
+
+from __future__ import annotations
+
+import math
+import re
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bondgraph
+from bondgraph.errors import RunFailed
+from compiler.errors import CompilationFailed
+from tests.exchange.unit_files import exported
+
+pytestmark = pytest.mark.machine_code
+MODELS = Path(__file__).resolve().parents[2] / "models"
+DRIVE = """model Drive {
+  "A controller."
+  input omega: rad/s = 0
+  parameter target = 50 rad/s, K: V*s/rad = 0.2
+  output volt = K*(target - omega)
+  experiment e { simulate 0 .. 1 s }
+}"""
+LOOP = """import Drive from "unit.fmu"
+model Loop {
+  parameter h = 5 ms
+  Drive drive { communication_step = h, omega = rotor.omega, K = 0.3 [V*s/rad] }
+  MSe supply : M = 0.01 [A*s]*drive.volt*1 [N*m/(V*A*s)]
+  I rotor : L = 0.002 [kg*m^2]*omega
+  R drag  : M = 1 [mN*m*s]*omega
+  supply -> 1(rotor, drag)
+  output omega = rotor.omega, volt = drive.volt
+  experiment go { simulate 0 .. 0.1 s { points = 11 } }
+  experiment rest { equilibrium; simulate 0 .. 0.1 s }
+  experiment late { simulate 2 ms .. 0.1 s }
+}"""
+
+
+@pytest.fixture(autouse=True)
+def _allowed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BONDGRAPH_RUN_FMU", "1")
+
+
+def written(text: str, path: Path) -> Path:
+    (path / "m.bg").write_text(text, encoding="utf-8")
+    return path / "m.bg"
+
+
+@pytest.fixture(scope="module")
+def description(tmp_path_factory: pytest.TempPathFactory) -> str:
+    file = tmp_path_factory.mktemp("drive") / "unit.fmu"
+    bondgraph.load(DRIVE).to_fmu(file)
+    with zipfile.ZipFile(file) as archive:
+        return archive.read("modelDescription.xml").decode()
+
+
+def importing(path: Path, name: str, uses: str, outputs: str, to: str) -> object:
+    text = f'import {name} from "unit.fmu"\nmodel Uses {{\n  {name} u {{ {uses} }}\n  output {outputs}\n  experiment e {{ simulate 0 .. {to} {{ points = 41 }} }}\n}}'
+    return bondgraph.load(written(text, path)).simulate()
+
+
+@pytest.mark.parametrize(
+    ("name", "outputs", "to"), [("oscillator", ("position",), "2 s"), ("pid_dc_motor", ("phi", "current"), "0.4 s")]
+)
+def test_a_model_in_a_unit_runs_as_the_model_itself(
+    name: str, outputs: tuple[str, ...], to: str, tmp_path: Path
+) -> None:
+    model = bondgraph.load(MODELS / f"{name}.bg")
+    unit = exported(MODELS / f"{name}.bg", tmp_path, model.experiments[0])
+    found = importing(tmp_path, unit.modelName, "communication_step = 10 ms", ", ".join(f"{o} = u.{o}" for o in outputs), to)  # fmt: skip
+    mine = model.simulate(to=to, points=41, rtol=1e-9)
+    for output in outputs:
+        assert np.abs(found[output] - mine[output]).max() < 1e-6 * np.abs(mine[output]).max()
+    assert "co-simulated in steps of 0.01 s" in found.notes[0] and found.unit(outputs[0]) == mine.unit(outputs[0])
+
+
+def test_a_bouncing_ball_in_a_unit_follows_its_closed_form(tmp_path: Path) -> None:
+    """It falls 1 m, then bounces with 0.7: between the first two bounces h = v t - g t^2/2 with v = 0.7*sqrt(2 g)."""
+    text = """model Ball {
+      parameter bounce = 0.8
+      I mass : p = 0.1 kg*v
+      Se weight : F = -0.981 N
+      weight -> 1(mass)
+      signal h = integral(mass.v, 1 m)
+      output height = h
+      when h < 0 m { mass.v = -bounce*mass.v }
+      experiment drop { simulate 0 .. 1 s }
+    }"""
+    exported(text, tmp_path, fmi="3")
+    found = importing(tmp_path, "Ball", "communication_step = 5 ms, bounce = 0.7", "h = u.height", "1 s")
+    t = found.time
+    fall, v = math.sqrt(2 / 9.81), 0.7 * math.sqrt(2 * 9.81)
+    after = t - fall
+    closed = np.where(t < fall, 1 - 9.81 / 2 * t**2, v * after - 9.81 / 2 * after**2)
+    assert fall + 2 * v / 9.81 > t[-1] and np.abs(found["h"] - closed).max() < 1e-9
+
+
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_a_loop_over_a_unit_is_that_of_a_sampled_controller(fmi: str, tmp_path: Path) -> None:
+    """L omega' = -b omega + 0.01 volt, with volt of the step before: w' = w e + (1 - e) 0.01 u/b in each step, e = exp(-b h/L)."""
+    exported(DRIVE, tmp_path, fmi=fmi)
+    model = bondgraph.load(written(LOOP, tmp_path))
+    found = model.simulate(rtol=1e-10)
+    w, e, h = 0.0, math.exp(-1e-3 * 5e-3 / 0.002), 5e-3
+    volts, speeds = [15.0], [0.0]
+    for _ in range(20):
+        before = volts[-1]
+        volts.append(0.3 * (50 - w))  # of the speed at the point before
+        w = w * e + (1 - e) * 0.01 * before / 1e-3
+        speeds.append(w)
+    at = np.round(found.time / h).astype(int)
+    assert found["omega"] == pytest.approx(np.array(speeds)[at], rel=1e-8)
+    assert found["volt"] == pytest.approx(np.array(volts)[at], rel=1e-8)
+    again = model.simulate(rtol=1e-10)
+    assert np.array_equal(again["omega"], found["omega"])  # a unit begins anew in each run
+    one, two = (np.array(model.simulate(settings={"h": f"{h} ms"}, rtol=1e-9)["omega"])[-1] for h in (0.5, 0.25))
+    exact = 0.15 / 4e-3 * (1 - math.exp(-4e-3 / 0.002 * 0.1))  # of a controller that acts at all times
+    assert abs(two - exact) < 0.6 * abs(one - exact) < 1e-2  # of first order in the step
+
+
+def test_behaviour_of_the_reference_units(tmp_path: Path) -> None:
+    """Those of the Modelica Association's list, written here: a stair counts each second, what is fed through is one step late."""
+    text = """model Reference {
+      input continuous_input = 0
+      parameter mu = 1
+      mode counter = 0
+      every 1 s { counter = counter + 1 }
+      signal x0 = integral(x1/1 s, 2), x1 = integral((mu*(1 - x0^2)*x1 - x0)/1 s, 0)
+      output n = counter, y = continuous_input, y0 = x0
+      experiment e { simulate 0 .. 2 s }
+    }"""
+    exported(text, tmp_path)
+    found = importing(tmp_path, "Reference", "communication_step = 25 ms, continuous_input = time/1 s", "n = u.n, y = u.y, y0 = u.y0", "2 s")  # fmt: skip
+    assert found["n"].tolist() == [1.0] * 20 + [2.0] * 20 + [3.0]
+    assert found["y"] == pytest.approx(np.maximum(found.time - 25e-3, 0.0), abs=1e-12)
+    mine = bondgraph.load(text).simulate(points=41, rtol=1e-9)
+    assert found["y0"] == pytest.approx(mine["y0"], abs=1e-7)
+
+
+def test_units_of_other_scales_are_turned_into_si(tmp_path: Path) -> None:
+    """A description that says mm and degC: 3 mm and 20 degC there are 0.003 m and 293.15 K here."""
+    exported("model Way { input u = 0 m\n parameter T = 1 K\n output x = 2*u, warm = T\n experiment e { simulate 0 .. 1 s } }", tmp_path)  # fmt: skip
+    file = tmp_path / "unit.fmu"
+    with zipfile.ZipFile(file) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    text = parts["modelDescription.xml"].decode()
+    text = text.replace('<BaseUnit m="1"/>', '<BaseUnit m="1" factor="0.001"/>').replace('<BaseUnit K="1"/>', '<BaseUnit K="1" offset="273.15"/>')  # fmt: skip
+    parts["modelDescription.xml"] = re.sub(r'(name="T".*?start=)"1.0"', r'\1"20.0"', text).encode()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, data in parts.items():
+            archive.writestr(name, data)
+    found = importing(tmp_path, "Way", "communication_step = 0.1 s, u = 3 mm", "x = u.x, T = u.warm", "1 s")
+    assert found.final("x") == pytest.approx(0.006, rel=1e-14) and found.final("T") == pytest.approx(293.15, rel=1e-14)
+
+
+def test_what_cannot_hold_a_unit_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    exported(DRIVE, tmp_path)
+    model = bondgraph.load(written(LOOP, tmp_path))
+    result = model.simulate()
+    for call in (model.modes, model.equilibrium, lambda: model.simulate("rest"), lambda: model.simulate(to="1 s", start=result)):  # fmt: skip
+        with pytest.raises(RunFailed, match=r"`drive` is an imported unit \(.*unit.fmu\)"):
+            call()
+    for code, write in (("BG606", lambda: model.to_fmu(tmp_path / "never.fmu")), ("BG607", lambda: model.compile("c")), ("BG706", model.text)):  # fmt: skip
+        with pytest.raises(CompilationFailed) as failed:
+            write()
+        assert [d.code for d in failed.value.diagnostics] == [code]
+    with pytest.raises(RunFailed, match="between two communication points of `drive`"):
+        model.simulate("late")
+    monkeypatch.delenv("BONDGRAPH_RUN_FMU")
+    with pytest.raises(RunFailed, match="set BONDGRAPH_RUN_FMU=1"):
+        model.simulate("go")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("CoSimulation", "Other", "it has model exchange only"),
+        ("modelIdentifier=", 'needsExecutionTool="true" modelIdentifier=', "it needs the tool that made it"),
+        ('fmiVersion="2.0"', 'fmiVersion="1.0"', "it is no functional mock-up unit"),
+        ("<fmiModelDescription", "<!DOCTYPE x><fmiModelDescription", "it is no functional mock-up unit"),
+        ('causality="output"', 'causality="local"', "it has no real output"),
+        ('<Unit name="V"><BaseUnit', '<Unit name="V"><Other', ""),
+        ('unit="V"', 'unit="V }"', "its unit `V }` is none of the language"),
+        ('modelName="Drive"', 'modelName="drive-2"', "There is no model or set `Drive`"),
+    ],
+)  # fmt: skip
+def test_descriptions_that_no_model_can_hold(old: str, new: str, words: str, description: str, tmp_path: Path) -> None:
+    """They are refused as the import is read; nothing of a unit runs there."""
+    with zipfile.ZipFile(tmp_path / "unit.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", description.replace(old, new))
+    told = " ".join(d.sentence for d in bondgraph.check(written(LOOP, tmp_path)))
+    assert words in told and bool(told) == bool(words)
+
+
+def test_a_unit_that_fails_is_told_with_its_own_words(tmp_path: Path) -> None:
+    """A table that is left is an error of the unit, with a sentence in its log; one that is no archive is no unit; nor is one outside."""
+    exported("model Limited { input u = 0\n output y = linear(u, (0, 1), (0, 2))\n experiment e { simulate 0 .. 1 s } }", tmp_path)  # fmt: skip
+    with pytest.raises(RunFailed, match=r"the unit `u` \(.*unit.fmu\) failed.*A table of the model is asked outside"):
+        importing(tmp_path, "Limited", "communication_step = 0.1 s, u = 3*time/1 s", "y = u.y", "1 s")
+    (tmp_path / "unit.fmu").write_bytes(b"no archive")
+    (told,) = bondgraph.check(written('import A from "unit.fmu"\nmodel M { A a\n output y = a.y }', tmp_path))[:1]
+    assert "it is no functional mock-up unit" in told.sentence
+    (told,) = bondgraph.check(written('import A from "../unit.fmu"\nmodel M { A a\n output y = a.y }', tmp_path))[:1]
+    assert "lies outside the project folder" in told.sentence
