@@ -64,24 +64,10 @@ def corrections(text: str = "", file: str = "") -> str:
     """Return for each error of a model the corrections that are known to mend it: title, code, line, and the whole text after it."""
     from compiler.api import read_text
 
-    from ..language_service.corrections import corrections as found_in
-    from ..language_service.navigation import edited
-    from ..language_service.workspace import Workspace
+    from ..language_service.text_answers import TextAnswers
 
     path = Path(file).resolve() if file else Path("text.bg").resolve()
-    text = text or read_text(path)
-    workspace = Workspace()
-    workspace.open(path, text)
-    mending = [
-        {
-            "title": c.title,
-            "code": c.code,
-            "line": text.count("\n", 0, c.edits[0].place.start) + 1,
-            "text": edited(text, list(c.edits), path),
-        }
-        for c in found_in(workspace, path, 0, len(text))
-    ]
-    return json.dumps(mending, indent=2)
+    return json.dumps(TextAnswers()("corrections", text or read_text(path), path), indent=2)
 
 
 def draw(text: str = "", file: str = "", mechanism: str = "") -> str:

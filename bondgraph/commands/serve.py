@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
@@ -32,13 +31,12 @@ def command(file: str, port: int, host: str, opens: bool, model: str | None) -> 
     """Show a model, or all of a folder, live in the browser: edit and save the text, see its errors, run it by sliders, compare runs. Ctrl-C ends."""
     from compiler.api import read_source
 
+    from ..language_service.text_answers import TextAnswers
     from ..presentation.page.serve import Server, Session
-    from .mcp import corrections
 
     if not Path(file).is_dir():
         read_source(file)  # what is no file is told here
-    session = Session(Path(file), model, lambda text, path: json.loads(corrections(text, str(path))))
-    server = Server(session, host, port)
+    server = Server(Session(Path(file), model, TextAnswers()), host, port)
     try:
         server.start()
         click.echo(f"{file} is at {server.guard.address} (Ctrl-C ends)")

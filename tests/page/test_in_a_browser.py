@@ -102,6 +102,43 @@ def test_zoom_by_dragging_and_by_keys(motor: str, open_page: Open) -> None:
     assert page.evaluate(ticks) == before
 
 
+MEASURED = "\ufeff# of the bench\ntime [ms],speed [1/s],current [mA]\n\n5,-1,100\n10,2,200\n20,,300\n9000,1,1\n"
+
+
+def test_measured_values_marks_and_pictures(motor: str, open_page: Open, tmp_path: Path) -> None:
+    """Dots in the panel of their unit, in its unit: 200 mA are 0.2 A. The mark tells differences; a picture has twice the dots of the page."""
+    opened = open_page(motor)
+    page = opened.page
+    panels, whole = page.locator("#plots figure").count(), page.inner_text("#clock")
+    legend = "[...document.querySelectorAll('#plots .key')].map(k => k.innerText.replaceAll('\u2212', '-')).filter(t => t.includes('bench'))"
+    for name, text in (("bench.csv", MEASURED), ("odd.csv", "x [mm],y\n1,2\n"), ("torn.csv", "time [s],y\n1,two\n"), ("point.csv", "t;y\n1,5;2\n")):  # fmt: skip
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    files = [tmp_path / name for name in ("bench.csv", "odd.csv", "torn.csv", "point.csv")]
+    page.set_input_files("#plots input[type=file]", files)
+    page.locator("#plots .note").nth(2).wait_for()
+    told = " ".join(page.locator("#plots .note").all_inner_texts())
+    assert "`x [mm]`, not a time" in told and "line 2: `two` is no number" in told and "point.csv: it needs two columns" in told  # fmt: skip
+    assert page.locator(".curve.dots").count() == 2
+    unit = page.evaluate("[...document.querySelectorAll('#plots figure')].filter(f => f.querySelector('.dots.curve')).map(f => f.querySelector('figcaption > small').innerText)")  # fmt: skip
+    assert "[A]" in unit and page.inner_text("#clock") == whole
+    current = page.locator("#plots .key", has_text="current (bench.csv)")
+    page.locator(".plot").first.focus()
+    to_instant(page, 0.0)
+    assert current.inner_text().split()[-1] == "0.1"  # the nearest one
+    page.keyboard.press("m")
+    assert current.inner_text().endswith("0.1, Δ 0") and page.inner_text("#apart") == "Δ time = 0 ms"
+    to_instant(page, 1.0)
+    assert current.inner_text().endswith("0.3, Δ 0.2") and page.inner_text("#apart") == "Δ time = 500 ms"
+    with page.expect_download() as download:
+        page.locator("#plots .panel").first.get_by_role("button", name="PNG").click()
+    dots = Path(download.value.path()).read_bytes()
+    width = int(page.evaluate("document.querySelector('.plot').getAttribute('viewBox').split(' ')[2]"))
+    assert dots.startswith(b"\x89PNG") and int.from_bytes(dots[16:20], "big") == 2 * width
+    page.click(".pins button:has-text('bench.csv')")
+    assert page.locator("#plots figure").count() == panels and page.evaluate(legend) == []
+    assert opened.console == []
+
+
 def test_by_keyboard_alone(motor: str, open_page: Open) -> None:
     from playwright.sync_api import expect
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bondgraph.commands.mcp import corrections
 from bondgraph.errors import UsageError
 from bondgraph.files import write_text
+from bondgraph.language_service.text_answers import TextAnswers
 from bondgraph.presentation.page.serve import Server, Session
 from tests.page.test_serve import CURVE, TEXT, ask, final, unpacked, until
 
@@ -50,7 +50,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def server(folder: Path) -> Iterator[Server]:
-    server = Server(Session(folder, None, lambda text, path: json.loads(corrections(text, str(path)))))
+    server = Server(Session(folder, None, TextAnswers()))
     thread = threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True)
     server.start()
     thread.start()
@@ -191,6 +191,56 @@ def test_an_hour(server: Server, folder: Path, open_page: Callable[..., Any], tm
     page.select_option("#file", "swing.bg")
     until(page, "document.title === 'Swing'")
     assert opened.console == [] and opened.elsewhere(f"http://127.0.0.1:{server.server_port}", "blob:") == []
+
+
+def test_help_at_the_cursor(server: Server, open_page: Callable[..., Any]) -> None:
+    """By keyboard and pointer: the value and law of what stands there, words that may follow, a part with the import that it needs."""
+    for body in ({"text": "", "at": 1}, {"text": "", "at": "-1"}, {"text": ""}):
+        assert ask(server, "/hover", body)[0] == 400
+    assert json.loads(ask(server, "/hover", {"text": "", "at": "99"})[1]) == []
+    opened = open_page(server.guard.address)
+    page = opened.page
+    until(page, CURVE)
+
+    def at(words: str, behind: bool = True) -> None:
+        page.evaluate("([words, behind]) => { const a = document.querySelector('textarea'); a.focus(); const n = a.value.indexOf(words) + (behind ? words.length : 0); a.setSelectionRange(n, n); }", [words, behind])  # fmt: skip
+
+    written = f"# \U0001d714, one letter of two codes\n{TEXT}"
+    page.fill("textarea", written)
+    about = "!document.getElementById('suggestions').hidden && document.querySelector('#suggestions .about').innerText"
+    at("C  spring")
+    page.keyboard.press("F1")
+    told = until(page, about)
+    assert told.startswith("C spring") and "translation" in told and "F = k*x" in told
+    page.keyboard.press("Escape")
+    assert not page.locator("#suggestions").is_visible()
+    spring = page.locator("#text .listing li", has_text="C  spring").locator("code")
+    box = spring.bounding_box()
+    page.mouse.move(box["x"] + 40, box["y"] + 8)
+    assert until(page, about) == told
+    page.keyboard.press("Escape")
+
+    at("r*v")
+    page.keyboard.type(" + spring.")
+    until(page, "document.querySelectorAll('#offered li').length > 1")
+    assert "F" in page.locator("#offered li b").all_inner_texts()
+    page.keyboard.press("Escape")
+    at("experiment go", behind=False)
+    page.keyboard.type("param")
+    until(page, "document.querySelector('#offered b')?.innerText === 'parameter'")
+    assert page.get_attribute("textarea", "aria-activedescendant") == "offered-0"
+    page.keyboard.press("Tab")
+    chosen = "(a => a.value.slice(a.selectionStart, a.selectionEnd))(document.querySelector('textarea'))"
+    assert page.evaluate(chosen) == "name"
+    page.keyboard.type("c = 1; Resi")
+    page.keyboard.press("Control+ ")
+    until(page, "!document.getElementById('suggestions').hidden && document.querySelector('#offered b')?.innerText")
+    page.keyboard.press("Enter")
+    text = page.input_value("textarea")
+    assert "import Resistor from " in text and "parameter c = 1; Resistor resistor" in text
+    while page.input_value("textarea") != written:  # all of it can be taken back
+        page.keyboard.press("Control+z")
+    assert opened.console == []
 
 
 def test_analyses_are_curves(tmp_path: Path) -> None:

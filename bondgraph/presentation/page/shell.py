@@ -18,8 +18,8 @@ from .markup import Html, tag
 
 HERE = Path(__file__).parent
 STYLES = ("page", "text", "diagram", "runs", "live", "print")
-SCRIPTS = ("numbers", "plot", "export", "solids", "mechanism", "diagram", "player", "sliders", "page")
-LIVE = ("editor", "live")
+SCRIPTS = ("numbers", "plot", "export", "measured", "solids", "mechanism", "diagram", "player", "sliders", "page")
+LIVE = ("editor", "suggestions", "live")
 
 
 def page_text(document: Document, token: str = "") -> str:

@@ -18,6 +18,7 @@ class Editor {
     this.force = button("save this one", () => { if (this.theirs.file === this.file) this.base = this.theirs.stamp; this.save(); }, { hidden: true });
     this.bar = html("div", { id: "bar", class: "choice" }, this.files, button("New", () => this.begin()), this.saver, this.said, this.other, this.force);
     this.problems.before(this.bar);
+    this.suggestions = new Suggestions(this);  // its keys before those of the editor
     this.files.addEventListener("change", () => { if (this.may()) this.open(this.files.value); else this.files.value = this.file; });
     this.area.addEventListener("input", () => { this.paint(); this.say(); clearTimeout(this.waiting); this.waiting = setTimeout(() => this.check(), 300); });
     this.area.addEventListener("keydown", (event) => { if (event.key === "Enter") this.indent(event); });

@@ -1,13 +1,13 @@
-// A plot as a file: what is drawn as SVG with its own style, the numbers of its curves as CSV.
+// A plot as a file: what is drawn as SVG with its own style or as PNG, the numbers of its curves as CSV.
 
-const STYLES = ["fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-opacity", "font"];
+const STYLES = ["fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-opacity", "stroke-linecap", "font"];
 
 function exports(plot) {
-  return [["SVG", "image/svg+xml", svgText], ["CSV", "text/csv", csvText]].map(([kind, type, text]) => {
+  return [["SVG", "image/svg+xml", svgText], ["PNG", "image/png", pngDots], ["CSV", "text/csv", csvText]].map(([kind, type, made]) => {
     const button = html("button", { type: "button", class: "export", title: `save this plot as ${kind}` }, kind);
-    button.addEventListener("click", () => {
+    button.addEventListener("click", async () => {
       const name = [page.data.model, page.chosen, plot.title || plot.curves.map((c) => c.name).join(" ")].filter(Boolean).join(" ").replace(/[^\p{L}\p{N}]+/gu, "_").slice(0, 80);
-      const link = html("a", { href: URL.createObjectURL(new Blob([text(plot)], { type })), download: `${name}.${kind.toLowerCase()}` });
+      const link = html("a", { href: URL.createObjectURL(new Blob([await made(plot)], { type })), download: `${name}.${kind.toLowerCase()}` });
       link.click();
       setTimeout(() => URL.revokeObjectURL(link.href), 1000);
     });
@@ -18,7 +18,7 @@ function exports(plot) {
 function svgText(plot) {
   const copy = plot.picture.cloneNode(true), drawn = [...plot.picture.querySelectorAll("*")], shown = plot.curves.map((c, i) => [c, i]).filter(([, i]) => !plot.hidden.has(i));
   [...copy.querySelectorAll("*")].forEach((part, i) => { const style = getComputedStyle(drawn[i]); for (const name of STYLES) part.style.setProperty(name, style.getPropertyValue(name)); });
-  copy.querySelector(".cursor").remove();
+  for (const cursor of copy.querySelectorAll(".cursor")) cursor.remove();
   copy.setAttribute("xmlns", SPACE);
   copy.setAttribute("width", plot.width);
   copy.setAttribute("height", HEIGHT + 16 * shown.length);
@@ -26,9 +26,21 @@ function svgText(plot) {
   const paths = [...plot.picture.querySelectorAll(".curve")];
   shown.forEach(([curve], k) => {
     const y = HEIGHT + 16 * k + 8, style = getComputedStyle(paths[k]);
-    copy.append(svg("path", { d: `M${LEFT} ${y}h24`, fill: "none", stroke: style.stroke, "stroke-dasharray": style.strokeDasharray }), svg("text", { x: LEFT + 30, y: y + 4, fill: style.stroke, "font-family": "sans-serif", "font-size": 12 }, `${curve.name}${plot.unit && ` [${plot.unit}]`}`));
+    copy.append(svg("path", { d: `M${LEFT} ${y}h${curve.dots ? 0 : 24}`, fill: "none", stroke: style.stroke, "stroke-dasharray": style.strokeDasharray, "stroke-linecap": style.strokeLinecap, "stroke-width": style.strokeWidth }), svg("text", { x: LEFT + 30, y: y + 4, fill: style.stroke, "font-family": "sans-serif", "font-size": 12 }, `${curve.name}${plot.unit && ` [${plot.unit}]`}`));
   });
   return new XMLSerializer().serializeToString(copy);
+}
+
+// Twice as many dots as the page has.
+async function pngDots(plot) {
+  const image = new Image(), canvas = html("canvas", {}), context = canvas.getContext("2d");
+  image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(svgText(plot))}`;
+  await image.decode();
+  Object.assign(canvas, { width: 2 * image.width, height: 2 * image.height });
+  context.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--sheet");
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  context.drawImage(image, 0, 0, canvas.width, canvas.height);
+  return new Promise((done) => canvas.toBlob(done));
 }
 
 // Curves at the same instants share a column of them.

@@ -1,6 +1,6 @@
 // The page: what is chosen among experiments and modes, its plots, and everything that follows the time.
 
-const page = { pins: [] };
+const page = { pins: [], measured: [] };
 const FRAMES = 96;  // of one cycle of a mode
 
 function start() {
@@ -10,7 +10,7 @@ function start() {
     if (link) { event.preventDefault(); toLine(link.dataset.to); }
   });
   document.addEventListener("keydown", (event) => {
-    const busy = event.target.closest && event.target.closest("input,select,button,summary,a,[tabindex]:not(.sheet):not(.wide)");
+    const busy = event.target.closest && event.target.closest("input,textarea,select,button,summary,a,[tabindex]:not(.sheet,.wide,.stage)");
     if (event.key === " " && !busy) { event.preventDefault(); page.player.play(!page.player.playing); }
   });
   addEventListener("beforeprint", () => { for (const one of document.querySelectorAll("details")) one.open = true; });
@@ -72,15 +72,19 @@ function clear(plots) { plots.replaceChildren(); page.plots = []; page.view = nu
 // Plots over one axis, with buttons to zoom for those who have neither keys nor a mouse.
 function draw(plots, run) {
   page.run = run;
-  const found = panels(run), times = found.flatMap((panel) => panel.curves.map((curve) => curve.times));
+  const found = panels(run), times = computed(found);
   if (!times.some((t) => t.length)) return;
   const [low, high] = extent(times);
   page.view = new View(low, high);
   const { name, unit } = page.axis = axisOf(run, low, high), words = `${name}${unit && `, ${unitWords(unit)}`}`;
   const chosen = (instant, hovering) => { if (!hovering || !page.player.playing) { if (!hovering) page.player.play(false); page.player.put((instant - low) / (high - low)); } };
-  plots.append(zoomTools(), pinned());
+  page.mark = null;
+  plots.append(tools(), pinned());
   for (const panel of found) page.plots.push(new Plot(plots, panel.title, panel.unit, panel.curves, { words, ...page.axis }, page.view, chosen));
 }
+
+// Instants of what was computed: measured values do not make the axis longer.
+const computed = (panels) => panels.flatMap((panel) => panel.curves.filter((curve) => !curve.dots).map((curve) => curve.times));
 
 // What a run is plotted over: the swept quantity, or the time in the unit in which it reads best.
 function axisOf(run, low, high) {
@@ -88,10 +92,23 @@ function axisOf(run, low, high) {
   return { name: run.axis ? run.axis.name : "time", unit, factor, log: run.axis?.log };
 }
 
-function zoomTools() {
+function tools() {
   const middle = () => (page.view.range[0] + page.view.range[1]) / 2;
   const button = (words, told, action) => { const made = html("button", { type: "button", "aria-label": told, title: told }, words); made.addEventListener("click", action); return made; };
-  return html("div", { class: "tools" }, button("+", "zoom in", () => page.view.zoom(0.5, middle())), button("−", "zoom out", () => page.view.zoom(2, middle())), button("all", "show the whole run", () => page.view.show(...page.view.whole)), button("pin", "keep these curves beside those of the next run", () => pin()));
+  return html("div", { class: "tools" }, button("+", "zoom in", () => page.view.zoom(0.5, middle())), button("−", "zoom out", () => page.view.zoom(2, middle())), button("all", "show the whole run", () => page.view.show(...page.view.whole)), button("pin", "keep these curves beside those of the next run", () => pin()), button("mark", "measure from here: values in the legend are told with their difference to those here (M; shift and click)", () => mark(page.plots[0].instant)), ...fileChoice(), html("output", { id: "apart" }));
+}
+
+// A second cursor; at the same instant again it goes.
+function mark(instant) {
+  page.mark = page.mark === instant ? null : instant;
+  for (const plot of page.plots) plot.point(plot.instant);
+  apart();
+}
+
+// How far the cursor is from the mark.
+function apart() {
+  const told = document.getElementById("apart"), { name, unit, factor, log } = page.axis ?? {}, now = page.plots[0]?.instant;
+  if (told) told.textContent = page.mark == null ? "" : `Δ ${name} = ${log ? quantity(10 ** now - 10 ** page.mark, unit) : `${digits((now - page.mark) * factor)} ${unitWords(unit)}`}`;
 }
 
 // ---------------------------------------------------------------- pins: curves that stay
@@ -106,11 +123,11 @@ function pin() {
 function again() { const plots = document.getElementById("plots"); clear(plots); draw(plots, page.run); page.player.put(page.player.share); }
 
 function pinned() {
-  return html("div", { class: "choice pins" }, ...page.pins.map((one, i) => {
-    const button = html("button", { type: "button", "aria-label": `remove ${one.name}`, class: `key d${1 + i % 2}` }, html("i"), one.name, " ×");
-    button.addEventListener("click", () => { page.pins.splice(i, 1); again(); });
+  return html("div", { class: "choice pins" }, ...[page.pins, page.measured].flatMap((list) => list.map((one, i) => {
+    const button = html("button", { type: "button", "aria-label": `remove ${one.name}`, class: `key d${1 + i % 2}` }, list === page.pins ? html("i") : "• ", one.name, " ×");
+    button.addEventListener("click", () => { list.splice(i, 1); again(); });
     return button;
-  }));
+  })));
 }
 
 // One panel for each unit, with the curves of pinned runs over the same axis, then energies and powers along the run.
@@ -127,6 +144,7 @@ function panels(run) {
   };
   add(run, "", 0);
   page.pins.forEach((one, i) => { if (axis(one.run) === axis(run)) add(one.run, one.name, 1 + i % 2); });
+  addMeasured(groups, run);
   return run.along ? [...groups.values(), ...flows(run.along)] : [...groups.values()];
 }
 
@@ -153,7 +171,7 @@ function flows(told) {
 
 // The same experiment with other values: the curves change where they stand.
 function refresh(run) {
-  const found = panels(run), [low, high] = extent(found.flatMap((panel) => panel.curves.map((curve) => curve.times)));
+  const found = panels(run), [low, high] = extent(computed(found));
   const alike = found.length === page.plots.length && found.every((panel, i) => panel.curves.length === page.plots[i].curves.length && panel.curves.every((c, k) => c.name === page.plots[i].curves[k].name));
   if (!alike || low !== page.view.whole[0] || high !== page.view.whole[1]) return false;
   page.run = run;
@@ -182,7 +200,7 @@ function hideStages(hidden) { const stages = document.getElementById("stages"); 
 
 // Everything goes to a share of the run.
 function follow(share) {
-  if (page.view) { const [low, high] = page.view.whole; for (const plot of page.plots) plot.point(low + share * (high - low)); }
+  if (page.view) { const [low, high] = page.view.whole; for (const plot of page.plots) plot.point(low + share * (high - low)); apart(); }
   if (!page.along) return;
   const { times, count } = page.along;
   const place = page.swinging === undefined ? placeOf(times, times[0] + share * (times[count - 1] - times[0])) : share * (count - 1);

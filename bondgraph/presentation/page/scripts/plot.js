@@ -51,13 +51,13 @@ class View {
 }
 
 // Colour and dashes of a curve: its own, or those of its place.
-const look = (curve, place) => `c${(curve.colour ?? place) % 7} d${curve.dash ?? Math.floor(place / 7) % 3}`;
+const look = (curve, place) => `${curve.dots ? "dots " : ""}c${(curve.colour ?? place) % 7} d${curve.dash ?? Math.floor(place / 7) % 3}`;
 
 class Plot {
   // `curves`: {name, times, values, turns, colour, dash}; `axis`: {words, factor, log}, of log the values are powers of ten; `chosen(instant)` is called where the reader points.
   constructor(host, title, unit, curves, axis, view, chosen) {
     Object.assign(this, { title, unit, curves, axis, view, chosen, instant: view.whole[0], hidden: new Set() });
-    this.picture = svg("svg", { class: "plot", tabindex: 0, role: "img", "aria-label": `${title} over ${axis.words}; arrow keys move the cursor, plus and minus zoom, 0 shows all` });
+    this.picture = svg("svg", { class: "plot", tabindex: 0, role: "img", "aria-label": `${title} over ${axis.words}; arrow keys move the cursor, M marks where it is, plus and minus zoom, 0 shows all` });
     this.legend = html("div", { class: "legend" });
     this.box = html("figure", { class: "panel" }, html("figcaption", {}, title, " ", html("small", {}, unit && `[${unitWords(unit)}]`), this.legend, ...exports(this)), this.picture);
     host.append(this.box);
@@ -104,8 +104,8 @@ class Plot {
     this.scale = [low - room, high + room];
     this.picture.setAttribute("viewBox", `0 0 ${this.width} ${HEIGHT}`);
     this.picture.setAttribute("height", HEIGHT);
-    this.cursor = svg("path", { class: "cursor" });
-    this.picture.replaceChildren(...this.frame(), ...this.paths(), this.cursor);
+    [this.cursor, this.marker] = ["cursor", "cursor marker"].map((kind) => svg("path", { class: kind }));
+    this.picture.replaceChildren(...this.frame(), ...this.paths(), this.cursor, this.marker);
     this.point(this.instant);
   }
 
@@ -135,19 +135,29 @@ class Plot {
       let way = "", pen = "M";
       for (let i = first; i < last; i++) {
         const v = curve.values[i];
-        if (Number.isFinite(v)) { way += `${pen}${this.x(curve.times[i]).toFixed(1)} ${this.y(v).toFixed(1)}`; pen = "L"; } else pen = "M";
+        if (Number.isFinite(v) && Number.isFinite(curve.times[i])) { if (curve.dots) { way += `M${this.x(curve.times[i]).toFixed(1)} ${this.y(v).toFixed(1)}h0`; continue; } way += `${pen}${this.x(curve.times[i]).toFixed(1)} ${this.y(v).toFixed(1)}`; pen = "L"; } else pen = "M";
       }
       return svg("path", { class: `curve ${look(curve, place)}`, d: way || "M0 0" });
     });
   }
 
-  // Puts the cursor at an instant, and the values there into the legend.
+  // The value of a curve at an instant; of measured ones the nearest.
+  value({ times, values, turns, dots }, instant) {
+    const place = placeOf(times, instant);
+    return turns ? NaN : dots ? values[Math.round(place)] : between(values, place);
+  }
+
+  // Puts the cursor at an instant, and the values there into the legend, with their differences to those at the mark.
   point(instant) {
     this.instant = instant;
     if (!this.cursor) return;
-    const x = this.x(instant), [low, high] = this.view.range;
-    this.cursor.setAttribute("d", instant >= low && instant <= high ? `M${x} ${TOP}V${HEIGHT - BOTTOM}` : "M0 0");
-    this.keys.forEach((key, i) => { key.value.textContent = this.curves[i] && !this.curves[i].turns ? digits(between(this.curves[i].values, placeOf(this.curves[i].times, instant))) : ""; });
+    const [low, high] = this.view.range, line = (t) => t != null && t >= low && t <= high ? `M${this.x(t)} ${TOP}V${HEIGHT - BOTTOM}` : "M0 0";
+    this.cursor.setAttribute("d", line(instant));
+    this.marker.setAttribute("d", line(page.mark));
+    this.keys.forEach((key, i) => {
+      const curve = this.curves[i], now = curve && this.value(curve, instant);
+      key.value.textContent = !curve || curve.turns ? "" : page.mark == null ? digits(now) : `${digits(now)}, Δ ${digits(now - this.value(curve, page.mark))}`;
+    });
   }
 
   listen() {
@@ -171,7 +181,7 @@ class Plot {
       const here = at(event), wide = Math.abs(this.x(here) - this.x(from)) > 8, start = from;
       from = null; band.remove();
       if (event.type !== "pointerup") return;
-      if (wide) this.view.show(Math.min(start, here), Math.max(start, here)); else this.chosen(here, false);
+      if (wide) this.view.show(Math.min(start, here), Math.max(start, here)); else if (event.shiftKey) mark(here); else this.chosen(here, false);
     };
     this.picture.addEventListener("pointerup", end);
     this.picture.addEventListener("pointercancel", end);
@@ -181,6 +191,7 @@ class Plot {
       const action = {
         ArrowLeft: () => this.chosen(this.instant - step, false), ArrowRight: () => this.chosen(this.instant + step, false),
         "+": () => this.view.zoom(0.5, this.instant), "=": () => this.view.zoom(0.5, this.instant), "-": () => this.view.zoom(2, this.instant),
+        m: () => mark(this.instant),
         0: () => this.view.show(...this.view.whole), Escape: () => this.view.show(...this.view.whole),
       }[event.key];
       if (action && !event.ctrlKey && !event.metaKey) { event.preventDefault(); action(); }

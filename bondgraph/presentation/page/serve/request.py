@@ -93,6 +93,14 @@ def text_request(body: bytes, *names: str) -> tuple[str, ...]:
     return texts
 
 
+def place_request(body: bytes) -> tuple[str, int]:
+    """Return the text, and the number of a character of it, of a body in JSON. Raises `RequestRefused`."""
+    text, at = text_request(body, "text", "at")
+    if not _is_whole(at) or len(at) > MOST_DIGITS:
+        raise RequestRefused(400, "`at` is the number of a character, in decimal digits")
+    return text, int(at)
+
+
 def _is_whole(digits: str) -> bool:
     """Return True if a text has only digits 0 to 9: `str.isdigit` also accepts `²`, which is no number."""
     return digits.isascii() and digits.isdigit()

@@ -17,7 +17,16 @@ from ....errors import UsageError
 from ..shell import page_text
 from .connections import Connections, RequestStream, drain
 from .guard import Guard
-from .request import Limits, RequestRefused, body_length, check_headers, known_version, run_request, text_request
+from .request import (
+    Limits,
+    RequestRefused,
+    body_length,
+    check_headers,
+    known_version,
+    place_request,
+    run_request,
+    text_request,
+)
 from .session import Session
 
 PATIENCE = 20.0  # s that a request for changes waits
@@ -157,13 +166,19 @@ class Handler(BaseHTTPRequestHandler):
         check_headers(self.headers)
         self._check_token(self.headers.get("X-Bondgraph-Token", ""))
         limits, session = self.server.limits, self.server.session
-        body = self._body(body_length(self.headers, limits.text if self.path in ("/save", "/check") else limits.body))
+        body = self._body(
+            body_length(
+                self.headers, limits.text if self.path in ("/save", "/check", "/hover", "/complete") else limits.body
+            )
+        )
         answers: dict[str, Callable[[], str]] = {
             "/stop": session.stop,
             "/run": lambda: session.run(*run_request(body)),
             "/open": lambda: session.open(*text_request(body, "file")),
             "/save": lambda: session.save(*text_request(body, "file", "text", "before")),
             "/check": lambda: session.check(*text_request(body, "text")),
+            "/hover": lambda: session.answer("hover", *place_request(body)),
+            "/complete": lambda: session.answer("complete", *place_request(body)),
         }
         if self.path not in answers:
             self._tell(404, "there is nothing here")

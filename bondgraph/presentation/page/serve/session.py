@@ -59,18 +59,18 @@ class Text:
     stamp: str = ""
     problems: str = ""
     lines: tuple[int, ...] = ()
-    corrections: Sequence[Mapping[str, str]] = ()
+    corrections: Sequence[Mapping[str, object]] = ()
 
 
 class Session:
-    """Session of one file, or of a folder of which one file is shown. `corrections` are what an editor offers for a wrong text."""
+    """Session of one file, or of a folder of which one file is shown. `answers`: corrections, hover, complete of the language service."""
 
     def __init__(
-        self, path: Path, model: str | None = None, corrections: Callable[[str, Path], Sequence[Mapping[str, str]]] = lambda text, path: ()
+        self, path: Path, model: str | None = None, answers: Callable[[str, str, Path, int], Sequence[Mapping[str, object]]] = lambda *_: ()
     ) -> None:  # fmt: skip
         self.folder = path if path.is_dir() else None
         self.path = path if self.folder is None else path / next(iter(models_in(path)), "model.bg")
-        self.model, self.corrections = model, corrections
+        self.model, self.answers = model, answers
         self.version = 0
         self.shown = Text()
         self.loaded: Loaded | None = None
@@ -118,7 +118,7 @@ class Session:
         """Return errors as the fields of a `Text`: markup, lines, corrections."""
         lines = tuple(d.span.line if d.span.source.path == self.path else 0 for d in diagnostics)
         return {
-            "problems": problems_markup(tuple(diagnostics)), "lines": lines, "corrections": self.corrections(text, self.path),
+            "problems": problems_markup(tuple(diagnostics)), "lines": lines, "corrections": self.answers("corrections", text, self.path, 0),
         }  # fmt: skip
 
     def _look(self, loaded: Loaded | None) -> bool:
@@ -166,6 +166,10 @@ class Session:
         """Return the errors of a text that stands in place of the file, as JSON."""
         errors, _ = examine(Source(str(self.path), text, self.path), None, LIBRARY, most_parts())
         return data_text(self._told(errors, text) if errors else {"problems": "", "lines": (), "corrections": ()})
+
+    def answer(self, question: str, text: str, at: int) -> str:
+        """Return what is known about a character of a text that stands in place of the file, as JSON."""
+        return data_text(self.answers(question, text, self.path, at))
 
     # ------------------------------------------------------------ what pages ask
     def page(self) -> Document:
