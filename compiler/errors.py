@@ -10,15 +10,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import field, fields, replace
-from typing import ClassVar
+from typing import ClassVar, dataclass_transform
 
 from .fast_dataclass import dataclass
 from .source import Span
 
 
+@dataclass_transform(frozen_default=True)
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One error in a text. Subclasses set `code`, `title` and `advice`, templates over their own fields."""
+    """One error in a text. Subclasses, dataclasses like this one, set `code`, `title` and `advice`, templates over their own fields."""
 
     code: ClassVar[str] = "BG000"
     title: ClassVar[str] = ""
@@ -26,6 +27,9 @@ class Diagnostic:
     span: Span
     # the instances that it is in, outermost first
     stands: tuple[tuple[Span, str], ...] = field(default=(), kw_only=True)
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True)(cls)
 
     def _fill(self, template: str) -> str:
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("span", "stands")}
@@ -51,7 +55,6 @@ class Diagnostic:
         return ()
 
 
-@dataclass(frozen=True, slots=True)
 class WordedDiagnostic(Diagnostic):
     """An error whose sentence and advice are written where it is found; `others` are related places. Subclasses have a code alone."""
 

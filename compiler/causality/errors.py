@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from ..errors import WordedDiagnostic
-from ..fast_dataclass import dataclass
 
 
-@dataclass(frozen=True, slots=True)
 class StrokeConflict(WordedDiagnostic):
     """BG301: two demands contradict each other."""
 

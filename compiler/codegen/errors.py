@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from ..errors import Diagnostic
-from ..fast_dataclass import dataclass
 
 
-@dataclass(frozen=True, slots=True)
 class NoiseOutOfStep(Diagnostic):
     code = "BG602"
     title = "The instants at which `noise` takes a new number are not equally spaced in time"
     advice = "Write `noise(time, period, seed)`, with a period that does not change; bend the result instead."
 
 
-@dataclass(frozen=True, slots=True)
 class TableTurnsBack(Diagnostic):
     code = "BG603"
     title = "Causality asks the table in the law of `{owner}` for its argument, but its values neither rise nor fall throughout"
@@ -21,7 +18,6 @@ class TableTurnsBack(Diagnostic):
     owner: str
 
 
-@dataclass(frozen=True, slots=True)
 class EvenPower(Diagnostic):
     code = "BG604"
     title = "Causality asks the law of `{owner}` for the base of a power, but a power of {exponent} has two inverses or none"
@@ -30,7 +26,6 @@ class EvenPower(Diagnostic):
     exponent: str
 
 
-@dataclass(frozen=True, slots=True)
 class NoSteps(Diagnostic):
     code = "BG620"
     title = "A model with events is written in C with a loop over fixed steps, which has no method for {what}"
@@ -38,7 +33,6 @@ class NoSteps(Diagnostic):
     what: str
 
 
-@dataclass(frozen=True, slots=True)
 class NoPart(Diagnostic):
     code = "BG621"
     title = "The model has no instance `{name}`"
@@ -47,7 +41,6 @@ class NoPart(Diagnostic):
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
 class PartWithElements(Diagnostic):
     code = "BG622"
     title = "`{name}` is no controller: it holds `{element}`, which bonds join to the rest"
@@ -56,7 +49,6 @@ class PartWithElements(Diagnostic):
     element: str
 
 
-@dataclass(frozen=True, slots=True)
 class PartWithoutOutputs(Diagnostic):
     code = "BG623"
     title = "`{name}` has no outputs, so that nothing of it would be computed"
@@ -64,7 +56,6 @@ class PartWithoutOutputs(Diagnostic):
     name: str
 
 
-@dataclass(frozen=True, slots=True)
 class NumpyAlone(Diagnostic):
     code = "BG605"
     title = "{what} cannot be written in {target} yet"
@@ -73,7 +64,6 @@ class NumpyAlone(Diagnostic):
     what: str = "Events, switched junctions and delays"
 
 
-@dataclass(frozen=True, slots=True)
 class UnitInText(Diagnostic):
     code = "BG607"
     title = "`{name}` is an imported unit ({file}), whose equations no program can hold"
@@ -82,7 +72,6 @@ class UnitInText(Diagnostic):
     file: str
 
 
-@dataclass(frozen=True, slots=True)
 class NotInUnit(Diagnostic):
     code = "BG606"
     title = "A functional mock-up unit cannot hold {what} yet"

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from ..errors import Diagnostic
-from ..fast_dataclass import dataclass
 
 
-@dataclass(frozen=True, slots=True)
 class NotInvertible(Diagnostic):
     code = "BG401"
     title = "Causality asks `{element}` for its {wanted}, but its law cannot be solved for it"
@@ -16,7 +14,6 @@ class NotInvertible(Diagnostic):
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
 class Undetermined(Diagnostic):
     code = "BG404"
     title = "Nothing decides `{variable}`: the bonds at `{node}` form a ring of junctions or transformers"
@@ -25,7 +22,6 @@ class Undetermined(Diagnostic):
     variable: str
 
 
-@dataclass(frozen=True, slots=True)
 class SignalOfItself(Diagnostic):
     code = "BG407"
     title = "Nothing decides the signal `{name}`: its definition leads back to it unchanged"
@@ -33,7 +29,6 @@ class SignalOfItself(Diagnostic):
     name: str
 
 
-@dataclass(frozen=True, slots=True)
 class NotConservative(Diagnostic):
     code = "BG405"
     title = (
@@ -51,7 +46,6 @@ class NotConservative(Diagnostic):
     where: str
 
 
-@dataclass(frozen=True, slots=True)
 class EnergyJumps(Diagnostic):
     code = "BG420"
     title = (
@@ -63,7 +57,6 @@ class EnergyJumps(Diagnostic):
     height: str
 
 
-@dataclass(frozen=True, slots=True)
 class StoredJumps(Diagnostic):
     code = "BG421"
     title = "Causality asks for the rate of `{variable}`, but by its law it jumps by {height} (SI) at {place}: the rate would be an impulse"
@@ -73,7 +66,6 @@ class StoredJumps(Diagnostic):
     height: str
 
 
-@dataclass(frozen=True, slots=True)
 class NothingLeft(Diagnostic):
     code = "BG406"
     title = "Nothing is left at the junction `{node}`: all that hangs on it is zero, so its {variable} has no value"

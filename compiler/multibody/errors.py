@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from ..errors import Diagnostic
-from ..fast_dataclass import dataclass
 
 
-@dataclass(frozen=True, slots=True)
 class ClosedLoop(Diagnostic):
     code = "BG201"
     title = (
@@ -17,7 +15,6 @@ class ClosedLoop(Diagnostic):
     loop: str
 
 
-@dataclass(frozen=True, slots=True)
 class NothingMoves(Diagnostic):
     code = "BG202"
     title = "Nothing with {what} moves along `{coordinate}`: its acceleration is not determined"
@@ -27,7 +24,6 @@ class NothingMoves(Diagnostic):
     what: str
 
 
-@dataclass(frozen=True, slots=True)
 class RodWithoutLength(Diagnostic):
     code = "BG203"
     title = "The rod `{joint}` has no length: its two ends are drawn at one place"

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from ..errors import Diagnostic, WordedDiagnostic
-from ..fast_dataclass import dataclass
 from ..source import Span
 
 
-@dataclass(frozen=True, slots=True)
 class SingularLoop(Diagnostic):
     code = "BG502"
     title = "The algebraic loop through {members} has no unique solution"
@@ -19,7 +17,6 @@ class SingularLoop(Diagnostic):
     members: str
 
 
-@dataclass(frozen=True, slots=True)
 class ForcedByInput(Diagnostic):
     code = "BG503"
     title = "`{element}` is forced by the input `{source}`, so its flow needs the derivative of what comes from outside"
@@ -28,7 +25,6 @@ class ForcedByInput(Diagnostic):
     source: str
 
 
-@dataclass(frozen=True, slots=True)
 class DerivativeWithoutEnd(Diagnostic):
     code = "BG504"
     title = "`{element}` is in derivative form, but nothing decides `{variable}`: it would depend on its own derivatives without end"
@@ -40,7 +36,6 @@ class DerivativeWithoutEnd(Diagnostic):
     variable: str
 
 
-@dataclass(frozen=True, slots=True)
 class NothingToCompute(Diagnostic):
     code = "BG505"
     title = "The model has no output and no state"
@@ -73,7 +68,6 @@ def no_rate(span: Span, role: str, name: str) -> NoRate:
     )
 
 
-@dataclass(frozen=True, slots=True)
 class RateJumps(Diagnostic):
     code = "BG507"
     title = "`{words}` is the rate of what jumps, by {what} in line {line}: it would be an impulse"
@@ -94,7 +88,6 @@ def rate_jumps(span: Span, operator: str, place: Span) -> RateJumps:
     return RateJumps(span, span.words, what, place.line)
 
 
-@dataclass(frozen=True, slots=True)
 class RateWithoutEnd(Diagnostic):
     code = "BG508"
     title = "`{words}` depends on its own derivatives without end: nothing else decides what it differentiates"

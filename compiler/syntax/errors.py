@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from ..errors import Diagnostic
-from ..fast_dataclass import dataclass
 
 
-@dataclass(frozen=True, slots=True)
 class Unexpected(Diagnostic):
     """BG001: the text does not follow the grammar."""
 
@@ -17,7 +15,6 @@ class Unexpected(Diagnostic):
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
 class StrangeCharacter(Diagnostic):
     """BG002: a character that the language does not use."""
 
@@ -28,7 +25,6 @@ class StrangeCharacter(Diagnostic):
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
 class NumberTooLarge(Diagnostic):
     """BG003: a literal beyond the limits, which keep a margin to those of double precision."""
 
@@ -38,7 +34,6 @@ class NumberTooLarge(Diagnostic):
     number: str
 
 
-@dataclass(frozen=True, slots=True)
 class TooDeep(Diagnostic):
     """BG004: nesting beyond the limit."""
 
@@ -48,7 +43,6 @@ class TooDeep(Diagnostic):
     limit: int
 
 
-@dataclass(frozen=True, slots=True)
 class TooLarge(Diagnostic):
     """BG005: a file beyond the limit."""
 
@@ -59,7 +53,6 @@ class TooLarge(Diagnostic):
     limit: int
 
 
-@dataclass(frozen=True, slots=True)
 class Unclosed(Diagnostic):
     """BG007: a bracket without its partner."""
 
@@ -70,7 +63,6 @@ class Unclosed(Diagnostic):
     partner: str
 
 
-@dataclass(frozen=True, slots=True)
 class WrongUnit(Diagnostic):
     """BG008: an impossible unit."""
 
@@ -80,7 +72,6 @@ class WrongUnit(Diagnostic):
     what: str
 
 
-@dataclass(frozen=True, slots=True)
 class ForeignFile(Diagnostic):
     """BG006: a BondGraphTools file, which uses the same ending."""
 
@@ -89,7 +80,6 @@ class ForeignFile(Diagnostic):
     advice = "Both use the ending .bg. Write the elements as declarations (`C c : e = q/C`) and the bonds as arrows (`a -> b`)."
 
 
-@dataclass(frozen=True, slots=True)
 class NotUtf8(Diagnostic):
     """BG009: bytes that are not valid UTF-8."""
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from ..errors import Diagnostic
-from ..fast_dataclass import dataclass
 
 
-@dataclass(frozen=True, slots=True)
 class UnwrittenUnit(Diagnostic):
     code = "BG701"
     title = "`{name}` cannot be written as text: the language has no unit for {unit}"
@@ -15,7 +13,6 @@ class UnwrittenUnit(Diagnostic):
     unit: str
 
 
-@dataclass(frozen=True, slots=True)
 class UnwrittenSize(Diagnostic):
     code = "BG702"
     title = "`{name}` cannot be written as text: its expression has {what}"
@@ -24,7 +21,6 @@ class UnwrittenSize(Diagnostic):
     what: str
 
 
-@dataclass(frozen=True, slots=True)
 class UnwrittenFile(Diagnostic):
     code = "BG706"
     title = "`{name}` cannot be written as text: it is an imported unit ({file})"
@@ -33,7 +29,6 @@ class UnwrittenFile(Diagnostic):
     file: str
 
 
-@dataclass(frozen=True, slots=True)
 class UnwrittenDomain(Diagnostic):
     code = "BG703"
     title = "The bond from `{tail}` to `{name}` cannot be written as text: nothing tells its domain"
@@ -42,7 +37,6 @@ class UnwrittenDomain(Diagnostic):
     tail: str
 
 
-@dataclass(frozen=True, slots=True)
 class UnwrittenNumber(Diagnostic):
     code = "BG704"
     title = "`{name}` cannot be written as text: it contains the number {number}"
@@ -51,7 +45,6 @@ class UnwrittenNumber(Diagnostic):
     number: float
 
 
-@dataclass(frozen=True, slots=True)
 class UnwrittenPort(Diagnostic):
     code = "BG705"
     title = "`{name}` cannot be written as text: in a flat text nothing shows `{words}`, which it reads"

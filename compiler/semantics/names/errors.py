@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from ...errors import Diagnostic, WordedDiagnostic
-from ...fast_dataclass import dataclass
 from ...source import Span
 
 
-@dataclass(frozen=True, slots=True)
 class UnknownName(Diagnostic):
     code = "BG101"
     title = "There is no `{name}` in {where}"
@@ -17,7 +15,6 @@ class UnknownName(Diagnostic):
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
 class UnknownFunction(Diagnostic):
     code = "BG109"
     title = "There is no function `{name}`"
@@ -34,7 +31,6 @@ class DimensionMismatch(WordedDiagnostic):
     code = "BG103"
 
 
-@dataclass(frozen=True, slots=True)
 class DuplicateName(Diagnostic):
     code = "BG104"
     title = "The name `{name}` is already taken in this model"
@@ -46,7 +42,6 @@ class DuplicateName(Diagnostic):
         return ((self.first, "it was first used here"),)
 
 
-@dataclass(frozen=True, slots=True)
 class UnknownKind(Diagnostic):
     code = "BG105"
     title = "`{kind}` is neither a kind of element nor a model"
@@ -55,7 +50,6 @@ class UnknownKind(Diagnostic):
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
 class NotStatic(Diagnostic):
     code = "BG106"
     title = "{what} must be known before the run, but `{name}` changes during it"
@@ -70,7 +64,6 @@ class NotStatic(Diagnostic):
         return f"{self.advice[:-1]}, or declare it as `signal`." if is_declared else self.advice
 
 
-@dataclass(frozen=True, slots=True)
 class Cycle(Diagnostic):
     code = "BG107"
     title = "{what}: {chain}"
@@ -79,7 +72,6 @@ class Cycle(Diagnostic):
     chain: str
 
 
-@dataclass(frozen=True, slots=True)
 class WrongArguments(Diagnostic):
     code = "BG108"
     title = "`{function}` takes {expected}, not {count}"
@@ -90,7 +82,6 @@ class WrongArguments(Diagnostic):
     usage: str
 
 
-@dataclass(frozen=True, slots=True)
 class MissingValue(Diagnostic):
     code = "BG110"
     title = "{role} `{name}` has no value"
@@ -104,7 +95,6 @@ class MissingValue(Diagnostic):
         return () if self.instance is None else ((self.instance, "the instance that needs it"),)
 
 
-@dataclass(frozen=True, slots=True)
 class WrongType(Diagnostic):
     code = "BG111"
     title = "{what} is expected here, this is {found}"
@@ -114,7 +104,6 @@ class WrongType(Diagnostic):
     hint: str = "Write what is expected instead."
 
 
-@dataclass(frozen=True, slots=True)
 class WrongIndex(Diagnostic):
     code = "BG112"
     title = "`{name}` has no item {index}"
@@ -124,7 +113,6 @@ class WrongIndex(Diagnostic):
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
 class UnknownDomain(Diagnostic):
     code = "BG114"
     title = "The domain of `{name}` is not known"
@@ -132,7 +120,6 @@ class UnknownDomain(Diagnostic):
     name: str
 
 
-@dataclass(frozen=True, slots=True)
 class DomainConflict(Diagnostic):
     code = "BG115"
     title = "`{name}` is {first} here, but joined to `{neighbour}`, which is {second}"
@@ -147,7 +134,6 @@ class DomainConflict(Diagnostic):
         return ((self.other, f"{self.second} because of this"),)
 
 
-@dataclass(frozen=True, slots=True)
 class NameClash(Diagnostic):
     code = "BG116"
     title = "`{name}` could be a variable of `{element}` or the {role} of that name"
@@ -158,7 +144,6 @@ class NameClash(Diagnostic):
     instead: str
 
 
-@dataclass(frozen=True, slots=True)
 class ForeignVariable(Diagnostic):
     code = "BG117"
     title = "The law of `{element}` reads `{name}`, which changes during a run"
@@ -168,7 +153,6 @@ class ForeignVariable(Diagnostic):
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
 class NeedlessM(Diagnostic):
     code = "BG118"
     title = "`{kind} {element}` is modulated in name only: its law reads nothing that changes elsewhere"
@@ -182,7 +166,6 @@ class WrongLaw(WordedDiagnostic):
     code = "BG119"
 
 
-@dataclass(frozen=True, slots=True)
 class UnknownAttribute(Diagnostic):
     code = "BG120"
     title = "`{owner}` has no attribute `{name}`"
@@ -192,7 +175,6 @@ class UnknownAttribute(Diagnostic):
     hint: str
 
 
-@dataclass(frozen=True, slots=True)
 class WrongValue(Diagnostic):
     code = "BG122"
     title = "`{attribute}` of `{owner}` cannot be `{value}`"
@@ -207,7 +189,6 @@ class WrongConnection(WordedDiagnostic):
     code = "BG121"
 
 
-@dataclass(frozen=True, slots=True)
 class Unsupported(WordedDiagnostic):
     code = "BG130"
     title = "{what} is not supported by this version"
@@ -224,7 +205,6 @@ class NoSingleModel(WordedDiagnostic):
 NO_NAMES = "Write an expression that has a finite value."  # the advice where no name has a value to tell
 
 
-@dataclass(frozen=True, slots=True)
 class NoValue(Diagnostic):
     code = "BG133"
     title = "This has no finite value: {why}"
@@ -233,7 +213,6 @@ class NoValue(Diagnostic):
     values: str
 
 
-@dataclass(frozen=True, slots=True)
 class ReservedName(Diagnostic):
     code = "BG134"
     title = "`{name}` is reserved"
@@ -264,7 +243,6 @@ class WrongEvent(WordedDiagnostic):
     code = "BG153"
 
 
-@dataclass(frozen=True, slots=True)
 class AbsentName(Diagnostic):
     code = "BG170"
     title = "There is no `{name}` here: it stands in {branch}, which is not taken"
@@ -295,7 +273,6 @@ class SamplingOutOfRange(WordedDiagnostic):
     code = "BG176"
 
 
-@dataclass(frozen=True, slots=True)
 class LateStorage(Diagnostic):
     code = "BG177"
     title = "`{words}` is set by an `every` with a delay, which sets `mode`s alone"
@@ -305,7 +282,6 @@ class LateStorage(Diagnostic):
     words: str
 
 
-@dataclass(frozen=True, slots=True)
 class TooMany(Diagnostic):
     code = "BG160"
     title = "{what}: more than {limit}"
@@ -315,7 +291,6 @@ class TooMany(Diagnostic):
     hint: str = "The limit protects against files that never end; split the model."
 
 
-@dataclass(frozen=True, slots=True)
 class TooLongRow(Diagnostic):
     """BG162: nested more deeply than the compiler follows."""
 
@@ -325,7 +300,6 @@ class TooLongRow(Diagnostic):
     model: str
 
 
-@dataclass(frozen=True, slots=True)
 class TooManyMistakes(Diagnostic):
     """BG161: the limit on reported errors is reached."""
 
