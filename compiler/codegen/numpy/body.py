@@ -159,6 +159,7 @@ def _bracketed(text: str, needed: bool) -> str:
 
 
 def number(value: float | None) -> str:
+    """A number in Python; NaN where there is none."""
     if value is None or not math.isfinite(value):
         return f"float('{value if value is not None else 'nan'}')"
     return repr(float(value))

@@ -12,6 +12,7 @@ from ...algebra.operators import CURVES, SLOPES, Operator
 from ...errors import CompilationFailed, printable
 from ...reduction import StateSpace
 from ..errors import NumpyAlone
+from ..numpy.body import number
 from ..numpy.names import Identifiers
 from ..symbolic.formulate import formulate
 from ..symbolic.python_text import PythonPrinter, function_names, lines_text, needed_lines, results_of, targets_of
@@ -116,7 +117,7 @@ class FunctionModule:
     def defaults(self) -> Iterator[tuple[str, str]]:
         """Names of the values of parameters and inputs, and their numbers."""
         for heading, quantities in (("DEFAULTS", self.equations.parameters), ("INPUT_DEFAULTS", self.equations.inputs)):
-            yield heading, f"[{', '.join(_number(q.value) for q in quantities)}]"
+            yield heading, f"[{', '.join(number(q.value) for q in quantities)}]"
 
     def items(self, letter: str, group: Sequence[NamedSymbol]) -> Iterator[str]:
         """Lines that name the items of an array."""
@@ -184,11 +185,3 @@ class _CasadiModule(FunctionModule):
 
     def _vector(self, entries: Iterable[Entry]) -> str:
         return f"ca.vertcat({self.values(entries)})"
-
-
-def _number(value: float | None) -> str:
-    return (
-        repr(float(value))
-        if value is not None and abs(value) < float("inf")
-        else f"float('{value}')".replace("None", "nan")
-    )

@@ -9,6 +9,7 @@ from sympy import Basic
 
 from ...errors import printable
 from ...reduction import StateSpace
+from ..numpy.body import number
 from ..numpy.names import Identifiers
 from ..numpy.runtime import operator_functions
 from ..symbolic.formulate import formulate
@@ -116,7 +117,7 @@ class _NumpyModule:
 
     def _example(self) -> str:
         first = self.equations.parameters[0]
-        return f"{self.fields[first.symbol]}={_number(first.value)}"
+        return f"{self.fields[first.symbol]}={number(first.value)}"
 
     def _tables(self) -> Iterator[str]:
         e = self.equations
@@ -126,7 +127,7 @@ class _NumpyModule:
             if group:
                 yield from _table(heading, [(q.name, q.unit) for q in group])
         if e.inputs:
-            yield f"INPUT_DEFAULTS = ({', '.join(_number(q.value or 0.0) for q in e.inputs)},)"
+            yield f"INPUT_DEFAULTS = ({', '.join(number(q.value or 0.0) for q in e.inputs)},)"
 
     def _parameters(self) -> str:
         lines = ["@dataclass", "class Parameters:", '    """Parameters, with the values of the model."""', ""]
@@ -134,7 +135,7 @@ class _NumpyModule:
             name = "" if self.fields[q.symbol] == q.name else repr(q.name)
             words = ", ".join(w for w in (name, q.unit, q.description) if w)
             note = f"  # {printable(words)}" if words else ""
-            lines.append(f"    {self.fields[q.symbol]}: float = {_number(q.value)}{note}")
+            lines.append(f"    {self.fields[q.symbol]}: float = {number(q.value)}{note}")
         return "\n".join(lines) if self.equations.parameters else "\n".join(lines[:3])
 
     # ------------------------------------------------------------ functions of every model
@@ -368,8 +369,3 @@ def _table(heading: str, rows: Sequence[tuple[str, str]]) -> Iterator[str]:
     yield f"{heading} = (  # name, SI unit"
     yield from (f"    ({name!a}, {unit!a})," for name, unit in rows)
     yield ")"
-
-
-def _number(value: float | None) -> str:
-    finite = value is not None and abs(value) < float("inf")
-    return repr(float(value)) if finite and value is not None else f"float('{'nan' if value is None else value}')"

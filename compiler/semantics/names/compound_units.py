@@ -168,15 +168,9 @@ def unit_notes(syntax: SyntaxTree) -> Iterator[str]:
 
 def ambiguous_products(node: object, home: Source) -> Iterator[str]:
     """Notes on a statement, an expression, or several. A place outside of the text `home` is given with its file name."""
-    if isinstance(node, tuple):
-        for item in node:
-            yield from ambiguous_products(item, home)
-    elif isinstance(node, tree.SyntaxNode):
-        if isinstance(node, tree.Product):
-            yield from _notes(node, home)
-        for field in fields(node):
-            if field.name != "span":
-                yield from ambiguous_products(getattr(node, field.name), home)
+    products = [found for found in nodes_in(node) if isinstance(found, tree.Product)]
+    for product in sorted(products, key=lambda p: p.span.start):
+        yield from _notes(product, home)
 
 
 def _notes(product: tree.Product, home: Source) -> Iterator[str]:
