@@ -65,7 +65,7 @@ def energies(
 ) -> Energies:  # fmt: skip
     """Return the energies of a run of an experiment ("": the first, None: none), from t = 0. Raises as `Model.simulate`."""
     from ..simulation.repetition import simulate
-    from ..simulation.run_options import RunOptions
+    from ..simulation.run_options import RunOptions, RunRequest
 
     made = model.compilation(model.scene(experiment, settings))
     plan = made.plan
@@ -87,7 +87,7 @@ def energies(
     wanted_run = RunOptions(
         stop, points or int(plan.settings.get("points", POINTS)), rtol if rtol is not None else 1e-8
     )
-    run = simulate(powered, None, {}, tuple(names.values()) or None, wanted_run)
+    run = simulate(powered, RunRequest(None, {}, tuple(names.values()) or None, wanted_run))
     found = {n: run[o] * (-1.0 if _into_source(graph, wanted[n]) else 1.0) for n, o in names.items()}
     kinds = {n: e.kind.value for n, e in wanted.items()}
     mechanisms = [n.name for n in graph.nodes if isinstance(n, MechanismNode)]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import UsageError
 from ..simulation.repetition import simulate
-from ..simulation.run_options import RunOptions
+from ..simulation.run_options import RunOptions, RunRequest
 from .linear import linearization
 from .operating_point import AnalysisRequest
 from .placement import operating_point
@@ -36,7 +36,7 @@ def excite(model: CompiledModel, asked: AnalysisRequest, frequency: float, ampli
     periods = waited + PERIODS
     wanted = RunOptions(periods / frequency, periods * SAMPLES + 1, rtol)
     settings = {**(asked.settings or {}), given: f"{mean} + {swing}"}
-    result = simulate(model, asked.experiment, settings, (seen,), wanted)
+    result = simulate(model, RunRequest(asked.experiment, settings, (seen,), wanted))
     last = slice(waited * SAMPLES, periods * SAMPLES)
     value, rest = first_harmonic(result.time[last], result[seen][last], frequency)
     return Measured(frequency, value / amplitude, rest, waited / frequency)

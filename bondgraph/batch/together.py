@@ -6,7 +6,7 @@ A run for which anything else than steps is needed has no result here: it is to 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,9 +17,9 @@ from ..results.checkpoint import Checkpoint
 from ..results.result import Result
 from ..simulation.integrators.exponential import RunsPart
 from ..simulation.phases.cancellation import EXACT, doubtful_outputs, terms_of_outputs
-from ..simulation.run_options import RunOptions
+from ..simulation.run_options import RunRequest
 from ..simulation.segments.timeline import mode_after
-from ..simulation.settings import settle_all
+from ..simulation.settings import Settings, SettledPoints, settle_all
 from .exact import exact_trajectories
 from .pilot import batch_magnitudes
 from .runs import BatchCourse, Runs, grouped
@@ -36,13 +36,11 @@ FEWEST = 3  # runs of a group; fewer take longer together than alone
 MOST_NUMBERS = 8_000_000  # in states and outputs of runs that are stepped at once
 
 
-def simulate_together(
-    model: CompiledModel, experiment: str | None, settings: Sequence[Mapping[str, str | float]], outputs: tuple[str, ...] | None, wanted: RunOptions
-) -> list[Result | None]:  # fmt: skip
-    """Return the results of runs with some settings; None for a run that is to be made alone."""
-    results: list[Result | None] = [None] * len(settings)
-    settled = settle_all(model, experiment, settings, outputs, chosen_target(wanted.target))
-    scene = None if settled is None else batch_scene(model, settled.scene, wanted)
+def simulate_together(model: CompiledModel, request: RunRequest, points: Sequence[Settings]) -> list[Result | None]:
+    """Return the results of the requested run with further settings, those of each point; None for a run that is to be made alone."""
+    results: list[Result | None] = [None] * len(points)
+    settled = _settled(model, request, points)
+    scene = None if settled is None else batch_scene(model, settled.scene, request.options)
     if settled is None or scene is None:
         return results
     program, rows = scene.program, settled.rows
@@ -67,12 +65,15 @@ def _parts(scene: BatchScene, runs: Runs) -> Iterator[Runs]:
             yield part
 
 
-def is_together(
-    model: CompiledModel, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None, wanted: RunOptions
-) -> bool:  # fmt: skip
-    """Return True if runs with settings like these may be stepped together."""
-    settled = settle_all(model, experiment, [settings], outputs, chosen_target(wanted.target))
+def is_together(model: CompiledModel, request: RunRequest, point: Settings) -> bool:
+    """Return True if runs at points like this one may be stepped together."""
+    settled, wanted = _settled(model, request, [point]), request.options
     return settled is not None and len(settled.rows) > 0 and batch_scene(model, settled.scene, wanted) is not None
+
+
+def _settled(model: CompiledModel, request: RunRequest, points: Sequence[Settings]) -> SettledPoints | None:
+    settings, target = [{**request.settings, **point} for point in points], chosen_target(request.options.target)
+    return settle_all(model, request.experiment, settings, request.outputs, target)
 
 
 def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tuple[int, Result]]:

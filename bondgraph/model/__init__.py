@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from ..analysis.outcome import Outcome
     from ..results.ensemble import Ensemble
     from ..results.result import Result
+    from ..simulation.run_options import RunRequest
     from ..studies.distributions import Distribution
     from ..studies.fit_problem import BoundedParameter
     from ..studies.fitted import Fit
     from ..studies.measured import Measurements
-    from ..studies.options import Options
     from ..studies.scalar_study import ScalarStudy
     from ..studies.stressed import StressTest
     from ..studies.tolerances import MonteCarlo
@@ -64,8 +64,8 @@ class Model(Shown, AnalysedModel):
         from ..studies.experiment import run
         from ..studies.workers import ALONE, workers_of
 
-        wanted = _options({**options, "to": to, "points": points})
-        return run(self, experiment, settings or {}, wanted, workers_of(workers, ALONE))
+        request = _request(experiment, settings, {**options, "to": to, "points": points})
+        return run(self, request, workers_of(workers, ALONE))
 
     @checked
     def sweep(
@@ -82,7 +82,7 @@ class Model(Shown, AnalysedModel):
         from ..studies.sweep import sweep
         from ..studies.workers import ALONE, workers_of
 
-        study = _study(of, experiment, settings, _options(options))
+        study = _study(of, _request(experiment, settings, options))
         return sweep(self, values, study, together, workers_of(workers, ALONE))
 
     @checked
@@ -101,15 +101,14 @@ class Model(Shown, AnalysedModel):
         Failed points are reported and not in the statistics. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if all fail.
         """
         from ..studies.montecarlo import Chance, montecarlo
-        from ..studies.options import Options
         from ..studies.workers import Workers, workers_of
 
         chance = Chance(
             vary, options.get("correlations") or {}, samples, options.get("seed", 0), options.get("indices")
         )
-        points, outputs = 2 if "simulate" in of else None, names_of(options.get("outputs"))
-        wanted = Options(options.get("to"), points, options.get("rtol"), outputs=outputs)
-        return montecarlo(self, chance, _study(of, experiment, settings, wanted), workers_of(workers, Workers()))
+        chosen = {name: options.get(name) for name in ("to", "rtol", "outputs")}
+        request = _request(experiment, settings, chosen | {"points": 2 if "simulate" in of else None})
+        return montecarlo(self, chance, _study(of, request), workers_of(workers, Workers()))
 
     @checked
     def benchmark(
@@ -122,12 +121,10 @@ class Model(Shown, AnalysedModel):
         solvers of scipy, SUNDIALS and CasADi, where they can run the same equations. `outputs`: only these. `progress` is called with what is being run. Raises
         as `simulate`.
         """
-        from ..simulation.run_options import RunOptions
         from ..studies.benchmark import BenchmarkRequest, benchmark
 
-        request = BenchmarkRequest(
-            experiment, settings or {}, names_of(options.get("outputs")), RunOptions(to=to), error, options.get("rounds", 3), options.get("peers", True)
-        )  # fmt: skip
+        run = _request(experiment, settings, {"outputs": options.get("outputs"), "to": to})
+        request = BenchmarkRequest(run, error, options.get("rounds", 3), options.get("peers", True))
         return benchmark(self, request, options.get("progress", lambda text: None))
 
     @checked
@@ -142,14 +139,11 @@ class Model(Shown, AnalysedModel):
         is drawn. `out`: a folder for small files that show what broke. `outputs`: only these.
         `progress` is called with what is being tried. Raises as `simulate`, and OSError.
         """
-        from ..simulation.run_options import RunOptions
         from ..studies.stress import StressRequest, stress
 
-        out = options.get("out")
-        request = StressRequest(
-            experiment, settings or {}, names_of(options.get("outputs")), RunOptions(to=to), seconds, options.get("seed", 0), options.get("vary", {}),
-            None if out is None else Path(out),
-        )  # fmt: skip
+        run, out = _request(experiment, settings, {"outputs": options.get("outputs"), "to": to}), options.get("out")
+        folder = None if out is None else Path(out)
+        request = StressRequest(run, seconds, options.get("seed", 0), options.get("vary", {}), folder)
         return stress(self, request, options.get("progress", lambda text: None))
 
     @checked
@@ -223,8 +217,8 @@ class Model(Shown, AnalysedModel):
                 "a run that goes on from a result cannot be checked, and its error is not known:",
                 "check the whole run",
             )
-        chosen = _options({**options, "to": to, "points": points, "check": check, "error": error})
-        return simulate(self, experiment, settings or {}, chosen.outputs, chosen.wanted, before)
+        chosen = {**options, "to": to, "points": points, "check": check, "error": error}
+        return simulate(self, _request(experiment, settings, chosen), before)
 
     @checked
     def simulate_many(
@@ -240,21 +234,21 @@ class Model(Shown, AnalysedModel):
         from ..studies.runs import simulate_many
         from ..studies.workers import Workers, workers_of
 
-        wanted = _options({**options, "to": to, "points": points})
-        return simulate_many(self, experiment, settings, wanted.outputs, wanted.wanted, workers_of(workers, Workers()))
+        request = _request(experiment, None, {**options, "to": to, "points": points})
+        return simulate_many(self, request, settings, workers_of(workers, Workers()))
 
 
-def _options(keywords: Mapping[str, Any]) -> Options:
-    """Return the options of a call."""
-    from ..studies.options import Options
+def _request(
+    experiment: str | None, settings: Mapping[str, str | float] | None, keywords: Mapping[str, Any]
+) -> RunRequest:
+    """Return the runs of a call with these keywords."""
+    from ..simulation.run_options import RunOptions, RunRequest
 
-    return Options(**{**keywords, "outputs": names_of(keywords.get("outputs"))})
+    options = RunOptions(**{name: value for name, value in keywords.items() if name != "outputs"})
+    return RunRequest(experiment, dict(settings or {}), names_of(keywords.get("outputs")), options)
 
 
-def _study(
-    of: str | tuple[str, ...], experiment: str | None, settings: Mapping[str, str | float] | None, options: Options
-) -> ScalarStudy:
+def _study(of: str | tuple[str, ...], run: RunRequest) -> ScalarStudy:
     from ..studies.scalar_study import ScalarStudy
 
-    steps = (of,) if isinstance(of, str) else tuple(of)
-    return ScalarStudy(steps, experiment, tuple((settings or {}).items()), options.outputs, options.wanted)
+    return ScalarStudy((of,) if isinstance(of, str) else tuple(of), run)

@@ -37,8 +37,8 @@ class Computing:
 
     def outcome(self, file: str, experiment: str) -> Outcome:
         """Return the outcome of an experiment; "": of the model at equilibrium."""
+        from ..simulation.run_options import RunRequest
         from ..studies.experiment import run
-        from ..studies.options import Options
         from ..studies.scalar_study import ScalarStudy
         from ..studies.sweep import sweep
 
@@ -46,9 +46,9 @@ class Computing:
         if key not in self._outcomes:
             model = self.model(file)
             self._outcomes[key] = (
-                run(model, experiment, {}, Options())
+                run(model, RunRequest(experiment))
                 if experiment
-                else sweep(model, {}, ScalarStudy(("equilibrium",), None, (), None, Options()), False)
+                else sweep(model, {}, ScalarStudy(("equilibrium",), RunRequest(None)), False)
             )
         return self._outcomes[key]
 

@@ -19,14 +19,13 @@ from compiler.api import AUTOMATIC, SOLVERS, Array
 from ..errors import RunFailed, RunInterrupted, UsageError
 from ..results.run_check import FACTOR, ErrorEstimate, OutputDifference, RunCheck
 from . import run
-from .run_options import LEAST_RTOL, RunOptions
+from .run_options import LEAST_RTOL, RunOptions, RunRequest
 
 if TYPE_CHECKING:
     from typing import Any
 
     from ..compiled_model import CompiledModel
     from ..results.result import Result
-    from .settings import Settings
 
     Repeat = Callable[[RunOptions], Result]
 
@@ -35,18 +34,16 @@ TIGHTEST = 1e-12  # for another method
 NEAR = 1e-9  # fraction of the run: an instant this near to an event may belong to either side of it
 
 
-def simulate(
-    model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, wanted: RunOptions, start: Result | None = None
-) -> Result:  # fmt: skip
-    """Run a model with some settings, and again for a check, an estimate of the error, or an accuracy. `start`: a result from which the run goes on.
+def simulate(model: CompiledModel, request: RunRequest, start: Result | None = None) -> Result:
+    """Run a model as requested, and again for a check, an estimate of the error, or an accuracy. `start`: a result from which the run goes on.
 
     A `RunFailed` or `RunInterrupted` carries the result up to the instant at which it was raised, or the finished run if that was repeated.
     """
 
     def repeat(options: RunOptions) -> Result:
-        return run.simulate_once(model, experiment, settings, outputs, options)
+        return run.simulate_once(model, replace(request, options=options))
 
-    result = run.simulate_once(model, experiment, settings, outputs, wanted, start)
+    wanted, result = request.options, run.simulate_once(model, request, start)
     if start is not None:
         note = "the accuracy was not checked, as the run goes on from another: its tolerance is a tenth of it"
         return result if result.accuracy is None else replace(result, notes=(*result.notes, note))

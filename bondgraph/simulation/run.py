@@ -16,8 +16,8 @@ from ..errors import RunFailed, UsageError
 from ..numerics.threads import one_thread
 from ..results.result import Result
 from .phase_sequence import PhaseSequence
-from .run_options import RunOptions, planned
-from .settings import Settings, refused_with_values, settle
+from .run_options import RunOptions, RunRequest, planned
+from .settings import refused_with_values, settle
 
 if TYPE_CHECKING:
     from compiler.api import Scene
@@ -38,16 +38,15 @@ class PlannedRun:
     accuracy: float | None
 
 
-def simulate_once(
-    model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, wanted: RunOptions, start: Result | None = None
-) -> Result:  # fmt: skip
-    """Run a model with some settings. `start`: a result from which the run goes on.
+def simulate_once(model: CompiledModel, request: RunRequest, start: Result | None = None) -> Result:
+    """Run a model as requested. `start`: a result from which the run goes on.
 
     A `RunFailed` or `RunInterrupted` carries the result up to the instant at which it was raised.
     """
-    energy = wanted.energy or (start is not None and start.energy is not None)
-    target = chosen_target(wanted.target)
-    wanted = replace(wanted, target=target, energy=energy)
+    experiment, settings, outputs = request.experiment, request.settings, request.outputs
+    energy = request.options.energy or (start is not None and start.energy is not None)
+    target = chosen_target(request.options.target)
+    wanted = replace(request.options, target=target, energy=energy)
     settled = settle(model, experiment, settings, outputs, energy, target)
     try:
         result = run(model, settled.scene, settled.values, wanted, start)

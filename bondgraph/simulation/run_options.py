@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from operator import index
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,9 @@ from .integrators.methods import chosen_solver
 from .phase import PhaseOptions
 
 if TYPE_CHECKING:
-    from compiler.api import Plan
+    from compiler.api import Compilation, Plan
+
+    from ..compiled_model import CompiledModel
 
 DEFAULT_RTOL = 1e-6
 LEAST_RTOL = 1e-13
@@ -43,6 +45,24 @@ class RunOptions:
     error: bool = False
     extremes: bool = False
     parts: int = field(default=1, kw_only=True)  # number of parts; the integrator restarts between them
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequest:
+    """Request of a run: its experiment ("": the first, None: none), settings, the outputs that it reports (None: those of the experiment), and options."""
+
+    experiment: str | None = ""
+    settings: Mapping[str, str | float] = field(default_factory=dict)
+    outputs: tuple[str, ...] | None = None
+    options: RunOptions = RunOptions()
+
+    def at(self, settings: Mapping[str, str | float]) -> RunRequest:
+        """Return the same with further settings."""
+        return replace(self, settings={**self.settings, **settings})
+
+    def compilation(self, model: CompiledModel) -> Compilation:
+        """Return the stages of its scene."""
+        return model.compilation(model.scene(self.experiment, self.settings, outputs=self.outputs))
 
 
 def check_run_options(wanted: RunOptions) -> None:

@@ -16,7 +16,7 @@ from ..errors import RunFailed, UsageError
 from ..results.run_check import ErrorEstimate
 from ..simulation.repetition import compare
 from ..simulation.run import simulate_once
-from ..simulation.run_options import LEAST_RTOL, RunOptions
+from ..simulation.run_options import LEAST_RTOL, RunRequest
 from .peers import peers_of
 from .time_limit import TooLong, within
 from .work_precision import WorkPoint, WorkPrecision
@@ -35,12 +35,9 @@ Run = Callable[[float], "Result"]  # tolerance -> result
 
 @dataclass(frozen=True, slots=True)
 class BenchmarkRequest:
-    """Request of a benchmark: the runs, the wanted `error`, `rounds` of each run, and whether solvers of other programs take part (`peers`)."""
+    """Request of a benchmark: the run, the wanted `error`, `rounds` of each run, and whether solvers of other programs take part (`peers`)."""
 
-    experiment: str | None
-    settings: Mapping[str, str | float]
-    outputs: tuple[str, ...] | None
-    options: RunOptions
+    run: RunRequest
     error: float = 1e-6
     rounds: int = 3
     peers: bool = True
@@ -55,9 +52,8 @@ def benchmark(model: AnalysedModel, request: BenchmarkRequest, progress: Callabl
         raise UsageError("BR490", "a benchmark takes a wanted error between 0 and 1, and at least one round")
 
     def run_by(solver: str) -> Run:
-        options = replace(request.options, solver=solver, accuracy=None)
-        scene = request.experiment, request.settings, request.outputs
-        return lambda rtol: simulate_once(model, *scene, replace(options, rtol=rtol))
+        options = replace(request.run.options, solver=solver, accuracy=None)
+        return lambda rtol: simulate_once(model, replace(request.run, options=replace(options, rtol=rtol)))
 
     with suppress(RunFailed):
         run_by(AUTOMATIC)(TOLERANCES[0])  # errors that are no matter of the solver
@@ -77,7 +73,7 @@ def benchmark(model: AnalysedModel, request: BenchmarkRequest, progress: Callabl
         raise UsageError("BR491", f"no solver can run this: {'; '.join(refused.values())}")
     references, agreement = _references(runs)
     reference = references[0]
-    peers, missing = peers_of(model, request.experiment, request.settings, reference) if request.peers else ({}, {})
+    peers, missing = peers_of(model, request.run, reference) if request.peers else ({}, {})
     for run in peers.values():
         with suppress(RunFailed, TooLong), within(PATIENCE):
             run(TOLERANCES[0])  # what is loaded at the first run is not timed

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from compiler.api import MonteCarloRequest
 
 from ..analysis.outcome import Outcome, Point
-from ..simulation.settings import Settings
+from ..simulation.run_options import RunRequest
 from .experiment_study import ExperimentStudy
-from .options import Options
 from .point_failure import check_some_stand, why
 from .point_request import PointRequest
 from .scalar_study import compilation_notes
@@ -21,27 +21,23 @@ if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
 
 
-def run(
-    model: AnalysedModel, experiment: str, settings: Settings, options: Options, workers: Workers | None = None
-) -> Outcome:
-    """Run the experiment of that name ("": the first). Raises as `Model.simulate`."""
-    first = model.compilation(model.scene(experiment, settings, outputs=options.outputs))
+def run(model: AnalysedModel, request: RunRequest, workers: Workers | None = None) -> Outcome:
+    """Run the requested experiment. Raises as `Model.simulate`."""
+    first = request.compilation(model)
     plan = first.plan
-    left = [s for s in plan.sweeps if s.name not in settings]  # names set by a call are not swept
+    left = [s for s in plan.sweeps if s.name not in request.settings]  # names set by a call are not swept
     grid = [
         dict(zip([s.name for s in left], values, strict=True))
         for values in itertools.product(*(s.values for s in left))
     ]
     simulates = plan.stop is not None or not plan.studies
-    asked = ExperimentStudy(
-        plan.experiment, tuple(settings.items()), plan.studies, simulates, options.outputs, options.wanted
-    )
+    asked = ExperimentStudy(replace(request, experiment=plan.experiment), plan.studies, simulates)
     chosen = workers or ALONE
     # The workers share the points of a Monte Carlo step that stands alone.
     alone = not left and any(isinstance(s, MonteCarloRequest) for s in plan.studies)
     points = (asked.answer(model, {}, chosen),) if alone else made(model, asked, grid, chosen)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
-    notes = compilation_notes(model, plan.experiment, settings, grid)
+    notes = compilation_notes(model, asked.run, grid)
     return Outcome(first.whole_graph.name, plan.experiment, {s.name: s.unit for s in left}, points, shown, notes)
 
 

@@ -25,6 +25,8 @@ from .tolerances import MonteCarlo, Swing
 from .workers import Workers, answers
 
 if TYPE_CHECKING:
+    from compiler.api import StateSpace
+
     from ..analysed_model import AnalysedModel
 
 
@@ -50,10 +52,9 @@ class Chance:
 def montecarlo(model: AnalysedModel, chance: Chance, study: ScalarStudy, workers: Workers) -> MonteCarlo:
     """Run the study. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if no point of the sample has a result."""
     check_steps(study.of, "a study with chance")
-    check_run_options(study.wanted)
-    experiment, settings, outputs = study.experiment, dict(study.settings), study.outputs
-    _check(chance, settings)
-    units = units_of(model, tuple(chance.vary), experiment, settings)
+    check_run_options(study.run.options)
+    _check(chance, study.run.settings)
+    units = units_of(model, tuple(chance.vary), study.run.experiment, study.run.settings)
     names = tuple(chance.vary)
     given = [distribution(d, units[n], n) if isinstance(d, str) else checked(d, n) for n, d in chance.vary.items()]
     correlation = correlation_matrix(names, chance.correlations)
@@ -74,7 +75,7 @@ def montecarlo(model: AnalysedModel, chance: Chance, study: ScalarStudy, workers
         raise RunFailed("BR437", f"not one of {len(sample)} points has an answer; the first: {failures[0]}")
     tables = np.split(_table(found, quantities), bounds)
     told: Indices | None = None
-    notes = [*_notes(tables[0], quantities, failures), *compilation_notes(model, experiment, settings, points)]
+    notes = [*_notes(tables[0], quantities, failures), *compilation_notes(model, study.run, points)]
     if rows:
         told, lost = indices(tables[0][:rows], tables[1], tables[2], chance.seed, _noise(study, quantities))
         notes += [*_index_notes(told, lost, rows), *_vague_notes(told, names, quantities)]
@@ -82,10 +83,10 @@ def montecarlo(model: AnalysedModel, chance: Chance, study: ScalarStudy, workers
         notes.append(
             "the parameters are correlated: no share of a variance is one's own, so there are no Sobol indices"
         )
-    compilation = model.compilation(model.scene(experiment, settings, outputs=outputs))
+    compilation = study.run.compilation(model)
     return MonteCarlo(
         compilation.whole_graph.name, compilation.plan.experiment, study.of, chance.seed, {n: _text(d) for n, d in zip(names, given, strict=True)},
-        dict(chance.correlations), _units(model, experiment, settings, outputs, units, quantities), names, quantities, sample,
+        dict(chance.correlations), _units(compilation.state_space, units, quantities), names, quantities, sample,
         tables[0], failures, told, _swing(tables[-1], len(names)), tuple(notes),
         {r.name: (r.unit, r.scale, r.offset) for r in compilation.plan.report},
     )  # fmt: skip
@@ -136,11 +137,7 @@ def _table(found: Sequence[Any], quantities: Sequence[str]) -> Array:
     return np.array([[row.get(n, np.nan) for n in quantities] for row in rows], dtype=float).reshape(len(rows), -1)
 
 
-def _units(
-    model: AnalysedModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None, units: Mapping[str, str],
-    quantities: Sequence[str],
-) -> dict[str, str]:  # fmt: skip
-    space = model.compilation(model.scene(experiment, settings, outputs=outputs)).state_space
+def _units(space: StateSpace, units: Mapping[str, str], quantities: Sequence[str]) -> dict[str, str]:
     of_outputs = {n: space.variables[v].unit for n, v in space.outputs.items()}
     return dict(units) | {n: of_outputs.get(n, "Hz") for n in quantities}
 
@@ -170,7 +167,7 @@ def _index_notes(told: Indices | None, lost: int, rows: int) -> list[str]:
 
 def _noise(study: ScalarStudy, quantities: Sequence[str]) -> Array:
     """Return the relative errors of quantities (m,): the tolerance for the end of a run, else 0."""
-    rtol = (study.wanted.rtol or DEFAULT_RTOL) if "simulate" in study.of else 0.0
+    rtol = (study.run.options.rtol or DEFAULT_RTOL) if "simulate" in study.of else 0.0
     return np.array([0.0 if n.startswith("frequency ") else rtol for n in quantities])
 
 

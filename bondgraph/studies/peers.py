@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
@@ -23,6 +23,7 @@ from ..errors import RunFailed, UsageError
 if TYPE_CHECKING:
     from ..analysed_model import AnalysedModel
     from ..results.result import Result
+    from ..simulation.run_options import RunRequest
 
 SCIPY = ("DOP853", "Radau", "LSODA", "BDF")
 PACKAGES = {"SUNDIALS CVODE": "scikit-sundae", "CasADi CVODES": "casadi", "diffsol BDF": "pydiffsol"}
@@ -32,11 +33,9 @@ MOST_STEPS = 1_000_000
 Run = Callable[[float], "Result"]
 
 
-def peers_of(
-    model: AnalysedModel, experiment: str | None, settings: Mapping[str, str | float], reference: Result
-) -> tuple[dict[str, Run], dict[str, str]]:
+def peers_of(model: AnalysedModel, run: RunRequest, reference: Result) -> tuple[dict[str, Run], dict[str, str]]:
     """Return runs of other programs over the experiment's equations by name, and the reasons of those that there are not."""
-    scene = model.scene(experiment, settings, (), reference.names)
+    scene = model.scene(run.experiment, run.settings, (), reference.names)
     try:
         equations = _module(model.compilation(scene).text("numpy"))
     except (CompilationFailed, UsageError) as failed:

@@ -18,7 +18,7 @@ from ..analysis.placement import operating_point
 from ..batch.together import is_together, simulate_together
 from ..errors import RunFailed, UsageError
 from ..simulation.repetition import simulate
-from ..simulation.run_options import RunOptions
+from ..simulation.run_options import RunRequest
 from ..simulation.settings import Settings, compiled_in
 from .point_failure import kept, why
 
@@ -44,16 +44,13 @@ class ScalarStudy:
     """
 
     of: tuple[str, ...]
-    experiment: str | None
-    settings: tuple[tuple[str, str | float], ...]  # settings of the call
-    outputs: tuple[str, ...] | None
-    wanted: RunOptions
+    run: RunRequest
     most: int = MODES  # most frequencies
 
     def answer(self, model: CompiledModel, point: Mapping[str, str | float]) -> dict[str, float] | Failed:
         """Return the numbers at one point, or the reason of its failure."""
         try:
-            return self._numbers(model, {**dict(self.settings), **point})
+            return self._numbers(model, self.run.at(point))
         except Exception as problem:
             return Failed(why(kept(problem)))
 
@@ -63,14 +60,12 @@ class ScalarStudy:
         """Return the numbers of runs that are stepped together; None at other points."""
         if self.of != ("simulate",):
             return [None] * len(points)
-        settings = [{**dict(self.settings), **point} for point in points]
-        runs = simulate_together(model, self.experiment, settings, self.outputs, self.wanted)
+        runs = simulate_together(model, self.run, points)
         return [None if run is None else self._of_run(run) for run in runs]
 
     def is_batch(self, model: CompiledModel, point: Mapping[str, str | float]) -> bool:
         """Return True if such runs are stepped together."""
-        settings = {**dict(self.settings), **point}
-        return self.of == ("simulate",) and is_together(model, self.experiment, settings, self.outputs, self.wanted)
+        return self.of == ("simulate",) and is_together(model, self.run, point)
 
     def _of_run(self, run: Result) -> dict[str, float] | Failed:
         """Return the numbers of a run, or the reason why it has none."""
@@ -79,18 +74,18 @@ class ScalarStudy:
         except RunFailed as problem:
             return Failed(why(kept(problem)))
 
-    def _numbers(self, model: CompiledModel, settings: Settings) -> dict[str, float]:
+    def _numbers(self, model: CompiledModel, run: RunRequest) -> dict[str, float]:
         found: dict[str, float] = {}
         if "equilibrium" in self.of or "modes" in self.of:
-            outputs = self.outputs if "equilibrium" in self.of else None
-            at_rest = operating_point(model, AnalysisRequest(self.experiment, settings, outputs))
+            outputs = run.outputs if "equilibrium" in self.of else None
+            at_rest = operating_point(model, AnalysisRequest(run.experiment, run.settings, outputs))
             if "equilibrium" in self.of:
                 found |= dict(zip(at_rest.program.outputs.names, map(float, at_rest.outputs), strict=True))
             if "modes" in self.of:
                 frequencies = moving_frequencies(at_rest)[: self.most]
                 found |= {f"frequency {i}": f for i, f in enumerate(frequencies, 1)}
         if "simulate" in self.of:
-            found |= numbers_of(simulate(model, self.experiment, settings, self.outputs, self.wanted))
+            found |= numbers_of(simulate(model, run))
         return checked(found)
 
 
@@ -128,13 +123,13 @@ def units_of(model: CompiledModel, names: Sequence[str], experiment: str | None,
 
 
 def compilation_notes(
-    model: CompiledModel, experiment: str | None, settings: Settings, points: Sequence[Mapping[str, str | float]]
+    model: CompiledModel, run: RunRequest, points: Sequence[Mapping[str, str | float]]
 ) -> tuple[str, ...]:
     """Return notes on names with several values that must be compiled in: each such point takes as long as the compiler."""
     varying = [n for n in (points[0] if points else ()) if len({p[n] for p in points}) > 1]
     if not varying:
         return ()
-    why = compiled_in(model, experiment, {**settings, **points[0]}, varying)
+    why = compiled_in(model, run.experiment, {**run.settings, **points[0]}, varying)
     return tuple(
         f"`{name}` is compiled into the model anew at each of its {len({p[name] for p in points})} values: more than numbers go with it in {place}"
         for name, place in why.items()

@@ -60,8 +60,9 @@ def differentiated(
     model: AnalysedModel, step: Differentiating, beside: Sequence[Analysis], study: ScalarStudy
 ) -> list[tuple[str, Any]]:
     """Return derivatives of the results of the other steps, each with its word: at equilibrium, along the run, of linear models and responses."""
-    by, of, outputs, word = step.by or None, study.of, study.outputs, step.role
-    given: ExperimentKeywords = {"experiment": study.experiment, "settings": dict(study.settings)}
+    by, of, run, word = step.by or None, study.of, study.run, step.role
+    outputs = run.outputs
+    given: ExperimentKeywords = {"experiment": run.experiment, "settings": run.settings}
     linear: list[tuple[str, Any]] = []
     for other in beside:
         match other:
@@ -76,7 +77,7 @@ def differentiated(
     if at_rest or not (linear or "simulate" in of):
         found.append((word, model.sensitivity(by, at_rest or ("equilibrium", "modes"), outputs, **given)))
     if "simulate" in of:
-        end, points = study.wanted.to, study.wanted.points or 101
+        end, points = run.options.to, run.options.points or 101
         found.append((word, model.sensitivity_of_run(by, to=end, points=points, outputs=outputs, **given)))
     return [*found, *linear]
 

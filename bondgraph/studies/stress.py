@@ -14,7 +14,7 @@ from compiler.api import TEXT_CHANGES, CompilationFailed, Inapplicable, TextScen
 from ..compiled_model import CompiledModel
 from ..errors import RunFailed, UsageError
 from ..files import write_text
-from ..simulation.run_options import RunOptions
+from ..simulation.run_options import RunRequest
 from .stress_bench import StressBench
 from .stress_runs import (
     Attempts,
@@ -40,10 +40,7 @@ MOST_UNTRIED = 8  # changes of a kind one after the other that cannot be tried: 
 class StressRequest:
     """Request of a stress test: the run, `seconds` that it may take, the ranges of settings to `vary`, and the folder `out` for files of breaks."""
 
-    experiment: str | None
-    settings: Mapping[str, str | float]
-    outputs: tuple[str, ...] | None
-    options: RunOptions
+    run: RunRequest
     seconds: float = 30.0
     seed: int = 0
     vary: Mapping[str, str] = field(default_factory=dict)
@@ -103,7 +100,7 @@ def stress(model: CompiledModel, request: StressRequest, progress: Callable[[str
         raise UsageError("BR494", "a stress test takes a positive time")
     if request.out is not None:
         request.out.mkdir(parents=True, exist_ok=True)
-    bench = StressBench(model, request.experiment, dict(request.settings), request.outputs, request.options)
+    bench = StressBench(model, request.run)
     base = bench.base()
     began = clock.perf_counter()
     share = SHARE if request.out is not None else 1.0

@@ -18,7 +18,7 @@ from ..quantities import behind
 from ..results.result import Result
 from ..results.run_check import FACTOR, ErrorEstimate
 from ..simulation.repetition import compare, simulate
-from ..simulation.run_options import RunOptions
+from ..simulation.run_options import RunRequest
 from ..simulation.settings import settle
 
 POINTS = 488  # in 487 equal parts, a prime number: no instant but the ends is where a source may jump
@@ -30,20 +30,18 @@ Estimate = Callable[[], ErrorEstimate | None]
 
 
 class StressBench:
-    """A model, an experiment and its settings. Runs of it are called unchanged."""
+    """A model and a run of it, which is called unchanged."""
 
-    def __init__(
-        self, model: CompiledModel, experiment: str | None, settings: Mapping[str, str | float], outputs: tuple[str, ...] | None, options: RunOptions
-    ) -> None:  # fmt: skip
-        self.model, self.experiment, self.settings = model, experiment, settings
-        self.outputs = outputs or model.outputs or None
-        self.options = replace(options, points=POINTS)
+    def __init__(self, model: CompiledModel, request: RunRequest) -> None:
+        options = replace(request.options, points=POINTS)
+        self.model = model
+        self.request = replace(request, outputs=request.outputs or model.outputs or None, options=options)
         self._bases: dict[float | None, Result] = {}
 
     def run(self, **changes: float | str | bool) -> Result:
         """Run with other options. Raises `RunFailed`, `UsageError`, `CompilationFailed`."""
-        options = replace(self.options, **changes)  # type: ignore[arg-type]
-        return simulate(self.model, self.experiment, self.settings, self.outputs, options)
+        options = replace(self.request.options, **changes)  # type: ignore[arg-type]
+        return simulate(self.model, replace(self.request, options=options))
 
     def base(self, rtol: float | None = None) -> Result:
         """Return the unchanged run at a tolerance (None: its own), with an estimate of its error. Raises `Inapplicable` if there is none."""
@@ -68,7 +66,8 @@ class StressBench:
         if self.model.extra_outputs:
             raise Inapplicable("outputs were added to the text")
         units = {name: p.unit for name, p in self.model.parameters.items()}
-        texts = {n: v if isinstance(v, str) else f"{v!r} [{units.get(n, '1')}]" for n, v in self.settings.items()}
+        own = self.request.settings
+        texts = {n: v if isinstance(v, str) else f"{v!r} [{units.get(n, '1')}]" for n, v in own.items()}
         try:
             return scene_of(
                 self.model.source, LIBRARY, (base.model, base.experiment), base.names, {**texts, **settings}
@@ -78,17 +77,18 @@ class StressBench:
 
     def run_on(self, before: Result, rtol: float) -> Result:
         """Run on from a result, for as long again."""
-        options = replace(self.options, rtol=rtol, to=float(2 * before.time[-1] - before.time[0]))
-        return simulate(self.model, self.experiment, self.settings, self.outputs, options, before)
+        options = replace(self.request.options, rtol=rtol, to=float(2 * before.time[-1] - before.time[0]))
+        return simulate(self.model, replace(self.request, options=options), before)
 
     @cached_property
     def _target(self) -> str:
-        return chosen_target(self.options.target)
+        return chosen_target(self.request.options.target)
 
     @cached_property
     def compiled_scene(self) -> CompiledScene:
         """The program of the unchanged run."""
-        settled = settle(self.model, self.experiment, self.settings, self.outputs, False, self._target)
+        run = self.request
+        settled = settle(self.model, run.experiment, run.settings, run.outputs, False, self._target)
         return self.model.compiled_scene(settled.scene, False, self._target)
 
     @cached_property
@@ -107,7 +107,8 @@ class StressBench:
     @cached_property
     def energy_at_start(self) -> float:
         """Magnitude in J of what the storages hold where the run begins; zero where it is no function of the states."""
-        scene = replace(self.model.scene(self.experiment, self.settings, (), self.outputs), conserving=True)
+        run = self.request
+        scene = replace(self.model.scene(run.experiment, run.settings, (), run.outputs), conserving=True)
         program = self.model.compiled_scene(scene, True, self._target).program
         if program.stored_energy is None:
             return 0.0
@@ -122,11 +123,12 @@ class StressBench:
         """Return the bench at other settings; that of `start NAME` is a start of the experiment. Raises `Inapplicable`."""
         if any(name.startswith("start ") for name in settings):
             return self.of_scene(self._scene_at(settings))
-        return StressBench(self.model, self.experiment, {**self.settings, **settings}, self.outputs, self.options)
+        return StressBench(self.model, self.request.at(settings))
 
     def of_scene(self, scene: TextScene) -> StressBench:
         """Return the bench of a text, whose settings are in it."""
-        bench = StressBench(self._model(scene.text, scene.model), scene.experiment, {}, scene.outputs, self.options)
+        request = RunRequest(scene.experiment, {}, scene.outputs, self.request.options)
+        bench = StressBench(self._model(scene.text, scene.model), request)
         bench.__dict__["scene"] = scene
         return bench
 
@@ -138,10 +140,9 @@ class StressBench:
         """Return the difference of the run of a changed text, "" if there is none."""
         text, second = change.changed, change.factor("s")
         names = tuple(text.outputs(name)[0] for name in base.names)
-        end = self.options.to if self.options.to is None else float(base.time[-1]) * second
-        bench = StressBench(
-            self._model(text.text, text.model), text.experiment, {}, names, replace(self.options, to=end)
-        )
+        options = self.request.options
+        options = replace(options, to=options.to if options.to is None else float(base.time[-1]) * second)
+        bench = StressBench(self._model(text.text, text.model), RunRequest(text.experiment, {}, names, options))
 
         def changed_run() -> Result:
             result = bench.run(rtol=base.rtol)

@@ -58,7 +58,7 @@ def other_targets() -> Attempts:
     """Yield the run by the other back-end."""
 
     def check(bench: StressBench) -> str:
-        here = chosen_target(bench.options.target)
+        here = chosen_target(bench.request.options.target)
         base = bench.base()
         other = accepted(bench, target=TARGETS[here == TARGETS[0]], rtol=base.rtol)
         return bench.compare_run(base, lambda: other, lambda: None)

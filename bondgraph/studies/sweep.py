@@ -26,10 +26,9 @@ def sweep(
 ) -> Outcome:  # fmt: skip
     """Compute the steps of a study at a grid of values, or (`together`) at the first of each name, the second of each and so on."""
     check_steps(study.of, "a sweep")
-    experiment, settings, outputs = study.experiment, dict(study.settings), study.outputs
-    compilation = model.compilation(model.scene(experiment, settings, outputs=outputs))
+    compilation = study.run.compilation(model)
     plan, words = compilation.plan, {n: compilation.choices[n] for n in values if n in compilation.choices}
-    units = units_of(model, tuple(n for n in values if n not in words), experiment, settings)
+    units = units_of(model, tuple(n for n in values if n not in words), study.run.experiment, study.run.settings)
     numbers = {
         name: _places(some, words[name], name) if name in words else _numbers(some, units[name], name)
         for name, some in values.items()
@@ -44,11 +43,11 @@ def sweep(
         else itertools.islice(itertools.product(*numbers.values()), MOST_POINTS)
     )
     studies = tuple(Study(step) for step in study.of if step != "simulate")
-    asked = ExperimentStudy(experiment, study.settings, studies, "simulate" in study.of, outputs, study.wanted)
+    asked = ExperimentStudy(study.run, studies, "simulate" in study.of)
     grid = [dict(zip(numbers, row, strict=True)) for row in rows]
     points = made(model, asked, grid, workers or ALONE)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
-    notes = compilation_notes(model, experiment, settings, grid)
+    notes = compilation_notes(model, study.run, grid)
     return Outcome(compilation.whole_graph.name, plan.experiment, units, points, shown, notes)
 
 

@@ -17,7 +17,7 @@ from bondgraph.batch.together import is_together, simulate_together
 from bondgraph.compiled_model import CompiledModel
 from bondgraph.results.result import Result
 from bondgraph.simulation.repetition import simulate
-from bondgraph.simulation.run_options import RunOptions
+from bondgraph.simulation.run_options import RunOptions, RunRequest
 from bondgraph.simulation.settings import _Number, _number, _signed
 from compiler.api import native_available
 
@@ -58,11 +58,12 @@ def together(
     text: str, settings: list[Mapping[str, str | float]], experiment: str = "", **options: Any
 ) -> list[Result | None]:
     """Results of runs together; each is that of a run alone."""
-    model, wanted = CompiledModel(bondgraph.load(text).source), RunOptions(**options)
-    results = simulate_together(model, experiment, settings, None, wanted)
+    model = CompiledModel(bondgraph.load(text).source)
+    request = RunRequest(experiment, options=RunOptions(**options))
+    results = simulate_together(model, request, settings)
     for point, result in zip(settings, results, strict=True):
         if result is not None:
-            assert parts_of(result) == parts_of(simulate(model, experiment, point, None, wanted))
+            assert parts_of(result) == parts_of(simulate(model, request.at(point)))
     return results
 
 
@@ -193,7 +194,7 @@ def test_other_settings_are_left_to_runs_alone(wrong: Mapping[str, str | float])
 def test_negative_masses_are_left_to_runs_alone() -> None:
     """A run alone refuses it by name."""
     model = bondgraph.load("models/manipulator.bg")
-    first, second = simulate_together(model, "", [{"h": 38e-6}, {"h": -38e-6}], None, RunOptions())
+    first, second = simulate_together(model, RunRequest(), [{"h": 38e-6}, {"h": -38e-6}])
     assert first is not None and second is None
 
 
@@ -212,8 +213,8 @@ def test_runs_without_an_end_are_left_to_runs_alone() -> None:
 )  # fmt: skip
 def test_more_than_steps_is_left_to_runs_alone(options: dict[str, Any]) -> None:
     model = bondgraph.load(DUFFING)
-    assert is_together(model, "", {"k": 90.0}, None, RunOptions())
-    assert not is_together(model, "", {"k": 90.0}, None, RunOptions(**options))
+    assert is_together(model, RunRequest(), {"k": 90.0})
+    assert not is_together(model, RunRequest(options=RunOptions(**options)), {"k": 90.0})
 
 
 @pytest.mark.parametrize("options", [{"rtol": 1e-9}, {"atol": 1e-7}, {"points": 2}, {"points": 3000}, {"to": "50 ms"}])
@@ -248,7 +249,7 @@ def test_runs_part_where_decisions_differ() -> None:
 def test_events_and_loops_are_left_to_runs_alone(name: str) -> None:
     model = bondgraph.load(f"models/{name}.bg")
     parameter, quantity = next((n, q) for n, q in model.parameters.items() if q.value)
-    assert simulate_together(model, "", [{parameter: quantity.value}], None, RunOptions()) == [None]
+    assert simulate_together(model, RunRequest(), [{parameter: quantity.value}]) == [None]
 
 
 def test_python_does_not_act_between_runs() -> None:
@@ -265,7 +266,7 @@ def test_python_does_not_act_between_runs() -> None:
         settings = [{"h": 37e-6 + 1e-9 * i} for i in range(count)]
         sys.setprofile(count_one)
         try:
-            results = simulate_together(model, "", settings, None, RunOptions())
+            results = simulate_together(model, RunRequest(), settings)
         finally:
             sys.setprofile(None)
         assert is_whole(results)
@@ -296,5 +297,5 @@ def test_what_parameters_alone_break_is_told_by_runs_alone() -> None:
     settings: list[Mapping[str, str | float]] = [{"r": r} for r in (0.5, 0.1, -0.5, 1.0)]
     results = together(text, settings)
     assert [r is None for r in results] == [False, False, True, False]
-    (told,) = simulate(CompiledModel(bondgraph.load(text).source), "", settings[2], None, RunOptions()).warnings
+    (told,) = simulate(CompiledModel(bondgraph.load(text).source), RunRequest("", settings[2])).warnings
     assert told.condition == "r >= 0" and told.values == (("r", -0.5, "N*s/m"),)

@@ -8,7 +8,7 @@ import pytest
 import bondgraph
 from bondgraph.compiled_model import CompiledModel, source_of
 from bondgraph.simulation.repetition import simulate
-from bondgraph.simulation.run_options import RunOptions
+from bondgraph.simulation.run_options import RunOptions, RunRequest
 
 TEXT = """
 model A {{
@@ -26,7 +26,7 @@ OUTPUTS = {"work": "integral(loss.F*loss.v, 0 J)", "twice": "2*spring.x"}
 def test_equal_to_written_ones() -> None:
     written = bondgraph.load(TEXT.format(outputs="\n  ".join(f"output {n} = {x}" for n, x in OUTPUTS.items())))
     extra = CompiledModel(source_of(TEXT.format(outputs="")), extra_outputs=OUTPUTS)
-    one, other = (simulate(m, None, {}, ("work", "twice"), RunOptions(1.0, 11)) for m in (written, extra))
+    one, other = (simulate(m, RunRequest(None, {}, ("work", "twice"), RunOptions(1.0, 11))) for m in (written, extra))
     np.testing.assert_array_equal(one.values, other.values)
     assert one.unit("work") == other.unit("work") == "N*m" and one["work"][-1] > 0
 

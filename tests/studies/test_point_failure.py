@@ -31,10 +31,10 @@ def breaking(monkeypatch: pytest.MonkeyPatch, broken: dict[float, BaseException]
     """Runs at some `k` raise something."""
     plain = repetition.simulate
 
-    def simulate(model: Any, experiment: Any, settings: Any, *rest: Any) -> Any:
-        if settings["k"] in broken:
-            raise broken[settings["k"]]
-        return plain(model, experiment, settings, *rest)
+    def simulate(model: Any, request: Any) -> Any:
+        if request.settings["k"] in broken:
+            raise broken[request.settings["k"]]
+        return plain(model, request)
 
     monkeypatch.setattr(runs, "simulate", simulate)
     monkeypatch.setattr(experiment_study, "simulate", simulate)

@@ -22,7 +22,7 @@ from bondgraph.errors import UsageError
 from bondgraph.simulation import phase, resume
 from bondgraph.simulation.monitors import energy
 from bondgraph.simulation.phase_sequence import PhaseSequence
-from bondgraph.simulation.run_options import RunOptions
+from bondgraph.simulation.run_options import RunRequest
 from bondgraph.studies import stress as driver
 from bondgraph.studies.stress_bench import StressBench
 from bondgraph.studies.stressed import StressTest
@@ -150,7 +150,7 @@ def test_corners_of_starts() -> None:
     result = tried(SWING, "corners", vary={"start spring.x": "1 mm .. 2 m", "start mass.v": "-1 [m/s] .. 1 [m/s]"})
     (row,) = result.rows
     assert (row.kind, row.tried, row.held) == ("corners", 4, 4)
-    bench = StressBench(bondgraph.load(SWING), "go", {"m": "2 kg"}, None, RunOptions())
+    bench = StressBench(bondgraph.load(SWING), RunRequest("go", {"m": "2 kg"}))
     corner = bench.at({"start spring.x": "0.5 m", "k": "3 [N/m]"}).base()
     text = SWING.replace("{ simulate", "{ set m = 2 kg; set k = 3 [N/m]; start spring.x = 0.5 m; simulate")
     assert (corner["x"] == bondgraph.load(text).simulate(points=len(corner.time))["x"]).all()

@@ -42,10 +42,10 @@ def mechanism_of(model: CompiledModel, name: str | None, experiment: str | None,
     if at is None:
         return draw_mechanism(mechanism_geometry_of(graph, mechanisms_of(graph)[place]))
     from ...simulation.repetition import simulate
-    from ...simulation.run_options import RunOptions
+    from ...simulation.run_options import RunOptions, RunRequest
 
     posed = posed_model(model, experiment)
-    run = simulate(posed.model, None, {}, posed.names, RunOptions(at, 2))
+    run = simulate(posed.model, RunRequest(None, {}, posed.names, RunOptions(at, 2)))
     poses = posed.poses(mechanisms_of(posed.graph)[place], {n: run.final(n) for n in posed.names})
     graph = model.compilation(model.scene(experiment)).whole_graph  # the experiment may set parameters of positions
     return draw_mechanism(mechanism_geometry_of(graph, mechanisms_of(graph)[place], poses), f"at {run.time[-1]:.6g} s")

@@ -9,8 +9,8 @@ from compiler.api import CompilationFailed
 
 from ...compiled_scene import many_runs
 from ...errors import MissingPackage, RunFailed, UsageError
+from ...simulation.run_options import RunRequest
 from ...studies.experiment import run
-from ...studies.options import Options
 from ..text.tables import short, shown_unit
 from .markup import Html, table, tag
 from .outcome_plots import outcome_plot
@@ -38,7 +38,7 @@ def experiment_data(watched: PageModel, name: str, settings: Mapping[str, float]
             balance = _balance(result.energy) if result.energy is not None else ""
             told = Html(_errors(result, watched.outputs(name)) + balance)
             return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}
-        outcome = run(watched.model, name, settings or {}, Options())
+        outcome = run(watched.model, RunRequest(name, settings or {}))
         return {
             "name": name,
             "kind": "told",

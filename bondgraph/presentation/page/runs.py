@@ -64,10 +64,10 @@ class PageModel:
     ) -> Result:  # fmt: skip
         """Run an experiment. Raises as `Model.simulate`."""
         from ...simulation.repetition import simulate
-        from ...simulation.run_options import RunOptions
+        from ...simulation.run_options import RunOptions, RunRequest
 
         options = RunOptions(energy=energy, error=error)
-        return simulate(self.model, experiment, settings or {}, self.names(experiment), options)
+        return simulate(self.model, RunRequest(experiment, settings or {}, self.names(experiment), options))
 
 
 def run_data(watched: PageModel, experiment: str | None, result: Result) -> dict[str, Any]:
