@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from .codegen.program import EventNote, Hybrid, LimitNote, Program, SettingNote, TimeFunction, TimeFunctions
     from .codegen.ranges import Ranges
     from .codegen.series import TaylorSeries
-    from .codegen.structure import ProgramStructure, structure_of
+    from .codegen.structure import CHANGING, ProgramStructure, structure_of
     from .codegen.tape import Tape
     from .codegen.text.targets import target_of, text_targets
     from .codegen.time_functions import narrow_conditions

@@ -51,6 +51,8 @@ class Scene:
     outputs: tuple[str, ...] | None = None
     # name -> expression of the model that is an output in this scene alone
     extra_outputs: tuple[tuple[str, str], ...] = ()
+    # port of the model -> `effort` or `flow`, which comes from outside by an input; the other one is an output
+    ports: tuple[tuple[str, str], ...] = ()
     # storage -> integral or derivative, chosen again in the middle of a run
     preferences: tuple[tuple[str, str], ...] = ()
     by: tuple[str, ...] = ()  # additional quantities to differentiate by; those that nothing reads are left out

@@ -113,12 +113,22 @@ def explain(
     "--platforms", metavar="NAMES", help="Of an FMU, separated by commas: linux64 (by default), linux-aarch64."
 )
 @click.option("--fmi", metavar="VERSION", help="Of an FMU: 2 (by default) or 3.")
+@click.option(
+    "--port", multiple=True, metavar="NAME=effort|flow", help="Of an FMU: an open port, and what comes in there."
+)
 @click.option("--experiment", metavar="NAME", help="Of an FMU: with the settings of this experiment; by default none.")
 @click.option("--part", metavar="INSTANCE", help="One instance alone, such as a controller.")
 @click.option("--float", "single", is_flag=True, help="C in float instead of double.")
 @model_option
 def compile(
-    file: str, out: str, target: str | None, part: str | None, single: bool, model: str | None, **unit: str | None
+    file: str,
+    out: str,
+    target: str | None,
+    part: str | None,
+    single: bool,
+    model: str | None,
+    port: tuple[str, ...],
+    **unit: str | None,
 ) -> None:
     """Write a Python module that needs numpy alone, C that needs nothing, functions of CasADi or JAX, Modelica, DiffSL, or a functional mock-up unit."""
     from compiler.api import target_of, text_targets
@@ -134,8 +144,15 @@ def compile(
     platforms, experiment = unit["platforms"], unit["experiment"]
     if out.endswith(FMU):
         words = tuple(p.strip() for p in ("linux64" if platforms is None else platforms).split(","))
-        load(file, model).to_fmu(out, experiment, words, "2" if unit["fmi"] is None else unit["fmi"])
+        load(file, model).to_fmu(out, experiment, words, "2" if unit["fmi"] is None else unit["fmi"], _ports(port))
         return
-    if any(value is not None for value in unit.values()):
-        raise click.UsageError(f"--platforms, --fmi and --experiment belong to an FMU, a file that ends in {FMU}")
+    if port or any(value is not None for value in unit.values()):
+        raise click.UsageError(
+            f"--platforms, --fmi, --port and --experiment belong to an FMU, a file that ends in {FMU}"
+        )
     write_text(out, load(file, model).compile(target or target_of(PurePath(out).suffix), part=part, single=single))
+
+
+def _ports(texts: tuple[str, ...]) -> dict[str, str]:
+    """Return the ports of texts such as `tip=effort`."""
+    return {name.strip(): given.strip() for name, _, given in (text.partition("=") for text in texts)}

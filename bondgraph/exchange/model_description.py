@@ -160,15 +160,12 @@ def _structure_3(variables: Sequence[FmuVariable]) -> Iterator[str]:
     """Yield the same, by value references, and the event indicators. There are importers that want all dependencies."""
     unknowns = _unknowns(variables)
     unknowns["EventIndicator"] = [(i, v) for i, v in enumerate(variables) if v.is_indicator]
-    states = {v.derivative_of for v in variables} - {None}
-    moving = [i for i, v in enumerate(variables) if i in states or v.causality == "input"]
     parameters = [i for i, v in enumerate(variables) if v.causality == "parameter"]
     for name, members in unknowns.items():
         element = name.replace("Derivative", "ContinuousStateDerivative")
         for place, item in members:
             at_start = [i for i, _ in item.reads or () if variables[i].initial != "calculated"] + parameters
-            lists = {"InitialUnknown": at_start, "EventIndicator": moving}
-            reads = {"dependencies": " ".join(map(str, lists[name]))} if name in lists else _reads(item, 0)
+            reads = {"dependencies": " ".join(map(str, at_start))} if name == "InitialUnknown" else _reads(item, 0)
             yield f"    <{element}{_attributes({'valueReference': str(place)} | reads)}/>"
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import hashlib
 import re
 import zipfile
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -32,7 +32,7 @@ from .start import StartValues, start_values
 from .variables import variables_of
 
 if TYPE_CHECKING:
-    from compiler.api import Compilation, LibraryModule, Plan
+    from compiler.api import Compilation, LibraryModule, Plan, Scene
 
     from ..compiled_model import CompiledModel
 
@@ -54,31 +54,35 @@ class _UnitParts:
 
 
 def fmu(
-    model: CompiledModel, experiment: str | None = None, platforms: Sequence[str] = ("linux64",), fmi: str = "2"
-) -> bytes:
+    model: CompiledModel, experiment: str | None = None, platforms: Sequence[str] = ("linux64",), fmi: str = "2",
+    ports: Mapping[str, str] | None = None,
+) -> bytes:  # fmt: skip
     """Return the bytes of a unit.
 
     All parameters can be set, all inputs are free. With an experiment its settings are in it. Start, stop and tolerance are those of
-    the experiment, or of the first one. Raises `CompilationFailed`, `UsageError`, `RunFailed`.
+    the experiment, or of the first one. `ports`: open ports of the model, each with `effort` or `flow`, which comes from outside.
+    Raises `CompilationFailed`, `UsageError`, `RunFailed`.
     """
     for word in platforms or ("",):
         if word not in PLATFORMS:
             raise UsageError("BR640", f"there is no platform `{word}`; platforms are {', '.join(PLATFORMS)}")
     if fmi not in VERSIONS:
         raise UsageError("BR618", f"no unit of FMI `{fmi}` can be written; versions are {', '.join(VERSIONS)}")
+    for port, given in (ports or {}).items():
+        if given not in ("effort", "flow"):
+            raise UsageError("BR620", f"the port `{port}` is given `{given}`; a unit takes its `effort` or its `flow`")
     version = VERSIONS[fmi]
     chosen_target("native")
-    compilation = _compilation(model, experiment)
+    first = api.Scene(model.model, experiment or "", ports=tuple((ports or {}).items()))
+    compilation = _compilation(model, replace(first, experiment=experiment, free=frozenset({"*"})))
     refuse(compilation)
-    plan = model.compilation(api.Scene(model.model, experiment or "")).plan
+    plan = model.compilation(first).plan
     compiled_scene = model.compiled_scene(compilation.scene, True, "native")
-    example = None if experiment else model.compiled_scene(api.Scene(model.model, ""), True, "native")
+    example = None if experiment else model.compiled_scene(first, True, "native")
     values = start_values(compiled_scene, compilation, plan, experiment, example)
     module, structure = api.library_module(compilation.lowered, FUNCTIONS), api.structure_of(compilation.lowered)
     descriptions = {name: q.description for name, q in compilation.whole_graph.quantities.items()}
-    indicators = len(compilation.lowered.events.located)
-    shown = indicators if version.number == "3.0" else 0
-    variables = variables_of(compilation.lowered, structure, values, descriptions, shown)
+    variables = variables_of(compilation.lowered, structure, values, descriptions, version.number == "3.0")
     image = image_of(compiled_scene.program, module, values)
     token = hashlib.sha256(
         repr((module.text, image, variables, version.number, cache.code_version())).encode()
@@ -96,14 +100,13 @@ def fmu(
     return _zipped(files)
 
 
-def _compilation(model: CompiledModel, experiment: str | None) -> Compilation:
-    """Return the stages with all parameters and inputs free, differentiated by the inputs that no experiment sets."""
-    scene = api.Scene(model.model, experiment, free=frozenset({"*"}))
+def _compilation(model: CompiledModel, scene: Scene) -> Compilation:
+    """Return the stages of a scene in which all is free, differentiated by the inputs that no experiment sets."""
     variables = model.compilation(scene, everything=True).state_space.variables
     inputs = tuple(v.name for v in variables if v.role == "input")
     if not inputs:
         return model.compilation(scene, everything=True)
-    return model.compilation(api.Scene(model.model, experiment, free=frozenset({"*"}), by=inputs), everything=True)
+    return model.compilation(replace(scene, by=inputs), everything=True)
 
 
 def _head(compilation: Compilation, plan: Plan, values: StartValues, token: str) -> UnitHead:

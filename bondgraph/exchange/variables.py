@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from compiler.api import Number, Source, read_unit
+from compiler.api import CHANGING, Number, Source, read_unit
 
 if TYPE_CHECKING:
     from compiler.api import Lowered, ProgramStructure, Variable
@@ -37,14 +37,14 @@ class FmuVariable:
 
 
 def variables_of(
-    lowered: Lowered, structure: ProgramStructure, values: StartValues, descriptions: Mapping[str, str], indicators: int
+    lowered: Lowered, structure: ProgramStructure, values: StartValues, descriptions: Mapping[str, str], indicated: bool
 ) -> tuple[FmuVariable, ...]:
-    """Return all variables. `descriptions`: the author's, by name. `indicators`: how many event indicators are among them."""
+    """Return all variables. `descriptions`: the author's, by name. `indicated`: the event indicators are among them."""
     groups = (
         [FmuVariable("time", "independent", "continuous", "s")], _states(lowered, values, descriptions), _rates(lowered, structure),
         _inputs(lowered, values, descriptions), _parameters(lowered, structure, values, descriptions),
         _outputs(lowered, structure, descriptions), _discretes(lowered, descriptions),
-        (FmuVariable(f"when[{i + 1}]", "local", "continuous", "", is_indicator=True) for i in range(indicators)),
+        _indicators(lowered, structure) if indicated else (),
     )  # fmt: skip
     return tuple(_unique([item for group in groups for item in group]))
 
@@ -107,6 +107,12 @@ def _discretes(lowered: Lowered, descriptions: Mapping[str, str]) -> Iterator[Fm
         )
 
 
+def _indicators(lowered: Lowered, structure: ProgramStructure) -> Iterator[FmuVariable]:
+    for number, columns in enumerate(structure.conditions, 1):
+        reads = tuple((_place(lowered, column), CHANGING) for column in columns)
+        yield FmuVariable(f"when[{number}]", "local", "continuous", "", reads=reads, is_indicator=True)
+
+
 def _state_variables(lowered: Lowered) -> list[Variable]:
     return [lowered.space.variables[s.variable] for s in lowered.space.states]
 
@@ -118,9 +124,13 @@ def _name(item: Variable, lowered: Lowered, kind: str = "state") -> str:
 
 def _reads(lowered: Lowered, structure: ProgramStructure, row: int) -> tuple[tuple[int, str], ...]:
     """Return the places of what a row reads among the variables, and how."""
+    return tuple((_place(lowered, d.column), d.kind) for d in structure.dependencies if d.row == row)
+
+
+def _place(lowered: Lowered, column: int) -> int:
+    """Return the place of a state or an input among the variables, between which the rates stand."""
     count = len(lowered.space.states)
-    dependencies = [(d.column, d.kind) for d in structure.dependencies if d.row == row]
-    return tuple((1 + column if column < count else 1 + count + column, kind) for column, kind in dependencies)
+    return 1 + column if column < count else 1 + count + column
 
 
 def _rate_unit(unit: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -159,16 +159,18 @@ class Shown(AnalysedModel):
 
     @checked
     def to_fmu(
-        self, path: str | Path, experiment: str | None = None, platforms: Sequence[str] = ("linux64",), fmi: str = "2"
-    ) -> None:
+        self, path: str | Path, experiment: str | None = None, platforms: Sequence[str] = ("linux64",), fmi: str = "2",
+        ports: Mapping[str, str] | None = None,
+    ) -> None:  # fmt: skip
         """Write the model as a functional mock-up unit of FMI 2.0 or 3.0 for other tools: model exchange and co-simulation, without a C compiler.
 
         All parameters can be set, all inputs are free; with an experiment, its settings hold. Start, stop and tolerance are those of the experiment, or of
-        the first one. Raises `CompilationFailed`, also for what a unit cannot hold, `UsageError`, `RunFailed`, OSError.
+        the first one. `ports`: open ports, as `{"tip": "effort"}`, which is an input then, `tip_F`, and the flow an output,
+        `tip_v`. Raises `CompilationFailed`, also for what a unit cannot hold, `UsageError`, `RunFailed`, OSError.
         """
         from ..exchange.unit import fmu
         from ..files import replacing
 
-        data = fmu(self, experiment, platforms, fmi)
+        data = fmu(self, experiment, platforms, fmi, ports)
         with replacing(path) as stream:
             stream.write(data)

@@ -35,12 +35,13 @@ class Dependency:
 
 @dataclass(frozen=True, slots=True)
 class ProgramStructure:
-    """Dependencies by rows, the parameters (by number) that rates, outputs, events or limits read (others decide starts alone), and the outputs
-    that change at events only."""
+    """Dependencies by rows, the parameters (by number) that rates, outputs, events or limits read (others decide starts alone), the outputs
+    that change at events only, and for each located condition the columns that its root reads."""
 
     dependencies: tuple[Dependency, ...]
     read: frozenset[int]
     discrete: frozenset[str]
+    conditions: tuple[tuple[int, ...], ...]
 
 
 def row_variables(lowered: Lowered) -> list[int]:
@@ -93,7 +94,11 @@ def structure_of(lowered: Lowered) -> ProgramStructure:
         for n, x in lowered.outputs.items()
         if lowered.dependence(x) & EVENT and not lowered.dependence(x) & ~_AT_EVENTS
     ]
-    return ProgramStructure(tuple(_dependencies(lowered, rows, roots, reads)), parameters, frozenset(discrete))
+    behind = (reads.columns(condition.root) for condition in lowered.events.located)
+    conditions = tuple(tuple(c for c in range(reads.count) if columns >> c & 1) for columns in behind)
+    return ProgramStructure(
+        tuple(_dependencies(lowered, rows, roots, reads)), parameters, frozenset(discrete), conditions
+    )
 
 
 def _dependencies(lowered: Lowered, rows: Sequence[int], roots: Sequence[Expression], reads: _Reads) -> Iterator[Dependency]:  # fmt: skip

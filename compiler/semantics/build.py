@@ -9,17 +9,18 @@ from pathlib import Path
 from ..algebra.formula import Bound
 from ..errors import CompilationFailed, Diagnostic
 from ..fast_dataclass import dataclass
+from ..graph.domains import DOMAINS
 from ..graph.network import BondGraph
 from ..graph.run_time_parameters import behind
 from ..scene import Plan, Scene
 from ..source import Source, Span
-from ..syntax import SyntaxTree, parse_expression, tree
+from ..syntax import SyntaxTree, parse, parse_expression, tree
 from ..syntax.blocks import flat
 from .experiments.initial_values import read_initial_values
 from .experiments.plan import choose_experiment, experiment_overrides, experiments_of, read_plan
 from .names.compound_units import in_one_literal, names_in
 from .names.domain_table import slot_defaults, wall_items
-from .names.errors import AbsentName, NoSingleModel, UnknownName
+from .names.errors import AbsentName, NoSingleModel, UnknownName, WrongConnection
 from .names.imports import Loader
 from .names.scope import Absent, Broken, FileScope, ModelDefinition, Scope
 from .names.statement_errors import MAXIMUM_MISTAKES, suggestion
@@ -51,6 +52,8 @@ def build_graph(
     file = loader.load(syntax)
     definition = choose_model(file, scene.model, loader.diagnostics)
     definition = _with_outputs(definition, scene.extra_outputs)
+    for port, given in scene.ports:
+        definition = _with_source(definition, port, given)
     opened = _Opened.of(definition, scene, loader.diagnostics, False, ElaborationCache(most_parts))
     built = opened.built()
     if opened.elaborator.diagnostics:
@@ -73,6 +76,29 @@ def _with_outputs(definition: ModelDefinition, outputs: Sequence[tuple[str, str]
     model = definition.model
     statement = tree.Quantities(items[0].span, "output", tuple(items))
     return replace(definition, model=replace(model, statements=(*model.statements, statement)))
+
+
+def _with_source(definition: ModelDefinition, port: str, given: str) -> ModelDefinition:
+    """Return a model with a source in the place of a port, whose effort or flow is an input; the other is an output. Raises `CompilationFailed`."""
+    model, statements = definition.model, list[tree.SyntaxNode]()
+    places = [p for s in model.statements if isinstance(s, tree.PortsSyntax) for p in s.items]
+    single = [p for p in places if p.index is None and not p.components and DOMAINS.get(p.domain or "") is not None]
+    if port not in (p.name for p in single):
+        hint = f"Ports of one bond: {', '.join(f'`{p.name}`' for p in single) or 'none'}; each says its domain, `port {port}: translation`."
+        raise CompilationFailed([WrongConnection(model.name_span, f"`{port}` is no port of one bond of `{model.name}`", hint)])  # fmt: skip
+    domain = DOMAINS[next(p.domain for p in single if p.name == port) or ""]
+    variable, kind, other = ("e", "MSe", "f") if given == "effort" else ("f", "MSf", "e")
+    letter, result, unit = domain.letter(variable), domain.letter(other), domain.dimension(variable)
+    text = f"input {port}_{letter}: {unit} = 0\n{kind} {port} : {letter} = {port}_{letter}\noutput {port}_{result} = {port}.{result}"
+    source = parse(Source(f"port {port}", f"{'' if domain.typed else 'plain '}model Port {{\n{text}\n}}")).models[
+        "Port"
+    ]
+    for statement in model.statements:
+        if not isinstance(statement, tree.PortsSyntax):
+            statements.append(statement)
+        elif others := tuple(p for p in statement.items if p.name != port):
+            statements.append(replace(statement, items=others))
+    return replace(definition, model=replace(model, statements=(*statements, *source.statements)))
 
 
 def _names_read_in(definition: ModelDefinition) -> set[str]:

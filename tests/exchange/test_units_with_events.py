@@ -116,6 +116,23 @@ def test_description_of_what_events_change(tmp_path: Path) -> None:
     assert exported(BALL, tmp_path).numberOfEventIndicators == 2
 
 
+def test_indicators_depend_on_what_their_conditions_read(tmp_path: Path) -> None:
+    """Two tanks, a level watched in each, one of them against an input; a third condition reads both."""
+    text = """model Tanks {
+      input limit = 1
+      signal a = integral((1 - a)/1 s, 0), b = integral((2 - b)/1 s, 0)
+      mode n = 0
+      when a > limit { n = n + 1 }
+      when b > 0.5 { n = n + 1 }
+      when a*b > 0.3 { n = n + 1 }
+      output count = n
+      experiment e { simulate 0 .. 1 s }
+    }"""
+    found = exported(text, tmp_path, fmi="3")
+    reads = [[v.name for v in u.dependencies] for u in found.eventIndicators]
+    assert reads == [["a", "limit"], ["b"], ["a", "b"]]
+
+
 def test_starts_of_discrete_variables_and_parameters_of_conditions(tmp_path: Path) -> None:
     exported(HEATER, tmp_path)
     with instance(tmp_path, values={"heats": 0.0, "T_0": 294.0, "starts": 5.0}) as (unit, place):

@@ -1,0 +1,115 @@
+"""Power ports of units: a bond that is cut gives an input and an output on either side, and a small master joins them again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import bondgraph
+from bondgraph.commands import commands
+from bondgraph.errors import UsageError
+from compiler.errors import CompilationFailed
+from tests.exchange.unit_files import instance, read_model_description, validate_fmu
+
+pytestmark = pytest.mark.machine_code
+# A quarter car, cut at the bond between the wheel and what it carries.
+CAR = """model Wheel {
+  port top: translation
+  parameter m = 40 kg, k: N/m = 2e4
+  Sf road : v = 0.5 [m/s]*sin(6 [1/s]*time)
+  C tyre : F = k*x
+  I mass : p = m*v
+  1 wheel
+  road -> 0(tyre) -> wheel -> mass, top
+  output speed = mass.v
+  experiment go { simulate 0 .. 1 s }
+}
+model Body {
+  port low: translation
+  parameter m = 300 kg, k: N/m = 2e3, r: N*s/m = 150
+  C spring : F = k*x
+  R damper : F = r*v
+  I mass : p = m*v
+  low -> 0(1(spring, damper)) -> 1(mass)
+  output speed = mass.v
+  experiment go { simulate 0 .. 1 s }
+}
+model Car {
+  Wheel wheel
+  Body body
+  wheel.top -> body.low
+  output below = wheel.mass.v, above = body.mass.v
+  experiment go { simulate 0 .. 1 s }
+}
+"""
+
+
+def written(path: Path, name: str, ports: dict[str, str], fmi: str) -> Path:
+    folder = path / f"{name}{fmi}"
+    folder.mkdir()
+    bondgraph.load(CAR, name).to_fmu(folder / "unit.fmu", fmi=fmi, ports=ports)
+    assert validate_fmu(str(folder / "unit.fmu")) == []
+    return folder
+
+
+def joined(wheel: Path, body: Path, step: float) -> tuple[float, float]:
+    """Speed of the body after 1 s, and the energy that the cut has made: the master holds effort and flow over each step."""
+    made = 0.0
+    with instance(wheel, tolerance=1e-9) as (one, below), instance(body, tolerance=1e-9) as (two, above):
+        for k in range(round(1 / step)):
+            (force,), (speed,) = two.getReal([above["low_F"]]), one.getReal([below["top_v"]])
+            one.setReal([below["top_F"]], [force])
+            two.setReal([above["low_v"]], [speed])
+            for unit in (one, two):
+                unit.doStep(k * step, step)
+            (force_after,), (speed_after,) = two.getReal([above["low_F"]]), one.getReal([below["top_v"]])
+            made += step / 2 * (force * (speed_after - speed) - speed * (force_after - force))
+        return two.getReal([above["speed"]])[0], made
+
+
+def test_two_halves_of_a_quarter_car_are_the_whole(tmp_path: Path) -> None:
+    """The error and the energy that the cut makes fall with the step, in first order."""
+    halves = written(tmp_path, "Wheel", {"top": "effort"}, "2"), written(tmp_path, "Body", {"low": "flow"}, "3")
+    whole = bondgraph.load(CAR, "Car").simulate(rtol=1e-10).final("above")
+    steps = (8e-3, 4e-3, 2e-3)
+    found = [joined(*halves, step) for step in steps]
+    errors = [abs(speed - whole) for speed, _ in found]
+    assert errors[0] < 0.05 * abs(whole)
+    for values in (errors, [abs(energy) for _, energy in found]):
+        assert 1.7 < values[0] / values[1] < 2.4 and 1.7 < values[1] / values[2] < 2.4
+
+
+def test_a_port_is_given_either_way(tmp_path: Path) -> None:
+    """Of the body both: held with a speed it answers with a force, and the other way round; units, signs and structure are those of the bond."""
+    for given, result, number in (("flow", "low_F", 150.0), ("effort", "low_v", 1 / 150.0)):
+        folder = written(tmp_path, "Body", {"low": given}, "2" if given == "flow" else "3")
+        description = read_model_description(str(folder / "unit.fmu"))
+        source = {"low_F": "low_v", "low_v": "low_F"}[result]
+        causalities = {v.name: (v.causality, v.unit) for v in description.modelVariables}
+        units = {"low_F": "N", "low_v": "m/s"}
+        assert causalities[source] == ("input", units[source]) and causalities[result] == ("output", units[result])
+        with instance(folder, values={source: 1.0}) as (unit, place):
+            assert unit.getReal([place[result]])[0] == pytest.approx(
+                number, rel=1e-14
+            )  # of the damper alone at the start
+            assert unit.getDirectionalDerivative([place[result]], [place[source]], [1.0])[0] == pytest.approx(number)
+
+
+def test_strokes_that_forbid_a_way_are_told_with_their_reason(tmp_path: Path) -> None:
+    text = "model Mass { port end: translation\n I mass : p = 2 kg*v\n end -> 1(mass)\n output speed = mass.v\n experiment e { simulate 0 .. 1 s } }"
+    model = bondgraph.load(text)
+    model.to_fmu(tmp_path / "m.fmu", ports={"end": "effort"})
+    with pytest.raises(CompilationFailed) as failed:
+        model.to_fmu(tmp_path / "never.fmu", ports={"end": "flow"})
+    assert "`mass`" in failed.value.diagnostics[0].sentence and "`end_v`" in failed.value.diagnostics[0].sentence
+    with pytest.raises(CompilationFailed, match="`tip` is no port of one bond of `Mass`"):
+        model.to_fmu(tmp_path / "never.fmu", ports={"tip": "flow"})
+    with pytest.raises(UsageError, match="takes its `effort` or its `flow`"):
+        model.to_fmu(tmp_path / "never.fmu", ports={"end": "both"})
+    (tmp_path / "m.bg").write_text(text, encoding="utf-8")
+    arguments = ["compile", str(tmp_path / "m.bg"), "--port", "end=effort", "-o"]
+    assert CliRunner().invoke(commands, [*arguments, str(tmp_path / "c.fmu")]).exit_code == 0
+    assert (tmp_path / "c.fmu").read_bytes() == (tmp_path / "m.fmu").read_bytes()
+    assert CliRunner().invoke(commands, [*arguments, str(tmp_path / "c.py")]).exit_code == 2
