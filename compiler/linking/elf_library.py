@@ -119,6 +119,10 @@ class _ImageWriter:
         symbol_found = self.plan.defined.get(name)
         if symbol_found is None:
             raise LinkError(f"`{name}` is to be exported, but is not defined")
+        item = self.plan.objects[symbol_found[0]]
+        section = item.sections.get(item.symbols[symbol_found[1]].section or 0)
+        if section is None or not section.executable:
+            raise LinkError(f"`{name}` is to be exported, but is no code")
         return symbol_found
 
     # ------------------------------------------------------------ places in memory

@@ -88,6 +88,8 @@ def read_object(data: bytes) -> ElfObject:
     machine, headers, names = _headers(data)
     if any(h.kind in (REL, GROUP) for h in headers):
         raise LinkError("the object has sections that are not supported")
+    if any(_text(names, h.name).startswith(".rela") and not _is_whole(h, headers, names) for h in headers):
+        raise LinkError("a table of relocations is damaged")
     sections = {i: _section(data, h, _text(names, h.name)) for i, h in enumerate(headers) if _is_loaded(h, names)}
     if sum(s.size for s in sections.values()) > MOST_BYTES:
         raise LinkError("the object is too large")
@@ -109,6 +111,13 @@ def _headers(data: bytes) -> tuple[int, list[_Header], bytes]:
         raise LinkError("the table of sections is damaged")
     headers = [_Header(*_fields(SECTION, data, offset + width * i)) for i in range(count)]
     return machine, headers, _content(data, headers[naming])
+
+
+def _is_whole(header: _Header, headers: Sequence[_Header], names: bytes) -> bool:
+    """Return True if a table of relocations is one of the section that its name says."""
+    if header.kind != RELA or header.info >= len(headers):
+        return False
+    return _text(names, header.name) == f".rela{_text(names, headers[header.info].name)}"
 
 
 def _is_loaded(header: _Header, names: bytes) -> bool:
