@@ -56,7 +56,6 @@ class AnalysisCall:
         """Write the files of a result, and print it."""
         files = self.files
         writers = (
-            (files.out, "write"),
             (files.plot, "plot"),
             (files.tornado, "plot_tornado"),
             (files.curves, "plot_curves"),
@@ -64,7 +63,8 @@ class AnalysisCall:
         for path, write in writers:
             if path is not None:
                 getattr(found, write)(path)
-        self.print(found)
+        if not files.write(found):
+            self.print(found)
 
     def print(self, found: Any) -> None:
         """Print a result."""

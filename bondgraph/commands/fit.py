@@ -20,7 +20,7 @@ from .options import setting
     help="What to find: `d=1.5 um .. 2.5 um`, `k=log 1 N/m .. 100 N/m`, or its name alone.",
 )  # fmt: skip
 @click.option("--explain/--no-explain", default=None, help="Tell which few parameters would explain the data alone.")
-@click.option("--out", metavar="F.csv|.npz|.nc|.mat", help="Write measured and computed.")
+@click.option("--out", metavar="F.csv|.npz|.nc|.mat|-", help="Write measured and computed; `-` prints them as CSV.")
 @picture_option("F.png", "Draw measured and computed")
 def command(asked: AnalysisCall, data: Sequence[str], parameters: Sequence[str], explain: bool | None) -> None:
     """Find the parameters that explain measured data, and how sure they are."""

@@ -20,8 +20,8 @@ LIBRARY_SCHEMA = "bondgraph-library/1"
 @click.option(
     "-o",
     "--out",
-    metavar="X.bg|X.svg|X.png|X.pdf|X.html",
-    help="Write the example of the part: its text, its bond graph, its page.",
+    metavar="X.bg|X.svg|X.png|X.pdf|X.html|-",
+    help="Write the example of the part: its text (also `-`, the standard output), its bond graph, its page.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print it as JSON (schema bondgraph-library/1).")
 def command(words: Sequence[str], out: str | None, as_json: bool) -> None:
@@ -74,13 +74,16 @@ def _write(part: LibraryPart, parts: Sequence[LibraryPart], out: str) -> None:
     from .. import load
     from ..catalogue import example_of
     from ..files import write_text
-    from .options import PICTURES, check_target
+    from .options import PICTURES, STREAM, check_target
 
-    check_target(out, (".bg", *PICTURES, ".html"), "--out")
+    if out != STREAM:
+        check_target(out, (".bg", *PICTURES, ".html"), "--out")
     text = example_of(part, parts)
     if not text:
         raise click.UsageError(f"`{part.name}` has no example")
-    if out.endswith(".bg"):
+    if out == STREAM:
+        click.echo(text, nl=False)
+    elif out.endswith(".bg"):
         write_text(out, text)
     elif out.endswith(".html"):
         from ..presentation.page import report_text

@@ -30,7 +30,7 @@ from .options import jobs_option, journal_option, settings_by_name, shared_out
 @click.option("--to", metavar="TIME", help="Where simulations end.")
 @jobs_option
 @journal_option
-@click.option("--out", metavar="M.csv|.npz|.nc|.mat", help="Write all points.")
+@click.option("--out", metavar="M.csv|.npz|.nc|.mat|-", help="Write all points; `-` prints them as CSV.")
 @picture_option("H.png", "Draw histograms")
 @click.option("--tornado", metavar="T.png", help="Draw what moves each quantity, and how far.")
 def command(

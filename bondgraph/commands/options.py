@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -71,6 +72,9 @@ jobs_option = click.option(
 )  # fmt: skip
 
 
+STREAM = "-"  # in place of a file: standard input, or standard output
+
+
 @dataclass(frozen=True, slots=True)
 class OutputFiles:
     """Files that a command writes, and the form of what it prints."""
@@ -90,7 +94,17 @@ class OutputFiles:
             (self.tornado, "--tornado"),
             (self.curves, "--curves"),
         )
-        check_targets((self.out, TABLES, "--out"), *((path, PICTURES, option) for path, option in pictures))
+        out = None if self.out == STREAM else self.out
+        check_targets((out, TABLES, "--out"), *((path, PICTURES, option) for path, option in pictures))
+        if self.out == STREAM and self.as_json:
+            raise click.UsageError("--json and `--out -` both print on the standard output: leave one out")
+
+    def write(self, found: Any) -> bool:
+        """Write the table of a result; return True if it went to the standard output, where nothing else is printed then."""
+        if self.out is not None:
+            with written(self.out, ".csv") as path:
+                found.write(path)
+        return self.out == STREAM
 
 
 def taken(kind: type[Noun], options: dict[str, Any]) -> Noun:
@@ -101,7 +115,7 @@ def taken(kind: type[Noun], options: dict[str, Any]) -> Noun:
 
 def file_or_text(file: str) -> Path | str:
     """Return the file; for `-` the text of standard input. Raises `UnicodeDecodeError`, `click.UsageError`."""
-    if file != "-":
+    if file != STREAM:
         return Path(file)
     stream = sys.stdin
     if stream is None:
@@ -128,7 +142,7 @@ def load_shown(file: str, model: str | None) -> Model:
         part = whole.compilation().open_part
     except CompilationFailed:
         return whole  # what looks at it tells the errors
-    source = example_source(Path(file), part) if part is not None and file != "-" else None
+    source = example_source(Path(file), part) if part is not None and file != STREAM else None
     if source is None:
         return whole
     click.echo(f"note: `{part}` has open ports: this is its example", err=True)
@@ -152,6 +166,18 @@ def settings_by_name(texts: Sequence[str], option: str = "--set", example: str =
             raise click.UsageError(f"{option} has `{name}` twice, as `{result[name]}` and as `{value}`: leave one out")
         result[name] = value
     return result
+
+
+@contextmanager
+def written(out: str, ending: str) -> Iterator[str]:
+    """Provide the file that an option names; for `-` a temporary one with this ending, whose bytes then go to the standard output."""
+    if out != STREAM:
+        yield out
+        return
+    with TemporaryDirectory() as folder:
+        path = Path(folder, f"output{ending}")
+        yield str(path)
+        click.echo(path.read_bytes(), nl=False)
 
 
 def check_target(path: str, endings: tuple[str, ...], option: str) -> None:

@@ -17,6 +17,7 @@ from compiler.api import SOLVERS
 from . import completion
 from .error_reporting import FAILED, harmless, problems_told
 from .options import (
+    STREAM,
     TABLES,
     OutputFiles,
     check_target,
@@ -85,7 +86,9 @@ class Beside:
 )  # fmt: skip
 @click.option("--error", is_flag=True, help="Estimate the error of each output; --json always does.")
 @click.option("--from", "start", metavar="R.npz", help="Go on from where the run of this result ended.")
-@click.option("--out", metavar="R.csv|.npz|.nc|.mat", help="Write all values.")
+@click.option(
+    "--out", metavar="R.csv|.npz|.nc|.mat|-", help="Write all values; `-` prints them as CSV, and nothing else."
+)
 @click.option("--plot", metavar="R.png", help="Draw the outputs (.png, .svg or .pdf).")
 @click.option(
     "--over", metavar="NAME", shell_complete=completion.outputs, help="Draw them over this output instead of over time."
@@ -127,7 +130,9 @@ def command(
         except (RunFailed, RunInterrupted, RunBroken) as stopped:
             if stopped.result is not None:
                 _show(stopped.result, files, beside, isinstance(stopped, RunInterrupted))
-                click.echo(harmless(_how_to_go_on(stopped.result, file, files.out)), err=True)
+                click.echo(
+                    harmless(_how_to_go_on(stopped.result, file, None if files.out == STREAM else files.out)), err=True
+                )
             raise
         _show(result, files, beside, True)
         if files.plot_energy is not None:
@@ -165,8 +170,7 @@ def _show(result: Result, files: OutputFiles, beside: Beside, summary: bool) -> 
         click.echo(f"warning: {left}", err=True)
     for note in result.notes:
         click.echo(f"note: {note}", err=True)
-    if files.out is not None:
-        result.write(files.out)
+    printed = files.write(result)
     comparison = None
     if beside.against:
         from ..studies.comparison import compare
@@ -174,6 +178,8 @@ def _show(result: Result, files: OutputFiles, beside: Beside, summary: bool) -> 
         comparison = compare(result, *beside.against)
     if files.plot is not None and len(result.time) > 1:
         result.plot(files.plot, beside.over) if comparison is None else comparison.plot(files.plot)
+    if printed:
+        return
     if files.as_json:
         compared = {} if comparison is None else {"against": comparison.to_json()}
         click.echo(json.dumps(result.to_json() | compared, indent=2))
@@ -207,12 +213,12 @@ def _run_all(
     model: Model, experiment: str, options: dict[str, Any], by: tuple[int | None, str | None], files: OutputFiles
 ) -> None:
     """Execute an experiment with sweeps, or with analyses instead of a simulation."""
-    if files.out is not None:
+    if files.out is not None and files.out != STREAM:
         check_target(files.out, TABLES, "--out (of an experiment with a sweep or an analysis)")
     with shared_out(*by) as workers:
         found = model.run(experiment, workers=workers, **options)
-    if files.out is not None:
-        found.write(files.out)
+    printed = files.write(found)
     if files.plot is not None:
         found.plot(files.plot)
-    click.echo(json.dumps(found.to_json(), indent=2) if files.as_json else found.summary())
+    if not printed:
+        click.echo(json.dumps(found.to_json(), indent=2) if files.as_json else found.summary())

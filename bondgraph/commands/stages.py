@@ -11,6 +11,7 @@ import click
 
 from .error_reporting import WRONG, stop
 from .options import (
+    STREAM,
     check_target,
     experiment_option,
     file_argument,
@@ -21,6 +22,7 @@ from .options import (
     seconds_of,
     settings_by_name,
     settings_option,
+    written,
 )
 
 FMU = ".fmu"  # ending of functional mock-up units
@@ -103,7 +105,13 @@ def explain(
 
 @click.command("compile")
 @file_argument
-@click.option("-o", "--out", required=True, metavar="MODEL.py|.c|.mo|.diffsl|.fmu", help="The file to write.")
+@click.option(
+    "-o",
+    "--out",
+    required=True,
+    metavar="MODEL.py|.c|.mo|.diffsl|.fmu|-",
+    help="The file to write; `-`, with --target, is the standard output.",
+)
 @click.option(
     "--target",
     metavar="NAME",
@@ -138,7 +146,10 @@ def compile(
     targets = text_targets().values()
     chosen = [t for t in targets if t.name == target] or targets
     endings = tuple(dict.fromkeys(t.ending for t in chosen))
-    check_target(out, endings if target else (*endings, FMU), "--out")
+    if out == STREAM and target is None:
+        raise click.UsageError(f"`-o -` has no ending that means a kind: --target {', '.join(t.name for t in targets)}")
+    if out != STREAM:
+        check_target(out, endings if target else (*endings, FMU), "--out")
     if out.endswith(FMU) and (part is not None or single):
         raise click.UsageError("--part and --float belong to a program as a text")
     platforms, experiment = unit["platforms"], unit["experiment"]
@@ -150,7 +161,9 @@ def compile(
         raise click.UsageError(
             f"--platforms, --fmi, --port and --experiment belong to an FMU, a file that ends in {FMU}"
         )
-    write_text(out, load(file, model).compile(target or target_of(PurePath(out).suffix), part=part, single=single))
+    text = load(file, model).compile(target or target_of(PurePath(out).suffix), part=part, single=single)
+    with written(out, endings[0]) as path:
+        write_text(path, text)
 
 
 def _ports(texts: tuple[str, ...]) -> dict[str, str]:

@@ -384,7 +384,70 @@ def _missing_signs(workspace: Workspace, path: Path, text: str, item: Diagnostic
         yield _replace(path, first, at, ", ", "Write `,` between them")
 
 
+def _sorted_points(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
+    """The points of a table in the order of their places, where all are written out and no place stands twice."""
+    place = place_of(item.span)
+    lists = re.compile(r"\(([^()]+)\), *\(([^()]+)\)").match(text, place.start)
+    if lists is None or "Sort the points" not in item.help:
+        return
+    places, values = ([cell.strip() for cell in lists[k].split(",")] for k in (1, 2))
+    numbers = [re.fullmatch(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)(.*)", one) for one in places]
+    keys = [(float(match[1]), match[2].strip()) for match in numbers if match is not None]
+    if len(keys) == len(places) == len(values) and len({unit for value, unit in keys if value}) == 1:
+        order = sorted(range(len(places)), key=lambda i: keys[i][0])
+        edits = ((1, places), (2, values))
+        yield (
+            "Sort the points",
+            tuple(TextEdit(TextPlace(path, *lists.span(k)), ", ".join(cells[i] for i in order)) for k, cells in edits),
+        )
+
+
+def _branches_of_a_rate(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
+    """`der(a if on else b)` as the choice of two rates; the rate of what is delayed as the delayed rate."""
+    if item.code != "BG506":
+        return
+    place = place_of(item.span)
+    choice = re.fullmatch(r"der\(([^()]+) if ([^()]+) else ([^()]+)\)", item.span.text)
+    if choice is not None:
+        yield _replace(path, place.start, place.end, f"(der({choice[1]}) if {choice[2]} else der({choice[3]}))")
+    name = re.fullmatch(r"der\((\w+)\)", item.span.text)
+    late = re.search(rf"\b{name[1]} *= *delay\(([^,()]+), *([^,()]+)\)", text) if name is not None else None
+    if late is not None:
+        yield _replace(path, place.start, place.end, f"delay(der({late[1]}), {late[2]})")
+
+
+def _own_sampling(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
+    """An `every` of its own, with the same period and without the delay, for what cannot be set late."""
+    place = place_of(item.span)
+    start, end = _line(text, place.start)
+    head = re.match(r"\s*every +(.+?) +(?:offset|delay|jitter|seed)\b", text[start:end])
+    own = re.compile(rf"{re.escape(item.span.text)} *=[^;{{}}]*").search(text, start, end)
+    if item.code != "BG177" or head is None or own is None:
+        return
+    behind = re.compile(r" *; *").match(text, own.end())
+    indent = text[start : start + len(text[start:end]) - len(text[start:end].lstrip())]
+    offset = re.search(r"\boffset +\S+(?: +[A-Za-z]\w*)?", text[start : text.find("{", start)])
+    words = f"every {head[1]}{f' {offset[0]}' if offset is not None else ''}"
+    if text[text.find("{", start) + 1 : end].strip(" }") == own[0].strip():  # nothing else is set there
+        yield _replace(
+            path, start, end, f"{indent}{words} {{ {own[0].strip()} }}", f"Set `{item.span.text}` without delay"
+        )
+        return
+    kept = TextEdit(TextPlace(path, own.start(), behind.end() if behind is not None else own.end()), "")
+    added = TextEdit(TextPlace(path, end, end), f"\n{indent}{words} {{ {own[0].strip()} }}")
+    yield f"Set `{item.span.text}` without delay", (kept, added)
+
+
+def _lock_or_start(workspace: Workspace, path: Path, text: str, item: Diagnostic) -> Iterator[Candidate]:
+    """A joint that is locked away from where it was drawn, without its start, or not locked."""
+    if item.code == "BG201":
+        start, end = _line(text, place_of(item.span).start)
+        for title, attribute in (("Leave out its `start`", r"start\b[^,{}]*?"), ("Unlock it", r"locked *=[^,{}]*?")):
+            for match in re.finditer(rf", *{attribute}(?= *[,}}])|{attribute},\s*", text[start:end]):
+                yield _replace(path, start + match.start(), start + match.end(), "", title)
+
+
 RULES: tuple[Callable[[Workspace, Path, str, Diagnostic], Iterator[Candidate]], ...] = (
     _meant_words, _units, _signs, _brackets, _imports, _names, _arrows, _quoted_words, _same_name, _left_sides, _roles,
-    _into_the_model, _missing_signs, _listed_names, _omissions,
+    _into_the_model, _missing_signs, _listed_names, _omissions, _sorted_points, _branches_of_a_rate, _own_sampling, _lock_or_start,
 )  # fmt: skip

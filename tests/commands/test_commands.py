@@ -183,6 +183,26 @@ def test_an_interrupted_run_is_written_up_to_there(tmp_path: Path) -> None:
         np.testing.assert_allclose(arrays["time"], 0.1 * np.arange(len(arrays["time"])), rtol=1e-9)
 
 
+def test_files_go_to_the_standard_output(tmp_path: Path) -> None:
+    """`-` in place of a file: byte for byte what the file would have, and nothing else; RC = 1 s: 1 - exp(-1) of the voltage after a second."""
+    text = "model Rc {\n  Se s : u = 1 V\n  R r : u = 1 ohm*i\n  C c : q = 1 F*u\n  s -> 1(r, c)\n  output u = c.u\n}\n"
+    source = tmp_path / "rc.bg"
+    source.write_text(text)
+    for command, ending in ((("draw",), "svg"), (("compile", "--target", "c"), "c")):
+        out = tmp_path / f"out.{ending}"
+        kind, *options = command
+        assert run(kind, str(source), *options, "-o", str(out)).exit_code == 0
+        told = run(kind, str(source), *options, "-o", "-")
+        assert told.exit_code == 0 and told.stdout_bytes == out.read_bytes()
+    piped = CliRunner().invoke(commands, ["run", "-", "--to", "1 s", "--points", "2", "--out", "-"], input=text)
+    head, *rows = piped.stdout.splitlines()
+    assert head == "time [s],u [V]" and float(rows[-1].split(",")[1]) == pytest.approx(1 - np.exp(-1), rel=1e-5)
+    assert run("library", "Resistor", "-o", "-").stdout.startswith("import Resistor from electric\n")
+    for refused, words in ((("compile", str(source), "-o", "-"), "--target"), (("run", str(source), "--json", "--out", "-"), "leave one out")):  # fmt: skip
+        found = run(*refused)
+        assert found.exit_code == 2 and words in found.stderr
+
+
 def test_a_compiled_module_runs_alone(tmp_path: Path) -> None:
     out = tmp_path / "model.py"
     assert run("compile", "models/manipulator.bg", "-o", str(out)).exit_code == 0

@@ -19,9 +19,7 @@ from tests.errors.test_foreign_words import CASES as FOREIGN
 from tests.errors.test_foreign_words import MODEL
 
 # Codes whose errors have corrections, with at least one case among the wrong files.
-CORRECTED = (
-    "001 002 007 101 102 103 104 105 106 109 111 116 117 118 119 120 121 122 131 134 140 150 152 172 175 301 504"
-)
+CORRECTED = "001 002 007 101 102 103 104 105 106 109 111 116 117 118 119 120 121 122 131 134 140 150 152 172 175 201 301 504 506"
 CASES = sorted((ROOT / "tests/errors/cases").glob("*.bg"))
 
 
@@ -89,6 +87,8 @@ def test_lines_of_other_languages_become_what_their_authors_meant() -> None:
         ("  output y = 1 if 1 < m/(1 kg) < 2 else 0", "  output y = 1 if 1 < m/(1 kg) and m/(1 kg) < 2 else 0"),
         ("  R idle : F = 1 [N*s/m]*v", "}"),
         ("  R other : F = 1 [N*s/m]*v, v = 1 [m/(N*s)]*F", "  R other : F = 1 [N*s/m]*v"),
+        ("  output y = linear(time, (2 s, 0, 1 s), (5, 6, 7))", "  output y = linear(time, (0, 1 s, 2 s), (6, 7, 5))"),
+        ("  every 2 ms delay 1 ms { mass.v = 0 [m/s] }", "  every 2 ms { mass.v = 0 [m/s] }"),
         ("  I other : p = m*v { start p = 1 [N*s], colour = 3 }", "  I other : p = m*v { start p = 1 [N*s] }"),
     ],
 )
@@ -121,6 +121,17 @@ def test_nothing_is_left_out_that_is_referred_to(tmp_path: Path) -> None:
     workspace.open(path, text)
     at = text.index("idle")
     assert workspace.survey(path, True).diagnostics and corrections(workspace, path, at, at) == []
+
+
+def test_what_a_delay_cannot_set_is_sampled_alone(tmp_path: Path) -> None:
+    text = "model A {\n  mode b = 0\n  I mass : p = 1 kg*v\n  1 body\n  body -> mass\n  every 2 ms offset 1 ms delay 1 ms { mass.v = 0 [m/s]; b = 1 }\n}\n"
+    workspace, path = Workspace(), tmp_path / "a.bg"
+    workspace.open(path, text)
+    (option,) = corrections(workspace, path, text.index("every"), text.index("every"))
+    assert edited(text, list(option.edits), path).splitlines()[5:7] == [
+        "  every 2 ms offset 1 ms delay 1 ms { b = 1 }",
+        "  every 2 ms offset 1 ms { mass.v = 0 [m/s] }",
+    ]
 
 
 def test_a_statement_outside_of_models_moves_into_one(tmp_path: Path) -> None:
