@@ -27,6 +27,8 @@ settings.load_profile("repeatable")
 _KEPT = tempfile.TemporaryDirectory(prefix="bondgraph-tests-")
 os.environ.setdefault("BONDGRAPH_CACHE", _KEPT.name)
 
+_FULL: list[int] = []  # full collections when all was last left out of further ones
+
 Golden = Callable[[Path, str], None]
 
 
@@ -69,6 +71,13 @@ def pytest_collection_finish() -> None:
     """Leave thousands of tests and the modules they import out of every later collection."""
     gc.collect()
     _freeze_all()
+    _FULL[:] = [gc.get_stats()[2]["collections"]]
+
+
+def pytest_runtest_logfinish() -> None:
+    """Leave what earlier tests keep out, too, once a collection has walked through all of it: syntax trees of the whole house are millions of objects."""
+    if gc.get_stats()[2]["collections"] > _FULL[0]:
+        pytest_collection_finish()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
