@@ -43,11 +43,12 @@ def literal_of(description: object) -> str:
 
 
 def domain_of(domain: object, also: Iterable[str] = ()) -> str:
-    """Return a domain of the language."""
+    """Return a domain of the language, with its width if it has one: `translation[n]`."""
     known = [*DOMAINS, *also]
-    if domain not in known:
+    name, bracket, width = str(domain).partition("[")
+    if name not in known or (bracket and not width.endswith("]")):
         raise UsageError("BR502", f"there is no domain {domain!r}; domains are {', '.join(known)}")
-    return str(domain)
+    return f"{name}[{expression_of(width[:-1], f'the width of {name}')}]" if bracket else name
 
 
 def ports_of(ports: Ports, also: Iterable[str] = ()) -> tuple[str, tuple[str, ...]]:

@@ -125,12 +125,12 @@ class Elements:
     def port(self, name: str, domain: str, *, description: str = "") -> Part:
         """Add a port of the model itself, for use in a larger one: `port("ends", "planar")`."""
         text = f"port {name_of(name)}: {domain_of(domain, BUNDLES)}{literal_of(description)}"
-        return self._add(name, text, tuple(BUNDLES.get(domain, ())))
+        return self._add(name, text, _bonds_of(domain))
 
     def _junction(self, kind: str, name: str, domain: str, active: Value, description: str) -> Part:
         switch = [] if active is None else [f"active = {value_of(active, f'when `{name}` is active')}"]
-        text = f"{kind} {name_of(name)}{f' : {domain_of(domain)}' if domain else ''}{braces(switch)}"
-        return self._add(name, text + literal_of(description), ())
+        text = f"{kind} {name_of(name)}{f' : {domain_of(domain, BUNDLES)}' if domain else ''}{braces(switch)}"
+        return self._add(name, text + literal_of(description), _bonds_of(domain))
 
     def element(self, kind: str, name: str, law: str = "", **given: Unpack[ElementOptions]) -> Part:
         """Add an element of any kind of the language: `element("R", "damper", "F = r*v")`. Raises `UsageError`."""
@@ -152,7 +152,7 @@ class Elements:
             raise UsageError("BR514", f"`{own}` needs its law{', or its energy' if kind in STORAGES else ''}")
         else:
             text = law_of(law, f"the law of `{own}`")
-        listed, names = ports_of(given.get("ports", ()), BUNDLES if ELEMENTS[kind].sides else ())
+        listed, names = ports_of(given.get("ports", ()), BUNDLES)
         attributes = braces(self._attributes(own, given))
         statement = f"{kind} {own}{listed} : {text}{attributes}{literal_of(given.get('description', ''))}"
         return self._add(name, statement, names)
@@ -171,3 +171,8 @@ class Elements:
         if is_number(value) and value != 0 and not self.plain:
             raise UsageError("BR516", f"{what}: a number needs its unit here, as text: '1 mm', not {value!r}")
         return value_of(value, what)
+
+
+def _bonds_of(domain: str) -> tuple[str, ...] | None:
+    """Names of the bonds of a domain; None for one of a width, whose bonds have numbers."""
+    return None if "[" in domain else tuple(BUNDLES.get(domain, ()))

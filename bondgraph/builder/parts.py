@@ -53,7 +53,10 @@ class Part:
     def __str__(self) -> str:
         return self.path
 
-    def __getitem__(self, port: str) -> Part:
+    def __getitem__(self, port: str | int) -> Part:
+        """Return one of its ports, or by a number one of the bonds of a multibond of a width: `body[2]`."""
+        if isinstance(port, int):
+            return Part(self.graph, f"{self.path}[{port}]")
         if self.ports is not None and port not in self.ports:
             known = ", ".join(self.ports) or "one, without a name"
             raise UsageError("BR539", f"`{self.path}` has no port `{port}`; its ports: {known}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from ..fast_dataclass import dataclass
 from .units import AMPERE, KELVIN, KILOGRAM, METRE, MOLE, NEWTON, ONE, PASCAL, SECOND, VOLT, WATT, Dimension
@@ -75,6 +75,17 @@ BUNDLES: Mapping[str, Mapping[str, str]] = {
         "x": "translation", "y": "translation", "z": "translation", "rx": "rotation", "ry": "rotation", "rz": "rotation",
     },
 }  # fmt: skip
+
+
+def components_of(ports: Iterable[str], name: str) -> dict[str, str]:
+    """Ports of one multibond of an element, by component: of `a` the port `a.x` is `x`, and the port `a[2]`, of a width, is `[2]`."""
+    return {p[len(name) :].removeprefix("."): p for p in ports if name and p.startswith((f"{name}.", f"{name}["))}
+
+
+def multibond_of(port: str) -> str:
+    """Name of the multibond that a port belongs to: `a` of `a.x` and `a[2]`; empty for a single port."""
+    return port.rpartition("[" if port.endswith("]") else ".")[0]
+
 
 # Default domains of the components of multibonds: those of bundles and of a universal joint.
 COMPONENT_DOMAINS: Mapping[str, str] = {

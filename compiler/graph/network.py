@@ -84,6 +84,7 @@ class Element:
     require: str | None
     definition: str  # declaration: Model.name
     span: Span
+    bundle: str = ""  # the transducer of multibonds that it is a part of, in drawings
 
 
 SHOWN = 60  # bonds in a notebook
@@ -98,6 +99,7 @@ class Junction:
     domain: str
     definition: str
     span: Span
+    bundle: str = ""  # the junction of multibonds, or the transducer of them, that it is a part of, in drawings
 
 
 @dataclass(frozen=True, slots=True)

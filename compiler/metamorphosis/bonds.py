@@ -60,6 +60,10 @@ class _Exploding:
                 result.append(with_inner_blocks(statement, lambda block: self._all(block, rounds)))
             elif isinstance(statement, tree.Bonds):
                 lines: list[str] = []
+                places = (place for group in statement.places for place in group)
+                if "=>" in statement.arrows and any(isinstance(place, tree.Nest) for place in places):
+                    result.append(statement)  # a junction in place there is as wide as what it joins
+                    continue
                 groups = [[self._place(p, rounds, lines) for p in group] for group in statement.places]
                 for arrow, first, second in zip(statement.arrows, groups, groups[1:], strict=False):
                     lines += [f"{tail} {arrow} {head}" for tail in first for head in second]
@@ -155,12 +159,13 @@ class _Turning:
         model = self.definition.model
         if has_branches(model):
             return model.statements
-        for bond in (s for s in flat(model.statements) if isinstance(s, tree.Bonds)):
+        for bond in (s for s in flat(model.statements) if isinstance(s, tree.Bonds) and _is_single(s)):
             for place in bond.places[0] + bond.places[1]:
                 self.uses.setdefault(place.head, []).append(bond)  # type: ignore[union-attr]
         for name, bonds in self.uses.items():
             entry = self.definition.names.get(name)
-            if isinstance(entry, tree.Declaration) and len(entry.names) == 1 and name not in self.members:
+            lone = isinstance(entry, tree.Declaration) and len(entry.names) == 1 and not entry.names[0].components
+            if lone and isinstance(entry, tree.Declaration) and name not in self.members:
                 if entry.kind in SOURCES and len(bonds) == 1:
                     self._source(name, entry, bonds[0])
                 elif entry.kind in TWO_SIDED and len(bonds) == 2:
@@ -226,7 +231,7 @@ class _Turning:
         for s in statements:
             if isinstance(s, tree.LoopSyntax):
                 result.append(replace(s, statements=self._all(s.statements, (*rounds, s.name))))
-            elif isinstance(s, tree.Bonds):
+            elif isinstance(s, tree.Bonds) and _is_single(s):
                 result += inner_statements(self._bond(s, rounds))
             elif isinstance(s, tree.Declaration) and s.names[0].name in self.laws:
                 (line,) = inner_statements([f"{s.kind} {s.names[0].name} : {self.laws[s.names[0].name]}"])
@@ -241,10 +246,11 @@ class _Turning:
         assert isinstance(tail, tree.PathSyntax) and isinstance(head, tree.PathSyntax)
         first, second = self._junction(tail), self._junction(head)
         names = path_text(tail), path_text(head)
+        arrow = bond.arrows[0]
         if {tail.head, head.head} & self.turned or (first is not None and first == second):
-            return [f"{names[1]} -> {names[0]}"]
-        if first is None or second is None:
-            return [f"{names[0]} {bond.arrows[0]} {names[1]}"]
+            return [f"{names[1]} {arrow} {names[0]}"]
+        if first is None or second is None or arrow == "=>":
+            return [f"{names[0]} {arrow} {names[1]}"]
         self.count += 1
         name = f"turned_{self.count}" + (f"[{', '.join(rounds)}]" if rounds else "")
         return [f"TF {name} : f1 = -f2", f"{names[1]} -> {name}", f"{name} -> {names[0]}"]
@@ -261,6 +267,10 @@ class _Turning:
         if isinstance(node, tree.LoopSyntax):
             return replace(node, statements=tuple(map(self._readings, node.statements)))
         return node if isinstance(node, tree.Bonds) else rewrite(node, change)
+
+
+def _is_single(bond: tree.Bonds) -> bool:
+    return [[type(place) for place in group] for group in bond.places] == [[tree.PathSyntax]] * 2
 
 
 def signed(node: tree.PathSyntax, words: str) -> tree.ExpressionSyntax:

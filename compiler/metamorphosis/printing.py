@@ -247,12 +247,14 @@ def _item(node: tree.Item) -> str:
 def _components(components: tuple[tree.Component, ...]) -> str:
     if not components:
         return ""
-    return "(" + ", ".join(c.name + (f": {c.domain}" if c.domain else "") for c in components) + ")"
+    return (
+        "(" + ", ".join(c.name + (f": {c.domain}{index_text(c.width)}" if c.domain else "") for c in components) + ")"
+    )
 
 
 def _port(node: tree.PortItem) -> str:
     text = node.name + index_text(node.index) + _components(node.components)
-    text += f": {node.domain}" if node.domain else ""
+    text += f": {node.domain}{index_text(node.width)}" if node.domain else ""
     return text + ("" if node.description is None else f' "{node.description}"')
 
 

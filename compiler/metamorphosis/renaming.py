@@ -278,7 +278,7 @@ class ReadingPlace:
             case tree.Quantities():
                 return replace(node, items=tuple(map(self._item, node.items)))
             case tree.PortsSyntax():
-                return replace(node, items=tuple(replace(i, name=self.name(i.name)) for i in node.items))
+                return replace(node, items=tuple(map(self._port, node.items)))
             case tree.Declaration() if self.mechanism is not None:
                 return self._part_declaration(node)
             case tree.Declaration():
@@ -320,6 +320,10 @@ class ReadingPlace:
         value = self._model_path(item.value) if is_slot(item) else self.value(item.value)
         return replace(item, name=self.name(item.name), index=self.value(item.index), value=value)
 
+    def _port(self, item: tree.PortItem) -> tree.PortItem:
+        index, width = self.value(item.index), self.value(item.width)
+        return replace(item, name=self.name(item.name), index=index, width=width)
+
     def _model_path(self, value: object) -> Any:
         """A model or a slot, named as a value."""
         assert isinstance(value, tree.PathSyntax) and self.definition is not None
@@ -333,13 +337,23 @@ class ReadingPlace:
         return kind if definition is None else self.renamer.model_name(definition)
 
     def _declared(self, node: tree.Declaration, *within: str) -> tuple[tree.Declared, ...]:
-        return tuple(replace(d, name=self.name(*within, d.name), index=self.value(d.index)) for d in node.names)
+        def listed(declared: tree.Declared) -> tuple[tree.Component, ...]:
+            return tuple(replace(c, width=self.value(c.width)) for c in declared.components)
+
+        return tuple(
+            replace(d, name=self.name(*within, d.name), index=self.value(d.index), components=listed(d))
+            for d in node.names
+        )
 
     def _declaration(self, node: tree.Declaration) -> tree.Declaration:
         names = self._declared(node)
         if node.kind in ELEMENT_KINDS:
             attributes = tuple(self._own_attribute(a) for a in node.attributes)
-            law = self.value(node.definition, node) if isinstance(node.definition, tree.LawSyntax) else node.definition
+            law = node.definition
+            if isinstance(law, tree.LawSyntax):
+                law = self.value(law, node)
+            elif isinstance(law, tree.PathSyntax):  # a domain, with its width
+                law = replace(law, steps=self.value(law.steps))
             return replace(node, names=names, definition=law, attributes=attributes)
         assert self.definition is not None
         inner = kind_of(self.definition, node)

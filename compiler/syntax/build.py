@@ -127,10 +127,12 @@ class Builder:
 
     def port_item(self, parts: list[Any]) -> tree.PortItem:
         name, index, components, domain, description = parts
-        return tree.PortItem(self._span([name]), str(name), _items(index), components or (), domain, _text(description))
+        word, width = (None, None) if domain is None else (str(domain[0]), domain[1])
+        span, listed = self._span([name]), components or ()
+        return tree.PortItem(span, str(name), _items(index), listed, word, _text(description), width)
 
-    def domain(self, parts: list[Any]) -> str:
-        return str(parts[0])
+    def domain(self, parts: list[Any]) -> tuple[Token, tree.Index | None]:
+        return parts[0], _items(parts[1])
 
     def declaration(self, parts: list[Any]) -> tree.Declaration:
         kind, *names, definition, attributes, description = parts
@@ -147,7 +149,9 @@ class Builder:
         return ("index", tree.Index(items), parts[-1].end_pos)
 
     def component(self, parts: list[Any]) -> tree.Component:
-        return tree.Component(self._span(parts), str(parts[0]), None if parts[1] is None else str(parts[1]))
+        name, (domain, width) = parts[0], parts[1] or (None, None)
+        span = self._span([name, domain or name])
+        return tree.Component(span, str(name), None if domain is None else str(domain), width)
 
     def law(self, parts: list[Any]) -> tree.LawSyntax:
         return tree.LawSyntax(self._span(parts), tuple(parts))

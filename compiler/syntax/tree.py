@@ -188,10 +188,11 @@ class FunctionSyntax(SyntaxNode):
 
 @dataclass(frozen=True, slots=True)
 class Component(SyntaxNode):
-    """One port in parentheses, with its domain if it is given: `(q: electric, x)`."""
+    """One port in parentheses, with its domain if it is given: `(q: electric, x)`; of a width `(p: translation[n])`."""
 
     name: str
     domain: str | None
+    width: Index | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,6 +204,7 @@ class PortItem(SyntaxNode):
     components: tuple[Component, ...]
     domain: str | None
     description: str | None
+    width: Index | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -455,9 +457,6 @@ class Experiment(SyntaxNode):
 
     name: str
     steps: tuple[SyntaxNode, ...]
-
-
-# ---------------------------------------------------------------- files
 
 
 @dataclass(frozen=True, slots=True)

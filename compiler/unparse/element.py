@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 
 from ..algebra.expression import Expression, Number, Symbol, substitute, symbols
-from ..graph.domains import DOMAINS
+from ..graph.domains import BUNDLES, DOMAINS, multibond_of
 from ..graph.elements import SOURCES
 from ..graph.network import Element, PortVariable, Quantity, Reading
 from ..graph.units import JOULE
@@ -17,12 +18,25 @@ from .reference_names import Words
 def element_line(node: Element, words: Words, heating: bool) -> str:
     """Declaration of an element. `heating`: its last equation is the heat, which an `RS` has without writing it."""
     name = words.names.nodes[node.name]
-    listed = ", ".join(p.name if words.plain else f"{p.name}: {p.domain}" for p in node.ports)
+    listed = ", ".join(_ports(node, words.plain))
     sides = _sides(node, words, heating)
     kind = f"{'M' if _is_modulated(node, words, sides) else ''}{node.kind.value}{'S' if heating else ''}"
     ports = f"({listed})" if is_field(node) else ""
     law = _law_text(node, words, sides)
     return f"{kind} {name}{ports} : {law}{braces(_attributes(node, words))}{former_name(node.name, name)}"
+
+
+def _ports(node: Element, plain: bool) -> Iterator[str]:
+    """The ports as they are declared: those of one width as one, `p: translation[3]`, those of a `planar` with their domain."""
+    for whole, ports in groupby(node.ports, lambda p: multibond_of(p.name)):
+        listed = tuple(ports)
+        names, domains = [p.name[len(whole) + 1 :] for p in listed], [p.domain for p in listed]
+        if not whole:
+            yield from (p.name if plain else f"{p.name}: {p.domain}" for p in listed)
+        elif listed[0].name.endswith("]"):
+            yield f"{whole}: {domains[0]}[{len(listed)}]"
+        else:
+            yield f"{whole}: {next(name for name, parts in BUNDLES.items() if [*parts.items()] == [*zip(names, domains, strict=True)])}"
 
 
 def _sides(node: Element, words: Words, heating: bool) -> list[Expression]:

@@ -510,3 +510,28 @@ def test_nothing_heavy_is_imported() -> None:
     script = "import sys, bondgraph\ng = bondgraph.Graph('M')\ng.C('c', 'F = 2 [N/m]*x')\nassert g.text()\nprint([m for m in ('numpy', 'sympy', 'scipy') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_multibonds_of_a_width() -> None:
+    """A chain as one I, one C and a transformer by the incidence matrix: damped in the middle, the mode in which that rests is not."""
+    g = Graph("Chain")
+    n = g.parameter("n", 3)
+    D = g.constant("D", np.eye(4, 3) - np.eye(4, 3, -1))
+    body = g.one("body", f"translation[{n}]")
+    mass = g.I("mass", ports={"p": f"translation[{n}]"}, energy="dot(p, p)/(2*1 kg)", start={"p[1].v": "1 [m/s]"})
+    ends = g.TF("ends", f"b.f = {D}*a.f", ports={"a": f"translation[{n}]", "b": f"translation[{n} + 1]"})
+    springs = g.C("springs", "e = 1 [N/m]*q", ports={"s": f"translation[{n} + 1]"})
+    g.multibond(body, [mass, ends["a"]])
+    g.multibond(ends["b"], springs)
+    slider = g.R("slider", "F = 0.5 [N*s/m]*v")
+    body[2] >> slider
+    frame = g.one("frame", "planar")
+    frame["x"] >> g.I("plate", "p = 1 kg*v")
+    frame["y"] >> g.I("other", "p = 1 kg*v")
+    frame["phi"] >> g.I("turning", "L = 1 [kg*m^2]*omega")
+    g.output("v", f"{body[2]}.v")
+    model = g.model()
+    damped = [mode.damping for mode in model.modes() if mode.frequency and mode.frequency > 1e-6]
+    assert len(damped) == 3 and sum(d < 1e-9 for d in damped) == 1  # the one in which the middle rests
+    with pytest.raises(bondgraph.BondgraphError, match="no domain"):
+        g.one("wrong", "translation[2")

@@ -94,9 +94,11 @@ def lie_on_each_other(
 @pytest.mark.few(20)
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_strokes_and_half_arrows(path: Path) -> None:
-    """Every bond is drawn once. Its stroke is across the end that receives the effort, its barb at the head, on the side of the flow."""
+    """Every bond is drawn once, but for those inside of one multibond transducer. Its stroke is across the end that receives the effort, its barb at the head, on the side of the flow."""
     picture, graph = drawn(path), causal(path)
-    assert Counter(n for b in picture.bonds for n in b.numbers) == Counter(range(len(graph.graph.bonds)))
+    homes = [getattr(node, "bundle", "") or number for number, node in enumerate(graph.graph.nodes)]
+    outside = (n for n, bond in enumerate(graph.graph.bonds) if homes[bond.tail.node] != homes[bond.head.node])
+    assert Counter(n for b in picture.bonds for n in b.numbers) == Counter(outside)
     for bond in picture.bonds:
         ends = bond.ends
         for number in bond.numbers:
@@ -163,6 +165,15 @@ def test_multibonds_are_double_lines() -> None:
     assert sorted(b.tail for b in double if b.tail == "stage") == ["stage"] * 3
     assert all(len(b.numbers) == 1 for b in picture.bonds if len(b.ways) == 1)
     assert {"flex[1]", "guide[2].x", "platform.phi"} <= {t for look, t, _ in picture.texts if look == "port"}
+
+
+def test_multibonds_of_a_width_are_drawn_as_they_are_declared() -> None:
+    """A plate on four feet: a transformer of many ports is one, and a bond of four a double line, of three single ones each single."""
+    picture = drawn(Path("tests/metamorphic/circuits/multibonds.bg"))
+    double = {(b.tail, b.head): len(b.numbers) for b in picture.bonds if len(b.ways) == 2}
+    inner = "feet.1(loss)"
+    pairs = (("ends", "foot"), ("foot", inner), (inner, "feet.loss"), (inner, "feet.pad"))
+    assert double == dict.fromkeys(pairs, 4)
 
 
 def test_signals() -> None:

@@ -144,10 +144,12 @@ class TestRounds:
 
     def test_an_array_is_no_number(self) -> None:
         text = "model A {\n  for i in 1..3 {\n    1 a[i]\n    I m[i] : p = 1 kg*v\n    a[i] -> m[i]\n  }\n  output y = %s\n}\n"
-        for expression in ("m", "m.p", "2*a.v"):
+        for expression in ("m", "m + 1", "2*a"):
             found = mistakes(text % expression)
             assert len(found) == 1 and found[0].span.line == 7
         assert compiled(text % "m[2].p").program.outputs.names == ("y",)
+        for expression in ("m.p", "2*a.v"):  # of each of its items: a list
+            assert compiled(text % expression).program.outputs.names == ("y[1]", "y[2]", "y[3]")
 
     def test_an_array_of_signals_is_a_list(self) -> None:
         assert values("for i in 1..3 { signal s[i] = i^2 }\nsignal t = 2*s\noutput y = t[3]") == {"y": 18.0}

@@ -1,7 +1,8 @@
 """Diagram model: contents of a diagram before the layout, that is nodes with letters, bonds with strokes, signals.
 
 It is made from the causal graph, so that every stroke is the compiler's. Parallel bonds between the same two nodes, with equal strokes, are one
-multibond; junctions that such bonds pass through together are one junction.
+multibond; junctions that such bonds pass through together are one junction, and so are those that the text declares as one of a width, and what a
+transducer of multibonds is made of.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ def diagram_model_of(compilation: Compilation, closed: bool = False) -> DiagramM
     found = explain(compilation)
     looping = frozenset(name for loop in found.loops for name in loop.members)
     instances = _instances(compilation.whole_graph)
-    homes = _boxes(graph, instances) if closed else tuple((n,) for n in range(len(graph.nodes)))
+    homes = _boxes(graph, instances if closed else {})
     groups = _twins(causal, homes)
     of = {member: number for number, group in enumerate(groups) for member in group}
     derivative = frozenset(end.node for end in causal.derivative)
@@ -106,12 +107,13 @@ def _plain(name: str) -> str:
 
 
 def _boxes(graph: BondGraph, instances: Mapping[str, str]) -> tuple[tuple[int, ...], ...]:
-    """Return the nodes of each instance together, all others alone."""
+    """Return the nodes of each instance together, and those of each multibond; all others alone."""
     boxes: dict[str, list[int]] = {}
     for number, node in enumerate(graph.nodes):
         first = _plain(node.name).partition(".")[0]
         inside = first in instances and first != _plain(node.name)
-        boxes.setdefault(first if inside else f"\0{number}", []).append(number)
+        bundle = "" if isinstance(node, MechanismNode) else node.bundle
+        boxes.setdefault(first if inside else f"\0{bundle or number}", []).append(number)
     return tuple(map(tuple, boxes.values()))
 
 
@@ -157,7 +159,9 @@ def _node(
     if closed and inside:
         name, letter, label, shape, inside = inside, instances[inside] or "model", inside, "box", ""
     else:
-        letter, shape = _letter(first), _shape(first)
+        whole = next((graph.nodes[m] for m in group if isinstance(graph.nodes[m], Element)), first)
+        name = first.name if isinstance(first, MechanismNode) else first.bundle or first.name
+        letter, shape = _letter(whole), _shape(whole)
         label = _label(graph, group)
     place = first.span.file_and_line
     marks = (any(m in derivative for m in group), any(graph.nodes[m].name in looping for m in group))
@@ -179,7 +183,10 @@ def _shape(node: GraphNode) -> str:
 
 def _label(graph: BondGraph, group: tuple[int, ...]) -> str:
     names = [graph.nodes[m].name for m in group]
-    if isinstance(graph.nodes[group[0]], Junction) and any("(" in n for n in names):
+    first = graph.nodes[group[0]]
+    if isinstance(first, Junction) and first.bundle:
+        return "" if "(" in first.bundle else first.bundle
+    if isinstance(first, Junction) and any("(" in n for n in names):
         return ""
     if len(names) == 1:
         return names[0]

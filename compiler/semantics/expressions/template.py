@@ -133,6 +133,7 @@ class CompiledLaw:
     lists: tuple[tuple[tree.PathSyntax, ListUnits], ...]  # lists that it reads, with their units
     # the model's own that it calls; None where a branch that is not taken has one
     functions: tuple[tuple[str, tree.FunctionSyntax | None], ...] = ()
+    ports: tuple[str, ...] = ()  # of the element, as many as it is wide
 
 
 def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot], Reference]) -> Bound:

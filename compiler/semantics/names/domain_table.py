@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from ...graph.domains import BUNDLES, COMPONENT_DOMAINS, DOMAINS, GENERIC
+from ...graph.domains import BUNDLES, COMPONENT_DOMAINS, DOMAINS, GENERIC, components_of
 from ...graph.elements import ELEMENTS
 from ...graph.mechanism import domain_of, freedoms_of
 from ...source import Span
@@ -78,8 +78,9 @@ class _Spreading:
 
     def _ends(self, place: tree.PathSyntax | tree.Nest, is_head: bool) -> dict[str, Key]:
         """Map from component to the key of the port that a bond reaches at a place."""
-        if isinstance(place, tree.Nest):
-            return {"": (f"@{place.span.start}", "")}
+        if isinstance(place, tree.Nest):  # as wide as its members
+            components = self._ends(place.members[0], True) or {"": ()}
+            return {component: (f"@{place.span.start}", component) for component in components}
         members = [s.name for s in place.steps if isinstance(s, tree.Member)]
         if place.head in self.mechanisms:
             return _mechanism_ends(self.table, self.mechanisms[place.head], place, members)
@@ -97,11 +98,12 @@ class _Spreading:
             return {"": (place.head, "1" if is_head else "2")}
         if declaration.kind in ELEMENT_KINDS:
             ports = element_ports(declaration, place.head)
-            if members and any(p.startswith(f"{members[0]}.") for p in ports) and len(members) < 2:
-                return {
-                    p.removeprefix(f"{members[0]}."): (place.head, p) for p in ports if p.startswith(f"{members[0]}.")
-                }
-            return {"": (place.head, ".".join(members[:2]))} if members else {p: (place.head, p) for p in ports}
+            whole = members[0] if len(members) == 1 else "" if members else lone_multibond(declaration, place.head)
+            if group := components_of(ports, whole):
+                return {component: (place.head, port) for component, port in group.items()}
+            if members or whole:
+                return {"": (place.head, ".".join(members[:2]) or whole)}
+            return {port: (place.head, port) for port in ports}
         return self._ends_of_instance(place, declaration.kind, members)
 
     def _ends_of_instance(self, place: tree.PathSyntax, kind: str, members: list[str]) -> dict[str, Key]:
@@ -157,7 +159,7 @@ def is_two_sided(declaration: tree.Declaration) -> bool:
 
 
 def element_ports(declaration: tree.Declaration, name: str) -> tuple[str, ...]:
-    """The names of an element's scalar ports."""
+    """The names of an element's scalar ports; that of a port of a width, `p: translation[n]`, once."""
     if is_two_sided(declaration):
         return ("1", "2")
     declared = next(d for d in declaration.names if d.name == name)
@@ -165,14 +167,33 @@ def element_ports(declaration: tree.Declaration, name: str) -> tuple[str, ...]:
 
 
 def _components(declaration: tree.Declaration, declared: tree.Declared) -> Iterator[tuple[str, str | None]]:
-    """The ports that an element lists, with their declared domains; a multibond of a transducer, `a: planar`, has the ports `a.x`, `a.y`, `a.phi`."""
-    row = ELEMENTS.get(declaration.kind)
+    """The ports that an element lists, with their declared domains; of a multibond `a: planar` they are `a.x`, `a.y`, `a.phi`, of a junction `x`, …."""
+    definition = declaration.definition
+    if declaration.kind in ("0", "1") and isinstance(definition, tree.PathSyntax):
+        yield from BUNDLES.get(definition.head, {}).items()
     for component in declared.components:
-        bundle = BUNDLES.get(component.domain or "") if row is not None and row.sides else None
+        bundle = BUNDLES.get(component.domain or "") if declaration.kind in ELEMENTS else None
         if bundle is None:
             yield component.name, component.domain
         else:
             yield from ((f"{component.name}.{name}", domain) for name, domain in bundle.items())
+
+
+def lone_multibond(declaration: tree.Declaration, name: str) -> str:
+    """The one port of an element if it is a multibond, which the element's name then stands for; else nothing."""
+    declared = next(d for d in declaration.names if d.name == name)
+    if len(declared.components) != 1 or declaration.kind not in ELEMENTS:
+        return ""
+    (component,) = declared.components
+    return component.name if component.width is not None or component.domain in BUNDLES else ""
+
+
+def junction_width(declaration: tree.Declaration) -> tree.Index | None:
+    """The width of a junction, `1 body : translation[n]`."""
+    definition = declaration.definition
+    if declaration.kind not in ("0", "1") or not isinstance(definition, tree.PathSyntax) or len(definition.steps) != 1:
+        return None
+    return definition.steps[0] if isinstance(definition.steps[0], tree.Index) else None
 
 
 def _names(statements: tuple[tree.SyntaxNode, ...]) -> Iterator[str]:
@@ -222,7 +243,7 @@ def _learn(table: DomainTable, key: Key, domain: str, span: Span, bundles: tuple
     known = [*DOMAINS, *bundles]
     hint = suggestion(domain, known, f"Domains: {', '.join(known)}.")
     if domain in BUNDLES and not bundles:
-        hint = f"Only models, TF and GY have multibonds as ports; list the ports: `({', '.join(BUNDLES[domain])})`."
+        hint = f"Its ports are listed one by one: `({', '.join(BUNDLES[domain])})`."
     table.diagnostics.append(UnknownName(span, domain, "the list of domains", hint))
 
 
@@ -232,15 +253,15 @@ def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, n
         for port, domain in _components(declaration, declared):
             domain = domain or (COMPONENT_DOMAINS.get(port) if declaration.kind == "splitter" else None)
             if domain is not None:
-                _learn(
-                    table,
-                    (declared.name, port),
-                    domain,
-                    next(c.span for c in declared.components if c.name == port.split(".")[0]),
-                )
-        if isinstance(definition, tree.PathSyntax) and not definition.steps:
-            for port in element_ports(declaration, declared.name):
-                _learn(table, (declared.name, port), definition.head, definition.span)
+                listed = (c.span for c in declared.components if c.name == port.split(".")[0])
+                bundles = tuple(BUNDLES) if declaration.kind in ELEMENTS else ()
+                _learn(table, (declared.name, port), domain, next(listed, declared.span), bundles)
+        if isinstance(definition, tree.PathSyntax) and (
+            not definition.steps or junction_width(declaration) is not None
+        ):
+            bundles = tuple(BUNDLES) if declaration.kind in ("0", "1") else ()
+            for port in element_ports(declaration, declared.name) if definition.head not in bundles else ():
+                _learn(table, (declared.name, port), definition.head, definition.span, bundles)
         elif isinstance(definition, tree.LawSyntax):
             for port in element_ports(declaration, declared.name):
                 words = definition.span.text, is_two_sided(declaration), port

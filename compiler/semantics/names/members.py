@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ...graph.domains import DOMAINS, GENERIC, Domain
+from ...graph.domains import DOMAINS, GENERIC, Domain, components_of
 from ...graph.elements import ELEMENTS
 from ...graph.mechanism import domain_of
 from ...graph.network import Quantity, Reading
@@ -13,11 +13,11 @@ from ...syntax import tree
 from .domain_table import paths_of
 from .errors import UnknownName, WrongIndex, WrongType
 from .part_kinds import noun_of
-from .scope import ElementEntry, Entry, GroupEntry, InstanceEntry, Items, PartEntry, Scalar, WallEntry
+from .scope import Array, ElementEntry, Entry, GroupEntry, InstanceEntry, Items, PartEntry, Scalar, WallEntry
 from .statement_errors import Wrong, suggestion
 
 
-def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Scalar | ElementEntry:
+def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Scalar | Items | Array | ElementEntry:
     """`spring.x`: a variable of an element, or the stored quantity of its port of that name."""
     row = ELEMENTS.get(entry.kind)  # None: a junction
     stored = row.stored if row is not None and len(row.stored) == 1 else ""
@@ -31,8 +31,22 @@ def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Sca
         return _read(entry.name, side, domain, variable, f"{entry.name}.{name}")
     if "" not in entry.ports:
         name = entry.group + name
-        if any(port.startswith(f"{name}.") for port in entry.ports):
-            return replace(entry, group=f"{name}.")
+        if group := components_of(entry.ports, name):
+            if "[1]" not in group:
+                return replace(entry, group=f"{name}.")
+            readings = (element_member(entry, port, path) for port in group.values())
+            return Array(f"{entry.name}.{name}", path.span, {(n,): r for n, r in enumerate(readings, 1)})
+        if row is None and name in entry.ports and entry.kind != "splitter":  # one of the junctions of a multibond
+            return replace(entry, name=f"{entry.name}.{name}", ports={"": entry.ports[name]})
+        letter, allowed = (
+            name.removeprefix(entry.group),
+            stored + ("ef" if row is not None else {"0": "e", "1": "f"}.get(entry.kind, "")),
+        )
+        if name not in entry.ports and letter in GENERIC and letter in allowed:  # of all bonds of a multibond
+            ports = {p: d for p, d in entry.ports.items() if p.startswith(entry.group)}
+            ends = ((entry.name, p) if row is not None else (f"{entry.name}.{p}", "") for p in ports)
+            read = [_read(*end, d, letter, path.words) for end, d in zip(ends, ports.values(), strict=True)]
+            return Items(path.words, tuple(read))
         if name not in entry.ports:
             hint = suggestion(name, list(entry.ports), f"Its ports: {', '.join(entry.ports)}.")
             raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))

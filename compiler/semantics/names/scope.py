@@ -67,6 +67,11 @@ class Scalar:
     truth: bool = False  # a condition with a name: 1 or 0 as a number
     choices: tuple[str, ...] = ()  # a parameter that is one of these words: its number, from 1
 
+    @property
+    def number(self) -> float | None:
+        """Its value if that is a number of the text."""
+        return self.reference if isinstance(self.reference, float) else None
+
 
 @dataclass(frozen=True, slots=True)
 class Items:
@@ -99,6 +104,14 @@ class Array:
     name: str
     span: Span
     items: dict[tuple[int, ...], Entry] = field(default_factory=dict)
+
+    def at(self, index: tuple[int, ...]) -> Entry | None:
+        """The item with an index; with the first of several indices, the array of what is left."""
+        if index in self.items:
+            return self.items[index]
+        count = len(index)
+        row = {key[count:]: entry for key, entry in self.items.items() if key[:count] == index}
+        return Array(indexed(self.name, index), self.span, row) if row else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -342,3 +355,8 @@ class DeclaredPart:
     declaration: tree.Declaration
     scope: Scope
     planar: bool
+
+
+def indexed(name: str, index: tuple[int, ...]) -> str:
+    """The name of one item of an array."""
+    return f"{name}[{', '.join(map(str, index))}]"

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from itertools import islice
 
+from ...algebra.interpolate import OutsideTable
 from ...errors import Diagnostic
 from ...graph.units import ONE, Dimension
 from ...syntax import tree
@@ -62,3 +63,14 @@ def unit_hint(found: Dimension | None, wanted: Dimension | None, written: tree.E
         _, _, words = reading.partition(": ")
         return f"{words}."
     return "Check the units of the names in it, and whether a factor is missing."
+
+
+def reason_of(error: Exception) -> str:
+    """Cause of a failed calculation, in words."""
+    if isinstance(error, OutsideTable):
+        return str(error)
+    if isinstance(error, ZeroDivisionError):
+        return "a division by zero"
+    if isinstance(error, OverflowError):
+        return "it overflows"
+    return "a root or logarithm of a negative number, or an inverse function outside its range"

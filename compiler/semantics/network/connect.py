@@ -6,13 +6,24 @@ from collections import defaultdict
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from ...graph.domains import Domain
+from ...graph.domains import Domain, components_of, multibond_of
 from ...graph.elements import ELEMENTS
 from ...graph.network import Bond, BondEnd
 from ...source import Span
 from ...syntax import tree
 from ..names.errors import AbsentName, DomainConflict, UnknownName, WrongConnection, WrongType
-from ..names.scope import Absent, Array, Broken, ElementEntry, Entry, InstanceEntry, PartEntry, Scope, WallEntry
+from ..names.scope import (
+    Absent,
+    Array,
+    Broken,
+    ElementEntry,
+    Entry,
+    InstanceEntry,
+    PartEntry,
+    Scope,
+    WallEntry,
+    indexed,
+)
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from .elaborate import Elaborator
 
@@ -48,6 +59,14 @@ class Place(NamedTuple):
         """The endpoint as the author wrote it."""
         return self.written.words if isinstance(self.written, tree.PathSyntax) else f"{self.written.kind}(…)"
 
+    @property
+    def first(self) -> str:
+        """The first bond of a multibond, as it is written."""
+        component, terminal = next(iter(self.terminals.items()))
+        steps = self.written.steps if isinstance(self.written, tree.PathSyntax) else ()
+        named = not multibond_of(terminal.port) or any(isinstance(step, tree.Member) for step in steps)
+        return _member(self.words, component if named else terminal.port)
+
 
 class Connector:
     """Conversion of the bond statements of all instances to bonds between nodes."""
@@ -55,10 +74,10 @@ class Connector:
     def __init__(self, elaborator: Elaborator) -> None:
         self.elaborator = elaborator
         self.segments: list[DrawnBond] = []
-        # junctions in place: name, kind, domain, scope, span
-        self.anonymous: list[tuple[str, str, str, Scope, Span]] = []
+        # junctions in place: name, kind, domain, scope, span, multibond junction that it is a part of
+        self.anonymous: list[tuple[str, str, str, Scope, Span, str]] = []
         self.names: dict[str, int] = {}
-        self.nests: dict[tuple[int, str, str], str] = {}
+        self.nests: dict[tuple[int, str, str], dict[str, Terminal]] = {}
         self.passed: dict[tuple[str, str], int] = {}  # port of a model and component -> the bond through it
 
     def connect(self) -> None:
@@ -99,7 +118,7 @@ class Connector:
         multi = source.multi or target.multi
         if arrow == "->" and multi:
             word = source.words if source.multi else target.words
-            hint = f"Use `=>` for all its ports, or name one: `{word}.{next(iter((source if source.multi else target).terminals))}`."
+            hint = f"Use `=>` for all its ports, or name one: `{(source if source.multi else target).first}`."
             raise Wrong(WrongConnection(span, f"`{word}` is a multibond", hint))
         if arrow == "=>" and not (source.multi and target.multi):
             word = target.words if source.multi else source.words
@@ -107,10 +126,7 @@ class Connector:
             raise Wrong(WrongConnection(span, f"`{word}` is not a multibond", hint))
         missing = source.terminals.keys() ^ target.terminals.keys()
         if missing:
-            first, second = ", ".join(source.terminals), ", ".join(target.terminals)
-            what = f"The multibonds `{source.words}` ({first}) and `{target.words}` ({second}) have different ports"
-            hint = "`=>` joins ports of equal names."
-            raise Wrong(WrongConnection(span, what, hint))
+            raise _different(source, target, span)
         for component, terminal in source.terminals.items():
             self.segments.append(DrawnBond(terminal, target.terminals[component], span))
 
@@ -130,7 +146,6 @@ class Connector:
 
     def _nest(self, scope: Scope, nest: tree.Nest) -> None:
         place = self._place(scope, nest, is_head=True)
-        (junction,) = place.terminals.values()
         for member in nest.members:
             if isinstance(member, tree.Nest):
                 self._nest(scope, member)
@@ -139,12 +154,15 @@ class Connector:
                 isinstance(entry, ElementEntry) and entry.kind in ELEMENTS and bool(ELEMENTS[entry.kind].given)
             )
             other = self._place(scope, member, is_head=not from_source)
-            if other.multi:
-                hint = f"Name one of its ports: `{other.words}.{next(iter(other.terminals))}`."
+            if other.multi and not place.multi:
+                hint = f"Name one of its ports: `{other.first}`."
                 raise Wrong(WrongConnection(member.span, f"`{other.words}` is a multibond", hint))
-            (terminal,) = other.terminals.values()
-            tail, head = (terminal, junction) if from_source else (junction, terminal)
-            self.segments.append(DrawnBond(tail, head, member.span))
+            if place.terminals.keys() != other.terminals.keys():
+                raise _different(place, other, member.span)
+            for component, junction in place.terminals.items():
+                terminal = other.terminals[component]
+                tail, head = (terminal, junction) if from_source else (junction, terminal)
+                self.segments.append(DrawnBond(tail, head, member.span))
 
     # ------------------------------------------------------------ places
     def _entry(self, scope: Scope, path: tree.PathSyntax) -> Entry:
@@ -171,24 +189,16 @@ class Connector:
                     raise Wrong(WrongType(place.span, f"No index after `{name}`", "one", "It is no array."))
                 index = self.elaborator.index_of(step, scope)
                 assert index is not None
-                if index not in entry.items:
+                item = entry.at(index)
+                if item is None:
                     hint = f"`{entry.name}` has the items {_some(entry)}."
                     raise Wrong(UnknownName(place.span, place.words, f"`{scope.definition.name}`", hint))
-                entry = entry.items[index]
+                entry = item
             elif isinstance(entry, InstanceEntry):
-                inner = entry.scope.entries.get(step.name)
-                if isinstance(inner, Broken | Absent):
-                    _present(inner, place, f"{place.head}.{step.name}" if first else place.words)
-                if inner is None or not _is_wall(inner):
-                    name = place.head if first else place.words
-                    walls = _walls(entry)
-                    hint = suggestion(
-                        step.name,
-                        [w.partition("[")[0] for w in walls],
-                        f"Its ports: {', '.join(walls) or 'none'}. Bonds reach the inside of an instance only through its ports.",
-                    )
-                    raise Wrong(UnknownName(place.span, step.name, f"the ports of `{name}`", hint))
-                entry = inner
+                entry = _wall_of(entry, step, place, first)
+            elif isinstance(entry, Array) and isinstance(_one(entry), InstanceEntry):  # that port of each
+                walls = {k: _wall_of(e, step, place, first) for k, e in entry.items.items()}
+                entry = Array(f"{entry.name}.{step.name}", entry.span, walls)
             elif hasattr(entry, "parts"):
                 inner_part = entry.parts.entries.get(step.name)
                 if inner_part is None:
@@ -204,9 +214,13 @@ class Connector:
         component = None
         if steps:
             step = steps[0]
-            port = ".".join(s.name for s in steps if isinstance(s, tree.Member))
-            if isinstance(entry, ElementEntry) and port in entry.ports:  # of a multibond of a transducer
-                return self._finish(entry, port, place, is_head, own_wall, scope)
+            if isinstance(entry, ElementEntry) and len(steps) > 1:  # one bond of a multibond of an element
+                numbers = (self.elaborator.index_of(s, scope) if isinstance(s, tree.Index) else None for s in steps)
+                words = (
+                    f".{s.name}" if isinstance(s, tree.Member) else indexed("", n or ())
+                    for s, n in zip(steps, numbers, strict=True)
+                )
+                return self._finish(entry, "".join(words)[1:], place, is_head, own_wall, scope)
             if len(steps) > 1 or isinstance(step, tree.Index):
                 hint = "A bond reaches an element, a junction, or a port of one."
                 raise Wrong(UnknownName(place.span, place.words, f"`{scope.definition.name}`", hint))
@@ -219,7 +233,7 @@ class Connector:
         match entry:
             case ElementEntry() if "1" in entry.ports and entry.kind in ELEMENTS and ELEMENTS[entry.kind].sides:
                 side = "1" if is_head else "2"
-                if component is not None:
+                if component:
                     hint = "An arrow into a transducer reaches side 1, an arrow out of it leaves side 2."
                     raise Wrong(UnknownName(place.span, component, f"`{entry.name}`", hint))
                 return Place({"": Terminal(entry.name, side, "", entry.ports[side])}, False, entry.kind, place)
@@ -245,9 +259,11 @@ class Connector:
                 what = f"`{place.words}` is an instance of `{entry.scope.definition.name}`"
                 hint = f"Name its port: {', '.join(f'`{place.words}.{w}`' for w in walls) or 'it has none'}."
                 raise Wrong(WrongConnection(place.span, what, hint))
-            case Array():
-                hint = f"Say which: `{place.words}[…]` with {_some(entry)}."
-                raise Wrong(WrongConnection(place.span, f"`{place.words}` is an array", hint))
+            case Array():  # a multibond of all its items
+                parts = {k: self._finish(e, component, place, is_head, own_wall, scope) for k, e in entry.items.items()}
+                ends = ((k, c, t) for k, part in parts.items() for c, t in part.terminals.items())
+                terminals = {_member(indexed("", k), c): t for k, c, t in ends}
+                return next(iter(parts.values()))._replace(terminals=terminals, multi=True)
         if getattr(entry, "state", "") == "broken":
             raise AlreadyTold
         hint = "Bonds join elements, junctions, ports and the parts of mechanisms."
@@ -263,14 +279,16 @@ class Connector:
         place: tree.PathSyntax,
     ) -> Place:
         every = tuple(ports)
-        group = {p.removeprefix(f"{component}."): p for p in every if p.startswith(f"{component}.")}
-        if group:
+        wholes = {multibond_of(port) for port in every}
+        whole = next(iter(wholes)) if component is None and len(wholes) == 1 else component  # its only port
+        if group := components_of(every, whole or ""):
             terminals = {name: Terminal(node, port, side, ports[port]) for name, port in group.items()}
             return Place(terminals, True, kind, place, every)
         if component is not None:
             if component not in ports or component == "":
                 names = [n for n in every if n]
-                hint = suggestion(component, names, f"Its ports: {', '.join(names) or 'it has one, without a name'}.")
+                shown = ", ".join(names[:6]) + "…" * (len(names) > 6)
+                hint = suggestion(component, names, f"Its ports: {shown or 'it has one, without a name'}.")
                 raise Wrong(UnknownName(place.span, component, f"the ports of `{node}`", hint))
             return Place({"": Terminal(node, component, side, ports[component])}, False, kind, place, every)
         terminals = {name: Terminal(node, name, side, domain) for name, domain in ports.items()}
@@ -278,19 +296,29 @@ class Connector:
 
     def _nest_place(self, scope: Scope, nest: tree.Nest) -> Place:
         key = (nest.span.start, scope.path, scope.suffix)
-        domain = self.elaborator.domain_of(scope, (f"@{nest.span.start}", ""))
-        if domain is None:
-            raise self.elaborator.unknown_domain(scope, nest.span, f"{nest.kind}(…)")
         if key not in self.nests:
-            first = nest.members[0]
+            first, position = nest.members[0], len(self.anonymous)  # before those in it
             label = first.words if isinstance(first, tree.PathSyntax) else "…"
             name = scope.full(f"{nest.kind}({label})")
             self.names[name] = self.names.get(name, 0) + 1
             if self.names[name] > 1:
                 name += f"#{self.names[name]}"
-            self.nests[key] = name
-            self.anonymous.append((name, nest.kind, domain.name, scope, nest.span))
-        return Place({"": Terminal(self.nests[key], "", "", domain)}, False, nest.kind, nest)
+            components = self._place(scope, first, is_head=True).terminals
+            self.nests[key] = terminals = {}
+            made = []
+            for component in components:
+                domain = self.elaborator.domain_of(
+                    scope, (f"@{nest.span.start}", component.rpartition("]")[2].lstrip("."))
+                )
+                if domain is None:
+                    del self.nests[key]
+                    raise self.elaborator.unknown_domain(scope, nest.span, f"{nest.kind}(…)")
+                whole = _member(name, component)
+                terminals[component] = Terminal(whole, "", "", domain)
+                bundle = name if component else ""
+                made.append((whole, nest.kind, domain.name, scope, nest.span, bundle))
+            self.anonymous[position:position] = made
+        return Place(self.nests[key], "" not in self.nests[key], nest.kind, nest)
 
     # ------------------------------------------------------------ walls
     def bonds(self, numbers: dict[tuple[str, str], BondEnd]) -> list[Bond]:
@@ -380,8 +408,42 @@ def _present(entry: Entry, path: tree.PathSyntax, name: str) -> Entry:
 
 def _is_wall(entry: Entry) -> bool:
     """Return True for a port of a model or an array of such ports."""
-    first = next(iter(entry.items.values()), None) if isinstance(entry, Array) else entry
+    first = _one(entry) if isinstance(entry, Array) else entry
     return isinstance(first, WallEntry)
+
+
+def _wall_of(entry: Entry, step: tree.Member, place: tree.PathSyntax, first: bool) -> Entry:
+    """Return the port of an instance that a step names. Raises `Wrong`."""
+    assert isinstance(entry, InstanceEntry)
+    inner, name = entry.scope.entries.get(step.name), place.head if first else place.words
+    if isinstance(inner, Broken | Absent):
+        _present(inner, place, f"{place.head}.{step.name}" if first else place.words)
+    if inner is None or not _is_wall(inner):
+        walls = _walls(entry)
+        known = (
+            f"Its ports: {', '.join(walls) or 'none'}. Bonds reach the inside of an instance only through its ports."
+        )
+        hint = suggestion(step.name, [w.partition("[")[0] for w in walls], known)
+        raise Wrong(UnknownName(place.span, step.name, f"the ports of `{name}`", hint))
+    return inner
+
+
+def _member(name: str, component: str) -> str:
+    """Return the name of one bond of a multibond: `body.x`, `body[2]`."""
+    return name + ("." if component and component[0] != "[" else "") + component
+
+
+def _different(first: Place, second: Place, span: Span) -> Wrong:
+    """Error for two multibonds that do not fit."""
+    sizes = [f"`{p.words}` ({', '.join(list(p.terminals)[:6])}{'…' * (len(p.terminals) > 6)})" for p in (first, second)]
+    hint, widths = "`=>` joins ports of equal names.", {len(first.terminals), len(second.terminals)}
+    if all(c.startswith("[") for c in (*first.terminals, *second.terminals)) and len(widths) > 1:
+        hint = f"One has {len(first.terminals)} bonds, the other {len(second.terminals)}: both need one width, or a transformer between them."
+    return Wrong(WrongConnection(span, f"The multibonds {sizes[0]} and {sizes[1]} have different ports", hint))
+
+
+def _one(array: Array) -> Entry:
+    return next(iter(array.items.values()))
 
 
 def _walls(instance: InstanceEntry) -> list[str]:

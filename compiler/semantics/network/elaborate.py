@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from ...graph.domains import Domain
+from ...graph.domains import Domain, multibond_of
 from ...graph.elements import ELEMENTS
 from ...scene import Override
 from ...source import Span
@@ -15,7 +15,7 @@ from ...syntax import tree
 from ...syntax.blocks import flat
 from ..expressions.own_functions import check_function
 from ..mechanisms.blocks import declare_mechanism
-from ..names.domain_table import ELEMENT_KINDS, element_ports, wall_components
+from ..names.domain_table import ELEMENT_KINDS, element_ports, junction_width, lone_multibond, wall_components
 from ..names.errors import AbsentName, Cycle, DuplicateName, TooMany, UnknownAttribute, UnknownKind, WrongType
 from ..names.foreign_words import kind_advice
 from ..names.scope import (
@@ -31,12 +31,12 @@ from ..names.scope import (
     SlotEntry,
     WallEntry,
     functions_in,
+    indexed,
 )
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from ..resolution.declarations import Declarations
 from ..resolution.elaboration_cache import ElaborationCache
 from ..resolution.parameter_sets import WORD
-from ..resolution.resolver import indexed
 from ..resolution.structure import check_blocks, taken
 
 MAXIMUM_HIERARCHY = 60  # models within models
@@ -130,6 +130,10 @@ class Elaborator(Declarations):
             match statement:
                 case tree.PortsSyntax():
                     self.guard(self._declare_ports, scope, statement)
+                    for item in statement.items:
+                        if scope.base().vacant(item.name):
+                            scope.base().entries[item.name] = Broken(item.span)
+                            self.structure_broken = True
                 case tree.Declaration() | tree.LoopSyntax() | tree.MechanismSyntax():
                     later.append(statement)
                 case tree.Bonds():
@@ -159,16 +163,17 @@ class Elaborator(Declarations):
 
     def _declare_ports(self, scope: Scope, statement: tree.PortsSyntax) -> None:
         for item in statement.items:
-            index, local = self._indexed_name(item, scope)
+            index, _ = self._indexed_name(item, scope)
             ports = {}
             for component in wall_components(item):
                 domain = self.domain_of(scope, (item.name, component))
                 if domain is None:
                     raise self.unknown_domain(scope, item.span, item.name)
                 ports[component] = domain
-            wall = WallEntry(scope.full(local), ports, item.span)
-            self.enter_indexed(scope, item.name, index, wall, item.span)
-            self.walls[wall.name] = wall
+            for place in self._places(item.name, index, item.width, scope):
+                name = scope.full(item.name if place is None else indexed(item.name, place))
+                self.walls[name] = wall = WallEntry(name, ports, item.span)
+                self.enter_indexed(scope, item.name, place, wall, item.span)
 
     def _declare_parts(self, scope: Scope, statement: tree.Declaration, chain: tuple[ModelDefinition, ...]) -> None:
         if statement.kind in ELEMENT_KINDS:
@@ -231,22 +236,48 @@ class Elaborator(Declarations):
     def _declare_element(self, scope: Scope, statement: tree.Declaration, declared: tree.Declared) -> None:
         self.counted(declared.span)
         row = ELEMENTS.get(statement.kind)
-        if row is not None and len(declared.components) < row.least_ports > 1:
-            raise Wrong(WrongType(declared.span, "Two or more ports in parentheses", "a name alone", row.ports_advice))
-        index, local = self._indexed_name(declared, scope)
+        lone = lone_multibond(statement, declared.name)
+        if row is not None and row.least_ports > 1:
+            count = len(self._ports_of(scope, statement, declared) if lone else declared.components)
+            if count < row.least_ports:
+                shown = f"`{lone}` alone" if lone else "a name alone"
+                raise Wrong(WrongType(declared.span, "Two or more ports in parentheses", shown, row.ports_advice))
+        index, _ = self._indexed_name(declared, scope)
+        ports = self._ports_of(scope, statement, declared)
+        for place in self._places(declared.name, index, junction_width(statement), scope):
+            name = scope.full(declared.name if place is None else indexed(declared.name, place))
+            entry = ElementEntry(name, statement.kind, statement, ports, declared.span)
+            self.enter_indexed(scope, declared.name, place, entry, declared.span)
+            self.elements.append((scope, statement, entry))
+            self.element_names[entry.name] = entry
+
+    def _places(
+        self, name: str, index: tuple[int, ...] | None, width: tree.Index | None, scope: Scope
+    ) -> list[tuple[int, ...] | None]:
+        """Indices of a declared name: its own, with a further one for each bond of a width."""
+        return [index if number == () else (*(index or ()), *number) for number in self.widths(width, scope, name)]
+
+    def _ports_of(self, scope: Scope, statement: tree.Declaration, declared: tree.Declared) -> dict[str, Domain]:
+        """The ports of an element with their domains; of a port of a width all: `p[1]`, `p[2]`."""
         ports: dict[str, Domain] = {}
+        widths = {c.name: c.width for c in declared.components}
         for port in element_ports(statement, declared.name):
             domain = self.domain_of(scope, (declared.name, port))
             if domain is None:
                 name = f"{declared.name}.{port}" if port and port not in "12" else declared.name
                 raise self.unknown_domain(scope, declared.span, name)
-            if port in ports:
-                raise Wrong(DuplicateName(declared.span, port, declared.span))
-            ports[port] = domain
-        entry = ElementEntry(scope.full(local), statement.kind, statement, ports, declared.span)
-        self.enter_indexed(scope, declared.name, index, entry, declared.span)
-        self.elements.append((scope, statement, entry))
-        self.element_names[entry.name] = entry
+            if (whole := multibond_of(port) or port) != port and widths.get(whole) is not None:
+                hint = f"`{whole}` is as wide as its domain; junctions and ports of models may be several of it."
+                raise Wrong(WrongType(declared.span, f"One multibond `{whole}`", "several", hint))
+            if statement.kind not in ELEMENTS and widths.get(port) is not None:
+                hint = f"A junction of a width has the bonds `{declared.name}[1]`, `{declared.name}[2]`; list others by their names."
+                raise Wrong(WrongType(declared.span, f"One bond `{port}`", "several", hint))
+            for number in self.widths(widths.get(port), scope, port):
+                name = indexed(port, number) if number else port
+                if name in ports:
+                    raise Wrong(DuplicateName(declared.span, name, declared.span))
+                ports[name] = domain
+        return ports
 
     def _indexed_name(
         self, named: tree.Declared | tree.PortItem | tree.MechanismSyntax, scope: Scope

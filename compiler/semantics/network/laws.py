@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from ...algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, substitute, symbols
 from ...algebra.odd_roots import with_odd_roots
-from ...graph.domains import Domain
+from ...graph.domains import Domain, components_of, multibond_of
 from ...graph.elements import ELEMENTS, ElementKind
 from ...graph.network import Law, PortVariable
 from ...graph.units import JOULE
@@ -57,15 +58,34 @@ def _of_all_ports(kind: ElementKind, ports: Mapping[str, Domain], variables: str
     return {letter: listed for letter, listed in lists.items() if letter not in ports}
 
 
-def _of_multibonds(ports: Mapping[str, Domain], variables: str) -> dict[str, tuple[OwnVariable, ...]]:
-    """Map from each way in which a law may write a variable of a whole multibond, `a.f`, to the list of its variables."""
+def _of_multibonds(ports: Mapping[str, Domain], variables: str, stored: str) -> dict[str, tuple[OwnVariable, ...]]:
+    """Map from each way in which a law may write a variable of a whole multibond, `a.f`, to the list of its variables; by a letter that all share, too."""
     lists: dict[str, tuple[OwnVariable, ...]] = {}
-    for number, (port, domain) in enumerate(ports.items()):
-        for variable in variables if "." in port else "":
-            words = f"{port.rpartition('.')[0]}.{variable}"
-            one = OwnVariable(PortVariable(number, variable), domain.dimension(variable))
-            lists[words] = (*lists.get(words, ()), one)
+    for whole in dict.fromkeys(filter(None, map(multibond_of, ports))):
+        numbers = [n for n, port in enumerate(ports) if multibond_of(port) == whole]
+        domains = [list(ports.values())[n] for n in numbers]
+        for variable in variables:
+            own = [PortVariable(n, variable) for n in numbers]
+            listed = tuple(OwnVariable(o, d.dimension(variable)) for o, d in zip(own, domains, strict=True))
+            letters = {d.letter(variable) for d in domains}
+            lists.update(
+                dict.fromkeys(
+                    (f"{whole}.{w}" for w in (variable, *letters) if w == variable or len(letters) == 1), listed
+                )
+            )
+            if variable == stored:
+                lists[whole] = listed
     return lists
+
+
+def _item(listed: Sequence[OwnVariable], path: tree.PathSyntax) -> OwnVariable:
+    """Return one of the variables in a list, `p.F[2]`. Raises `Wrong`."""
+    items = path.steps[-1].items if isinstance(path.steps[-1], tree.Index) else ()
+    numbers = [i.number for i in items if isinstance(i, tree.Literal)]
+    if len(numbers) != len(items) or len(items) != 1 or numbers[0] not in range(1, len(listed) + 1):
+        hint = "The index is written as a number, from 1: a law is the same in each round of a `for`."
+        raise Wrong(WrongType(path.span, f"An item of a list of {len(listed)}", f"`{path.words}`", hint))
+    return listed[int(numbers[0]) - 1]
 
 
 def compile_law(
@@ -104,6 +124,7 @@ def compile_law(
         tuple(compiler.checks),
         tuple(compiler.lists.values()),
         tuple(compiler.functions.items()),
+        tuple(ports),
     )
 
 
@@ -135,7 +156,7 @@ class _LawReader:
         """Compiler of the law's expressions, after a check of the names in them."""
         variables = self.row.variables + self.row.remembered
         own = own_variables(self.kind, self.ports, variables)
-        multibonds = _of_multibonds(self.ports, variables)
+        multibonds = _of_multibonds(self.ports, variables, self.row.stored)
         forbidden = own_variables(self.kind, self.ports, "".join(v for v in "efqp" if v not in variables))
         paths = list(paths_of(self.definition))
         listed = _of_all_ports(self.row, self.ports, variables)
@@ -144,7 +165,7 @@ class _LawReader:
             listed = {}  # names of the model, which such a law reads
         for path in paths:
             words, found = path.words, self.scope.find(path.head)
-            if words in listed and getattr(found, "role", "") in numbers:
+            if words in {**listed, **multibonds} and getattr(found, "role", "") in numbers:
                 raise Wrong(NameClash(path.span, words, self.name, str(getattr(found, "role", "")), ""))
             if words in own and not path.steps and found is not None and words != self.name:
                 role = getattr(found, "role", "")
@@ -153,11 +174,16 @@ class _LawReader:
                 generic = words if self.row.sides else own[words].own.variable
                 instead = "" if generic == words else f", or write the variable as `{generic}`"
                 raise Wrong(NameClash(path.span, words, self.name, str(role), instead))
-            if any(w.startswith(f"{path.head}.") for w in multibonds) and words not in {**own, **multibonds}:
+            item = bool(path.steps) and isinstance(path.steps[-1], tree.Index)  # of a list of its own variables
+            listing = replace(path, steps=path.steps[:-1]).words if item else words
+            if (group := components_of(self.ports, path.head)) and not {words, listing} & {*own, *multibonds}:
                 what = f"The law of `{self.name}` uses `{words}` of a multibond"
-                raise self._wrong(
-                    what, f"Write `{path.head}.f`, all its flows, or `{path.head}.x.v`, one of them.", path.span
-                )
+                port = group[next(iter(group))]
+                one = f"{port}.{self.ports[port].letter('f')}"
+                hint = f"Write `{path.head}.f`, all its flows, or `{one}`, one of them, with a number as its index."
+                raise self._wrong(what, hint, path.span)
+            if item and listing in {**multibonds, **listed}:
+                own[words] = _item({**multibonds, **listed}[listing], path)
             if words in forbidden and found is None:
                 what = f"The law of `{self.declaration.kind} {self.name}` uses `{words}`; {self.row.letters} relates {self.row.relates}"
                 raise self._wrong(what, self.row.advice.format(words), path.span)

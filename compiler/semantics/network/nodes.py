@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from ...algebra.expression import ZERO, Symbol
 from ...algebra.formula import Bound, bind
+from ...graph.domains import components_of
 from ...graph.elements import ELEMENTS, Kind
 from ...graph.network import (
     Bond,
@@ -24,7 +25,8 @@ from ...graph.network import (
 from ...syntax import tree
 from ..expressions.template import CompiledLaw
 from ..mechanisms.blocks import build_mechanism
-from ..mechanisms.part_attributes import static_bounds
+from ..mechanisms.part_attributes import counted, of_dimension, static
+from ..names.domain_table import junction_width
 from ..names.errors import UnknownAttribute, WrongLaw, WrongMechanism, WrongValue
 from ..names.scope import ElementEntry, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
@@ -34,6 +36,8 @@ from .connect import Connector
 from .elaborate import Elaborator
 from .laws import compile_law
 from .transducers import expand_transducers
+
+MOST_NAMES = 12  # that a message lists
 
 # A scope (which lives as long as this does), an element's kind, its ports with their domains, and a law's words.
 _Wording = tuple[int, str, tuple[tuple[str, str, bool], ...], str]
@@ -62,13 +66,13 @@ class Nodes:
                 len(self.nodes) == before and declaration.kind != "splitter"
             ):  # its law is wrong: its bonds can still be checked
                 for number, port in enumerate(entry.ports):
-                    self.ends[entry.name, port] = BondEnd(before, number)
+                    self.ends[entry.name, port] = BondEnd(before, number if declaration.kind in ELEMENTS else 0)
                 self.nodes.append(_placeholder(entry))
         connector = Connector(elaborator)
         connector.connect()
-        for name, kind, domain, scope, span in connector.anonymous:
+        for name, kind, domain, scope, span, bundle in connector.anonymous:
             self.ends[name, ""] = BondEnd(len(self.nodes), 0)
-            self.nodes.append(Junction(name, Kind(kind), domain, f"{scope.definition.name}.{kind}(…)", span))
+            self.nodes.append(Junction(name, Kind(kind), domain, f"{scope.definition.name}.{kind}(…)", span, bundle))
         self._mechanisms(connector)
         self.bonds = connector.bonds(self.ends)
         self.walls = connector.passed
@@ -84,11 +88,14 @@ class Nodes:
             if isinstance(declaration.definition, tree.LawSyntax):
                 hint = "A junction has none: a 0-junction shares its effort, a 1-junction its flow."
                 raise Wrong(WrongLaw(declaration.definition.span, f"The junction `{entry.name}` has a law", hint))
-            domain = next(iter(entry.ports.values()))
-            self.ends[entry.name, ""] = BondEnd(index, 0)
-            self.nodes.append(Junction(entry.name, Kind(declaration.kind), domain.name, definition, entry.span))
-            for attribute in declaration.attributes:
-                self._active(scope, attribute, entry)
+            wide = junction_width(declaration) is not None or "" not in entry.ports
+            bundle = scope.full(entry.name.removeprefix(scope.path).partition("[")[0]) if wide else ""
+            for component, domain in entry.ports.items():
+                name = f"{entry.name}.{component}" if component else entry.name
+                self.ends[entry.name, component] = BondEnd(len(self.nodes), 0)
+                self.nodes.append(Junction(name, Kind(declaration.kind), domain.name, definition, entry.span, bundle))
+                for attribute in declaration.attributes:
+                    self._active(scope, attribute, name)
             return
         compiled, alike = self._law(scope, declaration, entry)
         arguments = tuple(self.elaborator.scalar_at(slot, scope).reference for slot in compiled.slots)
@@ -124,14 +131,14 @@ class Nodes:
             found.append(Quantity(name))
         return tuple(found)
 
-    def _active(self, scope: Scope, attribute: tree.Attribute, entry: ElementEntry) -> None:
+    def _active(self, scope: Scope, attribute: tree.Attribute, name: str) -> None:
         """Read the condition under which a junction is active."""
-        known = any(s.junction == entry.name for s in self.switches)
+        known = any(s.junction == name for s in self.switches)
         if attribute.name != "active" or attribute.target is not None or known:
-            raise Wrong(UnknownAttribute(attribute.span, entry.name, attribute.name, "A junction has `active`, once."))
+            raise Wrong(UnknownAttribute(attribute.span, name, attribute.name, "A junction has `active`, once."))
         hint = "A junction is on where a condition holds: `active = not open`, `active = x > 0 m`."
         _, condition = read_condition(self.elaborator, attribute.value, scope, hint)
-        self.switches.append(Switch(entry.name, condition, attribute.span))
+        self.switches.append(Switch(name, condition, attribute.span))
 
     def _law(
         self, scope: Scope, declaration: tree.Declaration, entry: ElementEntry
@@ -142,7 +149,8 @@ class Nodes:
         """
         elaborator = self.elaborator
         known = self._laws.setdefault(id(declaration), [])
-        found = next((law for law in known if elaborator.fits(law, scope)), None)
+        ports = tuple(entry.ports)
+        found = next((law for law in known if law.ports == ports and elaborator.fits(law, scope)), None)
         alike: _Wording | None = None
         if found is None and declaration.definition is not None:
             domains = tuple((port, domain.name, domain.typed) for port, domain in entry.ports.items())
@@ -230,28 +238,52 @@ class _Attributes:
     def _stored_value(self, attribute: tree.Attribute) -> None:
         entry, ports = self.entry, list(self.entry.ports)
         words = attribute.target.words if attribute.target is not None else ""
-        port, letter = ("", words) if ports == [""] else (words.partition(".")[0], words.partition(".")[2])
-        domain = entry.ports.get(port)
-        stored = self.stored[ports.index(port) if port in ports else 0]
-        variable = None if domain is None else (domain.variable(letter) if letter else stored)
-        allowed = stored + {"q": "e", "p": "f"}[stored] if ELEMENTS[entry.kind].stored else "".join(self.stored)
-        misplaced = attribute.name == "nominal" and variable != stored
-        if domain is None or variable is None or variable not in allowed or misplaced:
-            names = [f"{p}.{d.letter(v)}" if p else d.letter(v) for p, d in entry.ports.items() for v in allowed]
-            hint = f"Write `{attribute.name} {names[0]} = …`; it can name: {', '.join(names)}."
+        stem, _, letter = words.rpartition(".")
+        stem, letter = (words, "") if words in ports or components_of(ports, words) else (stem, letter)
+        group = list(components_of(ports, stem).values()) or [stem]  # of a multibond all at once, by a list
+        variables = [self._variable(port, letter) for port in group]
+        misplaced = attribute.name == "nominal" and variables != [self._stored(port) for port in group]
+        if None in variables or misplaced:
+            names = [
+                f"{p}.{d.letter(v)}" if p else d.letter(v) for p, d in entry.ports.items() for v in self._allowed(p)
+            ]
+            hint = f"Write `{attribute.name} {names[0]} = …`; it can name: {', '.join(names[:MOST_NAMES])}{'…' * (len(names) > MOST_NAMES)}."
             raise Wrong(UnknownAttribute(attribute.span, entry.name, f"{attribute.name} {words}".strip(), hint))
-        dimension, what = domain.dimension(variable), f"{attribute.name} {words}"
-        (bound,) = static_bounds(self.elaborator, attribute.value, self.scope, dimension, f"`{what}`", 1)
+        what = f"{attribute.name} {words}"
         target = self.starts if attribute.name == "start" else self.nominals
-        number = ports.index(port)
-        if number in target:
-            raise Wrong(UnknownAttribute(attribute.span, entry.name, what, "It is given twice."))
-        target[number] = (variable, bound)
+        template = self.elaborator.template(attribute.value, self.scope)
+        expected = "A single number" if len(group) == 1 else f"A list of {len(group)}"
+        parts = counted(template, attribute.value, (len(group),), expected)
+        for part, port, variable in zip(parts, group, variables, strict=True):
+            of_dimension(
+                (part,), attribute.value, self.scope, (entry.ports[port].dimension(variable or ""),), f"`{what}`"
+            )
+        bounds = static(self.elaborator, template, self.scope, f"`{what}`", attribute.value.span)
+        for bound, port, variable in zip(bounds, group, variables, strict=True):
+            if ports.index(port) in target:
+                raise Wrong(UnknownAttribute(attribute.span, entry.name, what, "It is given twice."))
+            target[ports.index(port)] = (variable or "", bound)
+
+    def _stored(self, port: str) -> str:
+        return self.stored[list(self.entry.ports).index(port)]
+
+    def _allowed(self, port: str) -> str:
+        """Variables by which the start of a port is given."""
+        stored = self._stored(port)
+        return stored + {"q": "e", "p": "f"}[stored] if ELEMENTS[self.entry.kind].stored else "".join(self.stored)
+
+    def _variable(self, port: str, letter: str) -> str | None:
+        """Variable of a port that a letter names; None for one that gives no start."""
+        domain = self.entry.ports.get(port)
+        if domain is None:
+            return None
+        variable = domain.variable(letter) if letter else self._stored(port)
+        return variable if variable is not None and variable in self._allowed(port) else None
 
 
 def _placeholder(entry: ElementEntry) -> Node:
     """Node in place of one with an error, so that its bonds can be checked. The graph is never used."""
-    if entry.kind in ("0", "1"):
+    if entry.kind not in ELEMENTS:
         return Junction(entry.name, Kind(entry.kind), next(iter(entry.ports.values())).name, "", entry.span)
     ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
     kind = ELEMENTS[entry.kind].node

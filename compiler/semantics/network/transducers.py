@@ -12,7 +12,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from ...algebra.affine import affine_parts
-from ...algebra.expression import ZERO, Expression, Symbol, multiply, negate, symbols
+from ...algebra.expression import ZERO, Expression, Number, Symbol, multiply, negate, substitute, symbols
+from ...graph.domains import multibond_of
 from ...graph.elements import TRANSDUCERS, Kind
 from ...graph.network import Bond, BondEnd, Element, Junction, Law, Node, Port, PortVariable
 from ...source import Span
@@ -89,6 +90,7 @@ def expand_transducers(nodes: list[Node], bonds: list[Bond], walls: dict[tuple[s
 def _expand(number: int, node: Element, outer: list[tuple[int, bool]], nodes: list[Node], bonds: list[Bond]) -> None:
     left = node.law.equations[0][0]
     assert isinstance(left, Symbol)
+    bundle = node.name if any(multibond_of(port.name) for port in node.ports) else ""
     given = {PortVariable(e[0].key.port, e[0].key.variable) for e in node.law.equations if isinstance(e[0], Symbol)}
     variable = left.key.variable
     transformer = node.kind is Kind.TRANSFORMER
@@ -98,7 +100,7 @@ def _expand(number: int, node: Element, outer: list[tuple[int, bool]], nodes: li
     places: list[int] = []
     for port, item in enumerate(node.ports):
         kind = adding if any(o.port == port for o in given) else sharing
-        junction = Junction(f"{node.name}.{item.name}", kind, item.domain, node.definition, node.span)
+        junction = Junction(f"{node.name}.{item.name}", kind, item.domain, node.definition, node.span, bundle)
         places.append(number if not port else len(nodes))
         if port:
             nodes.append(junction)
@@ -114,7 +116,7 @@ def _expand(number: int, node: Element, outer: list[tuple[int, bool]], nodes: li
         law = Law(((Symbol(given_own), multiply(ratio, Symbol(read_own))),), None, node.law.arity)
         sides = (Port("1", node.ports[source].domain), Port("2", node.ports[target].domain))
         name = f"{node.name}({node.ports[source].name} to {node.ports[target].name})"
-        two_port = replace(node, name=name, ports=sides, law=law, prefer=None, require=None)
+        two_port = replace(node, name=name, ports=sides, law=law, prefer=None, require=None, bundle=bundle)
         middle = len(nodes)
         nodes.append(two_port)
         span = bonds[bond].span
@@ -123,10 +125,12 @@ def _expand(number: int, node: Element, outer: list[tuple[int, bool]], nodes: li
 
 
 def _terms(node: Element) -> Iterator[tuple[int, int, Expression]]:
-    """Terms of the equations: given port, read port, coefficient."""
+    """Terms of the equations: given port, read port, coefficient. An entry of a matrix that is zero, whatever is set, is no term."""
+    numbers = [Number(a) if isinstance(a, float) else None for a in node.arguments]
     for left, right in node.law.equations:
         assert isinstance(left, Symbol)
         for symbol in [s for s in symbols(right) if isinstance(s.key, PortVariable)]:
             parts = affine_parts(right, symbol)
             assert parts is not None
-            yield left.key.port, symbol.key.port, parts[0]
+            if substitute(parts[0], lambda s: numbers[s.key] or s) != ZERO:
+                yield left.key.port, symbol.key.port, parts[0]

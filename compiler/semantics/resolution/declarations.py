@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from ...errors import CompilationFailed
 from ...graph.domains import DOMAINS, Domain
@@ -12,7 +12,7 @@ from ...scene import Override
 from ...source import Span
 from ...syntax import tree
 from ..names.domain_table import domain_table, is_slot, wall_components, wall_items
-from ..names.errors import DuplicateName, ReservedName, TooMany, UnknownDomain, UnknownKind, WrongConnection
+from ..names.errors import DuplicateName, ReservedName, TooMany, UnknownDomain, UnknownKind, WrongConnection, WrongType
 from ..names.port_domains import DomainTable
 from ..names.scope import (
     RESERVED,
@@ -25,11 +25,11 @@ from ..names.scope import (
     Scalar,
     Scope,
     SlotEntry,
+    indexed,
 )
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from .elaboration_cache import ElaborationCache
 from .parameter_sets import WORD, ParameterSets
-from .resolver import indexed
 
 BYTES = 17_000  # memory of one part of flat text from text to result, as `tests/benchmarks/results/large_model_stages.md` has it; of an array half
 
@@ -93,6 +93,18 @@ class Declarations(ParameterSets):
             self.tell(DuplicateName(first, name, span))
             return
         raise Wrong(DuplicateName(span, name, first))
+
+    def widths(self, width: tree.Index | None, scope: Scope, name: str) -> Sequence[tuple[int, ...]]:
+        """Numbers of the bonds of a multibond of a width, each as the last index of its name; without a width there is one bond, which has none."""
+        if width is None:
+            return ((),)
+        count = self.integer(width.items[0], scope)
+        if count < 1 or len(width.items) > 1:
+            words = ", ".join(item.span.words for item in width.items)
+            hint = "`translation[3]` are three bonds; parts without any stand in an `if`."
+            raise Wrong(WrongType(width.items[0].span, f"A width of 1 or more for `{name}`", f"[{words}]", hint))
+        self.counted(width.items[0].span, count)
+        return [(number,) for number in range(1, count + 1)]
 
     def enter_indexed(self, scope: Scope, name: str, index: tuple[int, ...] | None, entry: Entry, span: Span) -> None:
         if index is None:
@@ -177,7 +189,7 @@ class Declarations(ParameterSets):
         table = self.table_of(definition)
         walls = {}
         for item in wall_items(definition.model):
-            name = item.name if item.index is None else f"{item.name}[…]"
+            name = item.name if item.index is None and item.width is None else f"{item.name}[…]"
             for component in wall_components(item):
                 domain = table.of(item.name, component)
                 walls[f"{name}.{component}".rstrip(".")] = domain.name if domain else "unknown"

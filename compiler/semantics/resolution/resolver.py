@@ -14,7 +14,6 @@ from typing import Any
 from ...algebra.expression import ONE as TRUE
 from ...algebra.expression import ZERO, Expression, Number, evaluate, select
 from ...algebra.formula import Bound, Formula, bind
-from ...algebra.interpolate import OutsideTable
 from ...algebra.table import KINDS
 from ...errors import CompilationFailed, Diagnostic, ValuesNeeded
 from ...graph.domains import DOMAINS, Domain
@@ -68,8 +67,9 @@ from ..names.scope import (
     Scalar,
     Scope,
     WallEntry,
+    indexed,
 )
-from ..names.statement_errors import MAXIMUM_MISTAKES, AlreadyTold, Wrong, describe, suggestion, unit_hint
+from ..names.statement_errors import MAXIMUM_MISTAKES, AlreadyTold, Wrong, describe, reason_of, suggestion, unit_hint
 from .elaboration_cache import ElaborationCache
 
 SHOWN = 60  # characters of a line in an error
@@ -95,6 +95,7 @@ class Resolver(ABC):
         self.element_names: dict[str, ElementEntry] = {}
         self.walls: dict[str, WallEntry] = {}  # ports of models
         self._file_constants: dict[str, Pending] = {}
+        self._lists: dict[int, tuple[Array, int, Items]] = {}  # arrays as lists
         self.guesses = 0  # readings so far of what is not resolved yet, for a unit alone
         self._templates = known.templates
         self._keep = known.nodes
@@ -200,7 +201,7 @@ class Resolver(ABC):
                 self.asked = dict.fromkeys(unknown, span) | self.asked
             return None
         except (ArithmeticError, ValueError) as error:
-            raise Wrong(NoValue(span, _why(error), self._values(bound))) from None
+            raise Wrong(NoValue(span, reason_of(error), self._values(bound))) from None
         if not math.isfinite(value):
             raise Wrong(NoValue(span, "it overflows", self._values(bound)))
         return value
@@ -306,10 +307,10 @@ class Resolver(ABC):
                 raise Wrong(
                     WrongType(path.span, "A list of numbers", "an array of choices", f"Read one: `{path.words}[1]`.")
                 )
-            values = tuple(map(_known, found.items))
+            values = tuple(item.number for item in found.items)
             fixed = isinstance(path, tree.PathSyntax) and None not in values and self._fixed(path, scope)
             return Readable(tuple(i.dimension for i in found.items), True, values, fixed=fixed, columns=found.columns)
-        return Readable((found.dimension,), False, (_known(found),), found.truth, choices=found.choices)
+        return Readable((found.dimension,), False, (found.number,), found.truth, choices=found.choices)
 
     def _fixed(self, path: tree.PathSyntax, scope: Scope) -> bool:
         """Return True for a list that is a `constant` of literal numbers: it is the same in every instance."""
@@ -357,7 +358,7 @@ class Resolver(ABC):
             return Items(name, group_members(entry))
         if isinstance(entry, Array):
             first = next(iter(entry.items.values()))
-            if not isinstance(first, Scalar | Pending):
+            if not isinstance(first, Scalar | Pending | Array | Items | Absent | Broken):
                 what = f"Say which: `{indexed(path.words, next(iter(entry.items)))}`, and which of its variables."
                 raise Wrong(WrongType(path.span, "A number", f"the array `{path.words}`", what))
             return self._as_list(entry, path)
@@ -365,20 +366,41 @@ class Resolver(ABC):
 
     def _as_list(self, array: Array, path: tree.PathSyntax) -> Items:
         """An array of numbers as a list; one with two indices, or of lists of one length, as a matrix."""
-        keys = sorted(array.items)
-        items = [self.quantity(e) if isinstance(e := array.items[key], Pending) else e for key in keys]
+        known = self._lists.get(id(array))
+        if known is not None and known[0] is array and len(known[0].items) == known[1]:
+            return known[2]
+        keys, guesses = sorted(array.items), self.guesses
+        items = [self._number_or_list(array.items[key], path) for key in keys]
         scalars = tuple(item for item in items if isinstance(item, Scalar))
         if not all(isinstance(item, Scalar | Items) for item in items):
             raise AlreadyTold
         if len(scalars) == len(items):
             rows, columns = ({key[i] for key in keys} for i in (0, -1))
             full = len(keys[0]) == 2 and len(rows) * len(columns) == len(keys)
-            return Items(array.name, scalars, len(columns) * full)
+            whole = Items(array.name, scalars, len(columns) * full)
+            if self.guesses == guesses:  # each number of a long list is asked for by itself
+                self._lists[id(array)] = array, len(keys), whole
+            return whole
         lists = [item for item in items if isinstance(item, Items) and not item.columns]
         if len(lists) < len(items) or len({len(item.items) for item in lists}) > 1:
             what = f"the array `{path.words}`, whose items are no lists of one length"
             raise Wrong(WrongType(path.span, "A matrix", what, f"Read one item: `{indexed(path.words, keys[0])}`."))
         return Items(array.name, tuple(scalar for item in lists for scalar in item.items), len(lists[0].items))
+
+    def _number_or_list(self, entry: Entry, path: tree.PathSyntax) -> Entry:
+        """An item of an array, as it is read."""
+        if isinstance(entry, Pending):
+            return self.quantity(entry)
+        if isinstance(entry, Array):
+            return self._as_list(entry, path)
+        if isinstance(entry, Scalar) and entry.role == "port":
+            hint = f"Read their efforts or flows, as `{path.words}.e`, `.f`."
+            raise Wrong(WrongType(path.span, "A list of numbers", f"the multibond `{path.words}`", hint))
+        if isinstance(entry, Absent):
+            raise Wrong(AbsentName(path.span, path.words, entry.branch, entry.span))
+        if not isinstance(entry, Scalar | Items | Broken):
+            raise not_a_number(entry, path)
+        return entry
 
     def file_entry(self, name: str, scope: Scope) -> Entry | None:
         """A constant of the file, or what else a name of the file denotes."""
@@ -401,8 +423,8 @@ class Resolver(ABC):
             if isinstance(entry, Items):
                 return list_item(entry, index, name, path.span)
             if isinstance(entry, Array):
-                if index in entry.items:
-                    return entry.items[index]
+                if (item := entry.at(index)) is not None:
+                    return item
                 known = sorted(entry.items)
                 hint = f"Known are {indexed(name, known[0])} to {indexed(name, known[-1])}."
                 raise Wrong(WrongIndex(path.span, name, ", ".join(map(str, index)), hint))
@@ -429,10 +451,13 @@ class Resolver(ABC):
             case Scalar(reference=Reading(node, port, variable), role=role) if role == "port" or variable in "qp":
                 # `stage.platform.x.v`, `spring.x.F`: a port's other variables behind its displacement
                 return port_variable(node, port, self.port_domain(node, port), step.name, path)
-            case Array():
-                first = indexed(name, next(iter(entry.items)))
-                hint = f"Say which: `{first}.{step.name}`."
-                raise Wrong(WrongType(path.span, "One item", f"the array `{name}`", hint))
+            case Array():  # what each of its items has under that name: a list, if it is a number
+                each = Array(f"{name}.{step.name}", entry.span)
+                for key, item in entry.items.items():
+                    inner = self._step(item, step, indexed(name, key), path, scope)
+                    more = inner.items if isinstance(inner, Array) else {(): inner}
+                    each.items.update({(*key, *k): e for k, e in more.items()})
+                return each
         hint = "Only instances, elements and mechanisms have inner names."
         raise Wrong(UnknownName(path.span, step.name, f"`{name}`", hint))
 
@@ -471,23 +496,3 @@ def read_condition(
         raise Wrong(WrongType(expression.span, "A condition", "a number", hint))
     formula = Formula(len(template.slots), select(typed.expression, TRUE, ZERO))
     return template, resolver.bind(template, formula, scope)
-
-
-def _known(scalar: Scalar) -> float | None:
-    return scalar.reference if isinstance(scalar.reference, float) else None
-
-
-def _why(error: Exception) -> str:
-    """Cause of a failed calculation, in words."""
-    if isinstance(error, OutsideTable):
-        return str(error)
-    if isinstance(error, ZeroDivisionError):
-        return "a division by zero"
-    if isinstance(error, OverflowError):
-        return "it overflows"
-    return "a root or logarithm of a negative number, or an inverse function outside its range"
-
-
-def indexed(name: str, index: tuple[int, ...]) -> str:
-    """The name of one item of an array."""
-    return f"{name}[{', '.join(map(str, index))}]"
