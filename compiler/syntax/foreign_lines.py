@@ -7,6 +7,10 @@ import re
 _ARROW = "A bond is an arrow that points where power counts as positive:"
 _START = "A start is an attribute of its element, or a step of an experiment:"
 _TYPE = "(?:[Rr]eal|[Ff]loat|[Dd]ouble|[Ii]nt(?:eger)?)"
+_TYPED = (
+    "A parameter has a unit instead of a type, `parameter {a} = 3 [N/m]`; what changes is a signal, `signal {a} = …`"
+)
+_NAMED = f"{_TYPED}, what events change a mode,"
 _PLACE = r"[\w.\[\]]+"
 # Pattern of what is written, advice with its groups. The first row that covers the place of the error counts.
 _ROWS = (
@@ -21,6 +25,34 @@ _ROWS = (
     (r"\breport\s+(?P<a>\S+)\s+(?:as|unit)\s+(?P<b>\S+)", "A unit follows the word `in`: `report {a} in {b}`."),
     (r"^\s*when\b.*\b(?P<a>offset|delay|jitter|seed)\b.*", "A `when` acts at the instant at which its condition becomes true; `{a}` is a word of `every`."),
     (r":=", "An equation is written `=`."),
+    (r"^\s*\.tran\s+\S+\s+(?P<a>\d+)(?P<b>[munp]?)s?\b.*", "A run is a step of an experiment: `experiment run {{ simulate 0 .. {a} {b}s }}`."),
+    (r"^\s*\.(?:ac|op|dc)\b.*", "An analysis is a step of an experiment: `response`, `modes`, `equilibrium`."),
+    (r"^\s*\.(?:param)\s+(?P<a>\w+)\s*=\s*(?P<b>.+)", "A number with a name is declared: `parameter {a} = {b}`."),
+    (r"^\s*\.(?:ic)\b.*", f"{_START} `{{{{ start u = 0 V }}}}`."),
+    (r"^\s*\.\w+.*", "Statements stand between the braces of `model Name {{ … }}`; elements have laws: `R wire : u = 10 [kohm]*i`."),
+    (r"^\s*[VI]\d+\s+\w+\s+\w+\s+\S+.*", "A source has a kind, a name and a law, `Se supply : u = 5 V*sin(2*pi*50 Hz*time)`; bonds join it: `supply -> node`."),
+    (r"^\s*[RCLDQMX]\d+\s+\w+\s+\w+\s+\S+.*", "An element has a kind, a name and a law, `R wire : u = 10 [kohm]*i`; bonds join it: `node -> wire`."),
+    (r"<>|~=", "Two numbers are compared by `!=`."),
+    (r"~(?=\s*[\w(])", "A negation is the word `not`: `not (a > b)`."),
+    (r"\.[*/^]", "Operators have no point before them: `a*b`, `a^2`, on each item of a list too."),
+    (r"\+\+|--\s*$|^\s*\w+\s*[-+*/]=.*", "What counts is a `mode` that an event sets: `mode n = 0; when x > 1 {{ n = n + 1 }}`."),
+    (r"^\s*(?:variables|parameters|constants)\s+real\b(?:\s+global)?\s*(?P<a>\w+).*", f"{_TYPED}."),
+    (r"^\s*(?:parameter|constant)\s+[A-Z]\w*(?:\.\w+)+\s+(?P<a>\w+).*", "A parameter has a unit instead of a type: `parameter {a} = 3 [N/m]`."),
+    (
+        r"^\s*(?:discrete\s+)?[Bb]ool(?:ean)?\s+(?P<a>\w+).*",
+        "A truth that events change is a mode, `mode {a} = false`; one that follows from others a signal, `signal {a} = x > 1`.",
+    ),
+    (rf"^\s*(?:discrete\s+)?{_TYPE}\s+(?P<a>\w+)\s*(?:[;(].*)?$", f"{_NAMED} `mode {{a}} = 0`."),
+    (r"^\s*(?:flow|stream)\s+\w+.*", "Effort and flow belong to a port: `port a: electric`."),
+    (r"^\s*(?:replaceable|redeclare)\s+(?P<a>\w+)\s+(?P<b>\w+).*", "A model that can be replaced is a slot: `parameter Kind: model = {a}`, then `Kind {b}`."),
+    (r"^\s*(?:inner|outer)\s+\w+.*", "What all models of a file share is a `constant` of the file."),
+    (r"^\s*extends\s+(?P<a>\w+).*", "A model contains others: an instance is declared as `{a} part`, and its ports are bonded."),
+    (r"^\s*(?:disp|f?printf?)\s*\(.*", "What is to be seen is an output, `output y = mass.v`, and an experiment reports it."),
+    (r"^\s*\[.*\]\s*=\s*ode\w+\s*\(.*", "A run is a step of an experiment: `experiment run {{ simulate 0 .. 5 s }}`."),
+    (r"^\s*while\b.*", "What goes on until something happens is a `when`: `when x > 1 {{ … }}`; an experiment ends by `stop when x > 1`."),
+    (r"^\s*else?\s*if\b.*", "Conditional parts are `if n > 1 {{ … }} else if n > 0 {{ … }} else {{ … }}`."),
+    (r"^\s*function\s+\w+\s*=.*|^\s*\w+\s*=\s*@\s*\(.*", "A function is one expression: `function f(x) = 2*x`."),
+    (r"(?P<a>\w+)\{\s*(?P<b>\d+)\s*\}", "An item of an array has an index in brackets: `{a}[{b}]`."),
     (r"^\s*every\s+[^{]*\{?", "The words of an `every` are `offset`, `delay`, `jitter` and `seed`: `every 1 ms offset 0.2 ms {{ … }}`."),
     (r"^\s*when\b.*\bthen\b.*", "An event is `when condition {{ name = value }}`; it sets what elements store, modes and integrals."),
     (r"(?:=\s*if\b|\bif\b.*\bthen\b|\?).*", "A choice is `a if condition else b`."),

@@ -16,9 +16,33 @@ _RATES = (
 )
 _INTEGRAL = "An integral over time is `integral(rate, start)`."
 _CURVE = 'A curve through points is `linear(x, xs, ys)`, `cubic(…)` or `monotone(…)`; a column of a file is the list `column("file.csv", "name")`.'
+_LIMITED = "A limited quantity is `min(max(x, low), high)`."
+_LATER = "What was some time ago is `delay(x, 1 ms)`; what a sample keeps is a `mode` that an `every` sets."
+_ASIDE = "Write its argument alone: where a condition changes, integration stops and starts again without it."
+_LISTED = "A list is written out, `(0, 0, 0)`, or one number in each round, `for i in 1..3 { constant a[i] = 0 }`."
+_SHOWN = "What is to be seen is an output, `output y = x`, and an experiment reports it."
+_TO_ZERO = "Down it is `floor(a)`, towards zero `sign(a)*floor(abs(a))`."
+_SUM = "Numbers of a list are added by `dot(x, (1, 1, 1))`."
 FUNCTIONS = {
-    "ddt": _RATES, "diff": _RATES, "int": _INTEGRAL, "integrate": _INTEGRAL, "idt": _INTEGRAL,
-    "table": _CURVE, "interp": _CURVE, "interp1": _CURVE,
+    "ddt": _RATES, "diff": _RATES, "derivative": _RATES, "deriv": _RATES, "int": _INTEGRAL, "integrate": _INTEGRAL, "idt": _INTEGRAL,
+    "resint": "An integral that an event resets is a signal `integral(rate, start)`, which a `when` sets.",
+    "table": _CURVE, "interp": _CURVE, "interp1": _CURVE, "lookup": _CURVE, "limit": _LIMITED, "saturate": _LIMITED, "saturation": _LIMITED, "clip": _LIMITED,
+    "clamp": _LIMITED, "tdelay": _LATER, "dly": _LATER, "transport": _LATER, "absdelay": _LATER, "noevent": _ASIDE, "smooth": _ASIDE, "homotopy": _ASIDE,
+    "zeros": _LISTED, "ones": _LISTED, "fill": _LISTED, "linspace": _LISTED, "sum": _SUM, "mean": "A mean is the sum over the number: `dot(x, (1, 1, 1))/3`.",
+    "disp": _SHOWN, "print": _SHOWN, "printf": _SHOWN, "fprintf": _SHOWN,
+    "sqr": "A square is `a^2`.", "square": "A square is `a^2`, a square wave `pwm(time, 1 s, 0.5)`.", "sawtooth": "A sawtooth is `mod(time, 1 s)`.",
+    "cbrt": "A root of three is `a^(1/3)`.", "hypot": "The length of a vector is `norm((a, b))`.", "sgn": "It is written `sign`.",
+    "arcsin": "It is written `asin`.", "arccos": "It is written `acos`.", "arctan2": "It is written `atan2`.",
+    "sind": "An angle has its unit: `sin(30 deg)`.", "cosd": "An angle has its unit: `cos(30 deg)`.", "tand": "An angle has its unit: `tan(30 deg)`.",
+    "deg2rad": "An angle has its unit: `30 deg`.", "rad2deg": "A result is reported in a unit: `report phi in deg`.",
+    "log2": "A logarithm to the base 2 is `log(a)/log(2)`.", "div": "A whole quotient is `floor(a/b)`, which rounds down.",
+    "integer": "A whole number is `floor(a)`.",
+    "trunc": _TO_ZERO, "fix": _TO_ZERO,
+    "semilinear": "A choice is `a if condition else b`: `k*x if x > 0 else r*x`.", "rand": "Random numbers are `noise(time, 1 ms, 1)`.",
+    "random": "Random numbers are `noise(time, 1 ms, 1)`.", "heaviside": "A step is `step(time - 1 s)`.",
+    "sample": "What is sampled is a `mode` that an `every` sets: `mode held = 0; every 1 ms { held = 1 }`.",
+    "edge": "What happens at an instant is a `when`: `when x > 1 { … }`.", "change": "What happens at an instant is a `when`: `when x > 1 { … }`.",
+    "event": "What happens at an instant is a `when`: `when x > 1 { … }`.",
     "inv": "The inverse of a matrix is `inverse(A)`; `A*x = b` is solved by `solve(A, b)`.", "eye": "The unit matrix is `identity(3)`.",
     "pow": "A power is written with `^`: `a^2`.",
     "round": "A rounded number is `floor(x + 0.5)`.",
@@ -32,6 +56,11 @@ NAMES = {
     "Pi": "It is written `pi`.",
     "e": "Euler's number is `exp(1)`.",
     "inf": "No number is infinite.",
+    "Inf": "No number is infinite.",
+    "NaN": "Every number has a value.",
+    "True": "It is written `true`.",
+    "False": "It is written `false`.",
+    "Time": "Time is `time`.",
 }
 _UNIT_WORDS = {
     "second": "s", "sec": "s", "minute": "min", "hour": "h", "hr": "h", "meter": "m", "metre": "m", "gram": "g", "newton": "N", "volt": "V",
@@ -39,7 +68,16 @@ _UNIT_WORDS = {
     "kelvin": "K", "celsius": "degC", "degree": "deg", "radian": "rad", "liter": "L", "litre": "L", "l": "L", "pound": "lb", "feet": "ft",
     "foot": "ft", "knot": "kn", "tesla": "T", "weber": "Wb", "coulomb": "C", "siemens": "S", "turn": "rev",
 }  # fmt: skip
-_PREFIX_WORDS = {"nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k", "mega": "M", "giga": "G"}
+_PREFIX_WORDS = {
+    "nano": "n",
+    "micro": "u",
+    "milli": "m",
+    "centi": "c",
+    "kilo": "k",
+    "mega": "M",
+    "meg": "M",
+    "giga": "G",
+}
 _JUNCTION = re.compile(r"(?P<one>one|j1|1)|(?P<zero>zero|j0|0)|.*junction", re.IGNORECASE)
 
 
@@ -53,6 +91,7 @@ def function_advice(name: str, functions: Container[str]) -> str:
 
 def unit_advice(symbol: str) -> str:
     """Return the advice for a word that is no unit; empty if nothing is known of it."""
+    symbol = _PREFIX_WORDS.get(symbol.lower(), symbol)
     if symbol in PREFIXES:
         return f"A prefix stands before a unit: `10 {symbol}ohm`."
     notation = re.fullmatch(r"([pnumkMG])(\d+)", symbol)
@@ -87,8 +126,22 @@ def name_advice(name: str) -> str:
     return f"As a part of a unit it stands in brackets behind the number: `5 [N*{unit}]`." if unit else ""
 
 
+_TYPED = "A number with a name is declared, `parameter c = 3`; what changes is a signal, `signal s = …`, what events change a `mode`."
+KINDS = {
+    "real": _TYPED, "boolean": _TYPED, "integer": _TYPED, "global": "What all models of a file share is a `constant` of the file.",
+    "extends": "A model contains others: an instance is declared as `Base part`, and its ports are bonded.",
+    "within": "A file holds models, without packages.", "package": "A file holds models, without packages.",
+    "end": "Statements stand between the braces of `model Name { … }`, in any order.",
+    "switch": "A choice is `a if condition else b`, of parts `if … { … } else { … }`.",
+    "clear": "A file holds models; each run begins from nothing.",
+    "syms": "Names need no declaration as symbols: a `parameter` has a value, what changes is a `signal`.",
+}  # fmt: skip
+
+
 def kind_advice(kind: str, kinds: list[str], library: Path | None) -> str:
     """Return the advice for a word that is neither a kind of element nor a model; empty if nothing is known of it."""
+    if kind.lower() in KINDS and kind != "Switch":
+        return KINDS[kind.lower()]
     junction = _JUNCTION.fullmatch(kind)
     if junction:
         numbers = ["1"] if junction["one"] else ["0"] if junction["zero"] else ["1", "0"]
