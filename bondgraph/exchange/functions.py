@@ -171,7 +171,8 @@ FMI_3 = (
         _row(f"{way}Binary", "c: pointer, vr: pointer, count: size, sizes: pointer, value: pointer, size: size", values.have_none, "c, count")
         for way in ("Get", "Set")
     ),
-    *(_row(f"{way}Clock", _SOME, values.have_none, "c, count") for way in ("Get", "Set")),
+    _row("GetClock", _SOME, values.get_clocks),
+    _row("SetClock", _SOME, values.have_none, "c, count"),
     _row("GetNumberOfVariableDependencies", "c: pointer, vr: int, count: pointer", values.refuse, "c"),
     _row(
         "GetVariableDependencies",

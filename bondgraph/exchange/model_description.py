@@ -131,6 +131,8 @@ def _powers(unit: str) -> Mapping[str, str] | None:
 def _variable(place: int, item: FmuVariable, report: Reported | None, older: bool) -> str:
     head = {"name": item.name, "valueReference": str(place)}
     head |= {"description": item.description} if item.description else {}
+    if item.is_clock:
+        return f"    <Clock{_attributes(head | {'causality': item.causality, 'intervalVariability': 'triggered'})}/>"
     head |= {"causality": item.causality, "variability": item.variability}
     head |= {"initial": item.initial} if item.initial else {}
     real: dict[str, str] = {}

@@ -34,17 +34,18 @@ class FmuVariable:
     reads: tuple[tuple[int, str], ...] | None = None
     reset: bool = False  # True for a state that events set
     is_indicator: bool = False
+    is_clock: bool = False
 
 
 def variables_of(
     lowered: Lowered, structure: ProgramStructure, values: StartValues, descriptions: Mapping[str, str], indicated: bool
 ) -> tuple[FmuVariable, ...]:
-    """Return all variables. `descriptions`: the author's, by name. `indicated`: the event indicators are among them."""
+    """Return all variables. `descriptions`: the author's, by name. `indicated`: event indicators and clocks are among them."""
     groups = (
         [FmuVariable("time", "independent", "continuous", "s")], _states(lowered, values, descriptions), _rates(lowered, structure),
         _inputs(lowered, values, descriptions), _parameters(lowered, structure, values, descriptions),
         _outputs(lowered, structure, descriptions), _discretes(lowered, descriptions),
-        _indicators(lowered, structure) if indicated else (),
+        _indicators(lowered, structure) if indicated else (), _clocks(lowered) if indicated else (),
     )  # fmt: skip
     return tuple(_unique([item for group in groups for item in group]))
 
@@ -111,6 +112,14 @@ def _indicators(lowered: Lowered, structure: ProgramStructure) -> Iterator[FmuVa
     for number, columns in enumerate(structure.conditions, 1):
         reads = tuple((_place(lowered, column), CHANGING) for column in columns)
         yield FmuVariable(f"when[{number}]", "local", "continuous", "", reads=reads, is_indicator=True)
+
+
+def _clocks(lowered: Lowered) -> Iterator[FmuVariable]:
+    """Yield the clocks, which tick where a sampled event acts."""
+    for number, event in enumerate((e for e in lowered.events.events if e.sampled), 1):
+        yield FmuVariable(
+            f"every[{number}]", "output", "discrete", "", "calculated", description=str(event), is_clock=True
+        )
 
 
 def _state_variables(lowered: Lowered) -> list[Variable]:

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import bondgraph
 from compiler.errors import CompilationFailed
 from tests.event_models import BALL, CHAIN, HEATER, bounces, height, servo
-from tests.exchange.unit_files import exported, instance, run
+from tests.exchange.unit_files import FMICallException, exported, instance, run
 
 pytestmark = pytest.mark.machine_code
 KINDS = ("ModelExchange", "CoSimulation")
@@ -89,6 +89,29 @@ def test_samples_at_communication_points_are_events_of_the_importer(early: bool,
         assert unit.getReal([place["y"]]) == [2.0 if early else 3.0]
         unit.doStep(2.0 if early else 2.5, 0.25)  # one that does not let the event act
         assert unit.getReal([place["y"]]) == [3.0]
+
+
+def test_clocks_tick_where_samples_act(tmp_path: Path) -> None:
+    """Of two blocks, each at its own instants, once, the first at the start; the importer reads them before it lets the unit act."""
+    text = "plain model Two { mode a = 0, b = 0\n every 0.25 { a = a + 1 }\n every 0.5 offset 0.125 { b = b + 1 }\n output x = a, y = b }"
+    found = exported(text, tmp_path, fmi="3")
+    clocks = [v for v in found.modelVariables if v.type == "Clock"]
+    assert [(c.name, c.causality, c.intervalVariability) for c in clocks] == [("every[1]", "output", "triggered"), ("every[2]", "output", "triggered")]  # fmt: skip
+    references, ticks, time = [c.valueReference for c in clocks], [], 0.0
+    with instance(tmp_path, eventModeUsed=True, earlyReturnAllowed=True) as (unit, place):
+        while time < 1.0:
+            ticks.append((time, *unit.getClock(references)))
+            unit.updateDiscreteStates()
+            assert unit.getClock(references) == [False, False]
+            unit.enterStepMode()
+            with pytest.raises(FMICallException):
+                unit.getClock(references)
+            time = unit.doStep(time, 1.0)[3]
+            unit.enterEventMode()
+        with pytest.raises(FMICallException):
+            unit.getClock([place["x"]])
+        assert unit.getReal([place["x"], place["y"]]) == [4.0, 2.0]
+    assert ticks == [(k / 8, k % 2 == 0, k % 4 == 1) for k in (0, 1, 2, 4, 5, 6)]
 
 
 @pytest.mark.parametrize(("text", "end"), [(HEATER, 60.0), (SERVO, 1.0)])

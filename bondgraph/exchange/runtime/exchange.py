@@ -79,6 +79,8 @@ def end_initialization(s: FmuInstance) -> int:
     settle(s)
     s.phase = RUNNING if s.makes_steps != 0 and (s.makes_steps & EVENT_MODE) == 0 else EVENTS
     failed = pass_instant(s)
+    if s.has_events != 0:
+        s.events.begins = 1
     if failed == OK:
         failed = find_rates(s)
     if failed != OK:
@@ -94,6 +96,8 @@ def enter_events(s: FmuInstance) -> int:
 
 def enter_continuous(s: FmuInstance) -> int:
     """Let the importer integrate."""
+    if s.has_events != 0:
+        s.events.begins = 0
     s.phase = RUNNING
     return OK
 
@@ -107,6 +111,7 @@ def pass_instant(s: FmuInstance) -> int:
     if s.has_events == 0:
         return OK
     s.events.resets = 0
+    s.events.begins = 0
     failed = instant(s)
     if failed == OK:
         steady(s)

@@ -76,6 +76,7 @@ class EventData(Record):
     recent: float  # instant from which on events count as simultaneous
     simultaneous: int
     wrong: int  # 1 if the sampling is out of its range
+    begins: int  # 1 from the end of the initialization to the first update
 
 
 class FmuInstance(Record):

@@ -9,6 +9,7 @@ from .conditions import indicate
 from .events import start_modes
 from .instance import (
     ERROR,
+    EVENTS,
     INITIALIZING,
     INSTANTIATED,
     LIMIT_LEFT,
@@ -22,10 +23,10 @@ from .instance import (
     WARNING,
     FmuInstance,
 )
-from .segment import enter_segment, forget, inside, place_ticks
+from .segment import enter_segment, forget, inside, near_ticks, place_ticks, tick
 
 if TYPE_CHECKING:
-    from compiler.api import Floats, ShortInts
+    from compiler.api import Bytes, Floats, ShortInts
 
 
 def settle(s: FmuInstance) -> None:
@@ -122,6 +123,23 @@ def get_values(s: FmuInstance, references: ShortInts, count: int, values: Floats
             values[k] = s.events.conditions.change[mode_place(s, place) - s.events.discrete_count]
         else:
             return unknown(s)
+    return OK
+
+
+def get_clocks(s: FmuInstance, references: ShortInts, count: int, values: Bytes) -> int:
+    """Tell which sampled events are due, at an initialization or in event mode; where the run begins, those that have acted."""
+    for k in range(count):
+        place = (
+            mode_place(s, references[k]) - s.events.discrete_count - s.solver.root_count if s.has_events != 0 else -1
+        )
+        if place < 0 or place >= s.events.sample_count:
+            return unknown(s)
+        if s.phase != EVENTS and s.phase != INITIALIZING:
+            s.message = NOT_NOW
+            return ERROR
+        settle(s)
+        acted = s.events.begins != 0 and s.events.acted[s.events.sampled[place]] != 0
+        values[k] = 1 if acted or tick(s.events, place) <= s.time + near_ticks(s, place) else 0
     return OK
 
 
