@@ -17,7 +17,7 @@ from .route import HARD, Ground, Rectangle, between, routed
 from .tree import grow_tree
 
 APART = 46.0  # between two parts
-WIDEST = 1500.0  # largest width of a row of parts
+WIDEST = 1000.0  # largest width of a row of parts
 TURNED = 3  # rounds in which the ends of routed bonds are turned
 ROUTES = 18  # most ways searched, over all attempts
 ROOMIER = (24.0, 60.0, 120.0)

@@ -59,7 +59,7 @@ class Plot {
     Object.assign(this, { title, unit, curves, axis, view, chosen, instant: view.whole[0], hidden: new Set() });
     this.picture = svg("svg", { class: "plot", tabindex: 0, role: "img", "aria-label": `${title} over ${axis.words}; arrow keys move the cursor, M marks where it is, plus and minus zoom, 0 shows all` });
     this.legend = html("div", { class: "legend" });
-    this.box = html("figure", { class: "panel" }, html("figcaption", {}, title, " ", html("small", {}, unit && `[${unitWords(unit)}]`), this.legend, ...exports(this)), this.picture);
+    this.box = html("figure", { class: "panel" }, html("figcaption", {}, title, " ", html("small", {}, unit && `[${unitWords(unit)}]`), this.legend, html("span", { class: "exports" }, ...exports(this))), this.picture);
     host.append(this.box);
     this.keys = curves.map((curve, place) => this.key(curve, place));
     this.legend.append(...this.keys.map((key) => key.button));
