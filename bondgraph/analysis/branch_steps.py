@@ -21,9 +21,10 @@ from ..simulation.equilibrium.search import equilibrium
 from ..simulation.equilibrium.steady import given_terms
 from ..simulation.magnitudes.nominal_magnitudes import rounding_levels
 from ..simulation.segments.timeline import Segment
+from .eigenvalues import EPS, Eigenvalues
 from .operating_point import OperatingPoint
 from .sizes import natural, of_parameters, reach
-from .verdict import EPS, Eigenvalues, decisive, resting_rates
+from .verdict import decisive, resting_rates
 
 ITERATIONS = 12
 CLOSE = 1e-13  # relative to the magnitudes: size of the last correction

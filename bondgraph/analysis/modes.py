@@ -13,14 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, ComplexArray, Leaf, letters
+from compiler.api import Array, ComplexArray, IntArray, Leaf, letters
 
 from ..numerics.scales import group_numbers, largest_of_group, nonzero
 from ..rendering import Summarised
+from .eigenvalues import TRUSTED
 from .json_values import finite, head, pair
 from .linear import Linearization, linearization, part_note, state_matrix
 from .operating_point import OperatingPoint
-from .spectrum import spectrum
+from .spectrum import Spectrum, spectrum
 
 SCHEMA = "bondgraph-modes/1"
 WIDTH = 64  # modes whose energies are computed at once
@@ -165,8 +166,21 @@ def modes(point: OperatingPoint) -> Modes:
         Mode(complex(v), names_of_all, shapes[:, i], amplitudes[:, i], shares[:, i]) for i, v in enumerate(values)
     )  # fmt: skip
     part = part_note(linear.unneeded, "; their own modes are not shown, and shapes and energies are those of the rest")
-    note = "; ".join(filter(None, (_note(linear), part, linear.held)))
+    note = "; ".join(filter(None, (_note(linear), _uncertain(found, chosen), part, linear.held)))
     return Modes(linear.model, linear.experiment, point.time, made, units, note, linear.unneeded)
+
+
+def _uncertain(found: Spectrum, chosen: IntArray) -> str:
+    """Return the note on eigenvalues that rounding hides, or of which it keeps several from being told apart."""
+    if found.bounds is None:
+        return ""
+    values, bounds = found.values[chosen], found.bounds[chosen]
+    unsure = np.flatnonzero((values != 0) & (bounds > TRUSTED * np.abs(values)))
+    if not len(unsure):
+        return ""
+    worst = unsure[np.argmax(bounds[unsure] / np.abs(values[unsure]))]
+    which = "an eigenvalue is" if len(unsure) == 1 else f"{len(unsure)} eigenvalues are"
+    return f"{which} uncertain by rounding: {values[worst]:.6g} 1/s by {bounds[worst]:.2g} 1/s"
 
 
 def _note(linear: Linearization) -> str:

@@ -484,5 +484,5 @@ def reduction(point: OperatingPoint) -> Reduced:
     positions, rates = [i.position for i in space.invariants], [i.velocity for i in space.invariants]
     values = [v for v in (*positions, *rates) if v is not None]
     slopes = point.slopes(values)
-    chosen, directions, following = tied_coordinates(slopes[:, :n], slopes[:, size:])
+    chosen, directions, following = tied_coordinates(slopes[:, :n], slopes[:, size:], point.sizes[:n])
     return Reduced(chosen, directions, following, follow)

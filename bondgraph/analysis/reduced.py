@@ -55,19 +55,25 @@ class Reduced:
         return self.directions @ moved[self.chosen] + self.following if self.tied else moved
 
 
-def tied_coordinates(slopes: Array, moved: Array) -> tuple[Any, Any, Any]:
-    """Return coordinates that stay free where slopes @ x + moved @ p = 0, and the derivatives of all by them and by p."""
+def tied_coordinates(slopes: Array, moved: Array, sizes: Array) -> tuple[Any, Any, Any]:
+    """Return coordinates that stay free where slopes @ x + moved @ p = 0, and the derivatives of all by them and by p. `sizes` (n,): of x, by which
+    the choice is the same in all units. Elimination keeps the zeros between coordinates and speeds that do not read each other."""
     from scipy.linalg import qr
 
     n = slopes.shape[1]
-    rows = nonzero(np.abs(slopes).max(axis=1, initial=0.0))[:, None]
-    slopes, moved = slopes / rows, moved / rows
-    _, triangle, order = qr(slopes, mode="economic", pivoting=True)
-    sizes = np.abs(np.diag(triangle))
-    rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
+    rows = nonzero(np.abs(slopes * sizes).max(axis=1, initial=0.0))[:, None]
+    scaled, moved = slopes * sizes / rows, moved / rows
+    _, triangle, order = qr(scaled, mode="economic", pivoting=True)
+    pivots = np.abs(np.diag(triangle))
+    rank = int((pivots > RANK * pivots.max(initial=0.0)).sum())
     tied, chosen = np.sort(order[:rank]), np.sort(order[rank:])
+    *_, kept = qr(scaled[:, tied].T, mode="economic", pivoting=True)  # rows that the others follow from
+    kept = np.sort(kept[:rank])
+    solved = np.linalg.solve(
+        scaled[np.ix_(kept, tied)], np.concatenate([scaled[np.ix_(kept, chosen)], moved[kept]], axis=1)
+    )
     directions, following = np.zeros((n, n - rank)), np.zeros((n, moved.shape[1]))
     directions[chosen, np.arange(n - rank)] = 1.0
-    solved = np.linalg.lstsq(slopes[:, tied], np.concatenate([slopes[:, chosen], moved], axis=1), rcond=None)[0]
-    directions[tied], following[tied] = -solved[:, : n - rank], -solved[:, n - rank :]
+    directions[tied] = -solved[:, : n - rank] * sizes[tied][:, None] / sizes[chosen]
+    following[tied] = -solved[:, n - rank :] * sizes[tied][:, None]
     return chosen, directions, following

@@ -13,11 +13,11 @@ from compiler.api import Array, BoolArray, ComplexArray
 
 from ..errors import UsageError
 from ..rendering import Plotted, Summarised
+from .eigenvalues import bounded_eigenvalues
 from .extrema import Evaluate, Extremum, extrema
 from .json_values import finite, head, pair
 from .linear import Linearization
 from .spectrum import left_shapes
-from .verdict import bounded_eigenvalues
 
 SCHEMA = "bondgraph-response/1"
 POINTS = 400

@@ -18,13 +18,14 @@ import numpy as np
 from compiler.api import Array, Leaf, Tape
 
 from ..errors import RunFailed, UsageError
+from .eigenvalues import EPS
 from .linear import Linearization, linear_units
 from .operating_point import Lookup, OperatingPoint, reduction
 from .reduced import Reduced
 from .response import POINTS, Response, frequencies_between, transfer, with_extrema
 from .sensitivity import unit_directions
 from .singular_slopes import jumps
-from .verdict import EPS, Verdict
+from .verdict import Verdict
 
 ERROR = 64.0  # units in the last place, of a period's solution
 

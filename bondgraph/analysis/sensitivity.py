@@ -36,6 +36,7 @@ SCHEMA = "bondgraph-sensitivity/1"
 SINGULAR = 1e-11  # relative to the largest singular value
 LOST = 1e-9  # relative to the effect of a parameter: part that no state can balance
 NEAR = 1e-6  # relative distance of two eigenvalues that count as equal
+SEPARATE = 1e3  # condition number of an eigenvalue among equal ones: more where vectors nearly coincide
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -214,16 +215,27 @@ def eigenvalue_slopes(point: OperatingPoint, found: Sequence[complex], moved: Ar
     for value in found:
         if abs(value) <= STILL * fastest:
             continue
-        i = int(np.argmin(np.abs(values - value)))
-        w, v = left[:, i], right[:, i]
-        if abs(values[i] - value) > NEAR * abs(value) or not np.isfinite(w).all():
-            raise RunFailed(
-                "BR253", f"the mode at {abs(value) / (2 * math.pi):.6g} Hz coincides with another: it has no derivative of its own",
-            )  # fmt: skip
+        equal = np.abs(values - value) <= NEAR * abs(value)
+        w, v = left[:, equal], right[:, equal]
+        try:
+            w = w @ np.linalg.inv(v.conj().T @ w)
+        except np.linalg.LinAlgError:  # fewer vectors than eigenvalues
+            w = np.full_like(w, np.inf)
+        independent = equal.sum() == 1 or (np.abs(w * v).sum(axis=0) < SEPARATE).all()
         if size > n:
             w = np.concatenate([w, -np.linalg.solve(whole[n:, n:].T, whole[:n, n:].T @ w)])
             v = np.concatenate([v, follow[:, :n] @ v])
-        result.append((value, np.einsum("e,ek,e->k", w[rows].conj(), entries, v[columns])))
+        with np.errstate(invalid="ignore"):
+            change = np.einsum("ei,ek,ej->ijk", w[rows].conj(), entries, v[columns])
+            terms = np.einsum("ei,ek,ej->k", np.abs(w[rows]), np.abs(entries), np.abs(v[columns]))
+        mean = np.einsum("iik->k", change) / max(len(change), 1)
+        apart = np.abs(change - np.eye(len(change))[:, :, None] * mean).max(axis=(0, 1), initial=0.0)
+        # of equal ones each has its own derivative if it goes with other vectors, and none if these are too few
+        if not len(change) or not independent or not (apart <= NEAR * terms).all():
+            raise RunFailed(
+                "BR253", f"the mode at {abs(value) / (2 * math.pi):.6g} Hz coincides with another: it has no derivative of its own",
+            )  # fmt: skip
+        result.append((value, mean))
     return result
 
 

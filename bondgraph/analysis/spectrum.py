@@ -2,7 +2,8 @@
 
 A lossless network in which every storage has its own quantity is skew up to scales: x_i / d_i turn its matrix into one with
 s_ij = -s_ji. If moreover displacements only move momenta and these only displacements, the eigenvalues are +-i times singular values
-of half the size, exact to rounding of the largest, at a small part of the time. All else goes through LAPACK's geev, which balances.
+of half the size, exact to rounding of the largest, at a small part of the time. All else has bounds (`eigenvalues.py`), or goes through LAPACK's geev
+where there are many states.
 """
 
 from __future__ import annotations
@@ -15,19 +16,22 @@ import numpy as np
 from compiler.api import Array, ComplexArray, IntArray
 
 from ..numerics.scales import equilibrated
+from .eigenvalues import EXTENDED, bounded_eigenvalues
 
 LARGEST = 500  # most states for which the rank is computed
 SINGULAR = 1e-11  # relative to the largest singular value
+HIDDEN = 1e-11  # relative to the largest: singular values that rounding changes by 1e-5 and more
 SLOW = 1e-8  # relative to the fastest: zero eigenvalues come out below that
 CONSISTENT = 1e-10  # relative difference of the scales along the two ways round a ring of states
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Eigenvalues `values` (n,) and right vectors `shapes` (n, n), column by column; both of a conjugate pair."""
+    """Eigenvalues `values` (n,) and right vectors `shapes` (n, n), column by column; both of a conjugate pair. `bounds` (n,) of errors, if computed."""
 
     values: ComplexArray
     shapes: Array | ComplexArray
+    bounds: Any = None
 
 
 def spectrum(A: Array) -> Spectrum:
@@ -40,8 +44,11 @@ def spectrum(A: Array) -> Spectrum:
     exact = None if scale is None else _lossless(A, *scale)
     if exact is not None:
         return exact
-    values, shapes = eig(A)
-    return Spectrum(_with_zeros(A, values), shapes)
+    if len(A) > EXTENDED:
+        values, shapes = eig(A)
+        return Spectrum(_with_zeros(A, values), shapes)
+    found = bounded_eigenvalues(A)
+    return Spectrum(_with_zeros(A, found.values), found.shapes / np.linalg.norm(found.shapes, axis=0), found.bounds)
 
 
 def _with_zeros(A: Array, values: ComplexArray) -> ComplexArray:
@@ -99,6 +106,8 @@ def _lossless(A: Array, scale: Array, side: IntArray) -> Spectrum | None:
     except np.linalg.LinAlgError:
         return None
     n, rank = len(A), len(sizes)
+    if n <= EXTENDED and rank and sizes[-1] < HIDDEN * sizes[0]:
+        return None
     values, shapes = np.zeros(n, dtype=complex), np.zeros((n, n), dtype=complex)
     for sign, at in ((1j, 0), (-1j, rank)):
         values[at : at + rank] = sign * sizes

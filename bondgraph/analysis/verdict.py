@@ -1,9 +1,5 @@
-"""Stability verdict from eigenvalues with error bounds, correct next to eigenvalues 1e12 times as large.
+"""Stability verdict from eigenvalues with error bounds.
 
-Each eigenvalue has a first-order bound |w|'(|r| + c eps |A| |v|) / |w'v| with its left and right vectors w, v and its residual r, entry by
-entry, so that it is independent of the scaling of states (Higham and Higham, SIAM J. Matrix Anal. Appl. 20, 1998). Slow eigenvalues hidden by the
-rounding of fast ones are computed again from the pencil (R A C) y = lambda (R C) y, whose rows and columns are scaled to entries of at most
-one and in which the fast states have hardly any part of the right-hand side: the fast part is eliminated as by a singular perturbation.
 Where states fall into two kinds and each rate reads only the other kind (displacements and momenta without loss), eigenvalues come as +-lambda:
 those on the imaginary axis are exactly there, and such an equilibrium is stable without damping. A zero eigenvalue does not count if the
 equilibrium lies on a continuum of equilibria (something is conserved, or there is no restoring force), which is tested by steps along the null
@@ -19,50 +15,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, ComplexArray, letters
+from compiler.api import Array, letters
 
 from ..errors import RunFailed
 from ..numerics import scales
+from .eigenvalues import EPS, EXTENDED, Eigenvalues, bounded_eigenvalues
 from .linear import state_matrix
 
 if TYPE_CHECKING:
     from .operating_point import OperatingPoint
 
-EPS = float(np.finfo(float).eps)
-ENTRIES = 8.0  # units in the last place: error of the entries of A
-TRUSTED = 1e-4  # relative to an eigenvalue: a smaller bound needs no second computation
-ROUNDS = 8  # rounds with smaller and smaller scales
-EXTENDED = 300  # most states for which residuals are computed in extended precision
-ROUNDED = 64 * EPS  # rounding of the scaled entries of a lossless model
 NULL = 1e-9  # relative to the largest singular value of the scaled matrix: possible null vectors
 WALK = 0.03  # relative to the magnitudes: step along a null space to other equilibria
 BESIDE = 0.2  # fraction of that: largest distance of the next equilibrium from the straight line
 NEWTON = 8
 REST = 1e-10  # relative to the terms of a rate
 SEED = 20
-DOUBTFUL = 1e-5  # relative to the fastest: growth that the rounding of terms that cancel may have made, as its root
+DOUBTFUL = (
+    1e-5  # relative to the fastest: growth or decay that the rounding of terms that cancel may have made, as its root
+)
 EVALUATIONS = 4
 CANCELLED = 2.0  # in units of that rounding: smaller entries of A are nothing else
-
-
-@dataclass(frozen=True, eq=False)
-class Eigenvalues:
-    """Eigenvalues `values` (n,) in 1/s, with error bounds `bounds` (n,); `undamped` (n,): mask of those on the imaginary axis by structure."""
-
-    values: Any
-    bounds: Any
-    undamped: Any
-
-    @property
-    def growing(self) -> int:
-        """Number of eigenvalues that certainly grow."""
-        return int((self.values.real > self.bounds).sum())
-
-    @property
-    def undecided(self) -> tuple[complex, ...]:
-        """Eigenvalues whose real part may be zero; of a pair the one with the positive imaginary part."""
-        unsure = self.values[(np.abs(self.values.real) <= self.bounds) & ~self.undamped]
-        return tuple(complex(v) for v in unsure if v.imag >= 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,16 +74,13 @@ def decisive(point: OperatingPoint, A: Array, known: int = 0) -> tuple[Eigenvalu
     `known`: number of eigenvalues shown to be neutral at another point of the same branch.
     """
     if point.kinks:
-        return Eigenvalues(
-            np.linalg.eigvals(A).astype(complex), np.full(len(A), np.inf), np.zeros(len(A), dtype=bool)
-        ), known
+        values, shapes = np.linalg.eig(A)
+        return Eigenvalues(values.astype(complex), np.full(len(A), np.inf), np.zeros(len(A), dtype=bool), shapes), known
     active, sizes, neutral = _without_neutral(point, A, np.abs(A), known)
     eigenvalues = bounded_eigenvalues(active, sizes, lossless(point))
-    if (
-        eigenvalues.growing
-        and eigenvalues.values.real.max() < DOUBTFUL * np.abs(eigenvalues.values).max()
-        and len(A) <= EXTENDED
-    ):
+    slow = np.abs(eigenvalues.values.real) < DOUBTFUL * np.abs(eigenvalues.values).max(initial=0.0)
+    decided = slow & ~eigenvalues.undamped & (np.abs(eigenvalues.values.real) > eigenvalues.bounds)
+    if decided.any() and len(A) <= EXTENDED:
         rounding = rounding_of(point)
         A = np.where(np.abs(A) > CANCELLED * rounding, A, 0.0)
         active, sizes, neutral = _without_neutral(point, A, np.maximum(np.abs(A), rounding / EPS), known)
@@ -138,104 +108,6 @@ def verdict_of(found: Eigenvalues, neutral: int = 0) -> Verdict:
     stable = False if found.growing else None if undecided else True
     growth = float(found.values.real[worst])
     return Verdict(max(growth, 0.0) if neutral else growth, float(found.bounds[worst]), stable, undecided, undamped, neutral)  # fmt: skip
-
-
-# ---------------------------------------------------------------- eigenvalues
-
-
-def bounded_eigenvalues(A: Array, sizes: Array | None = None, lossless: bool = False) -> Eigenvalues:
-    """Return the eigenvalues of a real matrix (n, n), each with a bound.
-
-    `sizes` (n, n): sizes of the terms of the entries; None: the entries. `lossless`: of a model without losses, in which entries of the size of rounding
-    count as zero.
-    """
-    from scipy.linalg import eig, matrix_balance
-
-    if not len(A):
-        return Eigenvalues(np.zeros(0, dtype=complex), np.zeros(0), np.zeros(0, dtype=bool))
-    with np.errstate(invalid="ignore"):  # scipy makes integers of permutations that are not asked for
-        balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
-    terms = np.abs(A) if sizes is None else sizes
-    terms = terms * scale[None, :] / scale[:, None]
-    values, left, right = eig(balanced, left=True, right=True)
-    bounds = _bounds(balanced, terms, values, left, right)
-    for _ in range(ROUNDS):
-        unsure = (bounds > TRUSTED * np.abs(values)) | (
-            (np.abs(values.real) <= bounds) & (bounds > 64 * len(A) * EPS * np.abs(values))
-        )
-        if not unsure.any():
-            break
-        scale_of = float(np.abs(values[unsure]).max())
-        if scale_of < 1e-290:
-            break
-        again = np.flatnonzero(np.abs(values) <= 1.01 * scale_of)
-        if len(again) == len(values) and _ > 0:
-            break
-        new_values, new_bounds = _of_pencil(balanced, terms, scale_of, len(again))
-        before = float(np.sort(bounds[again])[::-1].sum())
-        if not np.isfinite(new_bounds).all() or not new_bounds.sum() < 0.5 * before:
-            break
-        values[again], bounds[again] = new_values, new_bounds
-    undamped = (np.abs(values.real) <= bounds) & (np.abs(values.imag) > bounds)
-    if lossless and undamped.any():
-        rows, columns = equilibrated(balanced, float(np.abs(values[undamped]).min()))
-        balanced = np.where(np.abs(balanced) > ROUNDED * rows[:, None] * columns, balanced, 0.0)
-    undamped &= bool(undamped.any()) and two_sided(balanced)
-    return Eigenvalues(np.where(undamped, 1j * values.imag, values), bounds, undamped)
-
-
-def two_sided(A: Array) -> bool:
-    """Return True if states fall into two kinds and each rate reads only the other kind: then -lambda is an eigenvalue with lambda."""
-    from scipy.sparse import block_array, csr_array
-    from scipy.sparse.csgraph import connected_components
-
-    joined = csr_array(((A != 0) | (A.T != 0)).astype(float))
-    # a part with two kinds falls apart where each state and its opposite are nodes of their own
-    doubled = block_array([[None, joined], [joined, None]])
-    return bool(connected_components(doubled)[0] == 2 * connected_components(joined)[0])
-
-
-def _of_pencil(A: Array, terms: Array, scale: float, count: int) -> tuple[Any, Any]:
-    """Return the smallest eigenvalues and their bounds from the matrix pencil in which every state is at most as fast as `scale` (1/s)."""
-    from scipy.linalg import eig
-
-    rows, columns = equilibrated(A, scale)
-    values, left, right = eig(A / rows[:, None] / columns, np.diag(scale / (rows * columns)), left=True, right=True)
-    with np.errstate(invalid="ignore"):
-        values = np.where(np.isfinite(values), values * scale, np.inf)
-    chosen = np.argsort(np.abs(values), kind="stable")[:count]
-    v, w = right[:, chosen] / columns[:, None], left[:, chosen] / rows[:, None]
-    return values[chosen], _bounds(A, terms, values[chosen], w, v)
-
-
-def equilibrated(A: Array, least: float) -> tuple[Any, Any]:
-    """Return factors r (n,) and c (n,) with |a_ij| <= r_i c_j, each product r_i c_i at least `least` (by Ruiz's iteration, upwards only)."""
-    size = np.abs(A)
-    rows = columns = np.full(len(A), np.sqrt(least))
-    for _ in range(20):
-        scaled = size / rows[:, None] / columns
-        up, across = np.maximum(scaled.max(axis=1), 1.0), np.maximum(scaled.max(axis=0), 1.0)
-        rows, columns = rows * np.sqrt(up), columns * np.sqrt(across)
-        if max(up.max(), across.max()) < 2.0:
-            break
-    return rows, columns
-
-
-def _bounds(A: Array, terms: Array, values: ComplexArray, left: Array | ComplexArray, right: Array | ComplexArray) -> Any:  # fmt: skip
-    """Return first-order bounds (k,) on the errors of eigenvalues with vectors `left` and `right` (n, k)."""
-    if len(A) <= EXTENDED:
-        long = A.astype(np.longdouble)
-        real, imaginary = right.real.astype(np.longdouble), right.imag.astype(np.longdouble)
-        moved = long @ real + 1j * (long @ imaginary)
-        with np.errstate(invalid="ignore"):
-            residual = np.abs(moved - values * (real + 1j * imaginary)).astype(float)
-    else:
-        residual = np.abs(A @ right - values * right) + len(A) * EPS * (np.abs(A) @ np.abs(right))
-    lengths = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    above = np.einsum("ij,ij->j", np.abs(left), residual + ENTRIES * EPS * (terms @ np.abs(right)))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found = above / lengths
-    return np.where(np.isfinite(found), found, np.inf)
 
 
 # ---------------------------------------------------------------- neutral directions

@@ -11,7 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 import bondgraph
-from bondgraph.analysis.verdict import bounded_eigenvalues, null_space
+from bondgraph.analysis.eigenvalues import bounded_eigenvalues
+from bondgraph.analysis.verdict import null_space
 from bondgraph.commands import commands
 from bondgraph.errors import RunFailed
 

@@ -160,6 +160,21 @@ class EquilibriumSearch:
             return basis @ change if np.isfinite(change).all() else np.full(self.count, np.inf)
         return self._least(slope, jacobian, noise, seen, self.terms)
 
+    def null_spaces(self, jacobian: Array, terms: Array) -> tuple[Any, Any]:
+        """Return bases (n, k) of the left and right null spaces of derivatives up to the rounding of their terms."""
+        matrix, rows, columns = equilibrated(jacobian)
+        left, sizes, right = np.linalg.svd(matrix)
+        rank = self._rank(matrix, terms / rows[:, None] / columns, sizes, right)
+        return left[:, rank:] / rows[:, None], right[rank:].T / columns[:, None]
+
+    @staticmethod
+    def _rank(matrix: Array, terms: Array | None, sizes: Array, right: Array) -> int:
+        """Return the rank: a slow mode beside stiff ones is as small as rounding, but its rates are none."""
+        rank = int((sizes > SINGULAR * sizes[0]).sum())
+        while terms is not None and rank < len(sizes) and not null_basis(matrix, terms, right[rank:], VECTORS)[1].all():
+            rank += 1
+        return rank
+
     def _least(self, slope: Array, jacobian: Array, noise: Array, size: Array, terms: Array | None) -> Any:
         rows = np.abs(jacobian).max(axis=1)
         if not (np.isfinite(rows).all() and np.isfinite(slope).all()):
@@ -167,11 +182,7 @@ class EquilibriumSearch:
         matrix, rows, columns = equilibrated(jacobian * size)
         columns = columns / size
         left, sizes, right = np.linalg.svd(matrix)
-        rank = int((sizes > SINGULAR * sizes[0]).sum())
-        if terms is not None:  # a slow mode beside stiff ones is as small as rounding, but its rates are none
-            scaled = terms / rows[:, None] / columns
-            while rank < len(slope) and not null_basis(matrix, scaled, right[rank:], VECTORS)[1].all():
-                rank += 1
+        rank = self._rank(matrix, None if terms is None else terms / rows[:, None] / columns, sizes, right)
         needed = -slope / rows
         if rank < len(slope):  # part of the rates that no change of the states can cancel
             lost = left[:, rank:].T

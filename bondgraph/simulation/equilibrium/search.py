@@ -20,6 +20,7 @@ from ..constraints.constraints import Constraints
 from ..integrators.linear_algebra.factorise import is_large
 from ..segments.timeline import Segment
 from .dense import CLOSE, EquilibriumSearch
+from .free import held_at_start
 
 STEPS = 400
 GROWTH = 2.0
@@ -64,7 +65,7 @@ def found_by(search: EquilibriumSearch, state: Array) -> Any:
         size *= GROWTH * min(max(gain, 0.5), 100.0)
         x, slope, jacobian = trial, new_slope, new_jacobian
         if after <= CLOSE and search.close(x, slope, jacobian):
-            return search.rested(search.polished(x, slope, jacobian))
+            return held_at_start(search, state, search.rested(search.polished(x, slope, jacobian)))
     first_state, first_slope, _ = search.at(np.array(state))
     if search.cancels(first_state, first_slope):
         return first_state

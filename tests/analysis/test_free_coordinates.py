@@ -1,0 +1,58 @@
+"""Rests of which a coordinate is free: it is as at the start, in all units, unless a conserved sum says where the model stops."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import bondgraph
+from compiler.api import Source, scene_of
+from tests.compiling import LIBRARY, MODELS
+from tests.second_opinion.scales import POWERS, in_other_units
+
+FLYWHEELS = """model Pair {
+  "Two flywheels joined by a spring with a damper, that turn: nothing tells at which angle they would stop."
+  I a : L = 2 [kg*m^2]*omega { start omega = 7 [rad/s] }
+  I b : L = 3 [kg*m^2]*omega
+  C k : M = 50 [N*m]*phi { start phi = 0.2 rad }
+  R r : M = 4 [N*m*s]*omega
+  1 A, B : rotation
+  0 g : rotation
+  A -> a
+  B -> b
+  A -> g -> B
+  g -> 1(k, r)
+  signal turn = integral(A.omega, 0.4)
+  MTF lift : v2 = (1 mm*cos(turn))*omega1
+  A -> lift
+  lift -> 1(m)
+  I m : p = 1 kg*v { prefer = derivative }
+  output angle = turn, twist = k.phi
+}"""
+
+
+@pytest.mark.parametrize("powers", [POWERS[1], POWERS[7]])
+@pytest.mark.parametrize("name", ["slider_crank", "crank_linkage"])
+def test_a_crank_rests_where_it_starts(name: str, powers: dict[str, int]) -> None:
+    """It turns at 60 rad/s, without drag: at rest it stands at its start, phi = 0.3 rad."""
+    path = MODELS / f"{name}.bg"
+    own = bondgraph.load(path)
+    scene = scene_of(Source("model", path.read_text("utf-8"), path), LIBRARY, (own.name, None), None, {})
+    text, factors = in_other_units(scene.text, powers)
+    found = bondgraph.load(text, model=scene.model).equilibrium()
+    piston = 0.04 * math.cos(0.3) + 0.13 * math.sqrt(1 - (0.04 * math.sin(0.3) / 0.13) ** 2)
+    assert found["x"] / factors.of_unit("m") == pytest.approx(piston, rel=1e-11) and found["omega"] == 0
+
+
+def test_a_part_of_a_family_moves_and_the_rest_settles() -> None:
+    """The twist of the spring goes to zero, the angle stays."""
+    found = bondgraph.load(FLYWHEELS).equilibrium()
+    assert found["angle"] == pytest.approx(0.4, rel=1e-12) and abs(found["twist"]) < 1e-12
+
+
+@pytest.mark.parametrize("resistance", [1e-6, 1.0, 1e9])
+def test_a_conserved_sum_says_where_charges_rest(resistance: float) -> None:
+    """1 uF at 3 V is joined to 2 uF: both rest at 1 V, as q1 + q2 = const. says, wherever else they could rest."""
+    text = f"model A {{ C a : u = q/(1 uF) {{ start u = 3 V }}\n C b : u = q/(2 uF)\n R r : u = {resistance!r} ohm*i\n 1 w\n w -> a, r, b\n output y = a.u }}"
+    assert bondgraph.load(text).equilibrium()["y"] == pytest.approx(1.0, rel=1e-12)
