@@ -116,7 +116,10 @@ def independent(
             )  # fmt: skip
         if name not in free:
             if named.value is None:
-                raise UsageError("BR251", f"`{name}` moves with time:", "give it a value to differentiate by it")
+                raise UsageError(
+                    "BR251", f"`{name}` moves with time:",
+                    "give it a value to differentiate by it; if an experiment moves it, `-e none` (in Python `experiment=None`) takes the model without",
+                )  # fmt: skip
             fixed[name] = named.value
     return parameters, fixed
 

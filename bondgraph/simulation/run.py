@@ -45,7 +45,7 @@ def simulate_once(model: CompiledModel, request: RunRequest, start: Result | Non
     """
     experiment, settings, outputs = request.experiment, request.settings, request.outputs
     energy = request.options.energy or (start is not None and start.energy is not None)
-    target = chosen_target(request.options.target)
+    target, by_name = chosen_target(request.options.target), request.options.target == "native"
     wanted = replace(request.options, target=target, energy=energy)
     settled = settle(model, experiment, settings, outputs, energy, target)
     try:
@@ -60,11 +60,22 @@ def simulate_once(model: CompiledModel, request: RunRequest, start: Result | Non
                 refused_with_values(model, experiment, settings, outputs)
             raise
         result = found
+    if by_name:
+        result = replace(result, notes=(*result.notes, *_without_machine_code(model, settled.scene, wanted, target)))
     if not settled.scene.fixed:
         return result
     names = ", ".join(f"`{n} = 0`" for n in sorted(settled.scene.fixed))
     note = f"{names}: the equations are others than with values that are not zero, and were made for this run"
     return replace(result, notes=(*result.notes, note))
+
+
+def _without_machine_code(model: CompiledModel, scene: Scene, wanted: RunOptions, target: str) -> tuple[str, ...]:
+    """Return the note that a run by machine code, which was asked for by name, went on in numpy; none if it did not."""
+    plan: PlannedRun = model.recall(("run", scene, wanted), lambda: _planned(model, scene, wanted, target))
+    if plan.compiled_scene.program.native is not None:
+        return ()
+    why = "what is delayed is filled in by Python" if plan.compiled_scene.program.delays else "it could not be made"
+    return (f"there is no machine code of this model: {why}; it ran as the target numpy, as accurately and slower",)
 
 
 def _with_zeros(model: CompiledModel, scene: Scene, wanted: RunOptions, start: Result | None) -> Result | None:

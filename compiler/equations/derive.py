@@ -279,10 +279,11 @@ class _Nodes:
     def _start(self, node: Element, port: int, own: Mapping[PortVariable, int]) -> tuple[Argument, bool]:
         """Start of a port's stored quantity, and True if the author gave it. A zero does not count: it is the default of parts.
 
-        A start of another variable is converted by the law if that can be solved, else it is a claim.
+        A start of another variable is converted by the law if that can be solved, else it is a claim, by which the other ports of a field do not move.
         """
+        beside = any(p != port and node.starts[p][0] != node.stored[p] for p in node.starts)
         if port not in node.starts:
-            return 0.0, False
+            return 0.0, beside
         variable, bound = node.starts[port]
         stored = node.stored[port]
         value = self.to.folded(bound)
@@ -293,7 +294,7 @@ class _Nodes:
                 return 0.0, False
             value = self._instance(law, node, {PortVariable(port, GIVEN[stored]): value})
         start = self.to.static(value, f"{port_name(node, port, stored)} at the start", node.span)
-        return start, not self._is_zero(bound)
+        return start, beside or not self._is_zero(bound)
 
     def _stored_by(self, node: Element, wanted: PortVariable) -> Bound | None:
         """Stored quantity of a one-port storage from its law; None if the law cannot be solved for it."""

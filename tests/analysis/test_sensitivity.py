@@ -125,3 +125,22 @@ def test_what_is_conserved_stays_in_its_own_units() -> None:
         found, left = balanced_step(A, B)
         assert found[:, 0] == pytest.approx([1 / (1 + 2 * ratio), -ratio / (1 + 2 * ratio)], rel=1e-12)
         assert left.max() < 1e-12
+
+
+def test_an_input_that_an_experiment_moves() -> None:
+    """The advice works: the value that is given, or the model without the experiment."""
+    text = """model A {
+      input load = 6 N
+      MSe s : F = load
+      C c : F = 3 [N/m]*x
+      R r : F = 1 [N*s/m]*v
+      s -> 1(c, r)
+      output x = c.x
+      experiment shake { set load = 1 N*sin(1 [rad/s]*time); simulate 0 .. 1 s }
+    }"""
+    model = bondgraph.load(text)
+    with pytest.raises(UsageError, match=r"moves with time: give it a value .* `-e none`"):
+        model.sensitivity(["load"], "equilibrium")
+    assert model.sensitivity(["load"], "equilibrium", experiment=None).of("x", "load") == pytest.approx(1 / 3)
+    assert model.sensitivity(["load"], "equilibrium", settings={"load": 2.0}).of("x", "load") == pytest.approx(1 / 3)
+    assert model.invert({"x": 1.0}, ["load"], experiment=None).inputs["load"] == pytest.approx(3.0)

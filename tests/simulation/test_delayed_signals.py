@@ -126,3 +126,15 @@ def test_what_moves_after_a_dead_time_does_not_grow_without_bound() -> None:
     begins, share = 2.1, 0.01 / (1 - 0.01)  # after both lags, 20 (1 - (e^-t/1 - 0.01 e^-t/0.01)/0.99)
     assert found["last"][1] == pytest.approx(20 * (1 - (1 + share) * np.exp(-(10 - begins))), rel=1e-6)
     assert found.notes == ()
+
+
+@pytest.mark.machine_code
+def test_machine_code_that_was_asked_for_by_name_and_is_not_there_is_missed_aloud() -> None:
+    """What is delayed is filled in by Python: the run is right, and says that it was made in numpy."""
+    text = "plain model D { signal x = integral(-delay(x, 1), 1)\n output y = x }"
+    found = bondgraph.load(text).simulate(to=1.0, target="native")
+    assert float(found["y"][-1]) == pytest.approx(0.0, abs=1e-9)
+    assert "there is no machine code of this model" in " ".join(found.notes)
+    assert not bondgraph.load(text).simulate(to=1.0).notes
+    plain = bondgraph.load(text.replace("delay(x, 1)", "x")).simulate(to=1.0, target="native")
+    assert not plain.notes and plain.final("y") == pytest.approx(math.exp(-1), rel=1e-5)

@@ -231,3 +231,41 @@ def test_a_start_of_a_curved_law_has_no_size_of_its_own(start: float, s: float, 
     run = bondgraph.load(CURVED_START.format(start=start)).simulate(settings={"s": s, "t": t}, to=1.2, points=2)
     charge = brentq(lambda q: q + 3 * q**3 - start, 0, 10, xtol=1e-15)
     assert run["u"][0] / s == pytest.approx(start, rel=1e-9) and run["q"][0] / s * t == pytest.approx(charge, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "starts, momenta",
+    [
+        ("start x.v = 1 [m/s]", (1.0, 0.0)), ("start y.v = 1 [m/s]", (0.0, 1.0)), ("start x.v = 1 [m/s], start y.p = 0", (1.0, 0.0)),
+        ("start x.v = 1 [m/s], start y.p = 2 [N*s]", (-0.2, 2.0)), ("start x.v = 1 [m/s], start y.v = 0", (1 / 0.64, -0.6 / 0.64)),
+        ("start x.v = 1 [m/s], start y.v = 3 [m/s]", (-1.25, 3.75)), ("start x.p = 1 [N*s]", (1.0, 0.0)),
+    ],
+)  # fmt: skip
+def test_the_start_of_a_port_of_a_field_moves_that_port_alone(starts: str, momenta: tuple[float, float]) -> None:
+    """v = (px + 0.6 py, 0.6 px + py)/(1 kg): what a port is not said to have is zero, and not shared with another."""
+    text = f"""model A {{
+      I body(x: translation, y: translation) : energy = 0.5*(x^2 + y^2 + 1.2*x*y)/(1 kg) {{ {starts} }}
+      Se a, b : F = 0 N
+      a -> body.x
+      b -> body.y
+      output px = body.x.p, py = body.y.p
+      experiment e {{ simulate 0 .. 1 ms }}
+    }}"""
+    assert at_start(text, "e", "px", "py") == pytest.approx(momenta, rel=1e-12, abs=1e-15)
+
+
+def test_a_start_that_the_port_alone_cannot_have_is_refused() -> None:
+    """vx = py/(1 kg): px does not change it, and py is zero as nothing says otherwise."""
+    text = """model A {
+      I body(x: translation, y: translation) : energy = x*y/(1 kg) { start x.v = 1 [m/s] }
+      Se a, b : F = 0 N
+      a -> body.x
+      b -> body.y
+      output px = body.x.p, py = body.y.p
+      experiment e { simulate 0 .. 1 ms }
+    }"""
+    with pytest.raises(RunFailed, match=r"the start of `body` \(line 2\) cannot hold"):
+        at_start(text, "e", "px")
+    assert at_start(text.replace("1 [m/s]", "1 [m/s], start y.v = 2 [m/s]"), "e", "px", "py") == pytest.approx(
+        [2.0, 1.0]
+    )
