@@ -16,6 +16,7 @@ from ..rendering import Summarised
 from .json_values import head, named, rows_of, with_units
 from .operating_point import OperatingPoint
 from .pulses import held_note, refuse_moving_pulses
+from .rounding import without_rounding
 
 SCHEMA = "bondgraph-linearization/1"
 
@@ -92,11 +93,13 @@ def linearization(point: OperatingPoint, partial: bool = False) -> Linearization
     refuse_moving_pulses(point)
     space, reduced, program = point.compilation.state_space, point.reduced, point.program
     chosen = reduced.chosen
-    state_slopes, by_slopes = reduced.through(point.rate_slopes(chosen))
+    rates = [space.states[i].rate for i in chosen]
+    state_slopes, by_slopes = without_rounding(point, rates, *reduced.through(point.rate_slopes(chosen)))
     names, jumping = list(space.outputs), point.jumping()
     point.refuse_kinks([n for n in jumping if n not in names or not partial], "jumps at")
     sided = point.one_sided() if partial else point
-    output_slopes, through = sided.of_states(list(space.outputs.values()))
+    seen = list(space.outputs.values())
+    output_slopes, through = without_rounding(sided, seen, *sided.of_states(seen))
     bent = {*jumping, *(sided.kinks or ())}
     output_slopes[[n in bent or space.variables[v].name in bent for n, v in space.outputs.items()]] = np.nan
     return Linearization(

@@ -21,6 +21,7 @@ from ..errors import RunFailed
 from ..numerics import scales
 from .eigenvalues import EPS, EXTENDED, Eigenvalues, bounded_eigenvalues
 from .linear import state_matrix
+from .rounding import CANCELLED, rounding_of
 
 if TYPE_CHECKING:
     from .operating_point import OperatingPoint
@@ -34,8 +35,6 @@ SEED = 20
 DOUBTFUL = (
     1e-5  # relative to the fastest: growth or decay that the rounding of terms that cancel may have made, as its root
 )
-EVALUATIONS = 4
-CANCELLED = 2.0  # in units of that rounding: smaller entries of A are nothing else
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +80,8 @@ def decisive(point: OperatingPoint, A: Array, known: int = 0) -> tuple[Eigenvalu
     slow = np.abs(eigenvalues.values.real) < DOUBTFUL * np.abs(eigenvalues.values).max(initial=0.0)
     decided = slow & ~eigenvalues.undamped & (np.abs(eigenvalues.values.real) > eigenvalues.bounds)
     if decided.any() and len(A) <= EXTENDED:
-        rounding = rounding_of(point)
+        states = point.compilation.state_space.states
+        rounding, _ = rounding_of(point, [states[i].rate for i in point.reduced.chosen])
         A = np.where(np.abs(A) > CANCELLED * rounding, A, 0.0)
         active, sizes, neutral = _without_neutral(point, A, np.maximum(np.abs(A), rounding / EPS), known)
         eigenvalues = bounded_eigenvalues(active, sizes, lossless(point))
@@ -124,27 +124,6 @@ def null_space(A: Array) -> Any:
         scaled, np.abs(scaled), right[sizes <= NULL * max(sizes.max(initial=0.0), 1e-300)]
     )
     return vectors[:, null] / columns[:, None]
-
-
-def rounding_of(point: OperatingPoint) -> Any:
-    """Return the rounding (r, r) of the entries of A, where terms of one cancel: how far it is from a second evaluation, in another order of operations
-    and with all values moved in their last places."""
-    space, reduced, n = point.compilation.state_space, point.reduced, point.count
-    slopes = point.slopes_of(tuple([s.rate for s in space.states] + [u.residual for u in space.unknowns]))
-    inside = slopes.columns < point.all
-    random, largest = np.random.default_rng(SEED), np.zeros((len(reduced.chosen),) * 2)
-    for _ in range(EVALUATIONS):
-        change = -np.asarray(point.slopes_here)
-        values = slopes.tape.values(
-            lambda leaf: point.lookup(leaf) * (1 + EPS * random.integers(-2, 3) * (leaf.role != "mode"))
-        )
-        np.add.at(change, (slopes.rows[inside], slopes.columns[inside]), np.asarray(values, dtype=float)[inside])
-        rates, held = change @ np.concatenate([np.eye(n), reduced.unknowns[:, :n]]), point.slopes_here
-        moved = rates[reduced.chosen]
-        if point.all > n:
-            moved = moved - held[reduced.chosen][:, n:] @ np.linalg.lstsq(held[n:, n:], rates[n:], rcond=None)[0]
-        largest = np.fmax(largest, np.abs(moved @ reduced.directions if reduced.tied else moved))
-    return largest
 
 
 def _without_neutral(point: OperatingPoint, A: Array, sizes: Array, known: int) -> tuple[Any, Any, int]:

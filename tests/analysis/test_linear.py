@@ -10,7 +10,9 @@ import sympy
 
 import bondgraph
 from bondgraph.errors import MissingPackage, RunFailed, UsageError
-from tests.compiling import MODELS
+from compiler.api import Source, scene_of
+from tests.compiling import LIBRARY, MODELS
+from tests.second_opinion.scales import in_other_units
 
 STEP = 1e-60  # of a complex-step derivative: nothing is subtracted, so that no digit is lost
 
@@ -174,3 +176,29 @@ def test_rest_where_no_eigenvalue_tells_a_time() -> None:
     assert hanging.stable
     cold = bondgraph.load(MODELS / "brake.bg").equilibrium()
     assert cold["T"] == pytest.approx(293.15, rel=1e-12) and cold["speed"] == 0
+
+
+@pytest.mark.parametrize("powers", [{}, {"length": 6}])
+def test_entries_that_are_rounding_of_terms_that_cancel_are_zero(powers: dict[str, int]) -> None:
+    """A force at the middle of a leaf spring does not turn its ends: the moments of both halves cancel, in all units."""
+    path = MODELS / "flexure.bg"
+    scene = scene_of(
+        Source("model", path.read_text("utf-8"), path), LIBRARY, (bondgraph.load(path).name, None), None, {}
+    )
+    found = bondgraph.load(in_other_units(scene.text, powers)[0], model=scene.model).linearize()
+    column = np.abs(found.B[:, found.inputs.index("fx")])
+    turning = [name.endswith("omega") for name in found.states]
+    assert (column[turning] == 0).all() and (column[column > 0] > 1e-3 * column.max()).all() and (column > 0).any()
+
+
+@pytest.mark.parametrize("large, small", [(1.0, 1e-9), (1e9, 1e-3), (1e3, 1e-8)])
+def test_a_small_entry_beside_large_terms_stays(large: float, small: float) -> None:
+    """(k + e) y - k y has the slope e, as far as the digits of k + e tell it."""
+    text = f"""plain model A {{
+      parameter k = {large!r}, e = {small!r}
+      signal y = integral(-y, 1)
+      signal x = integral((k + e)*y - k*y - {large!r}*x, 1)
+      output z = x
+    }}"""
+    entry = bondgraph.load(text).linearize().A[1, 0]
+    assert entry == pytest.approx(small, abs=4e-16 * large) and entry != 0
