@@ -117,7 +117,9 @@ class BranchFollower:
         values = np.where(values > 0, values, of_parameters(first.program, first.constraints.parameters))
         units = group_numbers(first.program.variables.units)
         moved = reach(there.slopes_here, values, self.count, units)[: self.count]
-        self.unseen = np.where(moved > 0, moved, natural(first.program, first.constraints.parameters)[: self.count])
+        self.unseen = np.where(
+            moved > 0, moved, natural(first.program, first.constraints.parameters, first.program.states.units)
+        )
 
     def see(self, point: OperatingPoint, A: Array) -> None:
         """Raise the magnitudes of the states: those of one unit share the largest; an estimate for units without any value."""

@@ -17,7 +17,6 @@ from compiler.api import Array, ComplexArray, IntArray, Leaf, letters
 
 from ..numerics.scales import group_numbers, largest_of_group, nonzero
 from ..rendering import Summarised
-from .eigenvalues import TRUSTED
 from .json_values import finite, head, pair
 from .linear import Linearization, linearization, part_note, state_matrix
 from .operating_point import OperatingPoint
@@ -30,6 +29,7 @@ RESTING = 1e-8  # relative to the terms in a rate: a smaller rate is rounding
 ROUNDED = 1e-13  # relative to the terms in a rate at one radian: what forces leave that cancel
 CHANGING = 1e-6  # relative to the terms in a rate: a smaller change along the motion is none
 SMALL = 1e-9  # relative to the largest energy: rounding
+UNCERTAIN = 1e-2  # relative to an eigenvalue: a larger bound is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +175,7 @@ def _uncertain(found: Spectrum, chosen: IntArray) -> str:
     if found.bounds is None:
         return ""
     values, bounds = found.values[chosen], found.bounds[chosen]
-    unsure = np.flatnonzero((values != 0) & (bounds > TRUSTED * np.abs(values)))
+    unsure = np.flatnonzero((values != 0) & (bounds > UNCERTAIN * np.abs(values)))
     if not len(unsure):
         return ""
     worst = unsure[np.argmax(bounds[unsure] / np.abs(values[unsure]))]

@@ -7,6 +7,7 @@ the time of the fastest mode. So a charge of 0 C beside volts has a size, the sa
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -39,21 +40,21 @@ def sizes(program: Program, parameters: Array, state: Array, rates: Array, jacob
         )
         started = largest_of_group(np.append(np.nan_to_num(driven), np.zeros(len(values) - count)), units)
         values = reach(jacobian, np.where(values > 0, values, started), count, units)
-    return np.where(values > 0, values, natural(program, parameters))
+    return np.where(values > 0, values, natural(program, parameters, program.variables.units))
 
 
-def natural(program: Program, parameters: Array) -> Any:
-    """Return the natural units of a model for its states and unknowns, (n + m,): powers of base units in which its parameters are, on the whole, numbers
-    about 1. So a flux linkage has a size where there are henries and amperes."""
+def natural(program: Program, parameters: Array, units: Sequence[str]) -> Any:
+    """Return the natural sizes of a model for some units: powers of base units in which its parameters are, on the whole, numbers about 1. So a flux linkage
+    has a size where there are henries and amperes."""
     numbers = [
         (unit, value)
         for unit, value in zip(program.parameters.units, np.abs(parameters).tolist(), strict=True)
         if value > 0
     ]
     if not numbers:
-        return np.ones(len(program.variables.units))
+        return np.ones(len(units))
     powers = np.array([_exponents(unit) for unit, _ in numbers])
-    exponents = np.array([_exponents(unit) for unit in program.variables.units]).reshape(-1, powers.shape[1])
+    exponents = np.array([_exponents(unit) for unit in units]).reshape(-1, powers.shape[1])
     bases, *_ = np.linalg.lstsq(powers, np.log([value for _, value in numbers]), rcond=None)
     # a dimension that parameters do not span has no unit
     spanned = np.linalg.norm(exponents - exponents @ np.linalg.pinv(powers) @ powers, axis=1) < SPANNED

@@ -48,7 +48,12 @@ def spectrum(A: Array) -> Spectrum:
         values, shapes = eig(A)
         return Spectrum(_with_zeros(A, values), shapes)
     found = bounded_eigenvalues(A)
-    return Spectrum(_with_zeros(A, found.values), found.shapes / np.linalg.norm(found.shapes, axis=0), found.bounds)
+    none = np.abs(found.values) <= np.minimum(found.bounds, SLOW * np.abs(found.values).max(initial=0.0))
+    return Spectrum(
+        _with_zeros(A, np.where(none, 0.0, found.values)),
+        found.shapes / np.linalg.norm(found.shapes, axis=0),
+        found.bounds,
+    )
 
 
 def _with_zeros(A: Array, values: ComplexArray) -> ComplexArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -121,10 +122,10 @@ def test_a_slow_oscillator_behind_a_stiff_one_without_losses(ratio: float) -> No
 
 
 def test_modes_say_what_rounding_hides() -> None:
-    """A Jordan block of five, whose numbers of seventeen digits tell its eigenvalues to a thousandth: shown by their mean, with a note."""
-    A = block(-1 + 0j, 5, np.random.default_rng(3), ())
+    """A Jordan block of eight, whose numbers of seventeen digits tell its eigenvalues to some percent: shown by their mean, with a note."""
+    A = block(-1 + 0j, 8, np.random.default_rng(3), ())
     rows = ["+".join(f"({x!r})*x{j}" for j, x in enumerate(row.tolist())) for row in A]
     signals = "\n".join(f"signal x{i} = integral({row}, 0)" for i, row in enumerate(rows))
     found = bondgraph.load(f"plain model A {{\n{signals}\noutput y = x0\n}}").modes()
-    assert [m.eigenvalue for m in found] == [pytest.approx(-1.0, abs=1e-9)] * 5
-    assert found.note.startswith("5 eigenvalues are uncertain by rounding: -1+0j 1/s by 0.0")
+    assert [m.eigenvalue for m in found] == [pytest.approx(-1.0, abs=1e-6)] * 8
+    assert re.fullmatch(r"8 eigenvalues are uncertain by rounding: -1\+0j 1/s by 0\.0\d+ 1/s", found.note)

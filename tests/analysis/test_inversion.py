@@ -112,3 +112,20 @@ def test_refused() -> None:
         model.invert({"y": 1e-6}, ("load",))
     with pytest.raises(RunFailed, match="no inputs were found"):
         model.invert({"x": -1e-6}, ("push",))  # which only pushes one way
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-15, 1e9])
+@pytest.mark.parametrize("x", [1e-4, 1e-2, -2e-4])
+def test_an_input_that_acts_by_itself_and_by_its_square_in_all_units(unit: float, x: float) -> None:
+    """z + 10 z^2 = 100 x: in units of femtocoulombs a thousandth of a coulomb would see the square alone."""
+    text = f"""model A {{
+      input charge = 0 C
+      parameter a: N/C = {1 / unit!r}, b: N/C^2 = {10 / unit / unit!r}
+      MSe s : F = a*charge + b*charge^2
+      C c : F = 100 [N/m]*x
+      R r : F = 1 [N*s/m]*v
+      s -> 1(c, r)
+      output x = c.x
+    }}"""
+    found = bondgraph.load(text).invert({"x": x}, ["charge"]).inputs["charge"] / unit
+    assert found == pytest.approx((math.sqrt(1 + 4000 * x) - 1) / 20, rel=1e-12)

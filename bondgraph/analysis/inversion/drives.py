@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-PROBE = 1e-3  # SI: value at which the derivative of a square is evaluated instead of zero
+PROBE = 1e-3  # of the natural size of an input: value at which the derivative of a square is evaluated instead of zero
 
 
 @dataclass(frozen=True, slots=True)

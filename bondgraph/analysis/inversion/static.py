@@ -24,7 +24,9 @@ from ...simulation.segments.timeline import Segment
 from ..equilibrium import units_of
 from ..json_values import head, named, with_units
 from ..operating_point import OperatingPoint
+from ..rounding import without_rounding
 from ..sensitivity import balanced_step
+from ..sizes import natural
 from ..verdict import verdict
 from .drives import PROBE, Drive
 
@@ -114,9 +116,16 @@ class Search:
         both = {drive.push: 0.0} | ({} if drive.pull is None else {drive.pull: 0.0})
         still = point.elsewhere(both, point.state)
         column = self._columns(still)[0][drive.push]
-        moving = point.elsewhere(both | {drive.push: PROBE}, point.state)
-        size = np.abs(self._columns(moving)[0][drive.push]).max(initial=0.0)
-        return Drive(drive.push, drive.pull, 2 if np.abs(column).max(initial=0.0) < 1e-6 * size else 1)
+        moving = point.elsewhere(both | {drive.push: self._probe(drive)}, point.state)
+        square = not column.any() and self._columns(moving)[0][drive.push].any()
+        return Drive(drive.push, drive.pull, 2 if square else 1)
+
+    def _probe(self, drive: Drive) -> float:
+        """Return a value of the drive's input that is small and not zero, the same in all units."""
+        program = self.point.program
+        role, place = self.point.set_at(drive.push)
+        units = (program.parameters if role == "parameter" else program.inputs).units
+        return PROBE * float(natural(program, self.point.constraints.parameters, units[place : place + 1])[0])
 
     def _strength(self, point: OperatingPoint, drive: Drive) -> float:
         value = self._value(point, drive.push)
@@ -130,7 +139,7 @@ class Search:
         space = point.compilation.state_space
         outputs = list(space.outputs.values())
         variables = [*(space.states[i].rate for i in point.reduced.chosen), *(outputs[i] for i in self.rows)]
-        by_states, by_inputs = point.of_states(variables)
+        by_states, by_inputs = without_rounding(point, variables, *point.of_states(variables))
         return dict(zip(point.by, by_inputs.T, strict=True)), by_states
 
     def settings(self, strengths: Array) -> dict[str, float]:
@@ -179,8 +188,9 @@ class Search:
         columns, by_states = self._columns(point)
         slopes = []
         for drive, strength in zip(self.drives, strengths, strict=True):
-            if drive.power == 2 and abs(strength) < PROBE**2:  # the square is smooth at zero, its root is not
-                signed = math.copysign(PROBE**2, strength)
+            least = self._probe(drive) ** 2 if drive.power == 2 else 0.0
+            if abs(strength) < least:  # the square is smooth at zero, its root is not
+                signed = math.copysign(least, strength)
                 beside = point.elsewhere(drive.settings(signed), point.state)
                 slopes.append(drive.slope(signed, self._columns(beside)[0]))
             else:
