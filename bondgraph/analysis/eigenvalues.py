@@ -167,9 +167,9 @@ def _gather(A: Array, terms: Array, values: ComplexArray, bounds: Array, shapes:
     for _ in range(TRIES if poor.any() else 0):
         first = int(np.argmax(np.where(poor, bounds, -1.0)))
         poor[first] = False
-        found = _cluster_around(A, terms, values, bounds, first)
-        if found is not None:
-            members, mean, radius, basis = found
+        cluster = _cluster_around(A, terms, values, bounds, first)
+        if cluster is not None:
+            members, mean, radius, basis = cluster
             mirrored = [int(np.argmin(np.abs(values - values[i].conjugate()))) for i in members]
             kinds = np.minimum(np.arange(len(members)), basis.shape[1] - 1)
             values[mirrored], bounds[mirrored], shapes[:, mirrored] = mean.conjugate(), radius, basis.conj()[:, kinds]

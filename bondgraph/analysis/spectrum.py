@@ -47,13 +47,10 @@ def spectrum(A: Array) -> Spectrum:
     if len(A) > EXTENDED:
         values, shapes = eig(A)
         return Spectrum(_with_zeros(A, values), shapes)
-    found = bounded_eigenvalues(A)
-    none = np.abs(found.values) <= np.minimum(found.bounds, SLOW * np.abs(found.values).max(initial=0.0))
-    return Spectrum(
-        _with_zeros(A, np.where(none, 0.0, found.values)),
-        found.shapes / np.linalg.norm(found.shapes, axis=0),
-        found.bounds,
-    )
+    bounded = bounded_eigenvalues(A)
+    sizes = np.abs(bounded.values)
+    values = np.where(sizes <= np.minimum(bounded.bounds, SLOW * sizes.max()), 0.0, bounded.values)
+    return Spectrum(_with_zeros(A, values), bounded.shapes / np.linalg.norm(bounded.shapes, axis=0), bounded.bounds)
 
 
 def _with_zeros(A: Array, values: ComplexArray) -> ComplexArray:

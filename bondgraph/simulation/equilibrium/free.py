@@ -33,9 +33,9 @@ def held_at_start(search: EquilibriumSearch, start: Array, rest: Array) -> Any:
     try:
         x, slope, jacobian = search.at(back)
         if np.isfinite(slope).all() and search.close(x, slope, jacobian):
-            found = search.rested(search.polished(x, slope, jacobian))
-            if np.allclose(found[places], start[places], rtol=KEPT, atol=0.0):
-                return found
+            nearer = search.rested(search.polished(x, slope, jacobian))
+            if np.allclose(nearer[places], start[places], rtol=KEPT, atol=0.0):
+                return nearer
     except (RunFailed, np.linalg.LinAlgError):
         pass
     return rest
