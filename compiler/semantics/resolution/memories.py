@@ -12,7 +12,7 @@ from ...graph.units import ONE, SECOND, Dimension
 from ...scene import Override
 from ...syntax import tree
 from ..expressions.expression_compiler import ExpressionCompiler
-from ..expressions.lists import columns_of, parts_of, place_in
+from ..expressions.lists import columns_of, parts_of, place_in, shape_of, sort_of
 from ..expressions.template import Typed, Value
 from ..names.errors import DimensionMismatch, NotStatic, WrongType
 from ..names.scope import STATIC_ROLES, Items, Pending, Scalar, Scope
@@ -20,7 +20,8 @@ from ..names.statement_errors import Wrong, describe, unit_hint
 from .elaboration_cache import ElaborationCache
 from .resolver import Resolver, read_condition
 
-_Memory = tuple[str, tree.Call, Scope, Dimension | None]  # name, call, the scope in which it is read, dimension
+# name, call, the scope in which it is read, dimension, and of a list the number of the item
+_Memory = tuple[str, tree.Call, Scope, Dimension | None, int | None]
 Signal = TypeVar("Signal", Integral, Delay)
 
 
@@ -64,11 +65,10 @@ class MemoryResolver(Resolver):
         if name == "hysteresis":
             return Scalar(Quantity(name), ONE, "mode", name)
         value = self._guessed(call.arguments[name == "integral"], scope)
-        if name == "der":
-            rates = tuple(
-                Scalar(Quantity(name), self._per_second(p.dimension), "signal", name) for p in parts_of(value)
-            )
-            return Items(name, rates, columns_of(value)) if isinstance(value, tuple) else rates[0]
+        if name == "der" or isinstance(value, tuple):
+            units = (self._per_second(p.dimension) if name == "der" else p.dimension for p in parts_of(value))
+            entered = tuple(Scalar(Quantity(name), unit, "signal", name) for unit in units)
+            return Items(name, entered, columns_of(value)) if isinstance(value, tuple) else entered[0]
         dimension = self._dimension(value)
         if dimension is None and name == "integral" and not scope.plain:
             dimension = self._inferred(call.arguments[0], scope)
@@ -81,10 +81,12 @@ class MemoryResolver(Resolver):
 
     def _integral(
         self, call: tree.Call, scope: Scope, name: str, role: str, declared: Dimension | None, description: str
-    ) -> Scalar:
+    ) -> Scalar | Items:
         """Enter an integral. It is known at once, so that it can depend on itself; its rate is read when all names are known."""
         rate, start = call.arguments
         template = self.template(start, scope)
+        if isinstance(template.value, tuple):
+            return self._listed(self._memories, call, scope, template.value, (name, role, declared, description))
         dimension = declared or self._dimension(template.value)
         if dimension is None and not scope.plain:
             dimension = self._units.get(name) or self._inferred(rate, scope)
@@ -95,15 +97,41 @@ class MemoryResolver(Resolver):
             return Scalar(Quantity(name), dimension, role, name)
         name = name or self._free_name(call, scope)
         self.quantities[name] = Named(name, role, str(dimension or ONE), None, None, call.span, description)
-        self._memories.append((name, call, scope, dimension))
+        self._memories.append((name, call, scope, dimension, None))
         return Scalar(Quantity(name), dimension if not scope.plain else None, role, name)
 
-    def _delay(self, call: tree.Call, scope: Scope) -> Scalar:
+    def _listed(
+        self,
+        signals: list[_Memory],
+        call: tree.Call,
+        scope: Scope,
+        value: Value,
+        words: tuple[str, str, Dimension | None, str],
+    ) -> Items:
+        """Enter one signal with memory for each number of a list, in its own unit; a zero without one has that of the others."""
+        name, role, declared, description = words
+        units = {d for p in parts_of(value) if (d := p.dimension) is not None}
+        usual = units.pop() if len(units) == 1 else ONE  # what is read later says if it is another
+        entered = []
+        for number, part in enumerate(parts_of(value)):
+            place, dimension = place_in(value, number), declared or part.dimension or usual
+            own = f"{name}{place}" if name or self._inferring else self._free_name(call, scope, place)
+            if not self._inferring:
+                self.quantities[own] = Named(own, role, str(dimension), None, None, call.span, description)
+                signals.append((own, call, scope, dimension, number))
+            entered.append(Scalar(Quantity(own), None if scope.plain else dimension, role, own))
+        self.guesses += self._inferring
+        return Items(name or call.function, tuple(entered), columns_of(value))
+
+    def _delay(self, call: tree.Call, scope: Scope) -> Scalar | Items:
         """Enter a delay. It is known at once, so that its argument can depend on it; the argument is read when all names are known."""
-        dimension = None if scope.plain else self._looked_at(call.arguments[0], scope)
+        value = self._guessed(call.arguments[0], scope)
+        if isinstance(value, tuple):
+            return self._listed(self._delays, call, scope, value, ("", "signal", None, ""))
+        dimension = None if scope.plain else self._dimension(value)
         name = self._free_name(call, scope)
         self.quantities[name] = Named(name, "signal", str(dimension or ONE), None, None, call.span, "")
-        self._delays.append((name, call, scope, dimension))
+        self._delays.append((name, call, scope, dimension, None))
         return Scalar(Quantity(name), dimension, "signal", name)
 
     def _rate(self, call: tree.Call, scope: Scope) -> Scalar | Items:
@@ -201,9 +229,11 @@ class MemoryResolver(Resolver):
         results = ((signal[0], self.guard(read, *signal)) for signal in signals)
         return {name: result for name, result in results if result is not None}
 
-    def _read_delay(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Delay:
+    def _read_delay(
+        self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None, number: int | None
+    ) -> Delay:
         value, lag = (self.template(part, scope) for part in call.arguments)
-        typed = value.value
+        typed = value.value if number is None else parts_of(value.value)[number]
         if not isinstance(typed, Typed) or typed.truth:
             raise Wrong(WrongType(call.arguments[0].span, "A single number", "something else"))
         if not scope.plain and typed.dimension not in (None, dimension or ONE):
@@ -213,20 +243,37 @@ class MemoryResolver(Resolver):
         if not late > 0:
             raise Wrong(WrongType(call.arguments[1].span, "A time", f"{late:g} s", "A delay is longer than nothing."))
         return Delay(
-            name, self.bind(value, value.formulas[0], scope), self.bind(lag, lag.formulas[0], scope), call.span
+            name,
+            self.bind(value, value.formulas[number or 0], scope),
+            self.bind(lag, lag.formulas[0], scope),
+            call.span,
         )
 
-    def _read_integral(self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None) -> Integral:
+    def _read_integral(
+        self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None, number: int | None
+    ) -> Integral:
         bounds = []
+        start = self.template(call.arguments[1], scope).value
         for part, wanted in zip(call.arguments, (self._per_second(dimension), dimension), strict=True):
             template = self.template(part, scope)
-            value = template.value
-            if not isinstance(value, Typed):
-                raise Wrong(WrongType(part.span, "A single number", "a list"))
+            if shape_of(template.value) != shape_of(start):
+                wide = sort_of(start).capitalize()
+                hint = (
+                    "An integral is as long as its start." if number is not None else "The start of a list is a list."
+                )
+                raise Wrong(WrongType(part.span, wide, sort_of(template.value), hint))
+            value = parts_of(template.value)[number or 0]
             if not scope.plain and value.dimension is not None and wanted is not None and value.dimension != wanted:
-                what = f"`{part.span.text}` is {describe(value.dimension)}, but an integral in [{dimension}] needs {describe(wanted)}"
-                raise Wrong(DimensionMismatch(part.span, what, unit_hint(value.dimension, wanted)))
-            bounds.append(self.bind(template, template.formulas[0], scope))
+                entry = place_in(template.value, number or 0)
+                item = f"Item {entry} of `{part.span.text}`" if entry else f"`{part.span.text}`"
+                what = (
+                    f"{item} is {describe(value.dimension)}, but an integral in [{dimension}] needs {describe(wanted)}"
+                )
+                hint = unit_hint(value.dimension, wanted)
+                if parts_of(start)[number or 0].dimension is None:
+                    hint = f"Give its start the unit: `0 [{value.dimension * SECOND}]`."
+                raise Wrong(DimensionMismatch(part.span, what, hint))
+            bounds.append(self.bind(template, template.formulas[number or 0], scope))
         for slot in self.template(call.arguments[1], scope).slots:
             if self.scalar_at(slot, scope).role not in STATIC_ROLES:
                 raise Wrong(NotStatic(slot.path.span, "The start of an integral", slot.words))
