@@ -82,7 +82,7 @@ def _with_source(definition: ModelDefinition, port: str, given: str) -> ModelDef
     """Return a model with a source in the place of a port, whose effort or flow is an input; the other is an output. Raises `CompilationFailed`."""
     model, statements = definition.model, list[tree.SyntaxNode]()
     places = [p for s in model.statements if isinstance(s, tree.PortsSyntax) for p in s.items]
-    single = [p for p in places if p.index is None and not p.components and DOMAINS.get(p.domain or "") is not None]
+    single = [p for p in places if not (p.index or p.components or p.width) and DOMAINS.get(p.domain or "") is not None]
     if port not in (p.name for p in single):
         hint = f"Ports of one bond: {', '.join(f'`{p.name}`' for p in single) or 'none'}; each says its domain, `port {port}: translation`."
         raise CompilationFailed([WrongConnection(model.name_span, f"`{port}` is no port of one bond of `{model.name}`", hint)])  # fmt: skip

@@ -104,8 +104,10 @@ def test_strokes_that_forbid_a_way_are_told_with_their_reason(tmp_path: Path) ->
     with pytest.raises(CompilationFailed) as failed:
         model.to_fmu(tmp_path / "never.fmu", ports={"end": "flow"})
     assert "`mass`" in failed.value.diagnostics[0].sentence and "`end_v`" in failed.value.diagnostics[0].sentence
-    with pytest.raises(CompilationFailed, match="`tip` is no port of one bond of `Mass`"):
-        model.to_fmu(tmp_path / "never.fmu", ports={"tip": "flow"})
+    wide = bondgraph.load(text.replace("port end", "port tip: translation[2], end"))
+    for case in (model, wide):
+        with pytest.raises(CompilationFailed, match="`tip` is no port of one bond of `Mass`"):
+            case.to_fmu(tmp_path / "never.fmu", ports={"tip": "flow"})
     with pytest.raises(UsageError, match="takes its `effort` or its `flow`"):
         model.to_fmu(tmp_path / "never.fmu", ports={"end": "both"})
     (tmp_path / "m.bg").write_text(text, encoding="utf-8")
