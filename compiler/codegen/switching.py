@@ -63,6 +63,7 @@ class Switching:
         self._quiet: dict[Formula, bool] = {}
         self.all_quiet = True  # so far no law has jumps or kinks
         self._memories: dict[tuple[bool, bool], dict[Expression, Expression]] = {}
+        self.behind = False  # True if the run reads what is treated
         self.located = False  # True if conditions on states become items of the mode
         self.guards: set[Expression] = set()  # conditions that only keep a slope finite: nobody wrote them
         self.authored: set[Expression] = set()  # conditions that a law or an event has itself
@@ -81,8 +82,9 @@ class Switching:
         `behind`: the run reads it, so its conditions on states are located. `pieced`: it is a derivative of another expression or joined
         smoothly from pieces; then its conditions are the author's only if they are known already.
         """
-        self.span, self.owner, self.located, self.pieced = step.span, step.owner, behind and not pieced, pieced
-        self._done = self._memories.setdefault((self.located, pieced), {})
+        self.span, self.owner, self.behind, self.pieced = step.span, step.owner, behind, pieced
+        self.located = behind and not pieced
+        self._done = self._memories.setdefault((behind, pieced), {})
 
     def wrote(self, conditions: set[Expression]) -> None:
         """Record the author's own conditions. They are no guards, even if derivatives contain them too: `abs(f)` has a kink where a valve closes."""
@@ -90,7 +92,7 @@ class Switching:
         if self.guards & conditions:
             self.guards -= conditions
             self._memories.clear()
-            self._done = self._memories.setdefault((self.located, self.pieced), {})
+            self._done = self._memories.setdefault((self.behind, self.pieced), {})
 
     def replaced(self, x: Expression) -> Expression:
         """The expression with conditions on time, and on states if these are located, replaced by items of the mode."""
@@ -119,8 +121,11 @@ class Switching:
                 self._instant(self.replaced(x.operands[1] - knot))
             if jumps_at_knots(x):
                 return self._of_segments(x, operands[1])
-        elif self.located and is_stepped(x):
-            return self._between_knots(x, operands[1])
+        elif self.behind and is_stepped(x):  # also of a rate, which jumps where the curve only bends
+            located, self.located = self.located, True
+            middle = self._between_knots(x, operands[1])
+            self.located = located
+            return middle
         if x.operator == "noise":
             self._period(x.operands[1], alone, span)
         if alone and x.operator in OPERATORS and OPERATORS[x.operator].narrow:

@@ -209,6 +209,30 @@ def test_a_ball_on_a_turntable_goes_round_in_a_circle() -> None:
     assert abs(run.energy.residual) < 1e-6
 
 
+def test_a_ball_that_turns_in_its_place_on_a_turntable() -> None:
+    """At rest it stays at rest (Routh), at any size: its speeds are the rounding of what rolling makes of its spin, and no step follows that."""
+    text = """model M {
+  parameter r = 0.1 m, W = 3 [1/s]
+  multibody s : spatial {
+    gravity = (0, 0, -9.81 [m/s^2])
+    body table { inertia = 1 [kg*m^2]*(1, 1, 1) }
+    body marble { mass = 2 kg, inertia = 0.4*2 kg*r^2*(1, 1, 1), at = (5*r, 0, r), start x.v = 0, start y.v = 0 }
+    hinge axis : ground to table { about = (0, 0, 1) }
+    wheel w : table to marble { at = (5*r, 0, r), radius = r }
+  }
+  Sf motor : omega = W
+  motor -> s.axis
+  output x = s.marble.x, y = s.marble.y, spin = s.marble.rx.omega
+}
+"""
+    model = bondgraph.load(text)
+    for size, speed in ((0.1, 3.0), (1e-6, 3e4)):
+        run = model.simulate(settings={"r": size, "W": speed}, to=1 / speed, points=3)
+        assert run.steps < 100
+        np.testing.assert_allclose([run["x"] / size - 5, run["y"] / size], 0, atol=1e-12)
+        np.testing.assert_allclose(run["spin"] / speed, 5, rtol=1e-9)
+
+
 def disc_rates(m: float, r: float, across: float, axial: float, axle: Any) -> Any:
     """Rates of (centre, quaternion, angular velocity in world axes) of a disc that rolls on z = 0: Newton and Euler, the force eliminated."""
     n, g = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -9.81])

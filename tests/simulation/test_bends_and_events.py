@@ -73,3 +73,16 @@ def test_a_valve_closes_where_a_law_bends(law: str) -> None:
     assert np.abs(result["flow"][behind]).max() < 1e-9
     assert result["flow"].min() > -1e-9
     assert np.ptp(result["q"][behind]) < 1e-9
+
+
+@pytest.mark.parametrize("solver", ["automatic", "explicit", "radau"])
+def test_the_rate_of_a_curve_jumps_at_an_event(solver: str) -> None:
+    """`der` of straight lines over a state is a step function: its integral is the curve. Where `abs` of it bent at the jump, a step of the explicit
+    method ended there with the rate of the other side, and was wrong inside by 0.08 at any tolerance."""
+    text = """plain model M {
+  signal p = integral(1, 0), f = linear(p, (0, 1, 2, 6), (0, 2, 1, 5))
+  output y = integral(der(f), 0), way = integral(abs(der(f)), 0)
+}"""
+    result = bondgraph.load(text).simulate(to=5, points=41, rtol=1e-6, solver=solver)
+    np.testing.assert_allclose(result["y"], np.interp(result.time, [0, 1, 2, 6], [0, 2, 1, 5]), atol=1e-9)
+    np.testing.assert_allclose(result["way"], np.interp(result.time, [0, 1, 2, 6], [0, 2, 3, 7]), atol=1e-9)

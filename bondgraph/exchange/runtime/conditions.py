@@ -168,16 +168,6 @@ def is_at_rest(s: FmuInstance) -> bool:
     return True
 
 
-def reread(s: FmuInstance) -> None:
-    """Put the truth of conditions whose two sides are equal into the mode: nothing else may move them after a reset."""
-    k = s.events.conditions
-    w = s.solver
-    look(s)
-    for j in range(w.root_count):
-        if abs(k.root[j]) <= k.noise[j]:
-            put(s, j, truth(0.0, w.root_strict[j]))
-
-
 def indicate(s: FmuInstance, indicators: Floats) -> None:
     """Compute event indicators: roots, shifted such that one leaves zero at its event and crosses it again only when the condition changes back.
 

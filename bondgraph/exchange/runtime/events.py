@@ -7,10 +7,11 @@ from math import isfinite, ulp
 from ...numerics import indicators
 from ...simulation.events import events, locate
 from ...simulation.integrators.acceptance import crossing_search
+from ...simulation.integrators.acceptance.event_indicators import keep, reread
 from ...simulation.integrators.acceptance.event_passing import MOST_ROUNDS, SHORT, is_sure
 from ...simulation.integrators.acceptance.zero_crossings import full_at, is_wrong, roots_at, truth
 from ...simulation.integrators.methods import PARTS
-from .conditions import count_in, guess_mode, look, put, reread, said, settle_mode
+from .conditions import count_in, guess_mode, look, put, said, settle_mode
 from .instance import (
     ERROR,
     NOT_FINITE,
@@ -109,11 +110,13 @@ def happen(s: FmuInstance) -> int:
                 e.ended = 1
         if acting == 0:
             return OK
+        keep(e.conditions)
         failed = act(s, 0)
         if failed == OK:
             failed = act(s, 1)
         if failed == OK:
-            reread(s)
+            look(s)
+            reread(e.conditions)
             count_in(s)
             failed = settle_mode(s)
     s.message = WITHOUT_END

@@ -161,6 +161,14 @@ class Constraints:
         ]
         return float(max(arms, default=0.0))
 
+    def rolling_speed(self, time: float, state: Array, mode: Array) -> float:
+        """Return the largest term, in m/s, of a constraint on rates alone; 0 if there is none. Where such terms cancel, a speed is rounding of them."""
+        alone = [row for row in self.rate_rows[self.gaps :] if self.program.invariants.units[row] == "m/s"]
+        if not alone:
+            return 0.0
+        entries = np.asarray(self.program.invariant_slopes(time, state, self.inputs, self.constants, mode))
+        return float(np.abs(entries * state[self.columns])[np.isin(self.rows, alone)].max(initial=0.0))
+
     def sizes(self, slopes: Array) -> Any:
         """Return the size of each residual row: rows of one unit share the largest norm, because a row whose derivatives vanish is still a length.
 

@@ -103,9 +103,10 @@ class Events(EventIndicators):
                     acted += switching
                 break
             acted += rising
+            before = now
             now = reset(self, now, [i for i in rising if i not in self.at_once])
             now = reset(self, now, [i for i in rising if i in self.at_once])
-            now = settled(self, reread(self, now))
+            now = settled(self, reread(self, before, now))
         else:
             names = listed_events([self.hybrid.events[i] for i in acted[-4:]])
             raise RunFailed(

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..segments.units import CoSimulatedUnits
 
 SHAKES, LAST_PLACES = 8, 2.0**-52  # evaluations, with values moved by some units in the last place
+UNMEASURED = 0.25  # of the rounding of a root: as `decide` has it, where nothing was known when the mode was decided
 Flow = tuple[Any, float] | None  # rates, and the time in which they move a state by its magnitude; None without rates
 
 
@@ -71,15 +72,16 @@ class EventIndicators:
 
     def measure_anew(self, magnitude: Array, at: HybridState) -> None:
         """Set better magnitudes, and what counts as rounding of the roots at this hybrid state by them: where nothing was known, a magnitude was 1."""
-        if not self.floor.any() or (magnitude == self.magnitude).all():
+        before = self.noise(at)
+        if (before.all() and not self.floor.any()) or (magnitude == self.magnitude).all():
             self.measure(magnitude)
             return
-        before = self.noise(at)
         self.measure(magnitude)
         roots, noise, _ = self.evaluated(at)
         share = np.minimum(noise / nonzero(before), 1.0)
         against = self.truth(roots) != at.mode[self.places]  # the mode was decided, and the root has to leave first
-        self.floor = np.maximum(share * self.floor, np.where(against, np.minimum(self.floor, 2 * np.abs(roots)), 0.0))
+        least = np.where(before > 0, np.minimum(self.floor, 2 * np.abs(roots)), UNMEASURED * noise)
+        self.floor = np.maximum(share * self.floor, np.where(against, least, 0.0))
 
     def with_values(self, constraints: Constraints, magnitude: Array) -> EventIndicators:
         """Return the same conditions for other inputs, parameters and magnitudes: for `guess`, not for a search, whose bounds stay those of the first."""

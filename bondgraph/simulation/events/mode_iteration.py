@@ -49,17 +49,20 @@ def settled(indicators: EventIndicators, at: HybridState) -> HybridState:
         now = indicators.solved(HybridState(at.time, now.state, mode))
 
 
-def reread(indicators: EventIndicators, at: HybridState) -> HybridState:
-    """Return a hybrid state that events have set, with the truth of conditions whose two sides are equal there: nothing else may move them."""
+def reread(indicators: EventIndicators, before: HybridState, at: HybridState) -> HybridState:
+    """Return a hybrid state that events have set, with the truth of conditions whose two sides are equal there. `before`: the events."""
     if not len(indicators.places):
         return at
+    record = indicators.record
+    indicators.evaluated(before)
+    record.call("keep")
     now = indicators.solved(at)
     roots, noise, _ = indicators.evaluated(now)
-    equal = np.abs(roots) <= noise
-    if not equal.any():
+    if not (np.abs(roots) <= noise).any():
         return now
-    mode = now.mode.copy()
-    mode[indicators.places[equal]] = indicators.truth(np.zeros(len(roots)))[equal]
+    record.call("reread")
+    mode = np.array(record["mode"])
+    record["mode"][:] = now.mode
     return HybridState(now.time, now.state, mode)
 
 

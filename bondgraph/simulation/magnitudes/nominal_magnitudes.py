@@ -25,7 +25,7 @@ from ..constraints.constraints import Constraints
 from ..integrators.pilot.schedule import unit_numbers
 from ..segments.timeline import Segment
 from .pilot_horizon import trusted
-from .pilot_run import SMALLEST_ANGLE, PilotObservation, PilotObserver, PilotRun, smallest_angles
+from .pilot_run import SMALLEST_ANGLE, PilotObservation, PilotObserver, PilotRun, smallest_angles, smallest_speeds
 from .rate_bounds import MOST_STRETCHES, chargeable
 
 ROUNDED = 1e-3  # relative to the smallest angle: remainder of a projection on loop joints
@@ -81,9 +81,10 @@ def nominal_magnitudes(
     stopped = None
     if look is None and len(program.states.names):
         free: list[Any] = []
+        smallest = smallest_levels(program, mechanisms, constraints, state, stretches[0])
 
         def look_along(way: Sequence[Segment]) -> PilotObserver:
-            coarse = PilotRun(program, constants, inputs, state, constraints, mechanisms)
+            coarse = PilotRun(program, constants, inputs, state, constraints, smallest)
             coarse.free = free  # all begin at one state
             return PilotObserver(coarse.peak(way, choice), coarse.beginning, coarse.stopped)
 
@@ -138,14 +139,22 @@ def _owned_units(program: Program, mechanisms: tuple[str, ...]) -> Any:
 
 def rounding_levels(program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment) -> Any:  # fmt: skip
     """Return the rounding level of angles, and of lengths of mechanisms with closed loops, that symmetry leaves."""
-    result = smallest_angles(program, mechanisms)
+    result = smallest_levels(program, mechanisms, constraints, state, first)
     if constraints:
         units = np.array(program.variables.units)
         result = result.copy()
         places = np.concatenate([constraints.positions, constraints.speeds])
         length = constraints.length(first.start, state, first.mode)
-        result[places] = np.where(np.isin(units[places], ["m", "m/s"]), SMALLEST_ANGLE * length, result[places])
+        result[places] = np.where(
+            np.isin(units[places], ["m", "m/s"]), np.maximum(SMALLEST_ANGLE * length, result[places]), result[places]
+        )
     return result
+
+
+def smallest_levels(program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment) -> Any:  # fmt: skip
+    """Return the rounding level of angles of mechanisms and their rates, and of speeds of what rolls."""
+    angles = smallest_angles(program, mechanisms)
+    return np.maximum(angles, smallest_speeds(program, constraints, state, first)) if constraints else angles
 
 
 def _levels_at_rest(program: Program, sizes: Array, levels: Array) -> Any:

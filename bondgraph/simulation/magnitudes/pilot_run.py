@@ -60,13 +60,22 @@ def smallest_angles(program: Program, mechanisms: Sequence[str] = ()) -> Any:
     return kept[key]
 
 
+def smallest_speeds(program: Program, constraints: Constraints, state: Array, first: Segment) -> Any:
+    """Return the rounding level of speeds of what rolls, as of a ball that turns in its place on a turntable; 0 for others."""
+    speed = constraints.rolling_speed(first.start, state, first.mode)
+    result, places = np.zeros(len(state)), constraints.speeds
+    result[places] = np.where(np.array(program.variables.units)[places] == "m/s", SMALLEST_ANGLE * speed, 0.0)
+    return result
+
+
 class PilotRun:
     """Pilot run by implicit Euler in about 60 steps; a step is halved where Newton's method fails."""
 
     def __init__(
         self, program: Program, constants: Array, inputs: Array, state: Array, constraints: Constraints | None = None,
-        mechanisms: Sequence[str] = (),
+        smallest: Array | None = None,
     ) -> None:  # fmt: skip
+        """`smallest`: rounding levels, shape (n,)."""
         self.constraints = constraints
         self.program, self.constants, self.inputs = program, constants, inputs
         self.state, self.largest = np.array(state, dtype=float), np.abs(state)
@@ -74,7 +83,7 @@ class PilotRun:
         self.beginning = self.largest  # magnitudes with the reach of the motion by the forces at the start
         self.free: list[Any] = []  # that reach, and these magnitudes, where another run from this state has found them
         self.differential = np.arange(len(state)) < len(program.states.names)
-        self.smallest = smallest_angles(program, mechanisms)
+        self.smallest = np.zeros(len(state)) if smallest is None else smallest
         self.kinds = unit_numbers(program)
         self.found = self.state  # result of the last step, before projection
         self.noted = 0  # number of records of time and magnitudes
@@ -230,7 +239,8 @@ class PilotRun:
         beyond = np.maximum(pilot.GROWN * np.abs(self.state), pilot.SAME * self.largest)
         sizes = np.where(self.differential, np.maximum(np.abs(found), self.largest), 0.0)
         peers = pilot.SLIGHT * largest_of_group(sizes, self.kinds)
-        grows = self.differential & (np.abs(found) > np.maximum(beyond, peers)) & (self.state != 0)
+        least = np.maximum(peers, self.smallest)
+        grows = self.differential & (np.abs(found) > np.maximum(beyond, least)) & (self.state != 0)
         if not grows.any():
             return found
         middle = self._step(self.state, time + 0.5 * size, 0.5 * size, mode)

@@ -215,6 +215,34 @@ def decide(k: IndicatorWorkspace) -> int:
     return 0
 
 
+def keep(k: IndicatorWorkspace) -> int:
+    """Keep the roots and the flow that were evaluated, before events act, in `moved` and `slope`."""
+    for j in range(k.root_count):
+        k.moved[j] = k.root[j]
+    for i in range(k.n):
+        k.slope[i] = k.rate[i]
+    return 0
+
+
+def reread(k: IndicatorWorkspace) -> int:
+    """Put the truth of conditions whose two sides are equal after events have acted into the mode: nothing else may move them then.
+
+    Conditions whose root and its motion the events left as they were (`keep`) keep their truth: a motion from rest is too slow to be seen ahead.
+    """
+    span = REACHES[-1] * k.whole if k.flows != 0 else 0.0
+    for i in range(k.n):
+        k.later[i] = k.state[i] + (span * k.rate[i] if i < k.count else 0.0)
+    k.roots(k.time + span, k.later, k.inputs, k.constants, k.mode, k.change)
+    for i in range(k.count):
+        k.later[i] = k.state[i] + span * k.slope[i]
+    k.roots(k.time + span, k.later, k.inputs, k.constants, k.mode, k.again)
+    for j in range(k.root_count):
+        same = k.flows != 0 and k.root[j] == k.moved[j] and k.change[j] == k.again[j]
+        if abs(k.root[j]) <= k.noise[j] and not same:
+            k.mode[k.places[j]] = float(truth(0.0, k.strict[j]))
+    return 0
+
+
 def put_later(k: IndicatorWorkspace, span: float, rates: Floats) -> None:
     """Put the state after some time with these rates into `later`, with the unknowns of loops that belong to it."""
     for i in range(k.n):

@@ -15,7 +15,7 @@ from ..cuts import ALLOWED, BACK, HALVES, NEAR, PARTED, SHORTEST, SLOPE
 from ..methods import EXACT, PARTS
 from ..workspace import Function, IntegratorWorkspace
 from .crossing_search import narrow, survey
-from .event_indicators import INFINITE, IndicatorWorkspace, decide, doubt, evaluate, look_ahead
+from .event_indicators import INFINITE, IndicatorWorkspace, decide, doubt, evaluate, keep, look_ahead, reread
 from .zero_crossings import (
     COEFFICIENTS,
     GRID,
@@ -26,7 +26,6 @@ from .zero_crossings import (
     full_at,
     roots_along,
     roots_at,
-    truth,
 )
 
 if TYPE_CHECKING:
@@ -372,12 +371,11 @@ def acting(e: EventWorkspace) -> int:
             e.acted[i] = max(e.acted[i], e.acts[i])
         if rising == 0:
             return FOUND
+        keep(k)
         if resetting(e) == LEFT:
             return LEFT
         evaluate(k)
-        for j in range(k.root_count):
-            if abs(k.root[j]) <= k.noise[j]:
-                k.mode[k.places[j]] = float(truth(0.0, k.strict[j]))
+        reread(k)
         if settling(e) == LEFT:
             return LEFT
     return LEFT

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..acceptance.crossing_search import narrow, survey
-from ..acceptance.event_indicators import decide, doubt, evaluate, look_ahead
+from ..acceptance.event_indicators import decide, doubt, evaluate, keep, look_ahead, reread
 from ..acceptance.zero_crossings import roots_along, states_along
 from ..dense_output.dense_output import scaled_along
 from ..linear_algebra.balancing import balance
@@ -22,8 +22,8 @@ from .advance import STEPS, advance, advance_through, begin
 SOURCES: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        begin, advance, advance_through, euler, coarse, last_step, roots_along, states_along, scaled_along, evaluate, doubt, look_ahead, decide, survey, narrow,
-        least_singular_values, project_all, rates_projected, balance, real_factors, least_degree, plan_eliminations, put_rows,
+        begin, advance, advance_through, euler, coarse, last_step, roots_along, states_along, scaled_along, evaluate, doubt, look_ahead, decide, keep,
+        reread, survey, narrow, least_singular_values, project_all, rates_projected, balance, real_factors, least_degree, plan_eliminations, put_rows,
     )
 }  # fmt: skip
 SOURCES[ANY] = advance
