@@ -249,3 +249,20 @@ def test_wrong_items_in_a_law_are_told(law: str, words: str) -> None:
     text = f"for i in 1..2 {{\n    C k[i](p: translation[2]) : {law}\n  }}"
     found = mistakes(line(text))
     assert any(words in d.sentence + d.help for d in found), found
+
+
+def test_a_field_of_named_ports_is_read_as_its_law_reads_it() -> None:
+    text = """model Coils {
+      I coils(a, b) : lambda = [[10 mH, 4 mH], [4 mH, 5 mH]]*i    { start a.i = 1 A, start b.i = 2 A }
+      RS wires(a, b, heat: thermal) : e = [[2 ohm, 0], [0, 1 ohm]]*f
+      Se cold : T = 300 K
+      1 first, second : electric
+      first -> coils.a, wires.a
+      second -> coils.b, wires.b
+      wires.heat -> cold
+      output i = coils.i, same = coils.f, flux = coils.lambda[2], loss = dot(wires.u, wires.i)
+      experiment go { simulate 0 .. 1 us }
+    }"""
+    result = bondgraph.load(text).simulate(points=2)
+    assert [result[f"i[{n}]"][0] for n in (1, 2)] == pytest.approx([1, 2]) == [result[f"same[{n}]"][0] for n in (1, 2)]
+    assert result["flux"][0] == pytest.approx(4e-3 + 10e-3) and result["loss"][0] == pytest.approx(2 + 4)

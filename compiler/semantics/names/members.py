@@ -42,8 +42,13 @@ def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Sca
             name.removeprefix(entry.group),
             stored + ("ef" if row is not None else {"0": "e", "1": "f"}.get(entry.kind, "")),
         )
-        if name not in entry.ports and letter in GENERIC and letter in allowed:  # of all bonds of a multibond
-            ports = {p: d for p, d in entry.ports.items() if p.startswith(entry.group)}
+        ports = {p: d for p, d in entry.ports.items() if p.startswith(entry.group)}
+        if row is not None and row.gives_heat and not entry.group:
+            ports.popitem()  # as in its law
+        variables = {d.variable(letter) or "" for d in ports.values()}
+        if (
+            name not in entry.ports and len(variables) == 1 and (letter := variables.pop()) and letter in allowed
+        ):  # of all its bonds
             ends = ((entry.name, p) if row is not None else (f"{entry.name}.{p}", "") for p in ports)
             read = [_read(*end, d, letter, path.words) for end, d in zip(ends, ports.values(), strict=True)]
             return Items(path.words, tuple(read))
