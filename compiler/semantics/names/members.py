@@ -34,8 +34,8 @@ def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Sca
         if group := components_of(entry.ports, name):
             if "[1]" not in group:
                 return replace(entry, group=f"{name}.")
-            readings = (element_member(entry, port, path) for port in group.values())
-            return Array(f"{entry.name}.{name}", path.span, {(n,): r for n, r in enumerate(readings, 1)})
+            bonds = (element_member(entry, port, path) for port in group.values())
+            return Array(f"{entry.name}.{name}", path.span, {(n,): r for n, r in enumerate(bonds, 1)})
         if row is None and name in entry.ports and entry.kind != "splitter":  # one of the junctions of a multibond
             return replace(entry, name=f"{entry.name}.{name}", ports={"": entry.ports[name]})
         letter, allowed = (
@@ -50,8 +50,8 @@ def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Sca
             name not in entry.ports and len(variables) == 1 and (letter := variables.pop()) and letter in allowed
         ):  # of all its bonds
             ends = ((entry.name, p) if row is not None else (f"{entry.name}.{p}", "") for p in ports)
-            read = [_read(*end, d, letter, path.words) for end, d in zip(ends, ports.values(), strict=True)]
-            return Items(path.words, tuple(read))
+            readings = [_read(*end, d, letter, path.words) for end, d in zip(ends, ports.values(), strict=True)]
+            return Items(path.words, tuple(readings))
         if name not in entry.ports:
             hint = suggestion(name, list(entry.ports), f"Its ports: {', '.join(entry.ports)}.")
             raise Wrong(UnknownName(path.span, name, f"`{entry.name}`", hint))

@@ -305,7 +305,7 @@ class Connector:
                 name += f"#{self.names[name]}"
             components = self._place(scope, first, is_head=True).terminals
             self.nests[key] = terminals = {}
-            made = []
+            junctions = []
             for component in components:
                 domain = self.elaborator.domain_of(
                     scope, (f"@{nest.span.start}", component.rpartition("]")[2].lstrip("."))
@@ -316,8 +316,8 @@ class Connector:
                 whole = _member(name, component)
                 terminals[component] = Terminal(whole, "", "", domain)
                 bundle = name if component else ""
-                made.append((whole, nest.kind, domain.name, scope, nest.span, bundle))
-            self.anonymous[position:position] = made
+                junctions.append((whole, nest.kind, domain.name, scope, nest.span, bundle))
+            self.anonymous[position:position] = junctions
         return Place(self.nests[key], "" not in self.nests[key], nest.kind, nest)
 
     # ------------------------------------------------------------ walls

@@ -133,8 +133,8 @@ class Nodes:
 
     def _active(self, scope: Scope, attribute: tree.Attribute, name: str) -> None:
         """Read the condition under which a junction is active."""
-        known = any(s.junction == name for s in self.switches)
-        if attribute.name != "active" or attribute.target is not None or known:
+        twice = any(s.junction == name for s in self.switches)
+        if attribute.name != "active" or attribute.target is not None or twice:
             raise Wrong(UnknownAttribute(attribute.span, name, attribute.name, "A junction has `active`, once."))
         hint = "A junction is on where a condition holds: `active = not open`, `active = x > 0 m`."
         _, condition = read_condition(self.elaborator, attribute.value, scope, hint)

@@ -366,9 +366,9 @@ class Resolver(ABC):
 
     def _as_list(self, array: Array, path: tree.PathSyntax) -> Items:
         """An array of numbers as a list; one with two indices, or of lists of one length, as a matrix."""
-        known = self._lists.get(id(array))
-        if known is not None and known[0] is array and len(known[0].items) == known[1]:
-            return known[2]
+        before = self._lists.get(id(array))
+        if before is not None and before[0] is array and len(array.items) == before[1]:
+            return before[2]
         keys, guesses = sorted(array.items), self.guesses
         items = [self._number_or_list(array.items[key], path) for key in keys]
         scalars = tuple(item for item in items if isinstance(item, Scalar))
