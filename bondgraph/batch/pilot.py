@@ -7,20 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array
-
 from ..errors import RunFailed
 from ..simulation.constraints.constraints import Constraints
 from ..simulation.integrators.compiled.pilot_run import SMALL, pilot_forms
 from ..simulation.integrators.compiled.record_layout import RecordBatch
 from ..simulation.integrators.compiled.run import Ordered
+from ..simulation.integrators.compiled.selection_record import selection_batch
 from ..simulation.integrators.linear_algebra.sparse import FINE
 from ..simulation.integrators.pilot.schedule import CAREFUL, MOST_STEPS, NOTES
 from ..simulation.magnitudes.free_response import FreeResponse, free_responses, is_bounded
 from ..simulation.magnitudes.nominal_magnitudes import nominal_magnitudes, raised
 from ..simulation.magnitudes.pilot_horizon import goes_astray
-from ..simulation.magnitudes.pilot_run import COARSE, SMALLEST_STEP, STEPS, STIFFER, smallest_angles
-from ..simulation.monitors.state_selection import Choice
+from ..simulation.magnitudes.pilot_run import COARSE, SMALLEST_STEP, STEPS, STIFFER, PilotObservation, smallest_angles
 from ..simulation.segments.timeline import Segment, always, follower, signals_on
 from .runs import BatchCourse, Runs
 from .scope import BatchScene
@@ -35,7 +33,6 @@ class FreeReach:
     inverse: Any  # (runs, n n), complex
     scale: Any  # (runs, n)
     beginning: Any
-    motions: list[tuple[Any, FreeResponse]]  # rows of runs, and their motions
 
 
 def free_reach(scene: BatchScene, runs: Runs, first: Segment) -> FreeReach:
@@ -47,9 +44,8 @@ def free_reach(scene: BatchScene, runs: Runs, first: Segment) -> FreeReach:
     size = np.abs(runs.state)
     reach = FreeReach(
         np.zeros(count, dtype=bool), np.zeros((count, n * n)), np.zeros((count, n * n), dtype=complex), np.ones((count, n)), size.copy(),
-        free_responses(jacobians, True),
     )  # fmt: skip
-    for rows, motion in reach.motions:
+    for rows, motion in free_responses(jacobians, True):
         state = runs.state[rows]
         away = motion.rest(rates[rows])
         whole = np.abs(state + away) + motion(away)
@@ -82,8 +78,8 @@ def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[
     loop, steps = _records(scene, runs, reach, first)
     sound, taken = np.ones(len(runs), dtype=bool), np.zeros(len(runs), dtype=int)
     choice = scene.state_selection(runs.constants)
-    if choice:  # Python looks at each step
-        loop.put({"reaching": 0})
+    if choice:
+        loop.put({"selection": selection_batch(choice, choice.peak)})
     for stretch in stretches:
         length = stretch.stop - stretch.start
         usual = length / max(2, min(STEPS, round(STEPS * length / course.whole)))
@@ -102,19 +98,15 @@ def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[
                 "stop": stretch.stop,
             }
         )
-        if choice:
-            _step_by_step(loop, choice, reach, stretch.mode, sound)
-        else:
-            _advance(loop, "coarse", sound)
+        _advance(loop, "coarse", sound)
         times, taken = loop["time"], loop["taken"].copy()
         sound &= (taken < MOST_STEPS) & (taken + 1 != CAREFUL)
         ends = {
             time: stretch.stop - time <= smallest or follows(time, stretch.stop) for time in set(times[sound].tolist())
         }
         sound[sound] = [ends[time] for time in times[sound].tolist()]
+        loop.put({"size": stretch.stop - times})
         _advance(loop, "last_step", sound)
-        if choice:
-            _look(loop, choice, reach, stretch.mode, sound, sound)
         taken = loop["taken"].copy()
     largest = steps["largest"].copy()
     driven = len(scene.program.signals(first.start, scene.inputs, runs.constants[0], first.mode)) > 0
@@ -127,32 +119,6 @@ def _advance(loop: RecordBatch, source: str, sound: Any) -> None:
     """Call a function for the runs that are sound; those with another answer than `FINE` are not any more."""
     rows = np.flatnonzero(sound)
     sound[rows] = loop.call(source, rows) == FINE
-
-
-def _step_by_step(loop: RecordBatch, choice: Choice, reach: FreeReach, mode: Array, sound: Any) -> None:
-    """Make the steps of `coarse`, and look at the state selection after each."""
-    going = sound.copy()
-    while going.any():
-        times, taken, fine = loop["time"].copy(), loop["taken"].copy(), going.copy()
-        loop.put({"most_steps": taken + 1})
-        _advance(loop, "coarse", fine)
-        sound &= fine | ~going
-        going = fine & (loop["taken"] > taken)
-        _look(loop, choice, reach, mode, sound, going & (loop["time"] > times))
-        going &= sound
-    loop.put({"most_steps": MOST_STEPS})
-
-
-def _look(loop: RecordBatch, choice: Choice, reach: FreeReach, mode: Array, sound: Any, moved: Any) -> None:
-    """Leave out runs that other states should go on with; raise the magnitudes of those that have `moved` by the reach of their free motion."""
-    states, largest, peak = loop["state"], loop["euler"]["largest"], choice.peak
-    calls = choice.calls_for_others(loop["time"].copy(), states, mode)
-    choice.peak[~moved] = peak[~moved]
-    sound &= ~(moved & calls)
-    for rows, motion in reach.motions:
-        rows = np.asarray(rows)
-        free = (moved & reach.moves)[rows]
-        largest[rows[free]] = np.maximum(largest[rows[free]], motion(states[rows])[free])
 
 
 def _follows(scene: BatchScene, stretch: Segment, course: BatchCourse) -> Any:
@@ -201,7 +167,9 @@ def _alone(scene: BatchScene, runs: Runs, course: BatchCourse, row: int) -> Any:
     constraints = Constraints(program, runs.parameters[row], scene.inputs, np.ones(runs.state.shape[1]))
     mechanisms = scene.compiled_scene.facts.mechanisms
     try:
-        magnitudes = nominal_magnitudes(constraints, mechanisms, runs.state[row], list(course.segments), choice)
+        magnitudes = nominal_magnitudes(
+            constraints, mechanisms, runs.state[row], list(course.segments), PilotObservation(choice)
+        )
     except RunFailed:
         return None
     return None if magnitudes.doubts else magnitudes.values

@@ -14,6 +14,7 @@ from ..simulation.integration.method import TRIAL, UNCLEAR, after_trial, clear_m
 from ..simulation.integrators.compiled.fields import FORGOTTEN, fields_at, given_at, room_of
 from ..simulation.integrators.compiled.record_layout import RecordBatch, form_of
 from ..simulation.integrators.compiled.run import order_of
+from ..simulation.integrators.compiled.selection_record import selection_batch
 from ..simulation.integrators.methods import EXPLICIT, METHODS, RADAU
 from ..simulation.integrators.outcomes import FAILURES, FINISHED, MORE, STIFF
 from ..simulation.integrators.workspace import IntegratorWorkspace
@@ -156,11 +157,7 @@ class BatchIntegrator:
     def _choose(self, rows: IntArray, solver: RecordBatch) -> None:
         """Let steps end where other states should be integrated."""
         if self.choice:
-            (dependents, states), chosen = self.scene.program.sensitivity_pattern, self.choice.chosen
-            solver.put({
-                "slope_count": len(chosen), "slope_rows": dependents, "slope_columns": states, "slope_chosen": chosen,
-                "slopes": np.zeros((len(rows), len(chosen))), "stored_peak": self.choice.peak[rows],
-            })  # fmt: skip
+            solver.put({"selection": selection_batch(self.choice, self.choice.peak[rows])})
 
     def _go_on(self, stretch: Segment, x: Array, signals: Signals, methods: IntArray) -> None:
         """Let all solvers go on with another segment, as `CompiledMethod.begin_at` does."""
@@ -185,7 +182,7 @@ class BatchIntegrator:
             self.sound[rows[going[(answers != FINISHED) & ~stiff & ~more]]] = False
             going = going[stiff | more]
         if self.choice:
-            self.choice.peak[rows] = solver["stored_peak"]
+            self.choice.peak[rows] = solver["selection"]["peak"]
         self.position[rows] = solver["position"]
         self.steps[rows] += solver["steps"]
         self.evaluations[rows] += _evaluations(solver)

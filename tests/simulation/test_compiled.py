@@ -130,6 +130,7 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
         within = {
             "closed": SimpleNamespace(**counts, positions=none, velocities=none),
             "pattern": solver.values["pattern"].record,
+            "selection": SimpleNamespace(slope_count=0),
         }
         made.append((solver, room | copies | within))
         original(solver)

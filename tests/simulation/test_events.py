@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import bondgraph
 from bondgraph.errors import RunFailed
 from bondgraph.results.result import Result
-from bondgraph.simulation.integrators.compiled.pilot_run import CompiledPilotStep
+from bondgraph.simulation.integrators.compiled.pilot_run import CompiledPilotRun
 from tests.compiling import compiled
 
 RTOL = 1e-8
@@ -62,10 +62,10 @@ def bounces() -> Iterator[float]:
 
 @pytest.mark.machine_code
 def test_the_pilot_run_to_the_first_event_is_one_call(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Machine code observes the conditions, too: Python makes only the last step of each part of the run that ends before them (it made 650)."""
+    """Machine code observes the conditions, too: Python asks for the steps of each part of the run at once, and for its last one (it made 650)."""
     calls = []
-    step = CompiledPilotStep.step
-    monkeypatch.setattr(CompiledPilotStep, "step", lambda euler, *given: calls.append(given) or step(euler, *given))
+    go = CompiledPilotRun.go
+    monkeypatch.setattr(CompiledPilotRun, "go", lambda steps, *given: calls.append(given) or go(steps, *given))
     assert len(run(BALL, 2).events) == 3
     assert len(calls) <= 12
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +14,6 @@ from ...errors import RunFailed
 from ..constraints.constraints import Constraints
 from ..initialization.assembly import choose_rows
 from ..initialization.consistent_start import consistent_start
-from ..integrators.pilot.schedule import Conditions
-from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment, with_discrete_variables
 from ..segments.transition import PhaseTransition
 from ..segments.units import units_of
@@ -31,25 +29,6 @@ if TYPE_CHECKING:
     from ...compiled_scene import CompiledScene
 
 MOST_MODES = 30  # modes tried at a start
-
-
-@dataclass(frozen=True, slots=True)
-class UntilEvent:
-    """Monitor that stops at the first zero crossing of a condition, or at the first change of the state selection."""
-
-    events: Events
-    choice: Choice
-
-    def look(self, time: float, state: Array, mode: Array) -> object | None:
-        """Return an object that is not None if a condition differs from the mode, or if the state selection must change."""
-        said = np.asarray(mode)[self.events.places] == 1.0
-        if (self.events.truth(self.events.roots(time, state, mode)) != said).any():
-            return time
-        return self.choice.look(time, state, mode)
-
-    def conditions(self, mode: Array) -> Conditions | None:
-        """Return the conditions with their truth in a mode; None if storages are examined, too."""
-        return None if self.choice else Conditions(np.asarray(mode)[self.events.places] == 1.0, self.events.strict)
 
 
 def companion_of(

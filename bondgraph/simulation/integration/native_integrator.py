@@ -141,8 +141,6 @@ class NativeIntegrator:
         stepper, solver = self.stepper, self.solver
         self.stretch, self.first, self.noted, self.passed = stretch, stepper.position, False, 0
         solver.doubt(stepper.floor)
-        if stepper.choice is not None:
-            solver.choose(stepper.choice)
         stepper.result.work = solver.went_on(stepper.position, stepper.result.work, stepper.traffic)
         automatic = _automatic(stepper, method)
         solver.begin_at(stretch, x, stepper.signals(stretch), method, automatic)

@@ -14,6 +14,7 @@ from .linear_algebra.exponentials import ExponentialTables
 from .linear_algebra.factors import ComplexFactors, Factors
 from .linear_algebra.sparse import Pattern
 from .projection.projection import ProjectionWorkspace
+from .selection import StateSelection
 
 if TYPE_CHECKING:
     from compiler.api import Floats, Ints
@@ -30,8 +31,6 @@ class IntegratorWorkspace(Record):
     entries: Function
     signals: Function
     holds: Function
-    dependent: Function
-    sensitivities: Function
     powers: Function
     bends: Function
     stored_energy: Function
@@ -180,16 +179,7 @@ class IntegratorWorkspace(Record):
     left: Ints  # limit_count: 1 where a violation is known
     truth: Floats  # limit_count
     always: int  # 1 if the caller checks every step
-    # state selection
-    slope_count: int
-    slope_rows: Ints
-    slope_columns: Ints
-    slope_chosen: Ints  # 1: these can be exchanged
-    slopes: Floats  # slope_count
-    stored: Floats  # differential + dependents
-    dependent_count: int
-    stored_peak: Floats
-    worst: float
+    selection: StateSelection
     # work
     power_count: int
     work: Floats  # power_count

@@ -13,7 +13,7 @@ import numpy as np
 
 from compiler.api import Array
 
-from ...numerics.multistart import arrivals, guesses
+from ...numerics.multistart import guesses
 from .loops import LoopSolver, SeparateLoop
 
 CLOSE = 1e-6  # relative distance within which two solutions are equal
@@ -55,8 +55,10 @@ def _in_mode(loops: LoopSolver, time: float, state: Array, mode: Array) -> bool:
 
 def _collect(loop: SeparateLoop, found: list[Any], guesses: Array) -> list[Any]:
     """Return the known solutions, and those to which guesses lead."""
-    found = list(found)
-    for end in arrivals(loop, guesses):
+    found, ends = list(found), loop.arrivals(guesses)
+    for z in found if len(ends) else ():  # most arrive at known ones
+        ends = ends[~_is_near(loop, ends, z).all(axis=-1)]
+    for end in ends:
         if not any(_same(loop, end, z) for z in found) and _regular(loop, end) and _is_solved(loop, end):
             found.append(end)
     return found
@@ -65,13 +67,18 @@ def _collect(loop: SeparateLoop, found: list[Any], guesses: Array) -> list[Any]:
 def _same(loop: SeparateLoop, a: Array, b: Array) -> bool:
     """Return True if two solutions are equal to rounding: between two regular ones the derivative along their distance must change."""
     way = b - a
-    near = np.maximum(CLOSE * np.maximum(np.abs(a), np.abs(b)).max(), FLOOR * loop.magnitude)
-    if (np.abs(way) <= near).all():
+    if _is_near(loop, a, b).all():
         return True
     slopes = loop.matrix(np.array([a, b, 0.5 * (a + b)])) * way
     size = np.abs(slopes).max(axis=(0, 2))
     along = slopes.sum(axis=2) / np.where(size > 0, size, 1.0)
     return bool(np.ptp(along, axis=0).max() <= BENT)
+
+
+def _is_near(loop: SeparateLoop, a: Array, b: Array) -> Any:
+    """Return a mask of the unknowns that agree in two solutions, of which the first may have a leading axis."""
+    largest = np.maximum(np.abs(a), np.abs(b)).max(axis=-1, keepdims=True)
+    return np.abs(b - a) <= np.maximum(CLOSE * largest, FLOOR * loop.magnitude)
 
 
 def _is_solved(loop: SeparateLoop, z: Array) -> bool:

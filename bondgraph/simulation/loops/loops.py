@@ -9,7 +9,6 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
-from math import sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,20 +16,18 @@ import numpy as np
 from compiler.api import Array, IntArray, Program
 
 from ...errors import RunFailed
-from ...numerics.scales import equilibrated, nonzero
+from ...numerics.scales import nonzero
+from ..integrators.compiled.plain import record_for
+from ..integrators.linear_algebra.factors import Factors, room_for
+from ..integrators.loop_newton import LoopSystem
 
 if TYPE_CHECKING:
+    from ..integrators.compiled.plain import Plain
+    from ..integrators.compiled.record_layout import RecordArray
     from .waves import OpenedLoops
 
-ITERATIONS = 2000  # an exponential law far from its solution needs one for each factor e
-HALVINGS = 30
-STUCK = 12  # successive steps shortened to less than SHORT: the residual has a local minimum there
-SHORT = 1e-3
-TOGETHER = 12  # iterations for many instants at once: instants that need more are solved one by one
 LARGEST = 100  # most unknowns of a loop that is searched from many guesses
 NEAREST = 8
-ROUNDED = 1e-5  # relative to its terms: a residual that does not fall counts as rounding below this
-HIDDEN = 1e-12  # in SI, of unknowns whose magnitude is not known: a correction below it that no halving makes work is rounding of the 1 in exp(u) - 1
 SAMPLED = (0.0, *(10.0 ** np.arange(-9, 9, 0.25)).tolist())  # times at which conditions on time are compared
 GUESSES = (0.0, 1e-3, -1e-3, 1.0, -1.0, 1e3, -1e3, 1e5, -1e5, 1e7, -1e7)  # in units of the magnitudes
 
@@ -58,6 +55,7 @@ class LoopSolver:
         self.affine = {*range(len(self.magnitude))} <= {*program.eliminated}
         self._order = np.argsort(program.eliminated)
         self._place = rows[self._chosen] - self.count, columns[self._chosen] - self.count
+        self._systems: dict[bytes, RecordArray | Plain] = {}
 
     def solve(self, time: float, state: Array, mode: Array) -> Any:
         """Return the state with the unknowns that belong to it. Raises `RunFailed`."""
@@ -166,10 +164,11 @@ class LoopSolver:
         """Return the nearest of the solutions to which many guesses lead; None if there is none."""
         if len(places) > LARGEST:
             return None
-        from ...numerics.multistart import arrivals, far_guesses, guesses
+        from ...numerics.multistart import far_guesses, guesses
 
         loop = SeparateLoop(self, (time, state, mode), last, places)
-        ends = arrivals(loop, guesses(last[places], loop.magnitude)) or arrivals(loop, far_guesses(loop.magnitude))
+        ends = list(loop.arrivals(guesses(last[places], loop.magnitude)))
+        ends = ends or list(loop.arrivals(far_guesses(loop.magnitude)))
         ends.sort(key=lambda end: float(np.abs((end - last[places]) / self.magnitude[places]).max()))
         found = (self.newton(time, state, mode, _put(last, places, end), places) for end in ends[:NEAREST])
         return next((z for z in found if z is not None), None)
@@ -195,7 +194,7 @@ class LoopSolver:
             return self._multipliers(times, states, mode)
         if self.unknown and len(times):
             return self.measured(times[0], states[0], mode).solve_all(times, states, mode)
-        found, known = self._together(times, states, mode)
+        found, known = self.solved(times, states, mode)
         for k in np.flatnonzero(~known).tolist():
             guess = states[k]
             if k and (states[k] == states[k - 1]).all():  # the instants differ in time alone: the one before is nearer
@@ -211,46 +210,34 @@ class LoopSolver:
         single.inputs = self.inputs[row]
         return single
 
-    def _together(self, times: Array, states: Array, mode: Array) -> tuple[Any, Any]:
-        """Solve all instants at once by undamped Newton iterations; return the states and a mask of the instants that converged as in `newton`."""
-        times, results = np.asarray(times, dtype=float), np.array(states, dtype=float)
-        solved, going = np.zeros(len(times), dtype=bool), np.arange(len(times))
-        before = np.full(len(times), np.inf)
+    def solved(self, times: Array, states: Array, mode: Array, places: IntArray | slice = slice(None), many: bool = False) -> tuple[Any, Any]:  # fmt: skip
+        """Return states with the unknowns by Newton's method, damped by halving, until the correction is round-off, each from its own; and a mask of
+        those that are solved. `many`: they are guesses for one state, of which some arrive."""
+        times, results = np.ascontiguousarray(times, dtype=float), np.array(states, dtype=float)
+        masks = np.zeros(len(times), dtype=np.int64)
+        alike = [slice(None)] if self.inputs.ndim == 1 else [slice(k, k + 1) for k in range(len(times))]
+        for rows in alike if len(times) else ():
+            system = self._with_inputs(rows.start or 0).system(times[0], results[0], mode, places)
+            system.call(
+                "solve_rows", int(many), times[rows], results[rows], results.shape[1], masks[rows], len(times[rows])
+            )
+        return results, masks == 1
 
-        def fixed() -> tuple[Any, ...]:
-            return self.inputs if self.inputs.ndim == 1 else self.inputs[going], self.constants, mode
-
-        value = self.program.derivative(times, results, *fixed())[:, self.count :]
-        for _ in range(TOGETHER):
-            matrix = self._matrices(times[going], results[going], fixed())
-            scale = np.abs(matrix).max(axis=2)
-            usable = np.isfinite(scale).all(axis=1) & (scale > 0).all(axis=1) & np.isfinite(value).all(axis=1)
-            going, matrix, scale, value = going[usable], matrix[usable], scale[usable], value[usable]
-            try:
-                step = np.linalg.solve(matrix / scale[..., None], (-value / scale)[..., None])[..., 0] * self.magnitude
-            except np.linalg.LinAlgError:
-                break
-            there = results[going]
-            size = np.abs(step / np.maximum(np.abs(there[:, self.count :]), 1e-3 * self.magnitude)).max(axis=1)
-            there[:, self.count :] += step
-            after = self.program.derivative(times[going], there, *fixed())[:, self.count :]
-            norm, left = (np.linalg.norm(v / scale, axis=1) for v in (value, after))
-            good = (left <= (1 - 1e-4) * norm) | ((size < 1e-9) & np.isfinite(after).all(axis=1))
-            ended = good & ((size <= 4e-16) | ((size < 1e-9) & (size >= 0.25 * before[going])))
-            results[going[good]] = there[good]
-            solved[going[ended]], before[going] = True, size
-            going, value = going[good & ~ended], after[good & ~ended]
-            if not len(going):
-                break
-        results[~solved] = np.asarray(states)[~solved]
-        return results, solved
-
-    def _matrices(self, times: Array, states: Array, fixed: tuple[Any, ...]) -> Any:
-        """Return the derivatives of the residuals by the unknowns, in units of the magnitudes, at several instants."""
-        count = len(self.magnitude)
-        result = np.zeros((len(times), count, count))
-        result[(slice(None), *self._place)] = self.program.jacobian_entries(times, states, *fixed)[:, self._chosen]
-        return result * self.magnitude
+    def system(self, time: float, state: Array, mode: Array, places: IntArray | slice) -> RecordArray | Plain:
+        """Return the equations of some unknowns at an instant, for Newton's method."""
+        which = np.arange(len(self.magnitude))[places]
+        key, native = which.tobytes(), self.program.native is not None
+        given = {
+            "inputs": self.inputs, "constants": self.constants, "mode": np.asarray(mode, dtype=float), "time": time, "state": np.array(state, dtype=float),
+            "magnitude": np.array(self.magnitude[places]), "unknown": int(self.unknown),
+        }  # fmt: skip
+        found = self._systems.get(key)
+        if found is None:
+            room = partial(_room, self.program, which, self._chosen, self._place)
+            found = self._systems[key] = record_for(LoopSystem, self.program, key, room, given, native)
+        else:
+            found.put(given)
+        return found
 
     def residual(self, time: float, state: Array, mode: Array, unknowns: Array) -> Any:
         """Return the residuals of the loop equations; `unknowns` may have a leading axis."""
@@ -270,6 +257,8 @@ class LoopSolver:
 
     def separate(self) -> list[Any]:
         """Return the unknowns of each separate loop (those that depend on each other); a loop comes after those that it reads."""
+        if "separate loops" in self.program.kept:
+            return self.program.kept["separate loops"]  # type: ignore[no-any-return]
         from graphlib import TopologicalSorter
 
         from scipy.sparse import coo_array
@@ -280,7 +269,9 @@ class LoopSolver:
         number, labels = connected_components(reads, directed=True, connection="strong")
         before = {(labels[row], labels[column]) for row, column in zip(*self._place, strict=True)}
         waits = {i: {b for a, b in before if a == i and b != i} for i in range(number)}
-        return [np.flatnonzero(labels == i) for i in TopologicalSorter(waits).static_order()]
+        found = [np.flatnonzero(labels == i) for i in TopologicalSorter(waits).static_order()]
+        self.program.kept["separate loops"] = found
+        return found
 
     def _full(self, state: Array, unknowns: Array) -> Any:
         if unknowns.ndim == 1:  # most calls are for one point
@@ -289,85 +280,22 @@ class LoopSolver:
         return np.concatenate([known, unknowns], axis=-1)
 
     def newton(self, time: float, state: Array, mode: Array, guess: Array, places: IntArray | slice = slice(None)) -> Any:  # fmt: skip
-        """Solve for some of the unknowns by Newton's method, damped by halving, until the correction is round-off; None if it fails."""
-        z = np.array(guess, dtype=float)
-        magnitude = self.magnitude[places]
-        value = self.residual(time, state, mode, z)[places]
-        if not np.isfinite(value).all():
-            return None
-        before, stuck = np.inf, 0
-        for _ in range(ITERATIONS):
-            matrix = self.matrix(time, state, mode, z)[places][:, places]
-            magnitude = self._sizes(matrix, value, z, places)
-            if magnitude is None:
-                return None
-            matrix = matrix * magnitude
-            scale = np.abs(matrix).max(axis=1)
-            if not np.isfinite(scale).all() or not (scale > 0).all():
-                return None
-            try:
-                step = np.linalg.solve(matrix / scale[:, None], -value / scale) * magnitude
-            except np.linalg.LinAlgError:
-                return None
-            size = float(np.abs(step / np.maximum(np.abs(z[places]), 1e-3 * magnitude)).max())
-            if not np.isfinite(size):
-                return None
-            factor, norm = 1.0, _norm(value / scale)
-            for _ in range(HALVINGS):
-                trial = _put(z, places, z[places] + factor * step)
-                found = self.residual(time, state, mode, trial)[places]
-                if np.isfinite(found).all() and _norm(found / scale) <= (1 - 1e-4 * factor) * norm:
-                    break
-                if size < 1e-9 and np.isfinite(found).all():
-                    break  # at round-off the residual does not fall any further
-                factor *= 0.5
-            else:
-                stuck_at = size < 1e-9 or (self.unknown and float(np.abs(step).max()) < HIDDEN)
-                return z if stuck_at or self._is_rounding(value, matrix, z[places] / magnitude) else None
-            z, value = trial, found
-            stuck = stuck + 1 if factor < SHORT else 0
-            if stuck == STUCK:
-                return None
-            if size <= 4e-16 or (size < 1e-9 and size >= 0.25 * before):
-                return z
-            before = size
-        return None
-
-    def _sizes(self, matrix: Array, value: Array, z: Array, places: IntArray | slice) -> Any:
-        """Return the magnitudes of the unknowns; where one is not known, the size of the terms that decide it, by which its rounding is measured. None
-        if nothing decides it."""
-        magnitude = self.magnitude[places]
-        if not self.unknown:
-            return magnitude
-        scaled, rows, columns = equilibrated(matrix)
-        if not np.isfinite(scaled).all():
-            return None
-        try:
-            inverse = np.abs(np.linalg.inv(scaled)) / columns[:, None] / rows
-        except np.linalg.LinAlgError:
-            return None
-        reach = np.maximum(np.maximum(np.abs(z[places]), magnitude), inverse @ np.abs(value))
-        terms = np.abs(matrix) @ reach
-        return np.where(magnitude > 0, magnitude, nonzero(inverse @ terms))
+        """Solve for some of the unknowns by Newton's method; None if it fails."""
+        start = np.concatenate([state[: self.count], guess])
+        found, solved = self.solved(np.array([time]), start[None], mode, places)
+        return found[0, self.count :] if solved[0] else None
 
     def measured(self, time: float, state: Array, mode: Array) -> LoopSolver:
         """Return the solver with magnitudes for all unknowns, near those in a state."""
         if not self.unknown:
             return self
-        result, first, z = copy(self), self._with_inputs(0), np.asarray(state)[self.count :]
-        value, matrix = first.residual(time, state, mode, z), first.matrix(time, state, mode, z)
-        sizes = self._sizes(matrix, value, z, slice(None)) if np.isfinite(value).all() else None
-        result.magnitude = nonzero(np.maximum(np.abs(z), self.magnitude)) if sizes is None else sizes
+        result, z = copy(self), np.asarray(state)[self.count :]
+        system = self._with_inputs(0).system(time, state, mode, slice(None))
+        system["z"][:] = z
+        known = system.call("measured_loops")
+        result.magnitude = system["unit"].copy() if known else nonzero(np.maximum(np.abs(z), self.magnitude))
         result.unknown = False
         return result
-
-    @staticmethod
-    def _is_rounding(value: Array, matrix: Array, z: Array) -> bool:
-        """Return True if residuals that no shortened Newton step reduces are rounding: then they are small relative to their terms.
-
-        A law of an argument near zero, exp(u) - 1, leaves more rounding than a unit in the last place, and leakage alone may determine an unknown.
-        """
-        return bool((np.abs(value) <= ROUNDED * (np.abs(matrix) @ np.abs(z))).all())
 
     def _homotopy(self, time: float, state: Array, mode: Array, guess: Array, places: IntArray) -> Any:
         """Return a solution by Newton homotopy from the guess; None if that fails."""
@@ -393,9 +321,18 @@ def _matching(ours: Array, theirs: Array) -> Any:
     return np.array(places, dtype=int)
 
 
-def _norm(values: Array) -> float:
-    """Return the Euclidean norm, as numpy's function does, in a quarter of its time."""
-    return sqrt(values.dot(values))
+def _room(program: Program, which: IntArray, chosen: IntArray, place: tuple[IntArray, IntArray]) -> dict[str, Any]:
+    """Return the fields of the equations of some unknowns that depend on the program alone; `chosen`, `place`: entries of all loops, and their places."""
+    n, count, (rows, columns) = len(which), len(program.variables.names), place
+    own = np.isin(rows, which) & np.isin(columns, which)
+    index = np.zeros(count, dtype=int)
+    index[which] = np.arange(n)
+    lengths = dict.fromkeys(("z", "unit", "value", "scale", "step", "trial", "found"), n)
+    lengths |= {"rates": count, "jacobian": len(program.pattern[0]), "inverse": n * n}
+    return {
+        "n": n, "places": len(program.states.names) + which, "entry_count": int(np.count_nonzero(own)), "chosen": chosen[own], "rows": index[rows[own]],
+        "columns": index[columns[own]], "real": room_for(Factors, n), **{name: np.zeros(length) for name, length in lengths.items()},
+    }  # fmt: skip
 
 
 def _put(z: Array, places: IntArray | slice, values: Array) -> Any:
@@ -422,6 +359,13 @@ class SeparateLoop:
         result = np.tile(self.known, (*z.shape[:-1], 1))
         result[..., self.places] = z
         return result
+
+    def arrivals(self, guesses: Array) -> Any:
+        """Return the points, shape (points, unknowns), to which Newton's method converges from many guesses."""
+        time, state, mode = self.at
+        full = np.concatenate([np.tile(state[: self.loops.count], (len(guesses), 1)), self.full(guesses)], axis=1)
+        ends, arrived = self.loops.solved(np.full(len(guesses), time), full, mode, self.places, True)
+        return ends[arrived][:, self.loops.count + self.places]
 
     def residual(self, z: Array) -> Any:
         return self.loops.residual(*self.at, self.full(z))[..., self.places]

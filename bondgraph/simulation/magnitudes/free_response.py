@@ -76,12 +76,14 @@ def item_by_item(function: Callable[..., Any], *stacks: Array) -> Any:
         return np.array([item_by_item(function, *items) for items in zip(*stacks, strict=True)])
 
 
-def in_whole_state(reach: FreeResponse, basis: Any | None, size: int) -> Callable[[Any], Any]:
-    """Return the reach for the whole state, whose motions lie along the columns of a basis."""
+def in_whole_state(reach: FreeResponse, basis: Any | None, size: int) -> FreeResponse:
+    """Return the motion of the whole state, which lies along the columns of a basis."""
     if basis is None:
         return reach
-    count = len(basis)
-    return lambda x: np.concatenate([np.abs(basis) @ reach(basis.T @ x[:count]), np.zeros(size - count)])
+    (count, modes), amplitudes, inverse = basis.shape, np.zeros((size, size)), np.zeros((size, size), dtype=complex)
+    amplitudes[:count, :modes] = np.abs(basis) @ (reach.scale[:, None] * reach.amplitudes)
+    inverse[:modes, :count] = reach.inverse / reach.scale @ basis.T
+    return FreeResponse(amplitudes, inverse, np.ones(size), reach.fastest, reach.matrix)
 
 
 def free_response(jacobian: Array, compiled: bool) -> FreeResponse | None:

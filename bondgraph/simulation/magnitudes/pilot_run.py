@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Array, Program
 
-from ...numerics.scales import largest_of_group
 from ..constraints.constraints import Constraints
 from ..integrators.compiled.pilot_run import CompiledPilotRun, CompiledPilotStep
+from ..integrators.compiled.selection_record import selection_record
+from ..integrators.linear_algebra.sparse import FINE
+from ..integrators.outcomes import CROSSED
 from ..integrators.pilot import schedule as pilot
-from ..integrators.pilot.schedule import Conditions, StepSchedule, unit_numbers
+from ..integrators.pilot.schedule import Conditions, StepSchedule
 from ..loops.loops import Eliminated, LoopSolver
+from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment, always, follower, signals_on
 from .free_response import LARGEST, FreeResponse, free_response, in_whole_state
 
@@ -27,14 +30,12 @@ SMALLEST_STEP = 1e-12  # fraction of the whole run: with shorter steps the pilot
 SMALLEST_ANGLE = 1e-12  # rad, and rad/s: smaller values that symmetry leaves are rounding
 
 
-class PilotObservation(Protocol):
-    """Monitor of states on the way; once it reports, later states are not valid any more."""
+@dataclass(frozen=True, slots=True)
+class PilotObservation:
+    """Changes that end a pilot run: of the state selection, and of the conditions of events, with their truth in a mode."""
 
-    def look(self, time: float, state: Array, mode: Array) -> object | None: ...
-
-    def conditions(self, mode: Array) -> Conditions | None:
-        """Return the conditions of the program with their truth in a mode, if it observes these and nothing else; else None."""
-        ...
+    choice: Choice
+    conditions: Callable[[Array], Conditions] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,15 +85,13 @@ class PilotRun:
         self.free: list[Any] = []  # that reach, and these magnitudes, where another run from this state has found them
         self.differential = np.arange(len(state)) < len(program.states.names)
         self.smallest = np.zeros(len(state)) if smallest is None else smallest
-        self.kinds = unit_numbers(program)
-        self.found = self.state  # result of the last step, before projection
         self.noted = 0  # number of records of time and magnitudes
         self.far, self.until = np.zeros(pilot.NOTES), np.zeros((pilot.NOTES, len(state)))
         self.eliminated = Eliminated(program)
         self.rows, self.columns = program.pattern
         self.compiled = CompiledPilotStep(program, inputs, constants, self.smallest)
 
-    def peak(self, stretches: Sequence[Segment], choice: PilotObservation | None) -> Any:
+    def peak(self, stretches: Sequence[Segment], ends: PilotObservation | None) -> Any:
         """Return the largest magnitudes on the way, as far as the pilot run gets."""
         first = stretches[0]
         if not self.free:
@@ -101,7 +100,7 @@ class PilotRun:
         whole, taken = stretches[-1].stop - first.start, 0
         if not whole > 0:  # a part that is shorter than rounding
             return self.largest
-        loop = None if choice and choice.conditions(first.mode) is None else self._loop(reach)
+        loop = self._loop(reach, None if ends is None else ends.choice)
         for stretch in stretches:
             length = stretch.stop - stretch.start
             usual = length / max(2, min(STEPS, round(STEPS * length / whole)))
@@ -109,31 +108,26 @@ class PilotRun:
             follows = self._follows(stretch, len(stretches), whole)
             while pace.size > pace.smallest and not follows(pace.time, pace.time + pace.size):
                 pace.size *= 0.25
-            conditions = choice.conditions(stretch.mode) if choice else None
-            if loop is not None and conditions is not None:
-                loop.observe(conditions)
+            if ends is not None and ends.conditions is not None:
+                loop.observe(ends.conditions(stretch.mode))
             while pace.time < stretch.stop and pace.taken < pilot.MOST_STEPS:
-                if loop is not None:
-                    if loop.go(self, pace, first.start, stretch.mode):  # all but the last step of a segment
-                        return self.largest
-                    if not choice and _ends(pace, follows) and loop.finish(self, pace):
-                        continue
-                if not self._further(pace, follows, stretch.mode):
-                    if pace.size < pace.smallest:
-                        return self._given_up(first.start, pace.time)
-                    continue
-                if choice and choice.look(pace.time, self.found, stretch.mode) is not None:
+                before = pace.time
+                answer = loop.go(
+                    "last_step" if _ends(pace, follows) else "coarse", self, pace, first.start, stretch.mode
+                )
+                if answer == CROSSED:
                     return self.largest
-                if reach is not None:
-                    self.largest = np.maximum(self.largest, reach(self.found))
-                self._note(pace.time - first.start)
+                if answer != FINE and pace.size < pace.smallest:
+                    return self._given_up(first.start, pace.time)
+                if self.constraints and pace.time > before:
+                    self.state = self.constraints.project(pace.time, self.state, stretch.mode)
             if pace.time < stretch.stop:
                 return self._given_up(first.start, pace.time)
             taken = pace.taken
         return self.largest
 
-    def _reach(self, first: Segment) -> Callable[[Any], Any] | None:
-        """Return a function for the reach of a free motion from a state, or None if unknown; set the beginning from the forces at the start."""
+    def _reach(self, first: Segment) -> FreeResponse | None:
+        """Return the free motion from a state, or None if unknown; set the beginning from the forces at the start."""
         fixed, count = (self.inputs, self.constants, first.mode), int(self.differential.sum())
         if self.differential.all():
             if len(self.state) > LARGEST:  # a large matrix is not even formed
@@ -164,40 +158,16 @@ class PilotRun:
         found = self.program.jacobian(first.start, there, self.inputs, self.constants, first.mode)
         return reach.fastest > 0 and not reach.is_slower_than(STIFFER * reach.fastest, found)
 
-    def _loop(self, reach: Callable[[Any], Any] | None) -> CompiledPilotRun | None:
-        """Return the loop over steps of the source, if the steps need no projection; else None."""
-        if self.constraints or not self.differential.all():
-            return None
-        assert reach is None or isinstance(reach, FreeResponse)
-        return CompiledPilotRun(
-            self.compiled, None if reach is None else (reach.amplitudes, reach.inverse, reach.scale)
-        )
-
-    def _further(self, pace: StepSchedule, follows: Callable[[float, float], bool], mode: Array) -> bool:
-        """Make one step and return True; if it fails, shorten the next one."""
-        pace.taken += 1
-        if pace.taken == pilot.CAREFUL:  # a state grows all the time, as at the foot of a pulse: go on with usual steps
-            pace.size = pace.usual
-        if pace.time + 1.001 * pace.size >= pace.stop:
-            pace.size = pace.stop - pace.time
-            if pace.size > pace.smallest and not follows(pace.time, pace.stop):
-                pace.size *= 0.75
-        found = self._sure_step(pace.time, pace.size, mode, pace.taken < pilot.CAREFUL)
-        if found is None:
-            pace.size *= 0.25
-            return False
-        pace.time = pace.stop if pace.time + 1.001 * pace.size >= pace.stop else pace.time + pace.size
-        pace.size = min(pace.usual, 2 * pace.size)
-        self.found = found
-        self.state = found if self.constraints is None else self.constraints.project(pace.time, found, mode)
-        self.largest = np.maximum(self.largest, np.abs(found))
-        return True
-
-    def _note(self, far: float) -> None:
-        """Record the magnitudes up to the time `far`."""
-        if self.noted < pilot.NOTES and (not self.noted or far >= pilot.AGAIN * self.far[self.noted - 1]):
-            self.far[self.noted], self.until[self.noted] = far, self.largest
-            self.noted += 1
+    def _loop(self, reach: FreeResponse | None, choice: Choice | None) -> CompiledPilotRun:
+        """Return the loop over steps of the source; it returns after each step that needs a projection."""
+        others = {}
+        if not self.differential.all():
+            loops = LoopSolver(self.program, self.constants, self.inputs, self.largest)
+            others["loops"] = loops.system(0.0, self.state, self.compiled.values["mode"], slice(None))
+        if choice:
+            others["selection"] = selection_record(choice)
+        motion = None if reach is None else (reach.amplitudes, reach.inverse, reach.scale)
+        return CompiledPilotRun(self.compiled, motion, others, 1 if self.constraints else pilot.MOST_STEPS)
 
     def _given_up(self, start: float, time: float) -> Any:
         """Return the magnitudes where the pilot run ends before the run does.
@@ -230,42 +200,13 @@ class PilotRun:
             return None
         return basis.T @ (whole[:count, :count] - whole[:count, count:] @ follow) @ basis
 
-    def _sure_step(self, time: float, size: float, mode: Array, careful: bool) -> Any:
-        """Return the state after a step; where a state grows fast, two half steps must agree, because implicit Euler overshoots growth."""
-        found = self._step(self.state, time + size, size, mode)
-        if found is None or not careful:
-            return found
-        # A state that stays within its earlier magnitude needs no check.
-        beyond = np.maximum(pilot.GROWN * np.abs(self.state), pilot.SAME * self.largest)
-        sizes = np.where(self.differential, np.maximum(np.abs(found), self.largest), 0.0)
-        peers = pilot.SLIGHT * largest_of_group(sizes, self.kinds)
-        least = np.maximum(peers, self.smallest)
-        grows = self.differential & (np.abs(found) > np.maximum(beyond, least)) & (self.state != 0)
-        if not grows.any():
-            return found
-        middle = self._step(self.state, time + 0.5 * size, 0.5 * size, mode)
-        end = None if middle is None else self._step(middle, time + size, 0.5 * size, mode)
-        return None if end is None or (np.abs(found) > pilot.SAME * np.abs(end))[grows].all() else found
-
-    def _step(self, begin: Array, time: float, size: float, mode: Array) -> Any:
-        """Return the state at the end of a step; None if Newton's method fails."""
-        x = self._guess(time, begin, mode) if len(self.program.unknowns.names) else begin
-        return self.compiled.step(begin, x, self.largest, (time, size), mode)
-
-    def _guess(self, time: float, begin: Array, mode: Array) -> Any:
-        """Return the state at the start of a step, with the unknowns of loops for the end of the step if they are near the known ones.
-
-        The step solves for them anyway, and a search from far away would cost more than the whole pilot run.
-        """
-        loops = LoopSolver(self.program, self.constants, self.inputs, self.largest)
-        if loops.affine:
-            return loops.solve(time, begin, mode)
-        found = loops.newton(time, begin, mode, begin[loops.count :])
-        return begin if found is None else np.concatenate([begin[: loops.count], found])
-
 
 def _ends(pace: StepSchedule, follows: Callable[[float, float], bool]) -> bool:
-    """Return True if the next step ends the segment, and resolves the signals of time."""
-    if pace.taken + 1 == pilot.CAREFUL or pace.time + 1.001 * pace.size < pace.stop:
+    """Return True if the next step may end the segment; its size resolves the signals of time."""
+    size = pace.usual if pace.taken + 1 == pilot.CAREFUL else pace.size
+    if pace.time + 1.001 * size < pace.stop:
         return False
-    return pace.stop - pace.time <= pace.smallest or follows(pace.time, pace.stop)
+    pace.size = pace.stop - pace.time
+    if pace.size > pace.smallest and not follows(pace.time, pace.stop):
+        pace.size *= 0.75
+    return True

@@ -49,9 +49,6 @@ class Choice:
         """Return True if there are storages that can be exchanged."""
         return len(self.rows) > 0
 
-    def conditions(self, mode: Array) -> None:
-        """Return None: storages are examined, no conditions."""
-
     def look(self, time: float, state: Array, mode: Array) -> PhaseTransition | None:
         """Return the transition that exchanges two storages after a step that ended here; None if none is needed."""
         if not len(self.rows):
@@ -64,22 +61,17 @@ class Choice:
         dependent = self.program.dependents.names[self.rows[worst]].rpartition(".")[0]
         return PhaseTransition(time, values, peaks, dependent, self._element(self.columns[worst]))
 
-    def _gain(self, time: Array | float, state: Array, mode: Array) -> Any:
-        """Return the relative changes of dependent storages per relative change of a state, shape (…, chosen)."""
-        slopes = np.abs(self.program.sensitivities(time, state, *self.fixed, mode))[..., self.chosen]
-        scale = self.peak[..., len(self.program.states.names) + self.rows]
-        return slopes * self.peak[..., self.columns] / np.where(scale > 0, scale, np.inf)
-
-    def calls_for_others(self, times: Array, states: Array, mode: Array) -> Any:
-        """Return a mask of the runs in which `look` would return a transition; shapes (runs,), (runs, n)."""
-        self.contents(times, states, mode)
-        return self._gain(times, states, mode).max(axis=-1) > WORST
+    def _gain(self, time: float, state: Array, mode: Array) -> Any:
+        """Return the relative changes of dependent storages per relative change of a state, shape (chosen,)."""
+        slopes = np.abs(self.program.sensitivities(time, state, *self.fixed, mode))[self.chosen]
+        scale = self.peak[len(self.program.states.names) + self.rows]
+        return slopes * self.peak[self.columns] / np.where(scale > 0, scale, np.inf)
 
     def contents(self, time: Array | float, state: Array, mode: Array) -> Any:
         """Return all stored quantities, states and dependent storages; raise their largest values."""
         states = state[..., : len(self.program.states.names)]
         stored = np.concatenate([states, self.program.dependent(time, state, *self.fixed, mode)], axis=-1)
-        self.peak = np.maximum(self.peak, np.abs(stored))
+        np.maximum(self.peak, np.abs(stored), out=self.peak)  # machine code writes into it, too
         return stored
 
     def stored(self, time: float, state: Array, mode: Array) -> tuple[dict[str, float], dict[str, float]]:

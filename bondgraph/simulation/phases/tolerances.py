@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import UsageError
 from ...results.records import ToleranceDoubt
 from ..constraints.constraints import Constraints
+from ..integrators.pilot.schedule import Conditions
 from ..magnitudes.nominal_magnitudes import Magnitudes, nominal_magnitudes, of_what_moved, rounding_levels
 from ..magnitudes.pilot_run import PilotObservation, PilotObserver
 from ..monitors.state_selection import Choice
@@ -79,7 +80,7 @@ class MagnitudeSearch:
         names = self.constraints.program.variables.names
         if all(n in self.known for n in names):
             return PhaseMagnitudes(np.array([self.known[n] for n in names]), None, self.known, self.known)
-        nominal = self._nominal(self.choice(), self.peaks)
+        nominal = self._nominal(PilotObservation(self.choice()), self.peaks)
         return PhaseMagnitudes(nominal.values, nominal.doubts, self.known, nominal.by_name(names))
 
     def _nominal(
@@ -91,20 +92,25 @@ class MagnitudeSearch:
 
     def _with_events(self, events: Events) -> PhaseMagnitudes:
         """Return magnitudes from a pilot run up to the first event, then from a coarse run through the events."""
-        from ..events.begin import UntilEvent
         from ..events.indicators import HybridState
 
         program, known, segment = self.constraints.program, self.known, self.stretches[0]
         at = HybridState(segment.start, self.state, segment.mode)
+
+        def conditions(mode: Array) -> Conditions:
+            return Conditions(np.asarray(mode)[events.places] == 1.0, events.strict)
+
         names, doubts, guess = program.variables.names, None, 1.0
         if known and self.mechanisms:
             levels = rounding_levels(program, self.mechanisms, self.constraints, self.state, self.stretches[0])
             known = of_what_moved(known, program, levels)
         if not all(n in known for n in names):
-            first = self._nominal(UntilEvent(events, self.choice()))
+            first = self._nominal(PilotObservation(self.choice(), conditions))
             events.measure_anew(first.moved, at)
             largest = self.coarse(first.values)
-            nominal = self._nominal(UntilEvent(events, self.choice()), np.maximum(largest, self.peaks), first.look)
+            nominal = self._nominal(
+                PilotObservation(self.choice(), conditions), np.maximum(largest, self.peaks), first.look
+            )
             doubts, guess = nominal.doubts, nominal.values
             known = nominal.by_name(names) | dict(known)
         moved = np.array([known.get(n, 0.0) for n in names])

@@ -1,4 +1,4 @@
-"""Step acceptance: growth of tolerances, state selection, work; see `numerics/quadrature.py` and `state_selection.py`."""
+"""Step acceptance: growth of tolerances, and work; see `numerics/quadrature.py`."""
 
 from __future__ import annotations
 
@@ -19,25 +19,6 @@ def grow(s: IntegratorWorkspace) -> None:
         s.peak[i] = max(s.peak[i], abs(s.state[i]))
         s.greatest[i] = max(s.greatest[i], abs(s.state[i]))
         s.absolute[i] = s.resting[i] * (1.0 if s.held[i] != 0 else s.peak[i])
-
-
-def steep(s: IntegratorWorkspace) -> bool:
-    """Return True if other states should be integrated from here on (see `state_selection.Choice.look`)."""
-    count = s.differential
-    for i in range(s.n):
-        s.si[i] = s.state[i] * s.magnitude[i]
-    for i in range(count):
-        s.stored[i] = s.si[i]
-    s.dependent(s.time, s.si, s.inputs, s.constants, s.mode, s.stored[count:])
-    for i in range(count + s.dependent_count):
-        s.stored_peak[i] = max(s.stored_peak[i], abs(s.stored[i]))
-    s.sensitivities(s.time, s.si, s.inputs, s.constants, s.mode, s.slopes)
-    for k in range(s.slope_count):
-        scale = s.stored_peak[count + s.slope_rows[k]]
-        if s.slope_chosen[k] != 0 and scale > 0.0:
-            if abs(s.slopes[k]) * s.stored_peak[s.slope_columns[k]] / scale > s.worst:
-                return True
-    return False
 
 
 def add_work(s: IntegratorWorkspace) -> None:

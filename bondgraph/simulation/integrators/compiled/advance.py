@@ -11,13 +11,14 @@ from math import isfinite, sqrt, ulp
 from ...segments import timeline
 from ..acceptance.event_passing import FOUND, LEFT, EventWorkspace, method_in, passing, put_said
 from ..acceptance.singular_poses import GOES_ON, begin_watch, watch
-from ..acceptance.step_acceptance import add_work, grow, steep
+from ..acceptance.step_acceptance import add_work, grow
 from ..acceptance.zero_crossings import may_flip
 from ..dense_output.dense_output import sample
 from ..dop853 import LOOK_AGAIN, OFTEN
 from ..methods import CONSERVING, ESTIMATES, EXACT, EXPLICIT, EXPONENTIAL, METHODS
 from ..outcomes import FINISHED, FLIP, HANDOVER, LOOK, MORE, STIFF
 from ..radau import FIRST_ULPS
+from ..selection import is_steep
 from ..steps.energy_step import take_energy
 from ..steps.evaluation import rates
 from ..tolerances import first_length
@@ -51,8 +52,11 @@ def advance(s: IntegratorWorkspace, most: int) -> int:
         if s.until <= s.time and s.until < s.stop:
             return FINISHED
         grow(s)
-        if s.slope_count > 0 and s.time < s.stop and steep(s):
-            return HANDOVER
+        if s.selection.slope_count > 0 and s.time < s.stop:
+            for i in range(s.n):
+                s.si[i] = s.state[i] * s.magnitude[i]
+            if is_steep(s.selection, s.time, s.si, s.inputs, s.constants, s.mode):
+                return HANDOVER
         if s.automatic != 0 and s.held_by_stability >= OFTEN and s.time < s.stop:
             return STIFF
         if s.closed.positions.rows > 0 and s.time < s.stop:

@@ -11,7 +11,6 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ....numerics.indicators import PLACES
-from ...monitors.state_selection import WORST
 from ...segments.timeline import LOOKS, Segment, Signals, inside
 from .. import dop853
 from ..linear_algebra.exponentials import LARGEST, room_for_tables
@@ -83,7 +82,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
     stages = row.stages * n
     pair = partial(room_for, ComplexFactors)
     order = 3 * n if row.conserving else 0 if large else n  # size of the linear systems
-    dependents, slopes, limits = len(program.dependents.names), len(program.sensitivity_pattern[0]), len(program.limits)
+    limits = len(program.limits)
     conditions = () if program.hybrid is None else program.hybrid.conditions
     narrow = program.time_functions is not None and bool(program.time_functions.conditions)
     room: Callable[[int], Any] = partial(np.zeros, dtype=float)
@@ -110,9 +109,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "instants": room(0), "instant_count": 0, "position": 0, "reported": room(0),
         "place_count": 0, "places": room(0), "kept": 0, "kept_room": 0, "kept_time": room(0), "kept_state": room(0),
         "limit_count": limits if program.watched else 0, "left": whole(limits),
-        "truth": room(limits), "always": int(program.watched and n > differential), "slope_count": 0, "slope_rows": whole(0),
-        "slope_columns": whole(0), "slope_chosen": whole(0), "slopes": room(slopes), "stored": room(differential + dependents),
-        "dependent_count": dependents, "stored_peak": room(differential + dependents), "worst": WORST, "power_count": 0, "work": room(0),
+        "truth": room(limits), "always": int(program.watched and n > differential), "selection": {"slope_count": 0}, "power_count": 0, "work": room(0),
         "power": room(0), "partial": room(0), "traffic": 0.0, "pending": 0, "steps": 0, "rejected": 0,
         "derivatives": 0, "jacobians": 0, "factorisations": 0,
         "exponentials": room_for_tables(*((n, entries) if is_piecewise_affine(program) and n <= LARGEST else (0, 0))),

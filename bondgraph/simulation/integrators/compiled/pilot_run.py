@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,16 +10,13 @@ import numpy as np
 from ...segments.timeline import mode_size
 from ..linear_algebra.factorise import is_large
 from ..linear_algebra.factors import Factors, room_for
-from ..linear_algebra.sparse import ANEW, FINE
-from ..outcomes import CROSSED
+from ..linear_algebra.sparse import ANEW
 from ..pilot.loop import PilotWorkspace
 from ..pilot.schedule import MOST_STEPS, Conditions, Progress, StepSchedule, unit_numbers
 from ..pilot.step import Euler
-from .code import called
 from .fields import is_sparse
-from .in_numpy import interpreted
-from .plain import Unordered, record_for
-from .record_layout import RecordLayout, form_of
+from .plain import Plain, Unordered, record_for
+from .record_layout import RecordArray, RecordLayout, form_of
 from .run import Ordered
 
 if TYPE_CHECKING:
@@ -53,8 +49,9 @@ def _room(program: Program, constants: Array) -> dict[str, Any]:
 def _room_of_loop(program: Program) -> dict[str, Any]:
     """Return the same for the loop over steps."""
     n = len(program.states.names) + len(program.unknowns.names)
-    numbers = dict.fromkeys((*PACE, "begun"), 0.0) | dict.fromkeys(("noted", "taken", "root_count"), 0)
-    numbers |= {"most_steps": MOST_STEPS, "n": n}
+    numbers: dict[str, Any] = dict.fromkeys((*PACE, "begun"), 0.0) | dict.fromkeys(("noted", "taken", "root_count"), 0)
+    numbers |= {"most_steps": MOST_STEPS, "n": n, "guessing": 0, "loops": {}, "selection": {"slope_count": 0}}
+    numbers["sparse"] = int(is_sparse(program))  # Python reads it to choose its version of the source
     count = 0 if program.hybrid is None else len(program.hybrid.conditions)
     roots = {"root": np.zeros(count)} | {name: np.zeros(count, dtype=np.int64) for name in ("root_said", "root_strict")}
     return numbers | roots | {name: np.zeros(n) for name in ("found", "most", "modes")}
@@ -67,86 +64,59 @@ def pilot_forms(program: Program, constants: Array) -> tuple[RecordLayout, Recor
 
 
 class CompiledPilotStep:
-    """Steps of the pilot run: `magnitudes.PilotRun._step` after the unknowns of loops are known."""
+    """Steps of the pilot run."""
 
     def __init__(self, program: Program, inputs: Array, constants: Array, smallest: Array) -> None:
         rows, columns = program.pattern
-        self.program = program
-        self.order = Unordered(program) if program.native is None else Ordered(program, SMALL)
+        self.program, native = program, program.native is not None
+        self.order = Ordered(program, SMALL) if native else Unordered(program)
         given = {
             "inputs": inputs, "constants": constants, "rows": rows, "columns": columns, "pattern": self.order.values, "smallest": smallest,
         }  # fmt: skip
-        native = program.native is not None
         self.values = record_for(Euler, program, "", lambda: _room(program, constants), given, native)
         self.record = self.values.record
-        self._step = self.function("euler")
-
-    def function(self, source: str) -> Callable[..., int]:
-        """Return a function of the source, as machine code if there is any."""
-        if self.program.native is None:
-            return interpreted(source, self.record.n, self.record.sparse)
-        return called(source, ctypes.c_int64, ctypes.c_void_p)  # type: ignore[no-any-return]
-
-    def step(self, start: Array, guess: Array, largest: Array, at: tuple[float, float], mode: Array) -> Any:
-        """Return the state at the end of a step, or None if it fails; `at`: time of the end, and size of the step."""
-        values, record, order = self.values, self.record, self.order
-        record.time, record.size = at
-        order.record.tolerant = 0
-        while True:
-            values["start"][:], values["x"][:], values["largest"][:], values["mode"][:] = start, guess, largest, mode
-            answer = self._step(self.values.address)
-            if answer != ANEW:
-                return values["x"].copy() if answer == FINE else None
-            if order.record.tolerant or not order.choose(1 / at[1], values["scaled"]):
-                return None
-            order.record.tolerant = 1
 
 
 class CompiledPilotRun:
-    """Loop over these steps, for a program whose states are all differential and without constraints."""
+    """Loop over these steps."""
 
-    def __init__(self, steps: CompiledPilotStep, motion: tuple[Any, Any, Any] | None) -> None:
-        """`motion`: amplitudes, inverse and scale of the modes of the free motion from the start, if its reach counts."""
-        self.euler, n = steps, steps.record.n
+    def __init__(
+        self, steps: CompiledPilotStep, motion: tuple[Any, Any, Any] | None, others: Mapping[str, RecordArray | Plain], most: int
+    ) -> None:  # fmt: skip
+        """`motion`: amplitudes, inverse and scale of the modes of the free motion from the start, if its reach counts; `others`: records of loops and of
+        the state selection, if there are any; `most`: steps of a call."""
+        self.euler, self.most, n = steps, most, steps.record.n
         nothing, ones = np.zeros((0, 0)), np.ones(n)
         shapes, inverse, unit = motion or (nothing, nothing, ones)
         given = {
             "euler": steps.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
             "inverse_im": inverse.imag.ravel(), "unit": unit, **dict.fromkeys(("state", "far", "until"), ones),
         }  # fmt: skip
+        given |= {"guessing": int("loops" in others), **others}
         program, native = steps.program, steps.program.native is not None
         self.values = record_for(PilotWorkspace, program, "", lambda: _room_of_loop(program), given, native)
         self._record = self.values.record
-        self._run, self._last = steps.function("coarse"), steps.function("last_step")
 
     def observe(self, conditions: Conditions) -> None:
-        """Return from `go` where one of these conditions changes."""
+        """Return `CROSSED` from `go` where one of these conditions changes."""
         self._record.root_count = len(conditions.holds)
         self.values["root_said"][:], self.values["root_strict"][:] = conditions.holds, conditions.strict
 
-    def go(self, run: Progress, pace: StepSchedule, begun: float, mode: Array) -> bool:
-        """Step until Python must act; `begun`: start of the run. Updates state and magnitudes of `run`, and `pace`. True if a condition has changed."""
+    def go(self, source: str, run: Progress, pace: StepSchedule, begun: float, mode: Array) -> int:
+        """Make steps by a function of the source, and return its answer; `begun`: start of the run. Updates state and magnitudes of `run`, and `pace`."""
         record, values, euler, order = self._record, self.values, self.euler.values, self.euler.order
         values.put({"state": run.state, "far": run.far, "until": run.until.ravel(), "begun": begun, "noted": run.noted})
         euler["largest"][:], euler["mode"][:] = run.largest, mode
         for name in PACE:
             setattr(record, name, getattr(pace, name))
+        record.most_steps = min(MOST_STEPS, pace.taken + self.most)
         order.record.tolerant = 0
-        while (answer := self._run(values.address)) == ANEW:
+        while (answer := values.call(source)) == ANEW:
             if not order.choose(1 / self.euler.record.size, euler["scaled"]):
+                record.taken += 1
+                record.size *= 0.25
                 break
             order.record.tolerant = 1
-        self._put_back(run, pace)
-        return bool(answer == CROSSED)
-
-    def finish(self, run: Progress, pace: StepSchedule) -> bool:
-        """Make the step that ends the segment, after `go`; return False if it fails, and nothing has changed."""
-        if self._last(self.values.address) != FINE:
-            return False
-        self._put_back(run, pace)
-        return True
-
-    def _put_back(self, run: Progress, pace: StepSchedule) -> None:
-        record = self._record
         pace.time, pace.size, pace.taken = record.time, record.size, record.taken
-        run.state, run.largest, run.noted = self.values["state"], self.euler.values["largest"].copy(), record.noted
+        run.state, run.largest, run.noted = values["state"], euler["largest"].copy(), record.noted
+        return answer

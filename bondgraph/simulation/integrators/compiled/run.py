@@ -28,6 +28,7 @@ from .fields import FORGOTTEN, UNMEASURED, fields_at, given_at, is_sparse, room_
 from .ordering import DIAGONAL, on_diagonal, ordered, room_in
 from .plain import Unordered, record_for
 from .record_layout import RecordArray, form_of
+from .selection_record import selection_record
 
 if TYPE_CHECKING:
     from ...segments.context import SegmentContext
@@ -166,15 +167,8 @@ class CompiledMethod:
 
     def choose(self, choice: Choice) -> None:
         """Stop where other states should be integrated."""
-        if self._begun:
-            self.values["stored_peak"] = choice.peak
-            return
-        count = len(choice.rows)
-        rows, columns = self.program.sensitivity_pattern
-        self.values.put({
-            "slope_count": len(choice.chosen) if count else 0, "slope_rows": rows, "slope_columns": columns, "slope_chosen": choice.chosen,
-            "slopes": np.zeros(len(choice.chosen)), "stored_peak": choice.peak,
-        })  # fmt: skip
+        if choice:
+            self.values.put({"selection": selection_record(choice)})
 
     def measure(self, work: Array, traffic: float) -> None:
         """Add up the work at all ports, starting from these values."""

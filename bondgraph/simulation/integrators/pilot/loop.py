@@ -1,7 +1,7 @@
-"""Loop of the pilot run over steps of `step.py`, in the subset that becomes machine code; same names as in `magnitudes.PilotRun.peak`.
+"""Loop of the pilot run over steps of `step.py`, in the subset that becomes machine code.
 
 It returns where Python must act: before the step that ends a segment, where even the shortest step fails, and where a condition no longer holds as it did.
-Python then asks for the last step, where that resolves the signals of time.
+Python then asks for the last step, of a size that resolves the signals of time.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 from compiler.api import Record
 
 from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
+from ..loop_newton import LoopSystem, solve_loops
 from ..outcomes import CROSSED
+from ..selection import StateSelection, is_steep
 from ..workspace import Function
 from .schedule import AGAIN, CAREFUL, GROWN, NOTES, SAME, SLIGHT
 from .step import Euler, euler
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class PilotWorkspace(Record):
-    """State of the pilot run. n states, all of them differential."""
+    """State of the pilot run. n states and unknowns."""
 
     euler: Euler
     roots: Function
@@ -51,6 +53,9 @@ class PilotWorkspace(Record):
     found: Floats  # n
     most: Floats  # n: the largest of the unit after a step; then work space
     modes: Floats  # n
+    guessing: int  # 1 if there are unknowns of loops
+    loops: LoopSystem
+    selection: StateSelection
 
 
 def coarse(c: PilotWorkspace) -> int:
@@ -67,12 +72,10 @@ def coarse(c: PilotWorkspace) -> int:
         if done != FINE:
             c.size *= 0.25
             if c.size < c.smallest:
-                c.taken -= 1
-                c.size *= 4.0  # Python repeats the last one and reports it
                 return SINGULAR
             continue
         go_on(c, c.euler)
-        if c.root_count > 0 and has_crossed(c, c.euler):
+        if has_crossed(c, c.euler):
             return CROSSED
         if c.reaching != 0:
             reached(c, c.euler)
@@ -81,16 +84,20 @@ def coarse(c: PilotWorkspace) -> int:
 
 
 def last_step(c: PilotWorkspace) -> int:
-    """Make the step that ends the segment; return `FINE`, or `ANEW` or `SINGULAR` where Python must act, as before the step."""
-    size = c.size
-    c.size = c.stop - c.time
+    """Make one step, which may end the segment; return `FINE`, `CROSSED`, `ANEW` if the factors need another order, or `SINGULAR` if it fails."""
     done = sure_step(c, c.euler, c.taken + 1 < CAREFUL)
-    if done != FINE:
-        c.size = size
-        return done
+    if done == ANEW:
+        return ANEW
     c.taken += 1
+    if done != FINE:
+        c.size *= 0.25
+        return done
+    ends = c.time + 1.001 * c.size >= c.stop
     go_on(c, c.euler)
-    c.time = c.stop
+    if ends:
+        c.time = c.stop
+    if has_crossed(c, c.euler):
+        return CROSSED
     if c.reaching != 0:
         reached(c, c.euler)
     note(c, c.euler)
@@ -107,7 +114,12 @@ def go_on(c: PilotWorkspace, e: Euler) -> None:
 
 
 def has_crossed(c: PilotWorkspace, e: Euler) -> bool:
-    """Return True if a condition differs from the mode."""
+    """Return True if a condition differs from the mode, or if other states should be integrated."""
+    if c.selection.slope_count > 0:
+        if is_steep(c.selection, c.time, c.state, e.inputs, e.constants, e.mode):
+            return True
+    if c.root_count == 0:
+        return False
     c.roots(c.time, c.state, e.inputs, e.constants, e.mode, c.root)
     for k in range(c.root_count):
         holds = 1 if c.root[k] < 0.0 or (c.root[k] == 0.0 and c.root_strict[k] == 0) else 0
@@ -148,30 +160,30 @@ def sure_step(c: PilotWorkspace, e: Euler, careful: bool) -> int:
     """Compute the state after a step; where a state grows fast, two half steps must agree, because implicit Euler overshoots growth."""
     for i in range(c.n):
         e.start[i] = c.state[i]
-    done = single_step(e, c.time + c.size, c.size)
+    done = single_step(c, e, c.time + c.size, c.size)
     if done != FINE:
         return done
     grows = 0
     for i in range(c.n):
         e.most[i] = 0.0
-    for i in range(c.n):
+    for i in range(e.differential):
         e.most[e.kinds[i]] = max(e.most[e.kinds[i]], max(abs(e.x[i]), e.largest[i]))
     for i in range(c.n):
         c.most[i] = e.most[e.kinds[i]]
-    for i in range(c.n):
         c.found[i] = e.x[i]
+    for i in range(e.differential):
         grows += has_grown(c, e, i)
     if grows == 0 or not careful:
         return FINE
-    done = single_step(e, c.time + 0.5 * c.size, 0.5 * c.size)
+    done = single_step(c, e, c.time + 0.5 * c.size, 0.5 * c.size)
     if done != FINE:
         return done
     for i in range(c.n):
         e.start[i] = e.x[i]
-    done = single_step(e, c.time + c.size, 0.5 * c.size)
+    done = single_step(c, e, c.time + c.size, 0.5 * c.size)
     if done != FINE:
         return done
-    for i in range(c.n):
+    for i in range(e.differential):
         if has_grown(c, e, i) and not abs(c.found[i]) > SAME * abs(e.x[i]):
             return FINE
     return SINGULAR
@@ -179,16 +191,37 @@ def sure_step(c: PilotWorkspace, e: Euler, careful: bool) -> int:
 
 def has_grown(c: PilotWorkspace, e: Euler, i: int) -> bool:
     """Return True if a state grew much in a step and beyond its largest value so far; growth within that range is harmless."""
-    beyond = max(max(GROWN * abs(c.state[i]), SAME * e.largest[i]), SLIGHT * c.most[i])
+    beyond = max(max(GROWN * abs(c.state[i]), SAME * e.largest[i]), max(SLIGHT * c.most[i], e.smallest[i]))
     return abs(c.found[i]) > beyond and c.state[i] != 0.0
 
 
-def single_step(e: Euler, time: float, size: float) -> int:
-    """Make one step from `start`."""
+def single_step(c: PilotWorkspace, e: Euler, time: float, size: float) -> int:
+    """Make one step from `start`, with the unknowns of loops for its end if they are near the known ones.
+
+    The step solves for them anyway, and a search from far away would cost more than the whole run.
+    """
     for i in range(e.n):
         e.x[i] = e.start[i]
+    if c.guessing != 0:
+        guess_unknowns(c.loops, e, time)
     e.time = time
     e.size = size
     done = euler(e)
     e.pattern.tolerant = 0
     return done
+
+
+def guess_unknowns(s: LoopSystem, e: Euler, time: float) -> None:
+    """Put the unknowns that belong to the start at a time into the guess, if Newton's method finds them."""
+    s.time = time
+    s.unknown = 0
+    for i in range(e.n):
+        s.state[i] = e.start[i]
+    for i in range(s.n):
+        s.z[i] = e.start[s.places[i]]
+        s.magnitude[i] = e.largest[s.places[i]]
+        if not s.magnitude[i] > 0.0:
+            s.unknown = 1
+    if solve_loops(s, 0) != 0:
+        for i in range(s.n):
+            e.x[s.places[i]] = s.z[i]
