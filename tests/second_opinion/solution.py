@@ -38,6 +38,7 @@ PEEK = 1e-6  # of the span: a step that only looks
 INSTANT = 1e-9  # of the span: the Euler step behind an event
 LOOKS = tuple(i / 8 for i in range(1, 8))  # where within a step the branches are looked at
 UNSURE = 12  # turns at one instant, after which what is zero but for rounding is looked at a little later
+SWEEPS = 20  # over rows and columns, for their scales
 MOST = 400  # events
 PILED = 8  # intervals of an event that shrink, to a ten-thousandth of the span: the next ones have no end
 CERTAIN = 4  # of order five, halved steps are 31 times better; where constraints hold the order is lower, and so much is believed
@@ -121,12 +122,7 @@ class Run:
                 blocks[i, :n, i, :n] += np.eye(n)
                 blocks[i, n:, i] = jac[n:]
             matrix = blocks.reshape(s * size, s * size)
-            scaled, rows, columns = np.abs(matrix), np.ones(s * size), np.ones(s * size)
-            for _ in range(3):
-                for axis, factors in ((1, rows), (0, columns)):
-                    share = np.sqrt(_largest(scaled, axis))
-                    factors /= share
-                    scaled /= np.expand_dims(share, axis)
+            rows, columns = _scales(np.abs(matrix))
             scaled = rows[:, None] * matrix * columns
             lu, pivots, _ = getrf(scaled)
             if np.abs(np.diag(lu)).min(initial=1.0) > 1e-13:
@@ -401,10 +397,16 @@ class Run:
         self.b = self.looked(self.t, self.x, self.w)[0]
 
 
-def _largest(matrix: Array, axis: int) -> Array:
-    found = matrix.max(axis=axis, initial=0.0)
-    found[found == 0] = 1.0
-    return found
+def _scales(matrix: Array) -> tuple[Array, Array]:
+    """Scales of rows and columns: geometric means of what is not zero, so that units of any size give one matrix; then the largest of each row is one."""
+    there = matrix > 0
+    logs = np.log(np.where(there, matrix, 1.0))
+    rows, columns = np.zeros(len(matrix)), np.zeros(len(matrix))
+    for _ in range(SWEEPS):
+        rows = -np.where(there, logs + columns, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+        columns = -np.where(there, logs + rows[:, None], 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+    largest = np.where(there, logs + rows[:, None] + columns, -np.inf).max(axis=1, initial=-np.inf)
+    return np.exp(rows - np.where(np.isfinite(largest), largest, 0.0)), np.exp(columns)
 
 
 def solved(a: Assembly, law: Any, value: float, guess: float) -> float:

@@ -188,3 +188,27 @@ def test_a_pendulum_by_its_period() -> None:
     period = 2 * math.pi / a / math.sqrt(9.81)
     own = second(text, period, points=3, goal=1e-8)
     np.testing.assert_allclose(own.values[0], [-math.radians(60), math.radians(60)], atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6])
+def test_a_transformer_of_any_size_follows_its_closed_form(size: float) -> None:
+    """A mass and a wheel on a lever, all lengths and times smaller: a system of equations in any units is one to the second opinion."""
+    m, J, k, K, r, arm, F = (size**3, 0.1 * size**5, 100 * size, 2 * size**3, 0.5 * size**2, 0.3 * size, size**2)
+    text = f"""model M {{
+  Se push : F = {F} [N]
+  1 a
+  I mass : p = {m} [kg]*v
+  C spring : F = {k} [N/m]*x
+  R damper : F = {r} [N*s/m]*v
+  TF lever : v1 = {arm} [m]*omega2
+  I wheel : L = {J} [kg*m^2]*omega
+  C coil : M = {K} [N*m]*phi
+  push -> a -> mass, spring, damper
+  a -> lever -> 1(wheel, coil)
+  output x = spring.x
+}}"""
+    own = second(text, size, points=3, goal=1e-6)
+    whole, stiff = m + J / arm**2, k + K / arm**2
+    decay, turn = 0.5 * r / whole, math.sqrt(stiff / whole - (0.5 * r / whole) ** 2)
+    exact = F / stiff * (1 - math.exp(-decay * size) * (math.cos(turn * size) + decay / turn * math.sin(turn * size)))
+    assert own.values[0, -1] == pytest.approx(exact, rel=1e-6)
