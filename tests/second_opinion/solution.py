@@ -122,14 +122,16 @@ class Run:
                 blocks[i, :n, i, :n] += np.eye(n)
                 blocks[i, n:, i] = jac[n:]
             matrix = blocks.reshape(s * size, s * size)
-            rows, columns = _scales(np.abs(matrix))
-            scaled = rows[:, None] * matrix * columns
-            lu, pivots, _ = getrf(scaled)
-            if np.abs(np.diag(lu)).min(initial=1.0) > 1e-13:
-                self.factors[key] = (lambda rest: getrs(lu, pivots, rest)[0], rows, columns)
+            for scales in (_means, _largest):  # what is singular is shared out by the largest entries
+                rows, columns = scales(np.abs(matrix))
+                scaled = rows[:, None] * matrix * columns
+                lu, pivots, _ = getrf(scaled)
+                if np.abs(np.diag(lu)).min(initial=1.0) > 1e-13:
+                    self.factors[key] = (lambda rest, lu=lu, pivots=pivots: getrs(lu, pivots, rest)[0], rows, columns)
+                    break
             else:  # something is not determined, or said twice
                 inverse = np.linalg.pinv(scaled, rcond=1e-14)
-                self.factors[key] = (lambda rest: inverse @ rest, rows, columns)
+                self.factors[key] = (inverse.__matmul__, rows, columns)
         return self.factors[key]
 
     def renewed(self, x: Array, w: Array, t: float) -> None:
@@ -397,7 +399,7 @@ class Run:
         self.b = self.looked(self.t, self.x, self.w)[0]
 
 
-def _scales(matrix: Array) -> tuple[Array, Array]:
+def _means(matrix: Array) -> tuple[Array, Array]:
     """Scales of rows and columns: geometric means of what is not zero, so that units of any size give one matrix; then the largest of each row is one."""
     there = matrix > 0
     logs = np.log(np.where(there, matrix, 1.0))
@@ -407,6 +409,17 @@ def _scales(matrix: Array) -> tuple[Array, Array]:
         columns = -np.where(there, logs + rows[:, None], 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
     largest = np.where(there, logs + rows[:, None] + columns, -np.inf).max(axis=1, initial=-np.inf)
     return np.exp(rows - np.where(np.isfinite(largest), largest, 0.0)), np.exp(columns)
+
+
+def _largest(matrix: Array) -> tuple[Array, Array]:
+    """Scales of rows and columns by their largest entries, in a few sweeps."""
+    scaled, rows, columns = matrix.copy(), np.ones(len(matrix)), np.ones(len(matrix))
+    for _ in range(3):
+        for axis, factors in ((1, rows), (0, columns)):
+            share = np.sqrt(np.where((most := scaled.max(axis=axis, initial=0.0)) == 0, 1.0, most))
+            factors /= share
+            scaled /= np.expand_dims(share, axis)
+    return rows, columns
 
 
 def solved(a: Assembly, law: Any, value: float, guess: float) -> float:
