@@ -95,7 +95,7 @@ if TYPE_CHECKING:
     from .semantics.names.project_folder import project_folder
     from .semantics.names.unit_file import AHEAD, HELD, UnitDescription, UnitVariable, read_unit_description
     from .solvers import AUTOMATIC, SOLVERS, Solver
-    from .source import Source, Span, read_text
+    from .source import UNIT, Source, Span, read_text
     from .source_file import read_source
     from .steps import ANALYSIS_STEPS
     from .syntax import parse, parse_expression, parse_law, tree

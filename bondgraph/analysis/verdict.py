@@ -32,9 +32,8 @@ BESIDE = 0.2  # fraction of that: largest distance of the next equilibrium from 
 NEWTON = 8
 REST = 1e-10  # relative to the terms of a rate
 SEED = 20
-DOUBTFUL = (
-    1e-5  # relative to the fastest: growth or decay that the rounding of terms that cancel may have made, as its root
-)
+# Relative to the fastest: growth or decay that the rounding of terms that cancel may have made, as its root.
+DOUBTFUL = 1e-5
 
 
 @dataclass(frozen=True, eq=False)

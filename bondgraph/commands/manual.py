@@ -34,7 +34,7 @@ def pages(out: str | None) -> Path:
     from ..errors import UsageError
 
     if out is not None:
-        return build(_free(Path(out)))
+        return build(_free(Path(out).absolute()))
     folder = cache.folder_of("manual")
     if folder is None:
         raise UsageError("BR656", "there is no cache folder for the manual:", "name one: `bondgraph manual -o FOLDER`")

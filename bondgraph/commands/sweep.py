@@ -22,7 +22,7 @@ from .options import jobs_option, journal_option, settings_by_name, shared_out
 @click.option("--to", metavar="TIME", help="Where simulations end.")
 @jobs_option
 @journal_option
-@click.option("--out", metavar="S.csv|.npz|.nc|.mat|-", help="Write the table; `-` prints them as CSV.")
+@click.option("--out", metavar="S.csv|.npz|.nc|.mat|-", help="Write the table; `-` prints it as CSV.")
 @picture_option("S.png", "Draw what was found over what was swept last")
 @click.option("--curves", metavar="C.png", help="Draw all runs over time: a curve for each, bands of more than twelve.")
 def command(

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from compiler.api import (
+    AHEAD,
     ANALYSIS_STEPS,
     BUNDLES,
     DOMAINS,
     ELEMENTS,
+    HELD,
     Dimension,
     EditedFile,
     FileScope,
@@ -257,6 +259,8 @@ def _members(place: CursorPlace) -> Iterator[Suggestion]:
         return
     bond = _is_bond(place.context) or len(place.context.statement) == 2 * len(path)
     for inner in names.values():
+        if inner.span.unit is not None and inner.name.startswith((AHEAD, HELD)):
+            continue  # what a run exchanges with the unit
         if not bond or inner.kind in ("port", "component", "part"):
             yield _named(inner)
     if name.kind == "part":

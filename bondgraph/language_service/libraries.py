@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from compiler.api import EditedFile, FileScope, tree
+from compiler.api import UNIT, EditedFile, FileScope, tree
 
 from ..compiled_model import LIBRARY
 from .answers import Suggestion, TextEdit, TextPlace
@@ -23,8 +23,8 @@ def import_suggestions(workspace: Workspace, path: Path, context: Context) -> It
             for p in sorted(LIBRARY.glob("*.bg"))
             if not context.is_silent
         )
-        for file in sorted(path.parent.glob("*.bg")):
-            if file.name != path.name:
+        for file in sorted(path.parent.glob("*")):
+            if file.suffix in (".bg", UNIT) and file.name != path.name:
                 yield Suggestion(file.name, "file", insert=file.name if context.is_silent else f'"{file.name}"')
         return
     if len(words) > 1 and words[-1] != ",":

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from compiler.api import ELEMENT_KINDS, RESERVED, tree
+from compiler.api import ELEMENT_KINDS, RESERVED, UNIT, tree
 
 from ..compiled_model import LIBRARY
 from .answers import OutlineNode, TextEdit, TextPlace
@@ -19,11 +19,13 @@ MOST_SYMBOLS = 200
 
 
 def definition(workspace: Workspace, path: Path, at: int) -> TextPlace | None:
-    """Return where the name at a character is declared; of a file that is imported, its beginning."""
+    """Return where the name at a character is declared; of a file that is imported, its beginning; None for a unit, which is no text."""
     occurrence = workspace.occurrence_at(path, at)
-    if occurrence is not None and occurrence.name is not None:
-        return place_of(occurrence.name.span)
-    return _imported_file(workspace, path, at)
+    if occurrence is None or occurrence.name is None:
+        place = _imported_file(workspace, path, at)
+    else:
+        place = place_of(occurrence.name.span)
+    return None if place is None or place.path.suffix == UNIT else place
 
 
 def _imported_file(workspace: Workspace, path: Path, at: int) -> TextPlace | None:

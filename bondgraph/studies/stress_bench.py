@@ -65,6 +65,8 @@ class StressBench:
         base = self.base()
         if self.model.extra_outputs:
             raise Inapplicable("outputs were added to the text")
+        if any(event.span.unit is not None for event in self.model.compilation().whole_graph.events):
+            raise Inapplicable("an imported unit is no text")
         units = {name: p.unit for name, p in self.model.parameters.items()}
         own = self.request.settings
         texts = {n: v if isinstance(v, str) else f"{v!r} [{units.get(n, '1')}]" for n, v in own.items()}

@@ -131,9 +131,8 @@ class _Reduction:
         while growing:
             growing = False
             for i, event in enumerate(self.system.events):
-                is_whole = event.span.unit is not None and any(
-                    i == k for k, _ in kept
-                )  # a unit exchanges all of its values
+                # a unit exchanges all of its values
+                is_whole = event.span.unit is not None and any(i == k for k, _ in kept)
                 for j, setting in enumerate(event.settings):
                     moved = {setting.target, *needed([setting.target], inputs)} & free
                     if (i, j) not in kept and (moved & used or not moved or is_whole):

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from bondgraph.commands import commands
+from bondgraph.commands import commands, manual
 
 WRONG = "model A {\n  C c : F = k*x\n}\n"
 
@@ -279,6 +279,12 @@ def test_a_file_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     told = found.stdout.split(f"-- {model}, ")[1:]
     assert ["switch_on, 0 .. 1 us" in t for t in told] == [True, False, True, True], told
     assert "BG0" in found.stderr
+
+
+def test_a_manual_in_a_relative_folder_has_an_address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(manual, "build", lambda folder: folder)
+    assert manual.address_of(manual.pages("site"), None) == (tmp_path / "site" / "index.html").as_uri()
 
 
 def test_standard_input_is_a_file_too(wrong: str) -> None:

@@ -12,6 +12,12 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import RunFailed
+from bondgraph.language_service.completion import completion
+from bondgraph.language_service.navigation import definition
+from bondgraph.language_service.workspace import Workspace
+from bondgraph.simulation.run_options import RunRequest
+from bondgraph.studies.stress_bench import StressBench
+from compiler.api import Inapplicable
 from compiler.errors import CompilationFailed
 from tests.exchange.unit_files import exported
 
@@ -167,6 +173,8 @@ def test_what_cannot_hold_a_unit_names_it(tmp_path: Path, monkeypatch: pytest.Mo
         with pytest.raises(CompilationFailed) as failed:
             write()
         assert [d.code for d in failed.value.diagnostics] == [code]
+    with pytest.raises(Inapplicable, match="an imported unit is no text"):
+        _ = StressBench(model, RunRequest()).scene
     with pytest.raises(RunFailed, match="between two communication points of `drive`"):
         model.simulate("late")
     monkeypatch.delenv("BONDGRAPH_RUN_FMU")
@@ -193,6 +201,19 @@ def test_descriptions_that_no_model_can_hold(old: str, new: str, words: str, des
         archive.writestr("modelDescription.xml", description.replace(old, new))
     told = " ".join(d.sentence for d in bondgraph.check(written(LOOP, tmp_path)))
     assert words in told and bool(told) == bool(words)
+
+
+def test_an_editor_offers_units_and_what_they_have(description: str, tmp_path: Path) -> None:
+    """Its file in an import, its variables behind a point; what a run exchanges with it is not offered, and its file is no text to go to."""
+    with zipfile.ZipFile(tmp_path / "unit.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", description)
+    workspace, path = Workspace(), tmp_path / "m.bg"
+    workspace.open(path, LOOP)
+    assert "unit.fmu" in [s.label for s in completion(workspace, path, LOOP.index("unit.fmu"))]
+    behind = {s.label for s in completion(workspace, path, LOOP.index("drive.volt") + 6)}
+    assert behind == {"communication_step", "omega", "target", "K", "volt"}
+    for word in ("Drive drive", "drive.volt", "unit.fmu"):
+        assert (definition(workspace, path, LOOP.index(word)) is None) == (word != "drive.volt")
 
 
 def test_a_unit_that_fails_is_told_with_its_own_words(tmp_path: Path) -> None:

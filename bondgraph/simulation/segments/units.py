@@ -134,7 +134,8 @@ class CoSimulatedUnit:
     def __str__(self) -> str:
         return (
             f"`{self.event.owner}` ({PurePath(self.event.span.source.name).name}) is a unit of FMI {self.description.version}, "
-            f"co-simulated in steps of {self.step:g} s: what it takes and what it gives holds for one step, and no energy balance sees inside of it"
+            f"co-simulated in steps of {self.step:g} s: what it takes and what it gives holds for one step, "
+            "which no estimate of an error counts, and no energy balance sees inside of it"
         )
 
 

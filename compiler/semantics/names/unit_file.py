@@ -22,10 +22,7 @@ from .scope import RESERVED
 
 STEP, HELD, AHEAD = "communication_step", "held_", "ahead_"
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
-_REAL = {
-    "2.0": ("ScalarVariable", "SimpleType"),
-    "3.0": ("Float64", "Float64Type"),
-}  # elements of variables and of types
+_REAL = {"2.0": ("ScalarVariable", "SimpleType"), "3.0": ("Float64", "Float64Type")}  # elements of variables, of types
 _BOUNDS = {"needsExecutionTool": "needs the tool that made it", "canBeInstantiatedOnlyOncePerProcess": "may be there only once"}  # fmt: skip
 _UNIT = re.compile(r"[^\W\d_%][\w*/^() %.-]*|%|1|1/[\w*/^() .-]+")
 
