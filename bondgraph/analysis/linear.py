@@ -98,8 +98,8 @@ def linearization(point: OperatingPoint, partial: bool = False) -> Linearization
     names, jumping = list(space.outputs), point.jumping()
     point.refuse_kinks([n for n in jumping if n not in names or not partial], "jumps at")
     sided = point.one_sided() if partial else point
-    seen = list(space.outputs.values())
-    output_slopes, through = without_rounding(sided, seen, *sided.of_states(seen))
+    outputs = list(space.outputs.values())
+    output_slopes, through = without_rounding(sided, outputs, *sided.of_states(outputs))
     bent = {*jumping, *(sided.kinks or ())}
     output_slopes[[n in bent or space.variables[v].name in bent for n, v in space.outputs.items()]] = np.nan
     return Linearization(

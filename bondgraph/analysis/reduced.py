@@ -67,10 +67,10 @@ def tied_coordinates(slopes: Array, moved: Array, sizes: Array) -> tuple[Any, An
     pivots = np.abs(np.diag(triangle))
     rank = int((pivots > RANK * pivots.max(initial=0.0)).sum())
     tied, chosen = np.sort(order[:rank]), np.sort(order[rank:])
-    *_, kept = qr(scaled[:, tied].T, mode="economic", pivoting=True)  # rows that the others follow from
-    kept = np.sort(kept[:rank])
+    *_, decisive = qr(scaled[:, tied].T, mode="economic", pivoting=True)  # rows that the others follow from
+    decisive = np.sort(decisive[:rank])
     solved = np.linalg.solve(
-        scaled[np.ix_(kept, tied)], np.concatenate([scaled[np.ix_(kept, chosen)], moved[kept]], axis=1)
+        scaled[np.ix_(decisive, tied)], np.concatenate([scaled[np.ix_(decisive, chosen)], moved[decisive]], axis=1)
     )
     directions, following = np.zeros((n, n - rank)), np.zeros((n, moved.shape[1]))
     directions[chosen, np.arange(n - rank)] = 1.0

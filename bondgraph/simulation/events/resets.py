@@ -52,9 +52,9 @@ def _exchange(indicators: EventIndicators, time: float, acting: Sequence[int], v
         if indicators.units is None:
             raise refused(event)
         names = [setting.words for setting in event.settings]
-        given = dict(zip(names, values[here:first], strict=True))
-        found = indicators.units.units[number].exchange(time, given)
-        values[here:first] = [found[name] for name in names]
+        settings = dict(zip(names, values[here:first], strict=True))
+        settings = indicators.units.units[number].exchange(time, settings)
+        values[here:first] = [settings[name] for name in names]
 
 
 def _followed(indicators: EventIndicators, at: HybridState, computed: Sequence[tuple[SettingNote, float]], free: BoolArray) -> HybridState:  # fmt: skip

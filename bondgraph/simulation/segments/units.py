@@ -125,10 +125,10 @@ class CoSimulatedUnit:
 
     def _step(self, number: int) -> None:
         start, end = number * self.step, (number + 1) * self.step
-        told = self.instance.doStep(start, end - start)
-        if told is not None and told[1]:
+        answer = self.instance.doStep(start, end - start)
+        if answer is not None and answer[1]:
             raise ValueError("it asks to end the run")
-        if told is not None and told[2]:
+        if answer is not None and answer[2]:
             raise ValueError("it returned early from a step")
 
     def __str__(self) -> str:
@@ -152,10 +152,10 @@ class _Reported:
         if isinstance(error, Exception):
             from compiler.api import printable
 
-            told = printable("; ".join([str(error), *self.unit.messages[:2]]))[:MOST_TOLD]
+            words = printable("; ".join([str(error), *self.unit.messages[:2]]))[:MOST_TOLD]
             event = self.unit.event
             raise RunFailed(
-                "BR791", f"at t = {self.time:.9g} s the unit `{event.owner}` ({event.span.source.name}) failed: {told}"
+                "BR791", f"at t = {self.time:.9g} s the unit `{event.owner}` ({event.span.source.name}) failed: {words}"
             ) from error
 
 
