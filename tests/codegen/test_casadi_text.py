@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy
 
-from compiler.codegen.text.casadi_module import _number
+from compiler.codegen.numpy.body import number
 from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed
 from tests.codegen.test_numpy_text import module_of, values
@@ -209,8 +209,8 @@ def test_tables_are_refused_with_a_place(law: str) -> None:
     assert [(d.code, d.span.line) for d in failed.value.diagnostics] == [("BG605", 1)]
 
 
-def test_parameters_without_a_number() -> None:
-    assert [_number(v) for v in (1.5, -2, math.inf, -math.inf, None)] == [
+def test_parameters_without_anumber() -> None:
+    assert [number(v) for v in (1.5, -2, math.inf, -math.inf, None)] == [
         "1.5", "-2.0", "float('inf')", "float('-inf')", "float('nan')",
     ]  # fmt: skip
-    assert _number(math.nan) == "float('nan')"
+    assert number(math.nan) == "float('nan')"

@@ -64,17 +64,6 @@ def test_a_point_is_rotated() -> None:
             ],
         ),
         (
-            "model M { signal x = 2 m*sin(time/1 s); signal y = delay((x, x), 1 s); output z = x }",
-            [
-                (
-                    "BG111",
-                    "(x, x)",
-                    "A single number is expected here, this is something else",
-                    "Write what is expected instead.",
-                )
-            ],
-        ),
-        (
             "model M { signal x = 2 m*sin(time/1 s); signal y: m = delay(x, 0 s); output z = y }",
             [("BG111", "0 s", "A time is expected here, this is 0 s", "A delay is longer than nothing.")],
         ),
