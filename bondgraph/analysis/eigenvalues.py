@@ -152,8 +152,8 @@ def _bounds(A: Array, terms: Array, values: ComplexArray, left: Array | ComplexA
     lengths = np.abs(np.einsum("ij,ij->j", left.conj(), right))
     above = np.einsum("ij,ij->j", np.abs(left), residual + ENTRIES * EPS * (terms @ np.abs(right)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = above / lengths
-    return np.where(np.isfinite(found), found, np.inf)
+        ratios = above / lengths
+    return np.where(np.isfinite(ratios), ratios, np.inf)
 
 
 # ---------------------------------------------------------------- clusters
@@ -197,8 +197,8 @@ def _cluster_around(A: Array, terms: Array, values: ComplexArray, bounds: Array,
         except np.linalg.LinAlgError:
             continue
         if radius * APART < gap:
-            known = np.maximum(bounds[members], SOUND * len(A) * np.abs(values[members]))
-            one = (np.abs(values[members] - mean) <= NEAR * known).all()
+            least = np.maximum(bounds[members], SOUND * len(A) * np.abs(values[members]))
+            one = (np.abs(values[members] - mean) <= NEAR * least).all()
             gain = one and error < float(bounds[members].max())
             return (members, mean if abs(mean) > error else 0j, radius, basis) if gain else None
     return None

@@ -68,9 +68,9 @@ def fmu(
             raise UsageError("BR640", f"there is no platform `{word}`; platforms are {', '.join(PLATFORMS)}")
     if fmi not in VERSIONS:
         raise UsageError("BR618", f"no unit of FMI `{fmi}` can be written; versions are {', '.join(VERSIONS)}")
-    for port, given in (ports or {}).items():
-        if given not in ("effort", "flow"):
-            raise UsageError("BR620", f"the port `{port}` is given `{given}`; a unit takes its `effort` or its `flow`")
+    for port, side in (ports or {}).items():
+        if side not in ("effort", "flow"):
+            raise UsageError("BR620", f"the port `{port}` is given `{side}`; a unit takes its `effort` or its `flow`")
     version = VERSIONS[fmi]
     chosen_target("native")
     first = api.Scene(model.model, experiment or "", ports=tuple((ports or {}).items()))

@@ -26,7 +26,7 @@ from ..algebra.expression import (
 from ..algebra.formula import Formula
 from ..algebra.operators import CONDITIONS, OPERATORS
 from ..algebra.systems import SYSTEMS
-from ..algebra.table import counted, domain, is_stepped, is_table, jumps_at_knots, last_derivative, table
+from ..algebra.table import counted, domain, is_stepped, is_table, jumps_at_knots, last_derivative, lists, table
 from ..equations.system import Assignment
 from ..errors import CompilationFailed
 from ..source import Span
@@ -39,6 +39,8 @@ from .lowered import Lowered
 from .program import ConditionNote
 
 HALF = Number(0.5)
+FEW_KNOTS = 32  # of a table: each has a kink function of its own
+ROUGH = 1e-4  # of the range of a table: what a knot may be off the line between its neighbours
 MOST_PIECES = 8  # of a function of time that is affine in pieces
 
 
@@ -187,15 +189,27 @@ class Switching:
     def _bend(self, x: Apply, operands: tuple[Expression, ...]) -> None:
         """Record a kink of a law of states: no event, but a point at which a step may have to end."""
         if x.operator == "abs":
-            g = operands[0]
+            kinks = [operands[0]]
         elif x.operator in ("min", "max"):
-            g = operands[0] - operands[1]
+            kinks = [operands[0] - operands[1]]
         elif x.operator == "linear" and x.operands[0] == ZERO:
-            g = call("sin", Number(pi) * counted(x, operands[1]))  # one function for any number of knots
+            kinks = self._knots(x, operands[1])
         else:
             return
-        if self.result.dependence(g) & STATE and g not in self.result.bends:
-            self.result.bends.append(g)
+        for g in kinks:
+            if self.result.dependence(g) & STATE and g not in self.result.bends:
+                self.result.bends.append(g)
+
+    def _knots(self, x: Apply, place: Expression) -> list[Expression]:
+        """Zeros at the knots of a table: a function for each knot of a short one, and of a long one for each that is off the line between its neighbours.
+
+        All others of a long one have a function together: what it is between two of them, it is beside them, too.
+        """
+        places, heights = lists(x)
+        if len(places) <= FEW_KNOTS:
+            return [place - knot for knot in places]
+        rough = [place - places[k] for k in rough_knots(places, heights)]
+        return [*rough, call("sin", Number(pi) * counted(x, place))]
 
     def _mode(self, condition: Apply, alone: bool) -> Expression:
         operands = tuple(map(self.replaced, condition.operands))
@@ -356,6 +370,23 @@ class Switching:
         self.result.crossings.append(g)
         self.places[g] = len(self.result.crossing_places)
         self.result.crossing_places.append((self.owner, self.span, condition))
+
+
+def rough_knots(places: Sequence[Expression], heights: Sequence[Expression]) -> list[int]:
+    """Numbers of the knots of a table that are off the line between their neighbours, and of those of which it is not known."""
+    numbers = [
+        (p.value, h.value)
+        for p, h in zip(places, heights, strict=True)
+        if isinstance(p, Number) and isinstance(h, Number)
+    ]
+    if len(numbers) < len(places):
+        return list(range(len(places)))
+    least = ROUGH * (max(h for _, h in numbers) - min(h for _, h in numbers))
+    off = [
+        abs(b - a - (c - a) * (q - p) / (r - p)) > least
+        for (p, a), (q, b), (r, c) in zip(numbers, numbers[1:], numbers[2:], strict=False)
+    ]
+    return [k + 1 for k, is_off in enumerate(off) if is_off]
 
 
 def _rebuilt(operator: str, operands: tuple[Expression, ...]) -> Expression:

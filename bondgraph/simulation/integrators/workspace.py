@@ -75,6 +75,7 @@ class IntegratorWorkspace(Record):
     # kinks of laws
     bend_count: int
     bend_seen: Floats  # 6 bend_count: values at places of a step, and work space
+    beside: Floats  # 4n: rates at a kink, the bend of the polynomial there, and rates on both sides
     bend_side: Floats  # bend_count: side of each kink at which the Jacobian was computed
     # conditions that may cross zero
     root_count: int

@@ -91,7 +91,7 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "root_count": len(conditions), "root_said": whole(len(conditions)),
         "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "root_floor": room(len(conditions)),
         "root_seen": room(PLACES * len(conditions)), "root_narrow": int(narrow), "root_form": room(PLACES), "greatest": room(n),
-        "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends),
+        "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends), "beside": room(4 * n if bends else 0),
         "n": n, "differential": differential, "method": method, "entry_count": entries,
         "seen": room(max(len(LOOKS), len(dop853.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),
         "ahead": 0.0, "behind": 0.0, "tried": 0.0, "comes": 0, "size": 0.0, "rate": room(n),

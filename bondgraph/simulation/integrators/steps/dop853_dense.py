@@ -69,11 +69,11 @@ def first_bend_of_pair(s: IntegratorWorkspace, size: float, least: float) -> flo
     """Return the fraction of the tried step at which a law first has a kink; 1 if there is none, or if it is nearer than a step of the least size."""
     rates(s, s.time + size, s.new, s.slope[STAGES * s.n :])
     densify_between(s, s.time, s.time + size, s.state, s.new)
-    return first_bend_along(s, size, least)
+    return first_bend_along(s, size, max(NEAREST, 2.0 * least / size))
 
 
-def first_bend_along(s: IntegratorWorkspace, size: float, least: float) -> float:
-    """Return the same where the dense output of the tried step is known."""
+def first_bend_along(s: IntegratorWorkspace, size: float, nearest: float) -> float:
+    """Return the same where the dense output of the tried step is known; `nearest`: as in `first_between`."""
     for k in range(5):
         bends_at(s, size, PLACES[k], s.bend_seen[k * s.bend_count :])
-    return first_between(s, size, PLACES, 5, max(NEAREST, 2.0 * least / size), NEAREST)
+    return first_between(s, size, PLACES, 5, nearest)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from .. import radau
 from ..projection.projection import project, put_multipliers
 from ..workspace import IntegratorWorkspace
-from .kinks import bends_of
 
 if TYPE_CHECKING:
     from compiler.api import Floats
@@ -28,6 +27,13 @@ def rates(s: IntegratorWorkspace, time: float, y: Floats, out: Floats) -> None:
         for i in range(s.n):
             out[i] *= s.per_unit[i]
     s.derivatives += 1
+
+
+def bends_of(s: IntegratorWorkspace, time: float, scaled: Floats, out: Floats) -> None:
+    """Evaluate all kink functions at a scaled state."""
+    for i in range(s.n):
+        s.si[i] = scaled[i] * s.magnitude[i]
+    s.bends(time, s.si, s.inputs, s.constants, s.mode, out)
 
 
 def renew(s: IntegratorWorkspace) -> None:

@@ -1,54 +1,125 @@
-"""Kinks of laws within a tried step. They are searched at a few places, chosen by the method."""
+"""Kinks of laws within a tried step. They are searched at a few places, chosen by the method.
+
+A step need not end at a kink that its error does not show. But what a law is between two kinks alone, both between two places at which the method evaluates it,
+nothing in the step has seen: see `is_narrow`.
+"""
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from .. import radau
 from ..workspace import IntegratorWorkspace
+from .evaluation import bends_of, rates
 from .trial_interpolant import tried_at
 
 if TYPE_CHECKING:
     from compiler.api import Floats, Numbers
 
 PLACES = (0.0, *radau.C.tolist())
-NEAREST, ON_IT, CLOSE = radau.NEAREST, radau.ON_IT, radau.CLOSE
+CLOSE = radau.CLOSE
+BENT, HALVINGS = radau.BENT, radau.HALVINGS
 ROUNDS = 12  # most iterations of false position (Illinois: Dowell and Jarratt, BIT 11, 1971)
 
 
-def first_bend(s: IntegratorWorkspace, size: float) -> float:
-    """Return the fraction of a Radau step at which a law first has a kink, along the collocation polynomial; 1 if there is none."""
+def passes_kink(s: IntegratorWorkspace, end: float) -> bool:
+    """Return True if a law has another side of a kink at the end of a tried step than at its start."""
+    bends_of(s, s.time, s.state, s.bend_seen)
+    bends_of(s, end, s.new, s.bend_seen[s.bend_count :])
+    for j in range(s.bend_count):
+        if s.bend_seen[j] * s.bend_seen[s.bend_count + j] < 0.0:
+            return True
+    return False
+
+
+def first_bend(s: IntegratorWorkspace, size: float, nearest: float) -> float:
+    """Return the fraction of a Radau step at which a law first has a kink, along the collocation polynomial; 1 if there is none. See `first_between`."""
     for k in range(4):
         for i in range(s.n):
             s.rest[i] = s.state[i]
             if k > 0:
                 s.rest[i] = s.state[i] + s.z[(k - 1) * s.n + i]
         bends_of(s, s.time + PLACES[k] * size, s.rest, s.bend_seen[k * s.bend_count :])
-    return first_between(s, size, PLACES, 4, NEAREST, ON_IT)
+    return first_between(s, size, PLACES, 4, nearest)
 
 
-def first_between(
-    s: IntegratorWorkspace, size: float, places: Numbers, count: int, nearest: float, on_it: float
-) -> float:
+def first_between(s: IntegratorWorkspace, size: float, places: Numbers, count: int, nearest: float) -> float:
     """Return the fraction of a step at which a law first has a kink, from the kink functions at `count` places (in `bend_seen`); 1 if there is none.
 
-    Kinks nearer to the start than `nearest` are ignored, and those whose value there is below `on_it` times its largest.
+    Those nearer to the start than `nearest` count only if a law is narrow there.
     """
     m = s.bend_count
     first = 1.0
-    for j in range(m):
-        largest = 0.0
-        for k in range(count):
-            largest = max(largest, abs(s.bend_seen[k * m + j]))
-        if abs(s.bend_seen[j]) <= on_it * largest:
-            s.bend_seen[j] = 0.0
     for k in range(count - 1):
         for j in range(m):
             if s.bend_seen[k * m + j] * s.bend_seen[(k + 1) * m + j] < 0.0 and places[k] < first:
                 found = false_position(s, size, j, places[k], places[k + 1], k, count)
-                if found > nearest:
-                    first = min(first, found)
+                reach = 0.25 * (places[k + 1] - places[k])
+                if found < first and (found > nearest or is_narrow(s, size, found, reach)):
+                    first = found
     return first if first < 1.0 - CLOSE else 1.0
+
+
+def is_narrow(s: IntegratorWorkspace, size: float, at: float, reach: float) -> bool:
+    """Return True if what the rates are at a fraction of a tried step, and are not on both sides, moves a state by more than its tolerance allows.
+
+    A place of the method within `reach` would have seen what is wider. What is narrow keeps its height until the sides come as near as it is wide; a kink
+    loses half of it at each halving. The bend of the polynomial is subtracted.
+    """
+    n = s.n
+    reach = min(reach, 0.5 * at, 0.5 * (1.0 - at))
+    here = s.beside
+    bend = s.beside[n:]
+    put_slope_of_try(s, size, at - reach, 0.125 * reach, bend, -0.5)
+    put_slope_of_try(s, size, at + reach, 0.125 * reach, here, -0.5)
+    for i in range(n):
+        bend[i] += here[i]
+    put_slope_of_try(s, size, at, 0.125 * reach, here, 1.0)
+    for i in range(n):
+        bend[i] += here[i]
+    tried_at(s, at, s.rest)
+    rates(s, s.time + at * size, s.rest, here)
+    height = height_above(s, size, at, reach, 1.0)
+    width = reach
+    for _ in range(HALVINGS):
+        if height * width <= BENT or not isfinite(height):
+            return False
+        if height_above(s, size, at, 0.5 * width, 0.5 * width / reach) < 0.5 * height:
+            return True
+        width *= 0.5
+    return False
+
+
+def put_slope_of_try(s: IntegratorWorkspace, size: float, at: float, near: float, out: Floats, factor: float) -> None:
+    """Compute the slope of a tried step's polynomial at a fraction of it, by its values `near`, times a factor."""
+    n = s.n
+    share = factor / (2.0 * near * size)
+    tried_at(s, at + near, s.rest)
+    for i in range(n):
+        out[i] = s.rest[i]
+    tried_at(s, at - near, s.rest)
+    for i in range(n):
+        out[i] = share * (out[i] - s.rest[i])
+
+
+def height_above(s: IntegratorWorkspace, size: float, at: float, width: float, share: float) -> float:
+    """Return by how much rates at a fraction of a step (in `beside`) differ from the mean of those at a width on both sides, in tolerances a step.
+
+    The bend of the polynomial is subtracted: that in the second row of `beside` times the square of `share`.
+    """
+    n = s.n
+    left = s.beside[2 * n :]
+    right = s.beside[3 * n :]
+    tried_at(s, at - width, s.rest)
+    rates(s, s.time + (at - width) * size, s.rest, left)
+    tried_at(s, at + width, s.rest)
+    rates(s, s.time + (at + width) * size, s.rest, right)
+    most = 0.0
+    for i in range(s.differential):
+        off = s.beside[i] - 0.5 * (left[i] + right[i]) - share * share * s.beside[n + i]
+        most = max(most, abs(off) * s.per_tolerance[i] * size)
+    return most
 
 
 def false_position(s: IntegratorWorkspace, size: float, j: int, a: float, b: float, k: int, count: int) -> float:
@@ -76,13 +147,6 @@ def bends_at(s: IntegratorWorkspace, size: float, at: float, out: Floats) -> Non
     """Evaluate all kink functions at a fraction of the step."""
     tried_at(s, at, s.rest)
     bends_of(s, s.time + at * size, s.rest, out)
-
-
-def bends_of(s: IntegratorWorkspace, time: float, scaled: Floats, out: Floats) -> None:
-    """Evaluate all kink functions at a scaled state."""
-    for i in range(s.n):
-        s.si[i] = scaled[i] * s.magnitude[i]
-    s.bends(time, s.si, s.inputs, s.constants, s.mode, out)
 
 
 def after_bend(s: IntegratorWorkspace, size: float) -> None:

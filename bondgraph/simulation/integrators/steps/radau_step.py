@@ -10,7 +10,7 @@ from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
 from ..outcomes import ERROR, NEWTON, ORDER, ROUND_OFF
 from ..workspace import IntegratorWorkspace
 from .evaluation import drop_noise, has_loops, put_end, put_end_rates, put_terms, rates, renew, renew_at
-from .kinks import first_bend
+from .kinks import first_bend, passes_kink
 from .newton_matrices import factorise, factorise_real, solve_complex, solve_real
 from .norms import squares
 from .step_control import (
@@ -35,7 +35,7 @@ T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 NEWTON_ITERATIONS, UNSOLVED, SOLVED, ROUNDED = radau.NEWTON_ITERATIONS, radau.UNSOLVED, radau.SOLVED, radau.ROUNDED
 NEARLY, UNCONVERGED, MOST_SOLVING, DAMPED = radau.NEARLY, radau.UNCONVERGED, radau.MOST_SOLVING, radau.DAMPED
-BENT, MOST_BENDS, INFINITE = radau.BENT, radau.MOST_BENDS, tolerances.INFINITE
+BENT, MOST_BENDS, NEAREST, INFINITE = radau.BENT, radau.MOST_BENDS, radau.NEAREST, tolerances.INFINITE
 POWER = 0.25  # exponent of the estimate in the step size
 
 
@@ -72,8 +72,8 @@ def radau_step(s: IntegratorWorkspace) -> int:
             s.new[i] = s.state[i] + s.z[2 * n + i]
         norm = estimate(s, size, rejected > 0)
         safety = 0.9 * (2.0 * NEWTON_ITERATIONS + 1.0) / (2.0 * NEWTON_ITERATIONS + float(iterations))
-        if norm > BENT and bent < MOST_BENDS and s.bend_count > 0:
-            cut = first_bend(s, size)
+        if s.bend_count > 0 and bent < MOST_BENDS and (norm > BENT or passes_kink(s, end)):
+            cut = first_bend(s, size, NEAREST if norm > BENT else 1.0)
             if cut < 1.0:
                 bent += 1
                 size *= cut

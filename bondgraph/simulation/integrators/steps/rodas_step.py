@@ -12,7 +12,7 @@ from .. import radau, rodas
 from ..linear_algebra.sparse import ANEW, SINGULAR
 from ..outcomes import ERROR, NEWTON, ORDER, ROUND_OFF
 from ..workspace import IntegratorWorkspace
-from .dop853_dense import first_bend_along
+from .dop853_dense import NEAREST, first_bend_along
 from .evaluation import look_at_side, put_end, rates, renew
 from .kinks import after_bend
 from .newton_matrices import factorise_real, solve_real
@@ -52,7 +52,7 @@ def rodas_step(s: IntegratorWorkspace) -> int:
             continue
         norm = try_step(s, size)
         if s.bend_count > 0 and bent < MOST_BENDS and isfinite(norm):
-            share = first_bend_along(s, size, least)
+            share = first_bend_along(s, size, max(NEAREST, 2.0 * least / size))
             if share < 1.0 or (wish > 0.0 and norm > BENT):
                 wish = max(wish, size)
                 bent += 1
