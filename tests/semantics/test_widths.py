@@ -155,6 +155,29 @@ def test_a_width_in_a_loop_is_a_further_index() -> None:
     assert result.final("all[3]") == pytest.approx(2 * np.sin(np.sqrt(6)) / np.sqrt(6))
 
 
+def test_arrays_of_multibonds_of_a_width_are_joined_by_both_indices() -> None:
+    """n cells with the voltages i V and 2 V over R and C: 1 - exp(-t/RC) of each."""
+    text = """model Cell {
+      port top: electric[2]
+      C c(p: electric[2]) : e = q/(1 uF)
+      R r(p: electric[2]) : e = 1 [kohm]*f
+      top => 1(c, r)
+      output u = c.p.u
+    }
+    model Cells {
+      for i in 1..3 {
+        Cell cell[i]
+        0 node[i] : electric[2]
+        Se supply[i](p: electric[2]) : e = [i*1 V, 2 V]
+      }
+      supply => node => cell.top
+      output last = cell[3].u[1], other = cell[1].u[2]
+    }"""
+    result = bondgraph.load(text).simulate(to=2e-3, points=2, rtol=1e-9)
+    share = 1 - np.exp(-2)
+    assert (result.final("last"), result.final("other")) == pytest.approx((3 * share, 2 * share), rel=1e-7)
+
+
 def test_the_flat_text_and_the_formatted_one_are_the_same_model() -> None:
     flat = bondgraph.load(write_text(compiled(CHAIN).graph))
     expected = bondgraph.load(CHAIN).simulate(points=3).final("first")

@@ -261,8 +261,9 @@ class Connector:
                 raise Wrong(WrongConnection(place.span, what, hint))
             case Array():  # a multibond of all its items
                 parts = {k: self._finish(e, component, place, is_head, own_wall, scope) for k, e in entry.items.items()}
-                ends = ((k, c, t) for k, part in parts.items() for c, t in part.terminals.items())
-                terminals = {_member(indexed("", k), c): t for k, c, t in ends}
+                ends = ((indexed("", k), c, t) for k, part in parts.items() for c, t in part.terminals.items())
+                # the bonds of a port `p: electric[2]` of items are numbered as those of a junction `j[i] : electric[2]`
+                terminals = {f"{k[:-1]}, {c[1:]}" if c[:1] == "[" else _member(k, c): t for k, c, t in ends}
                 return next(iter(parts.values()))._replace(terminals=terminals, multi=True)
         if getattr(entry, "state", "") == "broken":
             raise AlreadyTold
