@@ -51,6 +51,29 @@ def test_a_part_of_a_family_moves_and_the_rest_settles() -> None:
     assert found["angle"] == pytest.approx(0.4, rel=1e-12) and abs(found["twist"]) < 1e-12
 
 
+def test_a_large_model_stays_at_its_start_too() -> None:
+    """52 wheels on springs with dampers, whose derivatives are sparse: the angle that a lift reads was where the search had left it, far away."""
+    text = """model Shaft {
+      for i in 1..52 {
+        1 node[i] : rotation
+        I wheel[i] : L = 2 [kg*m^2]*omega { start omega = i*0.1 [rad/s] }
+        node[i] -> wheel[i]
+      }
+      for i in 1..51 {
+        C k[i] : M = 50 [N*m]*phi
+        R r[i] : M = 4 [N*m*s]*omega
+        node[i] -> 0(1(k[i], r[i])) -> node[i+1]
+      }
+      signal turn = integral(node[1].omega, 0.4)
+      MTF lift : v2 = (1 mm*cos(turn))*omega1
+      node[1] -> lift -> 1(m)
+      I m : p = 1 kg*v { prefer = derivative }
+      output angle = turn, twist = k[1].phi
+    }"""
+    found = bondgraph.load(text).equilibrium()
+    assert found["angle"] == pytest.approx(0.4, rel=1e-12) and abs(found["twist"]) < 1e-12
+
+
 @pytest.mark.parametrize("resistance", [1e-6, 1.0, 1e9])
 def test_a_conserved_sum_says_where_charges_rest(resistance: float) -> None:
     """1 uF at 3 V is joined to 2 uF: both rest at 1 V, as q1 + q2 = const. says, wherever else they could rest."""

@@ -5,24 +5,23 @@ Where such a search ends is a matter of its steps, so these coordinates go back 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Array
 
 from ...errors import RunFailed
+from .dense import EquilibriumSearch
 
-if TYPE_CHECKING:
-    from .dense import EquilibriumSearch
-
+LARGEST = 500  # most states: the null spaces are those of a dense matrix
 MOVED = 1e-9  # relative to the largest part of a direction, in magnitudes: smaller ones are rounding
 KEPT = 1e-6  # of the product of a direction and a conserved sum, in magnitudes: less is rounding
 
 
 def held_at_start(search: EquilibriumSearch, start: Array, rest: Array) -> Any:
     """Return the rest with its free coordinates as at the start, or the same rest if that is none."""
-    if search.terms is None:  # of a large model
+    if search.count > LARGEST:
         return rest
     moved = free_coordinates(search, rest) & (start[: search.count] != rest[: search.count])
     if not moved.any():
@@ -44,7 +43,7 @@ def held_at_start(search: EquilibriumSearch, start: Array, rest: Array) -> Any:
 def free_coordinates(search: EquilibriumSearch, rest: Array) -> Any:
     """Return a mask (n,) of the states that move along a family of rests which no conserved sum tells apart: null vectors v and w of the derivatives
     with w'v = 0."""
-    _, _, jacobian = search.at(rest)
+    _, _, jacobian = EquilibriumSearch.at(search, rest)  # with the terms, also in a sparse search
     size = search.moved(search.scale(np.zeros(search.count)), jacobian)
     basis = np.eye(search.count) if search.basis is None else search.basis
     lengths = 1.0 / np.abs(basis / size[:, None]).max(axis=0)  # of one magnitude each
