@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from compiler.api import (
-    AHEAD,
     ANALYSIS_STEPS,
     BUNDLES,
     DOMAINS,
@@ -259,7 +258,7 @@ def _members(place: CursorPlace) -> Iterator[Suggestion]:
         return
     bond = _is_bond(place.context) or len(place.context.statement) == 2 * len(path)
     for inner in names.values():
-        if inner.span.unit is not None and inner.name.startswith((AHEAD, HELD)):
+        if inner.span.unit is not None and inner.name.startswith(HELD):
             continue  # what a run exchanges with the unit
         if not bond or inner.kind in ("port", "component", "part"):
             yield _named(inner)

@@ -88,11 +88,11 @@ def _with_source(definition: ModelDefinition, port: str, given: str) -> ModelDef
         raise CompilationFailed([WrongConnection(model.name_span, f"`{port}` is no port of one bond of `{model.name}`", hint)])  # fmt: skip
     domain = DOMAINS[next(p.domain for p in single if p.name == port) or ""]
     variable, kind, other = ("e", "MSe", "f") if given == "effort" else ("f", "MSf", "e")
-    letter, result, unit = domain.letter(variable), domain.letter(other), domain.dimension(variable)
-    text = f"input {port}_{letter}: {unit} = 0\n{kind} {port} : {letter} = {port}_{letter}\noutput {port}_{result} = {port}.{result}"
-    source = parse(Source(f"port {port}", f"{'' if domain.typed else 'plain '}model Port {{\n{text}\n}}")).models[
-        "Port"
-    ]
+    plain = model.plain or not domain.typed
+    letter, result = (variable, other) if plain else (domain.letter(variable), domain.letter(other))
+    unit = "" if plain else f": {domain.dimension(variable)}"
+    text = f"input {port}_{letter}{unit} = 0\n{kind} {port} : {letter} = {port}_{letter}\noutput {port}_{result} = {port}.{result}"
+    source = parse(Source(f"port {port}", f"{'plain ' * plain}model Port {{\n{text}\n}}")).models["Port"]
     for statement in model.statements:
         if not isinstance(statement, tree.PortsSyntax):
             statements.append(statement)

@@ -216,6 +216,13 @@ def test_an_editor_offers_units_and_what_they_have(description: str, tmp_path: P
         assert (definition(workspace, path, LOOP.index(word)) is None) == (word != "drive.volt")
 
 
+def test_a_unit_goes_no_further_than_the_run(tmp_path: Path) -> None:
+    """A table over the second that the run takes: no step behind it is asked for."""
+    exported("model Tab { output y = linear(time, (0 s, 1 s), (0, 2))\n experiment e { simulate 0 .. 1 s } }", tmp_path)
+    found = importing(tmp_path, "Tab", "communication_step = 0.1 s", "y = u.y", "1 s")
+    assert found["y"] == pytest.approx(0.2 * np.floor(found.time / 0.1 + 1e-9), abs=1e-12)
+
+
 def test_a_unit_that_fails_is_told_with_its_own_words(tmp_path: Path) -> None:
     """A table that is left is an error of the unit, with a sentence in its log; one that is no archive is no unit; nor is one outside."""
     exported("model Limited { input u = 0\n output y = linear(u, (0, 1), (0, 2))\n experiment e { simulate 0 .. 1 s } }", tmp_path)  # fmt: skip

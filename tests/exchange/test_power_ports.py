@@ -110,6 +110,9 @@ def test_strokes_that_forbid_a_way_are_told_with_their_reason(tmp_path: Path) ->
             case.to_fmu(tmp_path / "never.fmu", ports={"tip": "flow"})
     with pytest.raises(UsageError, match="takes its `effort` or its `flow`"):
         model.to_fmu(tmp_path / "never.fmu", ports={"end": "both"})
+    plain = "plain model Mass { port end: translation\n I mass : p = 2*f\n end -> 1(mass)\n output speed = mass.f\n experiment e { simulate 0 .. 1 } }"
+    bondgraph.load(plain).to_fmu(tmp_path / "plain.fmu", ports={"end": "effort"})
+    assert {"end_e", "end_f"} < {v.name for v in read_model_description(str(tmp_path / "plain.fmu")).modelVariables}
     (tmp_path / "m.bg").write_text(text, encoding="utf-8")
     arguments = ["compile", str(tmp_path / "m.bg"), "--port", "end=effort", "-o"]
     assert CliRunner().invoke(commands, [*arguments, str(tmp_path / "c.fmu")]).exit_code == 0

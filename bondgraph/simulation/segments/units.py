@@ -1,6 +1,7 @@
 """Imported functional mock-up units in a run: co-simulated at the instants of their `every`, by FMPy.
 
-At a communication point a unit's values of the last step become those of the model; then it takes its inputs and makes the next step.
+At a communication point a unit makes the step that ends there, with what it took at the point before, and its values become those of the model: so it
+never goes beyond the end of a run.
 """
 
 from __future__ import annotations
@@ -49,24 +50,23 @@ class CoSimulatedUnit:
     description: UnitDescription
     # the first communication points, two at most: their numbers, and what the unit took there
     taken: list[tuple[int, Mapping[str, float]]] = field(default_factory=list)
+    before: Mapping[str, float] = field(default_factory=dict)  # what the model had at the last point
     messages: list[str] = field(default_factory=list)
     instance: Any = None
 
     def exchange(self, time: float, values: Mapping[str, float]) -> dict[str, float]:
         """Return the values that the block sets at a communication point. `values`: as the model has them. Raises `RunFailed`."""
-        from compiler.api import AHEAD
-
         number = round(time / self.step)
-        settings = dict(values)
         if len(self.taken) < 2:
             self.taken.append((number, values))
         with _Reported(self, time):
             if self.instance is None:
                 self._begin(number * self.step, values)
-                settings |= self._outputs("")
-            self._take(self.description.of("input"), values)
-            self._step(number)
-            return settings | self._outputs(AHEAD)
+            else:
+                self._take(self.description.of("input"), self.before)
+                self._step(number - 1)
+            self.before = values
+            return {**values, **self._outputs()}
 
     def again(self) -> CoSimulatedUnit:
         """Return another instance that has gone as far, one step at most."""
@@ -111,14 +111,14 @@ class CoSimulatedUnit:
             write = self.instance.setReal if self.description.version == "2.0" else self.instance.setFloat64
             write([v.reference for v in variables], numbers)
 
-    def _outputs(self, before: str) -> dict[str, float]:
+    def _outputs(self) -> dict[str, float]:
         """Return the outputs in SI, by name."""
         outputs = self.description.of("output")
         read = self.instance.getReal if self.description.version == "2.0" else self.instance.getFloat64
         results = {}
         for item, number in zip(outputs, read([v.reference for v in outputs]), strict=True):
             factor, offset = _scale(item)
-            results[before + item.name] = factor * float(number) + offset
+            results[item.name] = factor * float(number) + offset
             if not isfinite(number):
                 raise ValueError(f"its output `{item.own}` is not finite")
         return results

@@ -20,7 +20,7 @@ from ...graph.units import Dimension
 from ...source import MAXIMUM_BYTES, Source
 from .scope import RESERVED
 
-STEP, HELD, AHEAD = "communication_step", "held_", "ahead_"
+STEP, HELD = "communication_step", "held_"
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 _REAL = {"2.0": ("ScalarVariable", "SimpleType"), "3.0": ("Float64", "Float64Type")}  # elements of variables, of types
 _BOUNDS = {"needsExecutionTool": "needs the tool that made it", "canBeInstantiatedOnlyOncePerProcess": "may be there only once"}  # fmt: skip
@@ -90,11 +90,10 @@ def unit_model(unit: UnitDescription, name: str, path: Path) -> Source:
     for item in takes:
         start = "" if item.start is None else f" = {_number(item.start, item)}"
         lines.append(f'  {item.role} {_declared(item)}{start} "{item.description}"')
-    lines += [f"  mode {_declared(v, before)} = 0" for v in yields for before in ("", AHEAD)]
+    lines += [f"  mode {_declared(v)} = 0" for v in yields]
     lines += [f"  mode {_declared(v, HELD)} = 0" for v in takes]
-    lines += [f"  every {STEP} {{", *(f"    {v.name} = {AHEAD}{v.name}" for v in yields)]
-    lines += [f"    {HELD}{v.name} = {v.name}" for v in takes]
-    lines += [f"    {AHEAD}{v.name} = {AHEAD}{v.name} + {_number(1.0, v)}" for v in yields]  # something moves: the unit
+    lines += [f"  every {STEP} {{", *(f"    {HELD}{v.name} = {v.name}" for v in takes)]
+    lines += [f"    {v.name} = {v.name} + {_number(1.0, v)}" for v in yields]  # something moves: the unit
     return Source(name, "\n".join([f"model {unit.name} {{", *lines, "  }", "}", ""]), path)
 
 
@@ -184,7 +183,7 @@ class _NewNames:
     def new(self, name: str) -> str:
         """Return `mass.p` as `mass_p`."""
         word = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_") or "x"
-        word = f"x{word}" if word[0].isdigit() or word.startswith((HELD, AHEAD)) else word
+        word = f"x{word}" if word[0].isdigit() or word.startswith(HELD) else word
         while word in self.taken or word in RESERVED:
             word += "_"
         self.taken.add(word)
