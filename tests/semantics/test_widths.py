@@ -155,6 +155,15 @@ def test_a_width_in_a_loop_is_a_further_index() -> None:
     assert result.final("all[3]") == pytest.approx(2 * np.sin(np.sqrt(6)) / np.sqrt(6))
 
 
+@pytest.mark.parametrize(
+    ("name", "law"), [("F", "Se s(p: translation[2]) : e = F"), ("x", "C s(p: translation[2]) : energy = dot(x, x)/2")]
+)
+def test_an_array_with_the_name_of_a_letter_is_a_clash(name: str, law: str) -> None:
+    """As a single name is; the law read its own variables without a word."""
+    found = mistakes(line(f"for i in 1..2 {{ constant {name}[i] = i }}\n  {law}"))
+    assert any(d.code == "BG116" and f"`{name}` could be a variable of `s`" in d.sentence for d in found), found
+
+
 def test_arrays_of_multibonds_of_a_width_are_joined_by_both_indices() -> None:
     """n cells with the voltages i V and 2 V over R and C: 1 - exp(-t/RC) of each."""
     text = """model Cell {

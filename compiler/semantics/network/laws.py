@@ -18,7 +18,7 @@ from ..expressions.lists import columns_of, parts_of, place_in, shape_of, sort_o
 from ..expressions.template import CompiledLaw, OwnVariable, Resolve, Slot, Typed
 from ..names.domain_table import paths_of
 from ..names.errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw, WrongType
-from ..names.scope import STATIC_ROLES, Scalar, Scope
+from ..names.scope import STATIC_ROLES, Array, Scalar, Scope
 from ..names.statement_errors import Wrong, describe
 from .transducers import check_many_ports
 
@@ -165,8 +165,9 @@ class _LawReader:
             listed = {}  # names of the model, which such a law reads
         for path in paths:
             words, found = path.words, self.scope.find(path.head)
-            if words in {**listed, **multibonds} and getattr(found, "role", "") in numbers:
-                raise Wrong(NameClash(path.span, words, self.name, str(getattr(found, "role", "")), ""))
+            item = next(iter(found.items.values())) if isinstance(found, Array) else found
+            if words in {**listed, **multibonds} and (role := str(getattr(item, "role", ""))) in numbers:
+                raise Wrong(NameClash(path.span, words, self.name, role, ""))
             if words in own and not path.steps and found is not None and words != self.name:
                 role = getattr(found, "role", "")
                 if role not in numbers:
@@ -174,15 +175,15 @@ class _LawReader:
                 generic = words if self.row.sides else own[words].own.variable
                 instead = "" if generic == words else f", or write the variable as `{generic}`"
                 raise Wrong(NameClash(path.span, words, self.name, str(role), instead))
-            item = bool(path.steps) and isinstance(path.steps[-1], tree.Index)  # of a list of its own variables
-            listing = replace(path, steps=path.steps[:-1]).words if item else words
+            is_item = bool(path.steps) and isinstance(path.steps[-1], tree.Index)  # of a list of its own variables
+            listing = replace(path, steps=path.steps[:-1]).words if is_item else words
             if (group := components_of(self.ports, path.head)) and not {words, listing} & {*own, *multibonds}:
                 what = f"The law of `{self.name}` uses `{words}` of a multibond"
                 port = group[next(iter(group))]
                 one = f"{port}.{self.ports[port].letter('f')}"
                 hint = f"Write `{path.head}.f`, all its flows, or `{one}`, one of them, with a number as its index."
                 raise self._wrong(what, hint, path.span)
-            if item and listing in {**multibonds, **listed}:
+            if is_item and listing in {**multibonds, **listed}:
                 own[words] = _item({**multibonds, **listed}[listing], path)
             if words in forbidden and found is None:
                 what = f"The law of `{self.declaration.kind} {self.name}` uses `{words}`; {self.row.letters} relates {self.row.relates}"
