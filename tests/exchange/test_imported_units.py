@@ -216,6 +216,23 @@ def test_an_editor_offers_units_and_what_they_have(description: str, tmp_path: P
         assert (definition(workspace, path, LOOP.index(word)) is None) == (word != "drive.volt")
 
 
+def test_what_a_unit_gives_at_the_start_is_there_at_once(tmp_path: Path) -> None:
+    """A second unit and an `every` read 10 V from the first instant on; both had 0 V for a step."""
+    exported(DRIVE, tmp_path)
+    text = """import Drive from "unit.fmu"
+model Two {
+  Drive first { communication_step = 0.1 s }
+  Drive second { communication_step = 0.1 s, omega = first.volt*1 [rad/(s*V)] }
+  mode held = 0
+  every 0.1 s { held = first.volt/(1 V) }
+  output a = first.volt, b = second.volt, c = held
+  experiment go { simulate 0 .. 0.2 s { points = 3 } }
+}"""
+    found = bondgraph.load(written(text, tmp_path)).simulate()
+    assert (found["a"].tolist(), found["c"].tolist()) == ([10.0] * 3, [10.0] * 3)
+    assert found["b"].tolist() == pytest.approx([10.0, 8.0, 8.0])  # it began with 0 rad/s
+
+
 def test_a_unit_goes_no_further_than_the_run(tmp_path: Path) -> None:
     """A table over the second that the run takes: no step behind it is asked for."""
     exported("model Tab { output y = linear(time, (0 s, 1 s), (0, 2))\n experiment e { simulate 0 .. 1 s } }", tmp_path)

@@ -22,6 +22,7 @@ from .events import Events
 from .impulse import StorageJump, after_impulse
 from .indicators import EventIndicators, HybridState, conditions_of
 from .mode_iteration import settled
+from .resets import reset
 
 if TYPE_CHECKING:
     from compiler.api import RunMetadata, Scene
@@ -101,7 +102,11 @@ def begun(
     events.units = units_of(
         events.hybrid, dict(zip(events.sampled.tolist(), events.sampling[:, 0], strict=True)), first.start
     )
-    moment = events.happen(HybridState(first.start, full, first.mode), due=events.due(first.start))
+    start = HybridState(first.start, full, first.mode)
+    if events.units is not None:  # what they give at the start is there before anything reads it
+        start = reset(events, start, list(events.units.units))
+        start = replace(start, mode=events.guess(start))
+    moment = events.happen(start, due=events.due(first.start))
     events.tell_valves(first.mode)
     return events, moment
 

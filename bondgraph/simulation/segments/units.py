@@ -50,22 +50,25 @@ class CoSimulatedUnit:
     description: UnitDescription
     # the first communication points, two at most: their numbers, and what the unit took there
     taken: list[tuple[int, Mapping[str, float]]] = field(default_factory=list)
-    before: Mapping[str, float] = field(default_factory=dict)  # what the model had at the last point
+    number: int = 0  # of the last point
+    before: Mapping[str, float] = field(default_factory=dict)  # what the model had there
     messages: list[str] = field(default_factory=list)
     instance: Any = None
 
     def exchange(self, time: float, values: Mapping[str, float]) -> dict[str, float]:
         """Return the values that the block sets at a communication point. `values`: as the model has them. Raises `RunFailed`."""
         number = round(time / self.step)
+        if self.taken and self.taken[-1][0] == number:
+            self.taken.pop()
         if len(self.taken) < 2:
             self.taken.append((number, values))
         with _Reported(self, time):
             if self.instance is None:
                 self._begin(number * self.step, values)
-            else:
+            elif number > self.number:
                 self._take(self.description.of("input"), self.before)
                 self._step(number - 1)
-            self.before = values
+            self.number, self.before = number, values
             return {**values, **self._outputs()}
 
     def again(self) -> CoSimulatedUnit:
