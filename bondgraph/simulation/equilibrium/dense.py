@@ -77,6 +77,10 @@ class EquilibriumSearch:
         self.largest = np.maximum(self.largest, np.abs(full[:n]))
         return full, slope, jacobian
 
+    def derivatives_with_terms(self, full: Array) -> Any:
+        """Return the derivatives by the states alone as a dense matrix (n, n), and put the sizes of their terms into `terms`; None where they have none."""
+        return EquilibriumSearch.at(self, full)[2]
+
     def rates(self, full: Array) -> Any:
         """Return the rates of the states (n,), zero for those that nothing reads."""
         slope = np.array(self.program.derivative(self.time, full, *self.fixed))[: self.count]

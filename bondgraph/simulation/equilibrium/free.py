@@ -5,14 +5,16 @@ Where such a search ends is a matter of its steps, so these coordinates go back 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from compiler.api import Array
 
 from ...errors import RunFailed
-from .dense import EquilibriumSearch
+
+if TYPE_CHECKING:
+    from .dense import EquilibriumSearch
 
 LARGEST = 500  # most states: the null spaces are those of a dense matrix
 MOVED = 1e-9  # relative to the largest part of a direction, in magnitudes: smaller ones are rounding
@@ -43,7 +45,9 @@ def held_at_start(search: EquilibriumSearch, start: Array, rest: Array) -> Any:
 def free_coordinates(search: EquilibriumSearch, rest: Array) -> Any:
     """Return a mask (n,) of the states that move along a family of rests which no conserved sum tells apart: null vectors v and w of the derivatives
     with w'v = 0."""
-    _, _, jacobian = EquilibriumSearch.at(search, rest)  # with the terms, also in a sparse search
+    jacobian = search.derivatives_with_terms(rest)
+    if jacobian is None:
+        return np.zeros(search.count, dtype=bool)
     size = search.moved(search.scale(np.zeros(search.count)), jacobian)
     basis = np.eye(search.count) if search.basis is None else search.basis
     lengths = 1.0 / np.abs(basis / size[:, None]).max(axis=0)  # of one magnitude each

@@ -143,6 +143,9 @@ class SampledSearch(EquilibriumSearch):
         self.farthest = min(self.farthest, FARTHEST * first) if first > 0 else self.farthest
         return full, rates, jacobian
 
+    def derivatives_with_terms(self, full: Array) -> Any:
+        """Return None: differences have no terms."""
+
     def rates(self, full: Array) -> Any:
         """Return the rates as `EquilibriumSearch.rates`: a sampled value approaches its successor within a period."""
         state, mode = self.split(full)
