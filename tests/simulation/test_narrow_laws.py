@@ -66,3 +66,14 @@ def test_a_spike_among_many_rows(rows: int, spike: int, solver: str) -> None:
     values = [1.0 if place == peak else 0.0 for place in places]
     law = f"linear(x, ({', '.join(map(repr, places))}), ({', '.join(map(repr, values))}))"
     assert passed(law, width, "1/1 s", solver, False) == pytest.approx(1, abs=1e-5)
+
+
+@pytest.mark.few(8)
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("height", [1.0, 3.0, 4.4, 4.499])
+@pytest.mark.parametrize("law", LAWS)
+def test_what_is_thrown_passes_it_twice_in_one_step(law: str, height: float, solver: str) -> None:
+    """A parabola up to 4.5: any step is exact, and one over the whole flight ends on the side on which it began."""
+    width = 1e-5
+    y = passed(LAWS[law].format(c=height, w=repr(width)), width, "(3 - time/1 s)/1 s", solver, False)
+    assert y == pytest.approx(2 / sqrt(9 - 2 * height), rel=1e-4)

@@ -20,17 +20,8 @@ if TYPE_CHECKING:
 PLACES = (0.0, *radau.C.tolist())
 CLOSE = radau.CLOSE
 BENT, HALVINGS = radau.BENT, radau.HALVINGS
+NEAR_ZERO = 0.1  # of a kink function at a place: where it turns below, by a parabola, it is looked at
 ROUNDS = 12  # most iterations of false position (Illinois: Dowell and Jarratt, BIT 11, 1971)
-
-
-def passes_kink(s: IntegratorWorkspace, end: float) -> bool:
-    """Return True if a law has another side of a kink at the end of a tried step than at its start."""
-    bends_of(s, s.time, s.state, s.bend_seen)
-    bends_of(s, end, s.new, s.bend_seen[s.bend_count :])
-    for j in range(s.bend_count):
-        if s.bend_seen[j] * s.bend_seen[s.bend_count + j] < 0.0:
-            return True
-    return False
 
 
 def first_bend(s: IntegratorWorkspace, size: float, nearest: float) -> float:
@@ -53,12 +44,41 @@ def first_between(s: IntegratorWorkspace, size: float, places: Numbers, count: i
     first = 1.0
     for k in range(count - 1):
         for j in range(m):
-            if s.bend_seen[k * m + j] * s.bend_seen[(k + 1) * m + j] < 0.0 and places[k] < first:
-                found = false_position(s, size, j, places[k], places[k + 1], k, count)
-                reach = 0.25 * (places[k + 1] - places[k])
-                if found < first and (found > nearest or is_narrow(s, size, found, reach)):
-                    first = found
+            if places[k] < first:
+                at_a = s.bend_seen[k * m + j]
+                b = places[k + 1]
+                at_b = s.bend_seen[(k + 1) * m + j]
+                if at_a * at_b > 0.0:
+                    b = turn(s, places, j, k)
+                    if b < places[k + 1]:
+                        bends_at(s, size, b, s.bend_seen[5 * m :])
+                        at_b = s.bend_seen[5 * m + j]
+                if at_a * at_b < 0.0:
+                    found = false_position(s, size, j, places[k], at_a, b, at_b)
+                    reach = 0.25 * (places[k + 1] - places[k])
+                    if found < first and (found > nearest or is_narrow(s, size, found, reach)):
+                        first = found
     return first if first < 1.0 - CLOSE else 1.0
+
+
+def turn(s: IntegratorWorkspace, places: Numbers, j: int, k: int) -> float:
+    """Return where a kink function of one sign at the k-th place and the next turns between them, near zero or beyond, by a parabola; else the next place.
+
+    A motion there and back, as of what is thrown, passes a kink twice in a step that ends where it began.
+    """
+    m = s.bend_count
+    i = k - 1 if k > 0 else 0
+    y = s.bend_seen[i * m + j]
+    slope = (s.bend_seen[(i + 1) * m + j] - y) / (places[i + 1] - places[i])
+    second = (s.bend_seen[(i + 2) * m + j] - s.bend_seen[(i + 1) * m + j]) / (places[i + 2] - places[i + 1])
+    bend = (second - slope) / (places[i + 2] - places[i])
+    here = s.bend_seen[k * m + j]
+    if here * bend > 0.0:
+        at = 0.5 * (places[i] + places[i + 1] - slope / bend)
+        value = y + slope * (at - places[i]) + bend * (at - places[i]) * (at - places[i + 1])
+        if at > places[k] and at < places[k + 1] and value / here < NEAR_ZERO:
+            return at
+    return places[k + 1]
 
 
 def is_narrow(s: IntegratorWorkspace, size: float, at: float, reach: float) -> bool:
@@ -122,15 +142,13 @@ def height_above(s: IntegratorWorkspace, size: float, at: float, width: float, s
     return most
 
 
-def false_position(s: IntegratorWorkspace, size: float, j: int, a: float, b: float, k: int, count: int) -> float:
-    """Return an approximate zero of a kink function between the places a and b, the k-th and the next, where its signs differ."""
+def false_position(s: IntegratorWorkspace, size: float, j: int, a: float, at_a: float, b: float, at_b: float) -> float:
+    """Return an approximate zero of a kink function between the places a and b, where its values have different signs."""
     m = s.bend_count
-    at_a = s.bend_seen[k * m + j]
-    at_b = s.bend_seen[(k + 1) * m + j]
     for _ in range(ROUNDS):
         new = b - at_b * (b - a) / (at_b - at_a)
-        bends_at(s, size, new, s.bend_seen[count * m :])
-        value = s.bend_seen[count * m + j]
+        bends_at(s, size, new, s.bend_seen[5 * m :])
+        value = s.bend_seen[5 * m + j]
         if value * at_b < 0.0:
             a = b
             at_a = at_b

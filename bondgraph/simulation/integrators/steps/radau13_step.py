@@ -17,7 +17,6 @@ from ..outcomes import ERROR, NEWTON, ROUND_OFF
 from ..workspace import IntegratorWorkspace
 from .dop853_dense import NEAREST, first_bend_along
 from .evaluation import has_loops, put_end, put_end_rates, put_terms, renew
-from .kinks import passes_kink
 from .newton_matrices import factorise_pair, factorise_real, solve_real
 from .radau13_coefficients import MU, TI, WITHIN, C, E, T
 from .radau_step import BENT, MOST_BENDS, misses
@@ -81,10 +80,11 @@ def radau13_step(s: IntegratorWorkspace) -> int:
         norm = estimate_stages(s, size, rejected > 0)
         most = 2.0 * float(ITERATIONS[(s.stage_count - LEAST) // 2])
         safety = 0.9 * (most + 1.0) / (most + float(iterations))
-        if s.bend_count > 0 and bent < MOST_BENDS and (norm > BENT or passes_kink(s, end)):
+        if s.bend_count > 0 and bent < MOST_BENDS:
             put_rows_of_stages(s)
-            cut = first_bend_along(s, size, max(NEAREST, 2.0 * least / size) if norm > BENT else 1.0)
-            if cut < 1.0:
+            share = first_bend_along(s, size, max(NEAREST, 2.0 * least / size) if norm > BENT else 1.0)
+            if share < 1.0:
+                cut = share
                 bent += 1
                 size *= cut
                 continue

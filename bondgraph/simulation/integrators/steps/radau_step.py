@@ -10,7 +10,7 @@ from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
 from ..outcomes import ERROR, NEWTON, ORDER, ROUND_OFF
 from ..workspace import IntegratorWorkspace
 from .evaluation import drop_noise, has_loops, put_end, put_end_rates, put_terms, rates, renew, renew_at
-from .kinks import first_bend, passes_kink
+from .kinks import first_bend
 from .newton_matrices import factorise, factorise_real, solve_complex, solve_real
 from .norms import squares
 from .step_control import (
@@ -72,9 +72,10 @@ def radau_step(s: IntegratorWorkspace) -> int:
             s.new[i] = s.state[i] + s.z[2 * n + i]
         norm = estimate(s, size, rejected > 0)
         safety = 0.9 * (2.0 * NEWTON_ITERATIONS + 1.0) / (2.0 * NEWTON_ITERATIONS + float(iterations))
-        if s.bend_count > 0 and bent < MOST_BENDS and (norm > BENT or passes_kink(s, end)):
-            cut = first_bend(s, size, NEAREST if norm > BENT else 1.0)
-            if cut < 1.0:
+        if s.bend_count > 0 and bent < MOST_BENDS:
+            share = first_bend(s, size, NEAREST if norm > BENT else 1.0)
+            if share < 1.0:
+                cut = share
                 bent += 1
                 size *= cut
                 continue
