@@ -34,12 +34,13 @@ class Suggestions {
     this.about = html("div", { class: "about", role: "status" });
     this.box.append(this.list, this.about);
     document.body.append(this.box);  // nothing that scrolls cuts it off
-    document.addEventListener("scroll", (event) => { if (!this.box.contains(event.target)) this.close(); }, true);
+    // Whoever scrolls closes it; a page that moves as results come in does not, nor does it lose the answer to a question.
+    for (const kind of ["wheel", "touchmove", "pointerdown"]) document.addEventListener(kind, (event) => { if (!this.box.contains(event.target)) this.close(); }, { capture: true, passive: true });
     for (const [name, value] of Object.entries({ role: "combobox", "aria-autocomplete": "list", "aria-controls": "offered", "aria-expanded": "false", title: "Ctrl+Space: words that may follow; F1: about the word at the cursor" })) this.area.setAttribute(name, value);
     this.area.addEventListener("keydown", (event) => this.key(event));
     this.area.addEventListener("input", (event) => { if (!this.putting && (!this.list.hidden && !this.box.hidden || /^[\p{L}_.]$/u.test(event.data ?? ""))) this.later(() => this.complete(), 120); });
     this.area.addEventListener("pointermove", (event) => this.later(() => { if (this.box.hidden || this.list.hidden) this.hover(this.under(event)); }, 450));
-    for (const kind of ["blur", "pointerdown", "pointerleave"]) this.area.addEventListener(kind, () => this.close());
+    for (const kind of ["blur", "pointerleave"]) this.area.addEventListener(kind, () => this.close());
     this.list.addEventListener("pointerdown", (event) => { event.preventDefault(); const place = [...this.list.children].indexOf(event.target.closest("li")); if (place >= 0) this.put(place); });
   }
 
