@@ -40,7 +40,8 @@ from .program import ConditionNote
 
 HALF = Number(0.5)
 FEW_KNOTS = 32  # of a table: each has a kink function of its own
-ROUGH = 1e-4  # of the range of a table: what a knot may be off the line between its neighbours
+# What a knot may be off the line between its neighbours: of the range of its table, and of that of the three, unless it is rounding of the largest value.
+ROUGH, ROUGH_HERE, ROUNDED = 1e-4, 0.1, 1e-12
 MOST_PIECES = 8  # of a function of time that is affine in pieces
 
 
@@ -381,9 +382,10 @@ def rough_knots(places: Sequence[Expression], heights: Sequence[Expression]) -> 
     ]
     if len(numbers) < len(places):
         return list(range(len(places)))
-    least = ROUGH * (max(h for _, h in numbers) - min(h for _, h in numbers))
+    highest, lowest = max(h for _, h in numbers), min(h for _, h in numbers)
+    most, rounded = ROUGH * (highest - lowest), ROUNDED * max(abs(highest), abs(lowest))
     off = [
-        abs(b - a - (c - a) * (q - p) / (r - p)) > least
+        abs(b - a - (c - a) * (q - p) / (r - p)) > max(rounded, min(most, ROUGH_HERE * (max(a, b, c) - min(a, b, c))))
         for (p, a), (q, b), (r, c) in zip(numbers, numbers[1:], numbers[2:], strict=False)
     ]
     return [k + 1 for k, is_off in enumerate(off) if is_off]
