@@ -14,6 +14,7 @@ import pytest
 import bondgraph
 from bondgraph.errors import RunFailed
 from bondgraph.numerics.homotopy import follow
+from bondgraph.simulation.integrators.loop_newton import relative_step
 from bondgraph.simulation.loops.branches import _regular
 
 DIODE = """model A {
@@ -185,3 +186,10 @@ def test_no_tolerance_stops_at_diodes(volts: float) -> None:
 def test_what_bends_within_the_tolerance_is_told_to_need_a_tighter_one() -> None:
     with pytest.raises(RunFailed, match=r"needs a tighter one$"):
         bondgraph.load(MAINS).simulate(settings={"V": 3000}, to=0.1, rtol=1e-2, solver="radau")
+
+
+@pytest.mark.parametrize("step", [(math.nan, 1e-12), (1e-12, math.nan), (math.inf, 0.0)])
+def test_a_correction_that_is_not_finite_is_not_hidden_by_another_unknown(step: tuple[float, float]) -> None:
+    """Corrections of the other unknowns alone would tell that the loop is solved."""
+    loop: Any = SimpleNamespace(n=2, step=step, z=(1.0, 1.0), unit=(1.0, 1.0))
+    assert not math.isfinite(relative_step(loop, 1e-3))

@@ -200,11 +200,13 @@ def through_inverse(s: LoopSystem, i: int, sizes: Floats) -> float:
 
 
 def relative_step(s: LoopSystem, least: float) -> float:
-    """Return the largest relative correction of an unknown."""
+    """Return the largest relative correction of an unknown, or one that is not finite."""
     result = 0.0
     for i in range(s.n):
         part = abs(s.step[i]) / max(abs(s.z[i]), least * s.unit[i])
-        result = part if not part <= result else result
+        if not isfinite(part):
+            return part
+        result = max(result, part)
     return result
 
 
