@@ -32,7 +32,7 @@ from tests.compiling import MODELS
 
 pytestmark = pytest.mark.machine_code
 STILL = {"drag.bg": ("Ball",), "feed_forward.bg": ("InverseKinematics",), "flexure.bg": ("WorldFlexure", "BodyFlexure")}
-LONG = {"side_instability.bg", "coin.bg"}  # half a minute interpreted, the look ahead of a coin alone
+LONG = {"side_instability.bg"}  # as `end_stops.bg`
 RUNNING = [
     (path, name) for path, name in MODELS_OF_FILES if name not in STILL.get(path.name, ()) and path.name not in LONG
 ]

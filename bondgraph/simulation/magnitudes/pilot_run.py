@@ -163,7 +163,10 @@ class PilotRun:
         others = {}
         if not self.differential.all():
             loops = LoopSolver(self.program, self.constants, self.inputs, self.largest)
-            others["loops"] = loops.system(0.0, self.state, self.compiled.values["mode"], slice(None))
+            if loops.affine and self.constraints is not None:
+                others["closed"] = self.constraints.always_compiled(self.program.native is not None).values
+            else:
+                others["loops"] = loops.system(0.0, self.state, self.compiled.values["mode"], slice(None))
         if choice:
             others["selection"] = selection_record(choice)
         motion = None if reach is None else (reach.amplitudes, reach.inverse, reach.scale)

@@ -50,7 +50,9 @@ def _room_of_loop(program: Program) -> dict[str, Any]:
     """Return the same for the loop over steps."""
     n = len(program.states.names) + len(program.unknowns.names)
     numbers: dict[str, Any] = dict.fromkeys((*PACE, "begun"), 0.0) | dict.fromkeys(("noted", "taken", "root_count"), 0)
-    numbers |= {"most_steps": MOST_STEPS, "n": n, "guessing": 0, "loops": {}, "selection": {"slope_count": 0}}
+    numbers |= {
+        "most_steps": MOST_STEPS, "n": n, "guessing": 0, "loops": {}, "multiplying": 0, "closed": {}, "selection": {"slope_count": 0},
+    }  # fmt: skip
     numbers["sparse"] = int(is_sparse(program))  # Python reads it to choose its version of the source
     count = 0 if program.hybrid is None else len(program.hybrid.conditions)
     roots = {"root": np.zeros(count)} | {name: np.zeros(count, dtype=np.int64) for name in ("root_said", "root_strict")}
@@ -83,8 +85,8 @@ class CompiledPilotRun:
     def __init__(
         self, steps: CompiledPilotStep, motion: tuple[Any, Any, Any] | None, others: Mapping[str, RecordArray | Plain], most: int
     ) -> None:  # fmt: skip
-        """`motion`: amplitudes, inverse and scale of the modes of the free motion from the start, if its reach counts; `others`: records of loops and of
-        the state selection, if there are any; `most`: steps of a call."""
+        """`motion`: amplitudes, inverse and scale of the modes of the free motion from the start, if its reach counts; `others`: records of loops, of
+        constraints with multipliers and of the state selection, if there are any; `most`: steps of a call."""
         self.euler, self.most, n = steps, most, steps.record.n
         nothing, ones = np.zeros((0, 0)), np.ones(n)
         shapes, inverse, unit = motion or (nothing, nothing, ones)
@@ -92,7 +94,8 @@ class CompiledPilotRun:
             "euler": steps.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
             "inverse_im": inverse.imag.ravel(), "unit": unit, **dict.fromkeys(("state", "far", "until"), ones),
         }  # fmt: skip
-        given |= {"guessing": int("loops" in others), **others}
+        given |= {"guessing": int("loops" in others), "multiplying": int("closed" in others), **others}
+        self.modes = [record["mode"] for record in (steps.values, others.get("closed")) if record is not None]
         program, native = steps.program, steps.program.native is not None
         self.values = record_for(PilotWorkspace, program, "", lambda: _room_of_loop(program), given, native)
         self._record = self.values.record
@@ -106,7 +109,9 @@ class CompiledPilotRun:
         """Make steps by a function of the source, and return its answer; `begun`: start of the run. Updates state and magnitudes of `run`, and `pace`."""
         record, values, euler, order = self._record, self.values, self.euler.values, self.euler.order
         values.put({"state": run.state, "far": run.far, "until": run.until.ravel(), "begun": begun, "noted": run.noted})
-        euler["largest"][:], euler["mode"][:] = run.largest, mode
+        euler["largest"][:] = run.largest
+        for own in self.modes:
+            own[:] = mode
         for name in PACE:
             setattr(record, name, getattr(pace, name))
         record.most_steps = min(MOST_STEPS, pace.taken + self.most)

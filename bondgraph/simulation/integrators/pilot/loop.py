@@ -14,6 +14,7 @@ from compiler.api import Record
 from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
 from ..loop_newton import LoopSystem, solve_loops
 from ..outcomes import CROSSED
+from ..projection.projection import ProjectionWorkspace, put_multipliers
 from ..selection import StateSelection, is_steep
 from ..workspace import Function
 from .schedule import AGAIN, CAREFUL, GROWN, NOTES, SAME, SLIGHT
@@ -55,6 +56,8 @@ class PilotWorkspace(Record):
     modes: Floats  # n
     guessing: int  # 1 if there are unknowns of loops
     loops: LoopSystem
+    multiplying: int  # 1 if they are multipliers of loop joints, which the program computes directly
+    closed: ProjectionWorkspace
     selection: StateSelection
 
 
@@ -202,6 +205,8 @@ def single_step(c: PilotWorkspace, e: Euler, time: float, size: float) -> int:
     """
     for i in range(e.n):
         e.x[i] = e.start[i]
+    if c.multiplying != 0:
+        put_multipliers(c.closed, time, e.x)
     if c.guessing != 0:
         guess_unknowns(c.loops, e, time)
     e.time = time
