@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from .examination import check as check_source
     from .equations import derive_equations
     from .equations.sharing import dependent_rates
-    from .equations.system import Assignment, EquationSystem, PowerPort, Storage, Variable
+    from .equations.system import Assignment, EquationSystem, EventRow, PowerPort, Storage, Variable
     from .errors import CompilationFailed, Diagnostic, InternalError, ValuesNeeded, printable, render
     from .graph.domains import BUNDLES, DOMAINS, Domain
     from .graph.elements import ELEMENTS, Kind, letters

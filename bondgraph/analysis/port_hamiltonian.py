@@ -18,6 +18,7 @@ from compiler.api import Array, Compilation, InternalError, Symbol, derivative, 
 
 from ..errors import UsageError
 from ..simulation.monitors.energy import stored_change
+from ..simulation.segments.units import refused
 from .point import values_at
 from .structure import Network, StoragePort, network
 
@@ -71,8 +72,11 @@ class SymbolicPortHamiltonian:
 def port_hamiltonian(compilation: Compilation, state: Mapping[str, float], time: float) -> PortHamiltonian:
     """Return the form at a state (states that are not given have their initial values) and time.
 
-    Raises `UsageError` for models without such a form, or where resistors create energy, with their names.
+    Raises `UsageError` for models without such a form, or where resistors create energy, with their names; `RunFailed` for one with an imported unit.
     """
+    for event in compilation.equations.events:
+        if event.span.unit is not None:
+            raise refused(event)
     values = values_at(compilation, state, time)
     net = network(compilation, lambda x: evaluate(x, values.__getitem__), values)
     form = _Form(net, float)

@@ -166,7 +166,7 @@ def test_what_cannot_hold_a_unit_names_it(tmp_path: Path, monkeypatch: pytest.Mo
     exported(DRIVE, tmp_path)
     model = bondgraph.load(written(LOOP, tmp_path))
     result = model.simulate()
-    for call in (model.modes, model.equilibrium, lambda: model.simulate("rest"), lambda: model.simulate(to="1 s", start=result)):  # fmt: skip
+    for call in (model.modes, model.equilibrium, model.port_hamiltonian, lambda: model.simulate("rest"), lambda: model.simulate(to="1 s", start=result)):  # fmt: skip
         with pytest.raises(RunFailed, match=r"`drive` is an imported unit \(.*unit.fmu\)"):
             call()
     for code, write in (("BG606", lambda: model.to_fmu(tmp_path / "never.fmu")), ("BG607", lambda: model.compile("c")), ("BG706", model.text)):  # fmt: skip

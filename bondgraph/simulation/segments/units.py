@@ -10,6 +10,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import lru_cache
 from math import isfinite
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
@@ -18,14 +19,14 @@ from weakref import finalize
 from ...errors import MissingPackage, RunFailed
 
 if TYPE_CHECKING:
-    from compiler.api import EventNote, Hybrid, UnitDescription, UnitVariable
+    from compiler.api import EventNote, EventRow, Hybrid, UnitDescription, UnitVariable
 
 ALLOWED = "BONDGRAPH_RUN_FMU"  # environment variable: any value allows the code of units to run
 LATE = 1e-9  # fraction of a step by which a run may begin beside a communication point
 MOST_TOLD = 300  # characters of a unit's own message
 
 
-def refused(event: EventNote) -> RunFailed:
+def refused(event: EventNote | EventRow) -> RunFailed:
     """Return the failure where something else than a run from its start meets a unit."""
     return RunFailed(
         "BR790", f"`{event.owner or event.words}` is an imported unit ({event.span.source.name}), which has no equations here:",
@@ -220,6 +221,7 @@ def _loaded(event: EventNote, step: float, file: Path) -> CoSimulatedUnit:
     return unit
 
 
+@lru_cache(4096)  # read at each communication point
 def _scale(item: UnitVariable) -> tuple[float, float]:
     """Return factor and offset by which a value there becomes one in SI."""
     if item.factor is not None:
