@@ -19,19 +19,20 @@ def text_of(statements: tuple[tree.SyntaxNode, ...]) -> str:
     return "\n".join(statement(s, "") for s in statements) + "\n"
 
 
-def rewrite(node: object, change: Callable[[Any], Any]) -> Any:
-    """The tree with `change` applied to every node, from the leaves up."""
+def with_parts(node: object, change: Callable[[Any], Any]) -> Any:
+    """A node, or a tuple, with `change` applied to each of its parts."""
     if isinstance(node, tuple):
-        return tuple(rewrite(item, change) for item in node)
+        return tuple(map(change, node))
     if isinstance(node, Span) or not is_dataclass(node):
         return node
-    new = {}
-    for field in fields(node):
-        value = getattr(node, field.name)
-        changed = rewrite(value, change)
-        if changed is not value:
-            new[field.name] = changed
-    return change(replace(node, **new) if new else node)  # type: ignore[type-var]
+    new = {field.name: change(getattr(node, field.name)) for field in fields(node)}
+    return replace(node, **new)  # type: ignore[type-var]
+
+
+def rewrite(node: object, change: Callable[[Any], Any]) -> Any:
+    """The tree with `change` applied to every node, from the leaves up."""
+    new = with_parts(node, lambda part: rewrite(part, change))
+    return change(new) if is_dataclass(new) and not isinstance(new, Span) else new
 
 
 def path(words: str) -> tree.PathSyntax:

@@ -7,7 +7,7 @@ the letters of an element in its own law stay.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,8 @@ from ..semantics.names.compound_units import with_compound_units
 from ..semantics.names.domain_table import ELEMENT_KINDS, is_slot
 from ..source import Source, read_text
 from ..syntax import parse, tree
-from ..syntax.blocks import flat, with_inner_blocks
+from ..syntax.blocks import flat
+from .printing import with_parts
 
 Key = tuple[str, ...]  # ("file", path, name) | ("model", path, model, name, …)
 NUMBERS = ("parameter", "constant", "input", "signal", "mode")  # roles that a law can read
@@ -140,96 +141,81 @@ class Renamer:
         match statement:
             case tree.ModelSyntax():
                 return self.model(file.models[statement.name])
-            case tree.Quantities():
-                items = (
-                    replace(
-                        i, name=self.choose(("file", file.path, i.name)), value=ReadingPlace(self, file).value(i.value)
-                    )
-                    for i in statement.items
-                )
-                return replace(statement, items=tuple(items))
             case tree.ParameterSet():
-                return self.parameter_set(file, statement)
-            case tree.FunctionSyntax():
-                own = ("file", file.path, statement.name)
-                place = ReadingPlace(self, file, local={p: self.choose((*own, p)) for p in statement.parameters})
-                parameters = tuple(place.local.values())
-                return replace(
-                    statement, name=self.choose(own), parameters=parameters, body=place.value(statement.body)
-                )
+                definition = file.sets[statement.name]
+                items = ReadingPlace(self, file, definition).renamed(statement.items)
+                return replace(statement, name=self.model_name(definition), items=items)
+            case tree.Quantities() | tree.FunctionSyntax():
+                renamed: tree.SyntaxNode = ReadingPlace(self, file).renamed(statement)
+                return renamed
         return statement
-
-    def parameter_set(self, file: File, statement: tree.ParameterSet) -> tree.ParameterSet:
-        definition = file.sets[statement.name]
-        local = {name: self.choose(definition.key(name)) for name in definition.names}
-        place = ReadingPlace(self, file, local=local)
-        items = tuple(replace(i, name=local[i.name], value=place.value(i.value)) for i in statement.items)
-        return replace(statement, name=self.model_name(definition), items=items)
 
     def model_name(self, definition: Definition) -> str:
         return self.choose(("file", definition.file.path, definition.model.name))
 
     def model(self, definition: Definition) -> tree.ModelSyntax:
-        place = ReadingPlace(self, definition.file, definition)
-        statements = tuple(place.statement(s) for s in definition.model.statements)
+        statements = ReadingPlace(self, definition.file, definition).renamed(definition.model.statements)
         return replace(definition.model, name=self.model_name(definition), statements=statements)
 
 
+@dataclass(frozen=True)
 class ReadingPlace:
-    """ReadingPlace of a reading: in a file, a model, a function, a mechanism or the law of an element."""
+    """Place of a reading: in a file, a model or a set, a function, a mechanism, or the law of the element `own`."""
 
-    def __init__(
-        self,
-        renamer: Renamer,
-        file: File,
-        definition: Definition | None = None,
-        local: dict[str, str] | None = None,
-        mechanism: tree.MechanismSyntax | None = None,
-    ) -> None:
-        self.renamer, self.file, self.definition, self.local = renamer, file, definition, local or {}
-        self.mechanism = mechanism
+    renamer: Renamer
+    file: File
+    definition: Definition | None = None
+    local: Mapping[str, str] = field(default_factory=dict)
+    mechanism: tree.MechanismSyntax | None = None
+    own: tree.Declaration | None = None
 
     def name(self, *name: str) -> str:
-        assert self.definition is not None
-        return self.renamer.choose(self.definition.key(*name))
+        """The new word of a name that is declared here."""
+        key = ("file", self.file.path, *name) if self.definition is None else self.definition.key(*name)
+        return self.renamer.choose(key)
+
+    def renamed(self, node: object) -> Any:
+        """A statement or an expression, or a tuple of some, with all its names as they are called now."""
+        match node:
+            case tree.Literal() | tree.Unit():
+                return node
+            case tree.PathSyntax():
+                return self.path(node)
+            case tree.Declaration() if self.mechanism is not None:
+                return self._part_declaration(node, self.mechanism)
+            case tree.Declaration():
+                return self._declaration(node)
+            case tree.FunctionSyntax():
+                local = {p: self.name(node.name, p) for p in node.parameters}
+                body = replace(self, local=local).renamed(node.body)
+                return replace(node, name=self.name(node.name), parameters=tuple(local.values()), body=body)
+            case tree.MechanismSyntax():
+                statements = replace(self, mechanism=node).renamed(node.statements)
+                return replace(node, name=self.name(node.name), index=self.renamed(node.index), statements=statements)
+            case tree.Item() if is_slot(node):
+                return replace(node, name=self.name(node.name), value=self._model_path(node.value))
+        node = with_parts(node, self.renamed)
+        match node:
+            case tree.Call():
+                return replace(node, function=self._function(node.function))
+            case tree.Item() | tree.PortItem() | tree.LoopSyntax():
+                return replace(node, name=self.name(node.name))
+            case tree.Experiment():
+                return replace(node, name=self.name("experiment", node.name))
+        return node
 
     # ------------------------------------------------------------ expressions
-    def value(self, node: object, own: tree.Declaration | None = None) -> Any:
-        """An expression, or anything that contains some; `own` is the element whose law it is."""
-        match node:
-            case tree.PathSyntax():
-                return self.path(node, own)
-            case tree.Call():
-                function = node.function
-                if self.definition is not None and self.definition.names.get(function) == "function":
-                    function = self.name(function)
-                elif function in self.file.functions:
-                    function = self.renamer.choose(("file", self.file.path, function))
-                return replace(node, function=function, arguments=tuple(self.value(a, own) for a in node.arguments))
-            case tuple():
-                return tuple(self.value(n, own) for n in node)
-            case tree.Sum():
-                return replace(node, terms=tuple((s, self.value(t, own)) for s, t in node.terms))
-            case tree.Product():
-                return replace(node, factors=tuple((s, self.value(f, own)) for s, f in node.factors))
-            case tree.Literal() | tree.TextSyntax() | None:
-                return node
-            case tree.Index() | tree.VectorSyntax():
-                return replace(node, items=self.value(node.items, own))
-        assert isinstance(node, tree.SyntaxNode)
-        names = {
-            tree.Negative: ("operand",), tree.Power: ("base", "exponent"), tree.Comparison: ("left", "right"),
-            tree.Logical: ("operands",), tree.ChoiceSyntax: ("value", "condition", "otherwise"), tree.Range: ("first", "last"),
-            tree.Equation: ("left", "right"), tree.LawSyntax: ("equations",), tree.ReadingSyntax: ("value",),
-        }[type(node)]  # fmt: skip
-        return replace(node, **{n: self.value(getattr(node, n), own) for n in names})
+    def _function(self, name: str) -> str:
+        if self.definition is not None and self.definition.names.get(name) == "function":
+            return self.name(name)
+        return self.renamer.choose(("file", self.file.path, name)) if name in self.file.functions else name
 
-    def path(self, node: tree.PathSyntax, own: tree.Declaration | None = None) -> tree.PathSyntax:
+    def path(self, node: tree.PathSyntax) -> tree.PathSyntax:
         """A path with its head and inner names as they are called now."""
-        steps = tuple(self.value(s) if isinstance(s, tree.Index) else s for s in node.steps)
+        steps = tuple(replace(self, own=None).renamed(s) for s in node.steps)
         head = node.head
-        if own is not None:
-            components = {c.name for d in own.names for c in d.components}
+        if self.own is not None:
+            components = {c.name for d in self.own.names for c in d.components}
             role = self.definition.names.get(head) if self.definition else None
             number = isinstance(role, str) and role in (*NUMBERS, "index")
             if head in components or (not steps and not number and head not in self.file.constants):
@@ -271,62 +257,10 @@ class ReadingPlace:
             break
         return steps
 
-    # ------------------------------------------------------------ statements
-    def statement(self, node: object) -> Any:
-        assert self.definition is not None
-        match node:
-            case tree.Quantities():
-                return replace(node, items=tuple(map(self._item, node.items)))
-            case tree.PortsSyntax():
-                return replace(node, items=tuple(map(self._port, node.items)))
-            case tree.Declaration() if self.mechanism is not None:
-                return self._part_declaration(node)
-            case tree.Declaration():
-                return self._declaration(node)
-            case tree.Bonds():
-                return replace(node, places=tuple(tuple(map(self._bonded, g)) for g in node.places))
-            case tree.SettingSyntax():
-                return replace(node, value=self.value(node.value))
-            case tree.RequirementSyntax():
-                return replace(node, condition=self.value(node.condition))
-            case tree.LoopSyntax():
-                return replace(
-                    node,
-                    name=self.name(node.name),
-                    range=self.value(node.range),
-                    statements=tuple(map(self.statement, node.statements)),
-                )
-            case tree.ConditionalSyntax():
-                node = replace(node, condition=self.value(node.condition))
-                return with_inner_blocks(node, lambda block: tuple(map(self.statement, block)))
-            case tree.MechanismSyntax():
-                inside = ReadingPlace(self.renamer, self.file, self.definition, self.local, node)
-                statements = tuple(map(inside.statement, node.statements))
-                return replace(node, name=self.name(node.name), index=self.value(node.index), statements=statements)
-            case tree.FunctionSyntax():
-                local = {p: self.name(node.name, p) for p in node.parameters}
-                body = ReadingPlace(self.renamer, self.file, self.definition, local).value(node.body)
-                return replace(node, name=self.name(node.name), parameters=tuple(local.values()), body=body)
-            case tree.Experiment():
-                word = self.name("experiment", node.name)
-                return replace(node, name=word, steps=tuple(map(self._step, node.steps)))
-            case tree.EventSyntax():
-                resets = tuple(replace(r, target=self.path(r.target), value=self.value(r.value)) for r in node.resets)
-                timing = tuple(replace(t, value=self.value(t.value)) for t in node.timing)
-                return replace(node, condition=self.value(node.condition), resets=resets, timing=timing)
-        return node
-
-    def _item(self, item: tree.Item) -> tree.Item:
-        value = self._model_path(item.value) if is_slot(item) else self.value(item.value)
-        return replace(item, name=self.name(item.name), index=self.value(item.index), value=value)
-
-    def _port(self, item: tree.PortItem) -> tree.PortItem:
-        index, width = self.value(item.index), self.value(item.width)
-        return replace(item, name=self.name(item.name), index=index, width=width)
-
+    # ------------------------------------------------------------ declarations
     def _model_path(self, value: object) -> Any:
         """A model or a slot, named as a value."""
-        assert isinstance(value, tree.PathSyntax) and self.definition is not None
+        assert isinstance(value, tree.PathSyntax)
         return replace(value, head=self._kind(value.head))
 
     def _kind(self, kind: str) -> str:
@@ -337,24 +271,17 @@ class ReadingPlace:
         return kind if definition is None else self.renamer.model_name(definition)
 
     def _declared(self, node: tree.Declaration, *within: str) -> tuple[tree.Declared, ...]:
-        def listed(declared: tree.Declared) -> tuple[tree.Component, ...]:
-            return tuple(replace(c, width=self.value(c.width)) for c in declared.components)
-
-        return tuple(
-            replace(d, name=self.name(*within, d.name), index=self.value(d.index), components=listed(d))
-            for d in node.names
-        )
+        return tuple(replace(with_parts(d, self.renamed), name=self.name(*within, d.name)) for d in node.names)
 
     def _declaration(self, node: tree.Declaration) -> tree.Declaration:
         names = self._declared(node)
         if node.kind in ELEMENT_KINDS:
-            attributes = tuple(self._own_attribute(a) for a in node.attributes)
             law = node.definition
             if isinstance(law, tree.LawSyntax):
-                law = self.value(law, node)
+                law = replace(self, own=node).renamed(law)
             elif isinstance(law, tree.PathSyntax):  # a domain, with its width
-                law = replace(law, steps=self.value(law.steps))
-            return replace(node, names=names, definition=law, attributes=attributes)
+                law = replace(law, steps=self.renamed(law.steps))
+            return replace(node, names=names, definition=law, attributes=self._own_attributes(node))
         assert self.definition is not None
         inner = kind_of(self.definition, node)
         assert inner is not None, node.kind
@@ -362,73 +289,30 @@ class ReadingPlace:
             replace(
                 a,
                 name=a.name if a.name == "parameters" else self.renamer.choose(inner.key(a.name)),
-                value=self._model_path(a.value) if a.name in inner.slots else self.value(a.value),
+                value=self._model_path(a.value) if a.name in inner.slots else self.renamed(a.value),
             )
             for a in node.attributes
         )
         return replace(node, kind=self._kind(node.kind), names=names, attributes=attributes)
 
-    def _own_attribute(self, attribute: tree.Attribute) -> tree.Attribute:
-        """An attribute of an element, body or joint: its words are the language's, its numbers the author's."""
-        if attribute.name in ("prefer", "require", "axes"):
-            return attribute
-        return replace(attribute, value=self.value(attribute.value))
-
-    def _part_declaration(self, node: tree.Declaration) -> tree.Declaration:
-        assert self.mechanism is not None
-        definition = node.definition
-        if isinstance(definition, tree.LinkSyntax):
-            definition = replace(definition, first=self._part(definition.first), second=self._part(definition.second))
-        elif isinstance(definition, tree.PathSyntax):
-            definition = self._part(definition)
-        attributes = tuple(map(self._own_attribute, node.attributes))
-        return replace(
-            node, names=self._declared(node, self.mechanism.name), definition=definition, attributes=attributes
-        )
-
-    def _part(self, node: object) -> Any:
-        assert self.mechanism is not None and isinstance(node, tree.PathSyntax)
-        if node.head not in parts_of(self.mechanism):
-            return node
-        steps = tuple(self.value(s) if isinstance(s, tree.Index) else s for s in node.steps)
-        return replace(node, head=self.name(self.mechanism.name, node.head), steps=steps)
-
-    def _bonded(self, place: tree.PathSyntax | tree.Nest) -> tree.PathSyntax | tree.Nest:
-        if isinstance(place, tree.PathSyntax):
-            return self.path(place)
-        return replace(place, members=tuple(map(self._bonded, place.members)))
-
-    def _step(self, step: object) -> Any:
-        match step:
-            case tree.Set():
-                return replace(step, target=self.path(step.target), value=self.value(step.value))
-            case tree.Simulate():
-                return replace(step, range=self.value(step.range), attributes=self._settings(step.attributes))
-            case tree.Bandwidth():
-                return replace(step, value=self.value(step.value))
-            case tree.StopSyntax():
-                return replace(step, condition=self.value(step.condition))
-            case tree.Report():
-                return replace(step, readings=self.value(step.readings))
-            case tree.SweepSyntax():
-                return replace(step, path=self.value(step.path), values=self.value(step.values))
-            case tree.Analysis():
-                inputs, outputs = (tuple(map(self._given, some)) for some in (step.given, step.wanted))
-                attributes = self._settings(step.attributes)
-                return replace(step, given=inputs, wanted=outputs, range=self.value(step.range), attributes=attributes)
-        return step
-
-    def _given(self, given: tree.GivenSyntax) -> tree.GivenSyntax:
-        other = None if given.other is None else self.path(given.other)
-        return replace(
-            given, path=self.path(given.path), other=other, value=self.value(given.value), range=self.value(given.range)
-        )
-
-    def _settings(self, attributes: tuple[tree.Attribute, ...]) -> tuple[tree.Attribute, ...]:
+    def _own_attributes(self, node: tree.Declaration) -> tuple[tree.Attribute, ...]:
+        """The attributes of an element, body or joint: their words are the language's, their numbers the author's."""
         return tuple(
-            replace(a, target=None if a.target is None else self.path(a.target), value=self.value(a.value))
-            for a in attributes
+            a if a.name in ("prefer", "require", "axes") else replace(a, value=self.renamed(a.value))
+            for a in node.attributes
         )
+
+    def _part_declaration(self, node: tree.Declaration, mechanism: tree.MechanismSyntax) -> tree.Declaration:
+        parts, definition = parts_of(mechanism), node.definition
+
+        def part(path: object) -> Any:
+            if not isinstance(path, tree.PathSyntax) or path.head not in parts:
+                return path
+            return replace(path, head=self.name(mechanism.name, path.head), steps=self.renamed(path.steps))
+
+        definition = with_parts(definition, part) if isinstance(definition, tree.LinkSyntax) else part(definition)
+        names = self._declared(node, mechanism.name)
+        return replace(node, names=names, definition=definition, attributes=self._own_attributes(node))
 
 
 def kind_of(definition: Definition, entry: object) -> Definition | None:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from random import Random
 from typing import Any
 
 from ..graph.units import ONE, Dimension, Scale
 from ..semantics.expressions.scales import bare, scale_of
-from ..source import Span
 from ..syntax import tree
-from .printing import unit
+from .printing import unit, with_parts
 
 KELVIN = unit("K")
 BASES = ("mass", "length", "time", "current", "temperature", "amount", "light")
@@ -43,8 +42,6 @@ class Powers:
     # ------------------------------------------------------------ the text
     def scaled(self, node: object) -> Any:
         """A tree with all numbers multiplied."""
-        if isinstance(node, tuple):
-            return tuple(map(self.scaled, node))
         match node:
             case tree.Negative(operand=tree.Literal(unit=tree.Unit() as u) as literal) if scale_of(u).offset:
                 return self._absolute(-literal.number, scale_of(u))
@@ -58,12 +55,9 @@ class Powers:
             case tree.Simulate():  # an absolute tolerance in SI means other things in other units
                 attributes = tuple(a for a in node.attributes if a.name != "atol")
                 return replace(node, range=self.scaled(node.range), attributes=self.scaled(attributes))
-            case tree.Unit() | Span():
+            case tree.Unit():
                 return node
-        if not is_dataclass(node):
-            return node
-        new = {f.name: self.scaled(getattr(node, f.name)) for f in fields(node)}
-        return replace(node, **new)  # type: ignore[type-var]
+        return with_parts(node, self.scaled)
 
     def _literal(self, node: tree.Literal, u: tree.Unit) -> Any:
         if [symbol for symbol, _, _ in u.factors] == ["dB"]:
