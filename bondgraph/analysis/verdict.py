@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +21,8 @@ from ..errors import RunFailed
 from ..numerics import scales
 from .eigenvalues import EPS, EXTENDED, Eigenvalues, bounded_eigenvalues
 from .linear import state_matrix
+from .operating_point import OperatingPoint
 from .rounding import CANCELLED, rounding_of
-
-if TYPE_CHECKING:
-    from .operating_point import OperatingPoint
 
 NULL = 1e-9  # relative to the largest singular value of the scaled matrix: possible null vectors
 WALK = 0.03  # relative to the magnitudes: step along a null space to other equilibria

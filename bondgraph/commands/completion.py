@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from click import Context, Parameter
 from click.shell_completion import CompletionItem
 
-if TYPE_CHECKING:
-    from .. import Model
+from .. import Model
 
 Completion = Callable[[Context, Parameter, str], list[CompletionItem]]
 

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
-from compiler.api import CompilationFailed, Source, printable, read_unit
+from compiler.api import CompilationFailed, Reported, Source, printable, read_unit
 
 from .variables import FmuVariable, is_structured
-
-if TYPE_CHECKING:
-    from compiler.api import Reported
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 # Abilities by the version of FMI: of both kinds of a unit, then of each.

@@ -5,10 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from compiler.api import MonteCarloRequest
 
+from ..analysed_model import AnalysedModel
 from ..analysis.outcome import Outcome, Point
 from ..simulation.run_options import RunRequest
 from .experiment_study import ExperimentStudy
@@ -16,9 +17,6 @@ from .point_failure import check_some_stand, why
 from .point_request import PointRequest
 from .scalar_study import compilation_notes
 from .workers import ALONE, Workers, answers
-
-if TYPE_CHECKING:
-    from ..analysed_model import AnalysedModel
 
 
 def run(model: AnalysedModel, request: RunRequest, workers: Workers | None = None) -> Outcome:

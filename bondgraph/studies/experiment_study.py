@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from compiler.api import Analysis, Differentiating, MonteCarloRequest, Study
 
+from ..analysed_model import AnalysedModel
 from ..analysis.outcome import Point
 from ..batch.together import is_together, simulate_together
 from ..simulation.repetition import simulate
@@ -15,9 +15,6 @@ from ..simulation.run_options import RunRequest
 from .scalar_study import STEPS, ScalarStudy
 from .steps import RESULTS, differentiated, varied
 from .workers import ALONE, Workers
-
-if TYPE_CHECKING:
-    from ..analysed_model import AnalysedModel
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from ..analysed_model import AnalysedModel
 from ..batch.together import is_together, simulate_together
 from ..results.ensemble import Ensemble
 from ..results.result import Result
@@ -13,9 +13,6 @@ from ..simulation.repetition import simulate
 from ..simulation.run_options import RunRequest, check_run_options
 from .point_failure import check_some_stand
 from .workers import Workers, answers
-
-if TYPE_CHECKING:
-    from ..analysed_model import AnalysedModel
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..analysed_model import AnalysedModel
 from ..analysis.inversion.feed_forward import FeedForward
 from ..analysis.outcome import Outcome, Point
 from ..errors import UsageError
@@ -19,9 +20,6 @@ from ..simulation.settings import Settings
 from .experiment import made
 from .measured import OF_MODES, SIGMA, check_complete, check_path, read_columns
 from .workers import ALONE, Workers
-
-if TYPE_CHECKING:
-    from ..analysed_model import AnalysedModel
 
 
 @dataclass(frozen=True, slots=True)

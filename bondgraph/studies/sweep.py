@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from compiler.api import Study
 
+from ..analysed_model import AnalysedModel
 from ..analysis.outcome import Outcome
 from ..errors import UsageError
 from .experiment import made
 from .experiment_study import ExperimentStudy
 from .scalar_study import ScalarStudy, check_steps, compilation_notes, units_of
 from .workers import ALONE, Workers
-
-if TYPE_CHECKING:
-    from ..analysed_model import AnalysedModel
 
 MOST_POINTS = 1_000_000
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Array, ComplexArray
 
+from ...compiled_model import CompiledModel
 from ...errors import RunFailed, UsageError
 from ...numerics.scales import group_numbers, largest_of_group
 from ...quantities import behind
@@ -23,9 +24,6 @@ from .feed_forward import NEAR, FeedForward, within_limits
 from .motion import Ends, Motion, motion
 from .path import Path, is_plain, path_of
 from .static import Search, rest_with
-
-if TYPE_CHECKING:
-    from ...compiled_model import CompiledModel
 
 MOST_POINTS = 200_000
 SCHEME = "smoothstep9"

@@ -6,16 +6,14 @@ See `indicators.py` and `mode_iteration.py` there for the reasons; units have no
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING
+
+from compiler.api import Floats
 
 from ...simulation.events import mode_iteration
 from ...simulation.integrators.acceptance.event_indicators import REACHES, decide, doubt, evaluate, look_ahead
 from ...simulation.integrators.acceptance.zero_crossings import truth
 from .instance import ERROR, OK, SLIDES, EventData, FmuInstance
 from .segment import INFINITE
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 CLOSE = mode_iteration.CLOSE
 FAR = REACHES[-1]

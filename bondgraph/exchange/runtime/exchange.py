@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from compiler.api import Bytes, Floats, Ints, ShortInts
 
 from ...simulation.integrators.tolerances import (
     FIRST,
@@ -27,10 +27,6 @@ from .instance import (
 )
 from .segment import INFINITE, forget
 from .values import check_limits, find_rates, may_start, settle
-
-if TYPE_CHECKING:
-    from compiler.api import Bytes, Floats, Ints, ShortInts
-
 
 LEAST, LARGEST = 1e-13, 0.1  # relative tolerances
 LAST_TIME, TERMINATED_STATUS = 2, 3  # kinds of status that an importer asks for

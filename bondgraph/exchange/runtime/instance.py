@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from compiler.api import Record
+from compiler.api import Floats, Ints, Record
 
 from ...simulation.integrators.acceptance.event_indicators import IndicatorWorkspace
 from ...simulation.integrators.workspace import Function, IntegratorWorkspace
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
 
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3  # answers to an importer
 INSTANTIATED, INITIALIZING, EVENTS, RUNNING, TERMINATED, FAILED = 0, 1, 2, 3, 4, 5  # phases of an instance

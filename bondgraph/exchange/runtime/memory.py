@@ -6,14 +6,9 @@ addresses, the image, indices of the addresses, characters of the token, 0.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from compiler.api import Record, record_of
+from compiler.api import Bytes, Ints, Record, record_of
 
 from .instance import ERROR, OK, FmuInstance
-
-if TYPE_CHECKING:
-    from compiler.api import Bytes, Ints
 
 BEFORE = 4  # words before an instance
 LOGGER, ENVIRONMENT, NAME = (

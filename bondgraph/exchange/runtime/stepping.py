@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from math import isfinite, ulp
-from typing import TYPE_CHECKING
+
+from compiler.api import Bytes, Floats
 
 from ...simulation.integrators.compiled.advance import advance, begin
 from ...simulation.integrators.dop853 import LOOK_AGAIN
@@ -29,9 +30,6 @@ from .instance import (
 )
 from .segment import INFINITE, forget
 from .values import check_limits, judge_limits, settle
-
-if TYPE_CHECKING:
-    from compiler.api import Bytes, Floats
 
 BATCH = 1000
 AGAIN = 0.25  # first step, as a share of one that an event has cut badly

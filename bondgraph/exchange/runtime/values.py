@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING
+
+from compiler.api import Bytes, Floats, ShortInts
 
 from .conditions import indicate
 from .events import start_modes
@@ -24,9 +25,6 @@ from .instance import (
     FmuInstance,
 )
 from .segment import enter_segment, forget, inside, near_ticks, place_ticks, tick
-
-if TYPE_CHECKING:
-    from compiler.api import Bytes, Floats, ShortInts
 
 
 def settle(s: FmuInstance) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from compiler.api import Compilation
 
+from ...compiled_model import CompiledModel
 from ...errors import UsageError
 from .compose import compose
 from .diagram_model import diagram_model_of
+from .figure import Figure
 from .frames import place_framed
 from .mechanism import draw_mechanism
 from .mechanism_geometry import mechanism_geometry_of
@@ -14,12 +16,6 @@ from .picture import write_figure
 from .poses import mechanisms_of, posed_model
 from .shapes import shapes_of
 from .svg import svg_text
-
-if TYPE_CHECKING:
-    from compiler.api import Compilation
-
-    from ...compiled_model import CompiledModel
-    from .figure import Figure
 
 __all__ = ["draw", "mechanism_of", "shapes_of", "svg_text", "write_figure"]
 

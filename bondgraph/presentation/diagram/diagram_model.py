@@ -10,15 +10,11 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from compiler.api import Compilation, Element, Junction, Kind, MechanismNode, letters
+from compiler.api import BondGraph, CausalGraph, Compilation, Element, GraphNode, Junction, Kind, MechanismNode, letters
 
 from ..text.causality import explain
 from .signals import Signal, signals_of
-
-if TYPE_CHECKING:
-    from compiler.api import BondGraph, CausalGraph, GraphNode
 
 TAIL, HEAD = 0, 1
 

@@ -8,12 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from compiler.api import Element, Junction, Kind, Quantity, evaluate
-
-if TYPE_CHECKING:
-    from compiler.api import BondGraph, Bound, Joint, MechanismNode
+from compiler.api import BondGraph, Bound, Element, Joint, Junction, Kind, MechanismNode, Quantity, evaluate
 
 Point = tuple[float, float]
 Vector = tuple[float, float, float]

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from compiler.api import Element, Quantity, Reading
-
-if TYPE_CHECKING:
-    from compiler.api import BondGraph
+from compiler.api import BondGraph, Element, Quantity, Reading
 
 OUTSIDE = frozenset({"parameter", "constant"})  # constant quantities need no arrow
 

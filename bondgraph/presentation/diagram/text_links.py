@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from compiler.api import Compilation, Span
+from compiler.api import Compilation, Span
 
-    from .diagram_model import DiagramModel
+from .diagram_model import DiagramModel
 
 
 def text_links(

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from ...analysed_model import AnalysedModel
 from .document import document_of
 from .shell import page_text
-
-if TYPE_CHECKING:
-    from ...analysed_model import AnalysedModel
 
 __all__ = ["document_of", "page_text", "report_text"]
 

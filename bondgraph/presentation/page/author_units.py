@@ -5,12 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
 from compiler.api import CompilationFailed, Scale, Source, read_unit, tree
 
-if TYPE_CHECKING:
-    from ...compiled_model import CompiledModel
+from ...compiled_model import CompiledModel
 
 _NUMBERS = re.compile(r"(\d+(?:\.\d+)?(?:[eE][-+]?\d{1,3})?) ?(?:\[([^\]\n]{1,40})\]|([^\W\d]\w{0,8}|%))")
 

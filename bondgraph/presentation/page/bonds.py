@@ -8,12 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from compiler.api import Element, Junction, Kind, MechanismNode
-
-if TYPE_CHECKING:
-    from compiler.api import BondGraph, GraphNode
+from compiler.api import BondGraph, Element, GraphNode, Junction, Kind, MechanismNode
 
 MOST = 400  # most bonds: a page would carry more numbers than a reader uses
 EFFORT, FLOW = "e", "f"

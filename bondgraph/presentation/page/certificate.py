@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from compiler.api import Certificate, Compilation, Diagnostic
 
 from ..text.causality import explain
 from ..text.tables import some_of
 from .markup import Html, joined, table, tag, text
-
-if TYPE_CHECKING:
-    from compiler.api import Certificate, Compilation, Diagnostic
 
 ROWS = 400
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from compiler.api import CompilationFailed, Scene
+from compiler.api import CompilationFailed, Scene, Source
 
+from ...analysed_model import AnalysedModel
 from ...errors import RunFailed, UsageError
 from ..text.tables import visible
 from .certificate import causality_markup, certificate_markup
@@ -18,11 +19,6 @@ from .picture import picture_of
 from .runs import PageModel
 from .shapes import modes_data
 from .text import WORDING, text_markup
-
-if TYPE_CHECKING:
-    from compiler.api import Source
-
-    from ...analysed_model import AnalysedModel
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
-from compiler.api import Expression, LinearLoop, StateSpace
+from compiler.api import Expression, LinearLoop, Source, Span, StateSpace
 
 from .markup import Html, tag
 from .mathml import formula, math, name, number, row, sign
-
-if TYPE_CHECKING:
-    from compiler.api import Source, Span
 
 LARGEST = 300_000  # most characters of markup; `bondgraph equations` shows the rest
 

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from compiler.api import CompilationFailed
 
 from ...compiled_scene import many_runs
 from ...errors import MissingPackage, RunFailed, UsageError
+from ...results.records import EnergyBalance
+from ...results.result import Result
 from ...simulation.run_options import RunRequest
 from ...studies.experiment import run
 from ..text.tables import short, shown_unit
 from .markup import Html, table, tag
 from .outcome_plots import outcome_plot
 from .runs import PageModel, run_data
-
-if TYPE_CHECKING:
-    from ...results.records import EnergyBalance
-    from ...results.result import Result
 
 PROBLEMS = (CompilationFailed, UsageError, RunFailed, MissingPackage)
 

@@ -5,19 +5,17 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Mapping
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from compiler.api import Array, CompilationFailed, Scene
 
+from ...analysed_model import AnalysedModel
 from ...errors import RunFailed, UsageError
+from ...rendering import Summarised
+from ...results.result import Result
 from ..text.tables import EXTREMES, extremes_shown, short, some_of
 from .certificate import problems_markup
 from .markup import Html, tag
-
-if TYPE_CHECKING:
-    from ...analysed_model import AnalysedModel
-    from ...rendering import Summarised
-    from ...results.result import Result
 
 NODES = 150  # most nodes of a picture that is drawn without a request
 ROWS = 40

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from compiler.api import DOMAINS
+from compiler.api import DOMAINS, BondGraph, Compilation, Source, Span
 
 from ..diagram.compose import compose
 from ..diagram.diagram_model import diagram_model_of
@@ -15,9 +15,6 @@ from ..diagram.svg import svg_text
 from ..diagram.text_links import text_links
 from ..text.tables import end_name, visible
 from .markup import Html
-
-if TYPE_CHECKING:
-    from compiler.api import BondGraph, Compilation, Source, Span
 
 LARGEST = 300  # most nodes: a larger drawing takes half a minute and is not readable
 

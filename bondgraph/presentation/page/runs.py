@@ -8,20 +8,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from compiler.api import Array, Scene, letters
+from compiler.api import Array, BondGraph, Scene, letters
 
+from ...analysed_model import AnalysedModel
+from ...results.result import Result
 from ..text.tables import short, visible
 from .bonds import BondColumns, bond_columns, powers
 from .numbers import packed, thinned
 from .scene import Scenes, scenes_of
-
-if TYPE_CHECKING:
-    from compiler.api import BondGraph
-
-    from ...analysed_model import AnalysedModel
-    from ...results.result import Result
 
 OUTPUTS = 24  # most curves of one run
 POINTS = 2001  # most instants of a plot

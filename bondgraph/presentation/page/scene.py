@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from compiler.api import Body, BondGraph, MechanismNode
 
 from ..diagram.mechanism_geometry import Vector, number_of, numbers_of, reference_of, turned
 from ..diagram.poses import mechanisms_of, pose_parts, quaternion
-
-if TYPE_CHECKING:
-    from compiler.api import Body, BondGraph, MechanismNode
 
 ALIKE = 1e-6  # relative: moments of inertia that count as equal
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from ...analysis.modes import Mode
 from ..text.tables import visible
 from .numbers import packed
 from .runs import PageModel
-
-if TYPE_CHECKING:
-    from ...analysis.modes import Mode
 
 MOST = 24
 SHARES = 4  # most elements named

@@ -5,14 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
-from compiler.api import ANALYSIS_STEPS, ELEMENT_KINDS
+from compiler.api import ANALYSIS_STEPS, ELEMENT_KINDS, Source
 
 from .markup import Html, joined, tag
-
-if TYPE_CHECKING:
-    from compiler.api import Source
 
 WORDS = frozenset((
     "model", "plain", "parameter", "constant", "input", "output", "signal", "port", "import", "from", "for", "in", "function", "multibody",

@@ -5,16 +5,26 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import networkx as nx
 
-from compiler.api import Compilation, CompilationFailed, StrokeReason, blocks, dependences, render
+from compiler.api import (
+    BondGraph,
+    CausalGraph,
+    Compilation,
+    CompilationFailed,
+    Dependence,
+    Diagnostic,
+    EquationSystem,
+    StrokeOrigin,
+    StrokeReason,
+    blocks,
+    dependences,
+    render,
+)
 
 from .tables import columns, counted, end_name, visible
-
-if TYPE_CHECKING:
-    from compiler.api import BondGraph, CausalGraph, Dependence, Diagnostic, EquationSystem, StrokeOrigin
 
 SCHEMA = "bondgraph-causality/1"
 FLOWS = {"C": "flow", "I": "effort", "IC": "other variable"}

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from math import isfinite, sqrt
-from typing import TYPE_CHECKING
 
-from compiler.api import Record
+from compiler.api import Floats, Ints, Record
 
 from .linear_algebra.factors import Factors, back, eliminate
 from .workspace import Function
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
 
 ITERATIONS, HALVINGS = 2000, 30  # an exponential law far from its solution needs one for each factor e
 ITERATIONS_OF_MANY, HALVINGS_OF_MANY = 60, 8  # from many guesses, of which some arrive

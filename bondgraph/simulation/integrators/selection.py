@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from compiler.api import Record
+from compiler.api import Floats, Ints, Record
 
 from .projection.projection import Function
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
 
 
 class StateSelection(Record):

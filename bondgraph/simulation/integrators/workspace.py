@@ -6,18 +6,14 @@ One record with many fields, in groups that comments name: see the README for th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
-from compiler.api import Record
+from compiler.api import Floats, Ints, Record
 
 from .linear_algebra.exponentials import ExponentialTables
 from .linear_algebra.factors import ComplexFactors, Factors
 from .linear_algebra.sparse import Pattern
 from .projection.projection import ProjectionWorkspace
 from .selection import StateSelection
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
 
 # Arguments: time, state, inputs, constants, mode, array for the values.
 Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], None]

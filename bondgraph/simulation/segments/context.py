@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
+
+from compiler.api import Program
 
 from .trajectory import Tolerances
-
-if TYPE_CHECKING:
-    from compiler.api import Program
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from compiler.api import Array, Program
+
 from .timeline import Segment
 from .transition import PhaseTransition
-
-if TYPE_CHECKING:
-    from compiler.api import Array, Program
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,14 +4,11 @@ answer to a different signal.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from ..segments.timeline import GOLDEN, Segment, inside
+from compiler.api import Array, Program
 
-if TYPE_CHECKING:
-    from compiler.api import Array, Program
+from ..segments.timeline import GOLDEN, Segment, inside
 
 PLACES = 128  # number of sample places per segment
 AHEAD = 1e-3  # radians at the bandwidth: time step of difference quotients

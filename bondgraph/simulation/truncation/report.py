@@ -5,23 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+
+from compiler.api import Array, ComplexArray, Program
 
 from ...errors import RunFailed
 from ...results.truncation import FastMode, TruncationReport, frequency_text
 from ..monitors.step_size_diagnosis import elements_of
+from ..segments.timeline import Segment
+from ..segments.trajectory import Trajectory
 from .averaged_forcing import kept
 from .modal_envelope import ALIKE, Ringing, Way, amplitudes, followed, ways_of
 from .mode_truncation import Leaving, Removal
 from .spectrum_split import STEADY, ScaledDynamics
-
-if TYPE_CHECKING:
-    from compiler.api import Array, ComplexArray, Program
-
-    from ..segments.timeline import Segment
-    from ..segments.trajectory import Trajectory
 
 SHARE = 0.01  # fraction of the largest removed amplitude above which a mode is named
 

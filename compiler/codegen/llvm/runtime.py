@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import floor, isfinite, log, nan, pow
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...algebra.interpolate import hermite, inverse, linear, monotone_slope, natural_slope, noise
-from ...jit.arrays import Record
-
-if TYPE_CHECKING:
-    from ...jit.arrays import Floats
+from ...jit.arrays import Floats, Record
 
 # time, state, inputs, constants, mode, where the values go: every function of a program.
 Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], None]

@@ -6,14 +6,11 @@ A run evaluates these expressions. If one is negative, the model is compiled aga
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 from ...algebra.expression import ONE, Expression, Number, add, call, multiply, negate, select
 from ...algebra.formula import Bound, bind
 from ...source import Span
-
-if TYPE_CHECKING:
-    from .resolver import Resolver
+from .resolver import Resolver
 
 LEAST = Number(1e-300)
 Condition = Callable[[Sequence[Expression]], Sequence[Expression]]

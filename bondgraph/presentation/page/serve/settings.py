@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from compiler.api import Source, evaluate, read_unit
+from compiler.api import Scale, Source, evaluate, read_unit
 
+from ....compiled_model import CompiledModel
 from ....errors import UsageError
 from ....quantities import quantity
 from ...text.tables import visible
 from ..author_units import author_units, quantities_in
-
-if TYPE_CHECKING:
-    from compiler.api import Scale
-
-    from ....compiled_model import CompiledModel
 
 MOST = 200
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from math import isfinite, ulp
-from typing import TYPE_CHECKING
+
+from compiler.api import Floats
 
 from ....numerics import indicators
 from ....numerics.roots import MOST, begin_bracket, bracket_place, closes_at
 from ..workspace import IntegratorWorkspace
 from .event_indicators import INFINITE, IndicatorWorkspace
 from .zero_crossings import contradicts, roots_at, truth
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 PLACES, GRID, LAST = indicators.PLACES, indicators.GRID, indicators.LAST
 SHARES, FINER = tuple(indicators.SHARES.tolist()), tuple(indicators.FINER.tolist())

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import isfinite, ulp
-from typing import TYPE_CHECKING
 
-from compiler.api import Record
+from compiler.api import Floats, Ints, Record
 
 from ....numerics.roots import Bracket
 from ..workspace import Function
 from .zero_crossings import truth
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
 
 NOISE = 1e-13  # relative to the magnitudes: rounding in a root that is zero
 REACHES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # relative to the magnitudes: how far the flow is followed to find a sign

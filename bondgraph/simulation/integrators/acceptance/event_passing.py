@@ -6,9 +6,8 @@ The usual case alone, by the rules of `simulation/events`: whatever else comes u
 from __future__ import annotations
 
 from math import isfinite, ulp
-from typing import TYPE_CHECKING
 
-from compiler.api import Record
+from compiler.api import Floats, Ints, Record
 
 from ...monitors import step_size_diagnosis
 from ..cuts import ALLOWED, BACK, HALVES, NEAR, PARTED, SHORTEST, SLOPE
@@ -27,9 +26,6 @@ from .zero_crossings import (
     roots_along,
     roots_at,
 )
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
 
 # No crossing; one that ends the step; one that only events read; Python has to act.
 NONE, FOUND, THROUGH, LEFT = 0, 1, 2, 3

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING
+
+from compiler.api import Floats
 
 from ....numerics import indicators
 from ..dense_output.dense_output import state_at
 from ..methods import PARTS
 from ..projection.projection import put_multipliers
 from ..workspace import IntegratorWorkspace
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 PLACES, GRID, LAST = indicators.PLACES, indicators.GRID, indicators.LAST
 SHARES = tuple(indicators.SHARES.tolist())

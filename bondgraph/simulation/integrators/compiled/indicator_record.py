@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+
+from compiler.api import Array, Program
 
 from ....numerics.indicators import GRID, PLACES
 from ...segments.timeline import mode_size
 from ..acceptance.event_indicators import IndicatorWorkspace
 from .plain import Plain, functions_of, record_for
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from compiler.api import Array, Program
-
-    from .record_layout import RecordArray
+from .record_layout import RecordArray
 
 MASKS = "converged", "near", "unsure", "shown", "crosses", "dipping"
 SHARED = "inputs", "constants", "horizon"

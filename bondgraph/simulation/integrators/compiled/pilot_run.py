@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+
+from compiler.api import Array, Program
 
 from ...segments.timeline import mode_size
 from ..linear_algebra.factorise import is_large
@@ -18,9 +20,6 @@ from .fields import is_sparse
 from .plain import Plain, Unordered, record_for
 from .record_layout import RecordArray, RecordLayout, form_of
 from .run import Ordered
-
-if TYPE_CHECKING:
-    from compiler.api import Array, Program
 
 PACE = "time", "size", "taken", "usual", "smallest", "stop"
 SMALL = 0.0  # pivots beside what they divide; scales change from one iteration to the next and say little

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from compiler.api import Array
+
 from ...monitors.state_selection import WORST, Choice
 from ..selection import StateSelection
-from .plain import record_for
+from .plain import Plain, record_for
 from .record_layout import RecordArray, RecordBatch, form_of
-
-if TYPE_CHECKING:
-    from compiler.api import Array
-
-    from .plain import Plain
 
 
 def _room(choice: Choice) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from compiler.api import Floats
 
 from .. import dop853, radau
 from ..methods import CONSERVING, THROUGH_ENDS
@@ -11,9 +11,6 @@ from ..steps.energy_step import sample_step
 from ..workspace import IntegratorWorkspace
 from .polynomials import interpolated
 from .stiff_interpolation import bring_back, is_off, misses_stiff_states
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 INNER, C = dop853.INNER, tuple(radau.C.tolist())
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from compiler.api import Floats
 
 from .. import radau
 from ..methods import CONSERVING, EXACT, THROUGH_ENDS
@@ -10,9 +10,6 @@ from ..steps.dop853_dense import polynomial
 from ..steps.energy_step import within_step
 from ..steps.exponential_step import exponential_within
 from ..workspace import IntegratorWorkspace
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 P, SURE = tuple(radau.P.ravel().tolist()), radau.SURE
 COMPARED = (1 / 3, 2 / 3)  # fractions of a step

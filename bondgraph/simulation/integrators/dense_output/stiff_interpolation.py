@@ -7,7 +7,8 @@ rates at an instant, minus the derivative of the polynomial, give the residual, 
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING
+
+from compiler.api import Floats
 
 from .. import radau
 from ..linear_algebra.factors import Factors, back, eliminate
@@ -16,9 +17,6 @@ from ..methods import THROUGH_ENDS
 from ..steps.evaluation import rates
 from ..workspace import IntegratorWorkspace
 from .polynomials import ALIKE, BROKEN, collocation, interpolated
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 STIFF, SURE, NEAR, SLOW = radau.STIFF, radau.SURE, radau.NEAR, radau.SLOW
 ITERATIONS, LEFT, PATIENT = radau.BACK_ITERATIONS, radau.LEFT, radau.BACK_PATIENT

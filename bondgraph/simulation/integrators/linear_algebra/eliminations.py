@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from compiler.api import Record
-
-if TYPE_CHECKING:
-    from compiler.api import Ints
+from compiler.api import Ints, Record
 
 NOBODY = -1
 

@@ -7,14 +7,11 @@ with the states: where a stiff matrix has lost the digits of slow motions, the r
 from __future__ import annotations
 
 from math import pow
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from compiler.api import Record
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
+from compiler.api import Floats, Ints, Record
 
 MATRICES = 4  # number of matrices whose tables are stored
 LEVELS = 40  # most lengths of each

@@ -6,15 +6,11 @@ Matrices are stored row by row, real and imaginary parts in two arrays.
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from compiler.api import Record
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
-
+from compiler.api import Floats, Ints, Record
 
 Kind = TypeVar("Kind", bound=Record)
 

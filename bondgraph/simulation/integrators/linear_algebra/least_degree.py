@@ -8,12 +8,8 @@ by two elements are counted twice in a degree. A node with very many neighbours,
 from __future__ import annotations
 
 from math import sqrt
-from typing import TYPE_CHECKING
 
-from compiler.api import Record
-
-if TYPE_CHECKING:
-    from compiler.api import Ints
+from compiler.api import Ints, Record
 
 NOBODY = -1
 DENSE, FEW = 10.0, 16.0  # nodes with more neighbours than DENSE sqrt(n), and than FEW, come last

@@ -7,12 +7,8 @@ pivot has become small relative to the numbers that it divides, the result is th
 from __future__ import annotations
 
 from math import isfinite, sqrt
-from typing import TYPE_CHECKING
 
-from compiler.api import Record
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
+from compiler.api import Floats, Ints, Record
 
 SINGULAR, FINE, ANEW = 0, 1, 2
 

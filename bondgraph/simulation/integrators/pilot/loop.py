@@ -7,9 +7,8 @@ Python then asks for the last step, of a size that resolves the signals of time.
 from __future__ import annotations
 
 from math import sqrt
-from typing import TYPE_CHECKING
 
-from compiler.api import Record
+from compiler.api import Floats, Ints, Record
 
 from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
 from ..loop_newton import LoopSystem, solve_loops
@@ -19,9 +18,6 @@ from ..selection import StateSelection, is_steep
 from ..workspace import Function
 from .schedule import AGAIN, CAREFUL, GROWN, NOTES, SAME, SLIGHT
 from .step import Euler, euler
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
 
 
 class PilotWorkspace(Record):

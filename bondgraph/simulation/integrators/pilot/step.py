@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING
 
-from compiler.api import Record
+from compiler.api import Floats, Ints, Record
 
 from ..linear_algebra.factors import Factors, back, eliminate
 from ..linear_algebra.sparse import FINE, SINGULAR, Pattern, real_back, real_factors
 from ..workspace import Function
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
 
 NEWTON_ITERATIONS = 8
 CLOSE = 1e-2  # relative change of a state in its last iteration

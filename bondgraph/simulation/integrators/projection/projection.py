@@ -8,15 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import sqrt
-from typing import TYPE_CHECKING
 
-from compiler.api import Record
+from compiler.api import Floats, Ints, Record
 
 from . import limits
 from .limits import ITERATIONS, NOISE, ROUNDING
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Ints
 
 WEAK = limits.WEAK * limits.WEAK  # relative to its diagonal entry: smaller pivots count as weak
 DROPPED = 1e-15  # relative to its diagonal entry: round-off after cancellation

@@ -5,16 +5,13 @@ A tried step and an accepted one are treated alike: both lead from a state and a
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from compiler.api import Floats
 
 from .. import dop853
 from ..workspace import IntegratorWorkspace
 from .evaluation import rates
 from .kinks import bends_at, first_between
 from .trial_interpolant import value_at
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 C, STARTS, FROM, A, D = dop853.C, dop853.STARTS, dop853.FROM, dop853.A, dop853.D
 STAGES, ALL_STAGES, NEAREST = dop853.STAGES, dop853.ALL_STAGES, dop853.NEAREST

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from math import isfinite, sqrt
-from typing import TYPE_CHECKING
+
+from compiler.api import Floats
 
 from ..gauss import CLOSE, ITERATIONS, PROJECTIONS, SLOW, WITHIN, A, B, C
 from ..linear_algebra.factors import back, eliminate
 from ..outcomes import NEWTON
 from ..workspace import IntegratorWorkspace
 from .evaluation import put_end, rates, renew
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 
 def energy_step(s: IntegratorWorkspace) -> int:

@@ -9,7 +9,8 @@ Wanner, Solving ODEs II, section IV.2). Where accuracy would repeatedly allow lo
 from __future__ import annotations
 
 from math import isfinite, pow, sqrt, ulp
-from typing import TYPE_CHECKING
+
+from compiler.api import Floats
 
 from .. import dop853
 from ..outcomes import ERROR, ROUND_OFF
@@ -17,9 +18,6 @@ from ..workspace import IntegratorWorkspace
 from .dop853_dense import first_bend_of_pair
 from .evaluation import put_end, rates, renew
 from .step_control import GROWN, first_size, is_rounding, is_stubborn
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 C, STARTS, FROM, A, E5, E3 = dop853.C, dop853.STARTS, dop853.FROM, dop853.A, dop853.E5, dop853.E3
 SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH = dop853.SEEN, dop853.UNSEEN, dop853.LOOKS, dop853.BETWEEN, dop853.THROUGH

@@ -8,7 +8,8 @@ short as the fastest of them; later ones grow as fast modes die out.
 from __future__ import annotations
 
 from math import ulp
-from typing import TYPE_CHECKING
+
+from compiler.api import Floats
 
 from ....numerics import indicators
 from ..linear_algebra import exponentials
@@ -16,9 +17,6 @@ from ..linear_algebra.exponentials import propagate, use_matrix
 from ..outcomes import ERROR, STIFF
 from ..workspace import IntegratorWorkspace
 from .evaluation import put_end, put_terms, rates, renew
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 PLACES, LAST = indicators.PLACES, indicators.LAST
 SHARES, COEFFICIENTS = tuple(indicators.SHARES.tolist()), tuple(indicators.COEFFICIENTS.ravel().tolist())

@@ -7,15 +7,13 @@ nothing in the step has seen: see `is_narrow`.
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING
+
+from compiler.api import Floats, Numbers
 
 from .. import radau
 from ..workspace import IntegratorWorkspace
 from .evaluation import bends_of, rates
 from .trial_interpolant import tried_at
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Numbers
 
 PLACES = (0.0, *radau.C.tolist())
 CLOSE = radau.CLOSE

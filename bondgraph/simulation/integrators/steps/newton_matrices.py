@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from compiler.api import Floats
 
 from .. import radau
 from ..linear_algebra.factors import ComplexFactors, back, back_complex, eliminate, eliminate_complex, is_negative
 from ..linear_algebra.sparse import FINE, SINGULAR, complex_back, complex_factors, real_back, real_factors
 from ..workspace import IntegratorWorkspace
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 

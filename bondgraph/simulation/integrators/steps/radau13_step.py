@@ -9,7 +9,8 @@ of its order, so states between the ends have the tolerance, too, and those at t
 from __future__ import annotations
 
 from math import isfinite, sqrt, ulp
-from typing import TYPE_CHECKING
+
+from compiler.api import Floats, Numbers
 
 from ..linear_algebra.factors import back_complex
 from ..linear_algebra.sparse import FINE, SINGULAR
@@ -33,9 +34,6 @@ from .step_control import (
     stage_rates,
     stagnant,
 )  # fmt: skip
-
-if TYPE_CHECKING:
-    from compiler.api import Floats, Numbers
 
 FIRST, FIRST_MATRIX = (0, 3, 8), (0, 9, 34)  # index of the first number and of the first matrix for 3, 5 and 7 stages
 LEAST, MOST, ROWS = 3, 7, 7

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from math import isfinite, sqrt, ulp
-from typing import TYPE_CHECKING
+
+from compiler.api import Floats
 
 from .. import radau, tolerances
 from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
@@ -26,9 +27,6 @@ from .step_control import (
     stage_rates,
     stagnant,
 )  # fmt: skip
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from math import isfinite, sqrt, ulp
-from typing import TYPE_CHECKING
+
+from compiler.api import Numbers
 
 from ...segments import timeline
 from .. import radau, tolerances
@@ -12,9 +13,6 @@ from .evaluation import drop_noise, look_at_side, rates, renew
 from .kinks import after_bend
 from .newton_matrices import solve_real
 from .norms import factor, most_left
-
-if TYPE_CHECKING:
-    from compiler.api import Numbers
 
 STUBBORN, PATIENT, SHORTER, GROWN = radau.STUBBORN, radau.PATIENT, radau.SHORTER, radau.GROWN
 SMALLEST, LARGEST = float(radau.SMALLEST), float(radau.LARGEST)

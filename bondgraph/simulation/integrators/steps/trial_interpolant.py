@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from compiler.api import Floats
 
 from .. import radau
 from ..methods import THROUGH_ENDS
 from ..workspace import IntegratorWorkspace
-
-if TYPE_CHECKING:
-    from compiler.api import Floats
 
 P = tuple(radau.P.ravel().tolist())
 
