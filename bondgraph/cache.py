@@ -172,6 +172,6 @@ def _place() -> Path | None:
 
 def _ours(found: os.stat_result) -> bool:
     """Return True if a file or folder belongs to this user, and no other may write to it."""
-    if os.name != "posix":
+    if not hasattr(os, "geteuid"):  # Windows; a browser
         return True
     return found.st_uid == os.geteuid() and not found.st_mode & 0o022

@@ -34,7 +34,7 @@ def pages(out: str | None) -> Path:
     from ..errors import UsageError
 
     if out is not None:
-        return build(_free(Path(out).absolute()))
+        return build(free_folder(Path(out).absolute(), "searchindex.js"))
     folder = cache.folder_of("manual")
     if folder is None:
         raise UsageError("BR656", "there is no cache folder for the manual:", "name one: `bondgraph manual -o FOLDER`")
@@ -51,12 +51,12 @@ def pages(out: str | None) -> Path:
     return folder
 
 
-def _free(folder: Path) -> Path:
-    """Return a folder for the pages: a new one, an empty one, or that of an earlier build. Raises `click.UsageError`."""
+def free_folder(folder: Path, known: str) -> Path:
+    """Return a folder for pages: a new one, an empty one, or that of an earlier build, which has a `known` file. Raises `click.UsageError`."""
     if not folder.parent.is_dir() or (folder.exists() and not folder.is_dir()):
-        raise click.UsageError(f"--out `{folder}` is no folder that can be written")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / "searchindex.js").is_file():
-        raise click.UsageError(f"--out `{folder}` has other files: name a new folder")
+        raise click.UsageError(f"`{folder}` is no folder that can be written")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / known).is_file():
+        raise click.UsageError(f"`{folder}` has other files: name a new folder")
     return folder
 
 

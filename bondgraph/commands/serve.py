@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from . import completion
+from .manual import free_folder
 from .options import model_option
 
 
@@ -26,9 +27,17 @@ from .options import model_option
     help="Listen on this address instead of this machine's own: others can then look, too.",
 )
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
+@click.option(
+    "--playground",
+    metavar="OUT",
+    help="Serve nothing: write the page of FOLDER into the folder OUT, for any web host; Python runs in the reader's browser.",
+)
 @model_option
-def command(file: str, port: int, host: str, opens: bool, model: str | None) -> None:
+def command(file: str, port: int, host: str, opens: bool, playground: str | None, model: str | None) -> None:
     """Show a model, or all of a folder, live in the browser: edit and save the text, see its errors, run it by sliders, compare runs. Ctrl-C ends."""
+    if playground is not None:
+        _write_playground(Path(file), Path(playground), model)
+        return
     from compiler.api import read_source
 
     from ..language_service.text_answers import TextAnswers
@@ -48,3 +57,20 @@ def command(file: str, port: int, host: str, opens: bool, model: str | None) -> 
     finally:
         server.session.ended.set()
         server.server_close()
+
+
+def _write_playground(folder: Path, out: Path, model: str | None) -> None:
+    """Write a playground, and print what is to be added. Raises `click.UsageError`."""
+    from ..presentation.page.serve.files import models_in
+    from ..presentation.page.serve.playground import write_playground
+
+    if model is not None or not folder.is_dir() or not models_in(folder):
+        raise click.UsageError(
+            "a playground is of a FOLDER of models, and of all in its files: `bondgraph serve models --playground site`"
+        )
+    lacking = write_playground(folder, free_folder(out.absolute(), "worker.js"))
+    click.echo(f"{out} has the page")
+    if lacking:
+        click.echo(
+            "\n".join([f"still to be put into {out / 'pyodide'}, from a release of Pyodide (0.27 or newer):", *lacking])
+        )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from base64 import b64encode
+from collections.abc import Mapping
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -20,14 +21,21 @@ HERE = Path(__file__).parent
 STYLES = ("page", "text", "diagram", "runs", "live", "print")
 SCRIPTS = ("numbers", "plot", "export", "measured", "solids", "mechanism", "diagram", "player", "sliders", "page")
 LIVE = ("editor", "suggestions", "live")
+ASKED: Mapping[
+    str, tuple[str, tuple[str, ...]]
+] = {  # who answers a page: what its policy allows for that, and further scripts
+    "": ("", ()),
+    "server": ("; connect-src 'self'", ("server", *LIVE)),
+    "worker": ("; worker-src 'self'", ("playground", *LIVE)),
+}
 
 
-def page_text(document: Document, token: str = "") -> str:
-    """Return the text of an HTML file. With a `token` the page is live: it sends requests to its server."""
-    style, script = _style(), _script(bool(token))
+def page_text(document: Document, asked: str = "", token: str = "") -> str:
+    """Return the text of an HTML file. The page is live if somebody is `asked`: its server, which knows it by a `token`, or a worker beside it."""
+    style, script = _style(), _script(asked)
     policy = (
         f"default-src 'none'; style-src {_hashed(style)}; script-src {_hashed(script)}; img-src data:; base-uri 'none'; form-action 'none'"
-        + ("; connect-src 'self'" if token else "")
+        + ASKED[asked][0]
     )
     head = [
         tag("meta", charset="utf-8"),
@@ -75,8 +83,8 @@ def _style() -> str:
 
 
 @cache
-def _script(live: bool) -> str:
+def _script(asked: str) -> str:
     """Return the scripts one after the other, in a common scope."""
-    names = (*SCRIPTS, *LIVE) if live else SCRIPTS
+    names = (*SCRIPTS, *ASKED[asked][1])
     parts = "\n".join((HERE / "scripts" / f"{name}.js").read_text(encoding="utf-8") for name in names)
     return f'"use strict";\n(() => {{\n{parts}\nstart();\n}})();\n'

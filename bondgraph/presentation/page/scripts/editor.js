@@ -102,7 +102,7 @@ class Editor {
     try {
       const found = await this.ask("/check", { text });
       if (text === this.area.value) this.tell(found);
-    } catch { this.said.textContent = "The server does not answer."; }
+    } catch { this.said.textContent = "No answer."; }
   }
 
   // Errors stand below the text that has them, each with its line, and what mends it.

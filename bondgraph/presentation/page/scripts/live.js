@@ -1,12 +1,7 @@
-// The live page: asks its server for runs, and follows the file. One run is on its way at a time; of those that wait the last is made.
+// The live page: asks for runs, and follows the file. One run is on its way at a time; of those that wait the last is made.
 
 function live() {
-  const token = document.querySelector('meta[name="token"]').content;
-  const ask = async (path, body) => {
-    const answer = await fetch(path, { method: body ? "POST" : "GET", headers: { "X-Bondgraph-Token": token, ...(body && { "Content-Type": "application/json" }) }, body: body && JSON.stringify(body), cache: "no-store" });
-    if (!answer.ok) throw new Error(await answer.text());
-    return answer.json();
-  };
+  const ask = asking();
   const state = { busy: false, wanted: null, version: page.data.version, shown: null };
   const known = new Set();  // experiments that have been compiled
   const editor = page.editor = new Editor(ask), banner = editor.bar;
@@ -33,7 +28,7 @@ function live() {
         page.sliders?.answer(found);
         if (found.wrong && !state.shown) state.wanted ??= wanted;  // with the values that hold instead
         if (!found.wrong && wanted === page.chosen && page.swinging === undefined) put(found);
-      } catch (problem) { note(`The server does not answer (${problem.message}).`); }
+      } catch (problem) { note(`No answer: ${problem.message}`); }
     }
     state.busy = false;
     document.body.classList.remove("busy");

@@ -9,6 +9,7 @@ import ctypes
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 
@@ -31,7 +32,8 @@ class TimedExecutor:
         try:
             with self._guard:
                 self._thread, self._began = threading.get_ident(), time.monotonic()
-            timer.start()
+            with suppress(RuntimeError):  # no thread can start in a browser: no limit there
+                timer.start()
             try:
                 return work()
             finally:

@@ -7,7 +7,6 @@ import os
 import socket
 import sys
 import threading
-from collections.abc import Callable
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -15,18 +14,10 @@ from urllib.parse import parse_qs, urlsplit
 
 from ....errors import UsageError
 from ..shell import page_text
+from .answers import answered, looked_up
 from .connections import Connections, RequestStream, drain
 from .guard import Guard
-from .request import (
-    Limits,
-    RequestRefused,
-    body_length,
-    check_headers,
-    known_version,
-    place_request,
-    run_request,
-    text_request,
-)
+from .request import Limits, RequestRefused, body_length, check_headers
 from .session import Session
 
 PATIENCE = 20.0  # s that a request for changes waits
@@ -149,18 +140,13 @@ class Handler(BaseHTTPRequestHandler):
         query = parse_qs(asked.query, keep_blank_values=True)
         if asked.path == "/":
             self._check_token(query.get("token", [""])[0])
-            page = page_text(self.server.session.page(), self.server.guard.token)
+            page = page_text(self.server.session.page(), "server", self.server.guard.token)
             self._answer(200, page, "text/html; charset=utf-8")
         elif asked.path == "/favicon.ico":
             self._answer(404, "", "text/plain; charset=utf-8")
         else:
             self._check_token(self.headers.get("X-Bondgraph-Token", ""))
-            if asked.path == "/changes":
-                self._answer(200, self.server.session.change(known_version(query.get("since", [])), PATIENCE))
-            elif asked.path == "/modes":
-                self._answer(200, self.server.session.modes())
-            else:
-                self._tell(404, "there is nothing here")
+            self._respond(*looked_up(self.server.session, asked.path, query, PATIENCE))
 
     def do_POST(self) -> None:
         check_headers(self.headers)
@@ -171,27 +157,10 @@ class Handler(BaseHTTPRequestHandler):
                 self.headers, limits.text if self.path in ("/save", "/check", "/hover", "/complete") else limits.body
             )
         )
-        answers: dict[str, Callable[[], str]] = {
-            "/stop": session.stop,
-            "/run": lambda: session.run(*run_request(body)),
-            "/open": lambda: session.open(*text_request(body, "file")),
-            "/save": lambda: session.save(*text_request(body, "file", "text", "before")),
-            "/check": lambda: session.check(*text_request(body, "text")),
-            "/hover": lambda: session.answer("hover", *place_request(body)),
-            "/complete": lambda: session.answer("complete", *place_request(body)),
-        }
-        if self.path not in answers:
-            self._tell(404, "there is nothing here")
-            return
-        try:
-            answer = answers[self.path]()
-        except UsageError as problem:
-            self._tell(400, str(problem))
-            return
-        except OSError as problem:  # of the file
-            self._tell(409, f"not saved: {problem.strerror or problem}")
-            return
-        self._answer(200, answer)
+        self._respond(*answered(session, self.path, body))
+
+    def _respond(self, status: int, words: str) -> None:
+        self._answer(status, words) if status == 200 else self._tell(status, words)
 
     def _check_token(self, token: str) -> None:
         """Raise `RequestRefused` if the request is not from a page of this server."""
