@@ -27,7 +27,7 @@ def event_equations(to: EquationBuilder) -> None:
 
 
 def _event(event: Event, elements: dict[str, Element], to: EquationBuilder) -> EventRow:
-    condition = to.variable(f"when {event.words}", "computed", "1")
+    condition = to.variable(f"{'every' if event.sampling else 'when'} {event.words}", "computed", "1")
     to.apply(condition, event.condition, event.span, event.name or "when")
     settings = tuple(_setting(action, elements, to) for action in event.actions)
     values = () if event.sampling is None else event.sampling.values()

@@ -18,7 +18,7 @@ def test_checks_clean(path: Path) -> None:
     assert bondgraph.check(path) == ()
 
 
-@pytest.mark.few(20)
+@pytest.mark.few(13)
 @pytest.mark.machine_code  # interpreted runs have the same balance: tests/simulation/test_compiled.py
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
 def test_energy_balance_within_the_tolerance(path: Path) -> None:

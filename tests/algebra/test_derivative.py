@@ -58,6 +58,7 @@ def test_every_function_is_tried() -> None:
     assert set(DOMAINS) == {name for name, row in OPERATORS.items() if row.arity} - CONDITIONS
 
 
+@pytest.mark.few(14)
 @pytest.mark.parametrize("operator", sorted(DOMAINS))
 @given(data=st.data())
 def test_every_function_against_central_differences(operator: str, data: st.DataObject) -> None:

@@ -213,6 +213,7 @@ def along(rate: str, more: str = "") -> bondgraph.Model:
     return bondgraph.load(f"model A {{ input a = 0\n {more}\n signal x = integral(({rate})/1 s, 0)\n output y = x\n}}")
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("factor", [0.3, 2.0, 30.0])
 @pytest.mark.parametrize(
     "law", ["x if x < 1 else F*(x - 1) + 1", "x + (F - 1)*max(x - 1, 0)", "linear(x, (-9, 1, 2, 9), (-9, 1, 1 + F, 1 + 8*F))"]

@@ -88,6 +88,7 @@ def rest(text: str, output: str, powers: dict[str, int]) -> float:
     return found[output] / own.of_unit(found.units[output])
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("name", NONE)
 def test_nothing_that_is_driven_for_ever_rests(name: str) -> None:
     for powers in OTHER[: 1 + len(name) % 3]:

@@ -44,6 +44,7 @@ SETPOINTS = [(n, s * v) for n in ("x", "y") for v in (4e-6, 8e-6, 12e-6) for s i
 SETPOINTS += [("phi", math.radians(s * v)) for v in (1, 2, 3) for s in (1, -1)]
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize(("target", "value"), SETPOINTS)
 def test_setpoints_of_the_manipulator(manipulator: Any, target: str, value: float) -> None:
     """To 1e-10 m, found again by the search for rest with these voltages; one of push and pull is zero."""

@@ -79,6 +79,7 @@ SMOOTH = [
 ]
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("loss", LOSSES)
 def test_a_resistor_that_bends_at_rest(loss: str) -> None:
     refused(model(loss=loss), "loss")

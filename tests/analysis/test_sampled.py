@@ -28,6 +28,7 @@ def loop(gain: float, period: float, tau: float = 1e-3, extra: str = "") -> str:
 
 
 class TestRest:
+    @pytest.mark.few(6)
     @pytest.mark.parametrize("gain", [0.5, 2.0, -0.5, 20.0])
     @pytest.mark.parametrize("period", [1e-5, 1e-3, 5e-3])
     def test_a_gain(self, gain: float, period: float) -> None:

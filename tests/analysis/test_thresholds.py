@@ -52,6 +52,7 @@ COMPARISONS = [
 UNITS = {"spring.x": "m", "mass.v": "[m/s]", "spring.F": "N", "spring.x - 1 [s]*mass.v": "m"}
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize(("sign", "what"), COMPARISONS)
 def test_a_condition_at_its_threshold(sign: str, what: str) -> None:
     """Both truths at the point, four quantities; a hair beside it the model of that side."""
@@ -140,6 +141,7 @@ model S {{
 """
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     ("push", "x", "limit"),
     [

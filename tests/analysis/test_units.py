@@ -40,6 +40,7 @@ COLUMN = """model Column {
 LOAD = 3.0 * 20e-3  # N: the column leans from k*L on, and (x/b)^2 = load/(k*L) - 1
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("powers", (*POWERS, *SMALLER), ids=str)
 def test_a_plate_is_pulled_in_at_a_third_of_its_gap(powers: dict[str, int]) -> None:
     """V^2 = 8 k g^3/(27 eps A); in small units of mass and large ones of time the branch had no fold."""

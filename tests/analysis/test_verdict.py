@@ -173,6 +173,7 @@ class TestRest:
         with pytest.raises(RunFailed, match="no equilibrium was found"):
             bondgraph.load(f"model A {{\n {body}\n }}").equilibrium()
 
+    @pytest.mark.few(4)
     @pytest.mark.parametrize("volt", [1.0, 12.0, -400.0])
     @pytest.mark.parametrize("k", [0.05, 0.01, 2.0])
     def test_a_motor_turns_steadily(self, volt: float, k: float) -> None:

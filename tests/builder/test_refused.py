@@ -204,6 +204,7 @@ HARMLESS = {
 }  # fmt: skip
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("spot", sorted(spots(Graph("M"))))
 @settings(max_examples=60, deadline=None)
 @given(HOSTILE)

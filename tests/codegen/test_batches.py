@@ -105,6 +105,7 @@ def pattern(program: Program) -> set[tuple[int, int]]:
     return set(zip(*(p.tolist() for p in program.pattern), strict=True))
 
 
+@pytest.mark.few(28)
 @every_model
 def test_jacobian_entries_on_their_pattern(path: Path, name: str) -> None:
     """The sparse entries are those of the dense matrix, and outside of the pattern there is nothing."""

@@ -70,6 +70,7 @@ def agree(compilation: Compilation, folder: Path, rtol: float = 1e-13) -> None:
             np.testing.assert_allclose(found[:-1], expected, rtol=rtol, atol=cancelled, err_msg=name)
 
 
+@pytest.mark.few(7)
 @needs_compiler
 @pytest.mark.parametrize(("path", "name"), MODELS_OF_FILES[::4], ids=lambda x: x if isinstance(x, str) else x.name)
 def test_models(path: Path, name: str, tmp_path: Path) -> None:

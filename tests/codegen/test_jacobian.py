@@ -36,7 +36,7 @@ def differences(f: Any, state: Any, steps: Any) -> Any:
     return np.stack(columns, axis=-1)
 
 
-@pytest.mark.few(40)
+@pytest.mark.few(26)
 @pytest.mark.parametrize(("path", "name", "experiment"), CASES, ids=[f"{n}-{e}" for _, n, e in CASES])
 def test_jacobian(path: Path, name: str, experiment: str | None) -> None:
     compilation = compiled(path, model=name, experiment=experiment, everything=True)

@@ -49,6 +49,7 @@ def values(program: Program) -> list[np.ndarray]:
     return [constants, program.start(constants), program.nominal(constants), program.instants(constants), *found]
 
 
+@pytest.mark.few(6)
 @pytest.mark.machine_code
 @pytest.mark.parametrize("name", MANY)
 def test_kernels_compute_bit_by_bit_what_lines_compute(name: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -83,7 +83,7 @@ def imported(source: str) -> set[str]:
     return found
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(8)
 @every_model
 def test_it_needs_numpy_alone(path: Path, name: str) -> None:
     source = compiled_model(path, name, free=True).program.source
@@ -92,6 +92,7 @@ def test_it_needs_numpy_alone(path: Path, name: str) -> None:
     assert not names & {"eval", "exec", "open", "__import__", "getattr", "compile", "globals"}
 
 
+@pytest.mark.few(28)
 @every_model
 def test_it_states_its_names(path: Path, name: str) -> None:
     """Tables of (name, SI unit), as the program's."""
@@ -112,6 +113,7 @@ def test_it_states_its_names(path: Path, name: str) -> None:
         assert tables[table] == tuple(zip(names.names, names.units, strict=True))
 
 
+@pytest.mark.few(28)
 @every_model
 def test_it_cites_lines_that_exist(path: Path, name: str) -> None:
     """Every comment names a file and a line, and that line says something."""

@@ -116,7 +116,7 @@ def values(module: Any, t: float, x: Any, p: Any, u: Any) -> tuple[Any, ...]:
     return (module.derivative(t, x, p, *inputs), outputs, module.jacobian(t, x, p, *inputs)) if n else ((), outputs, ())
 
 
-@pytest.mark.few(14)
+@pytest.mark.few(9)
 @every_model
 def test_models(path: Path, name: str) -> None:
     agree(compiled_model(path, name, free=True), sizes(path, name))

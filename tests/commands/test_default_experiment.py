@@ -45,6 +45,7 @@ def told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     return lambda *words: CliRunner().invoke(commands, [words[0], "rod.bg", *words[1:]])
 
 
+@pytest.mark.few(7)
 @pytest.mark.parametrize("call", CALLS, ids=" ".join)
 def test_commands_take_the_first(call: list[str], told: Any) -> None:
     plain, first, none = (told(*call, *more) for more in ((), ("-e", "stiff"), ("-e", "none")))

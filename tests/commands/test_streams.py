@@ -171,7 +171,7 @@ def test_every_command_is_tried() -> None:
     assert set(CALLS) == set(COMMANDS)
 
 
-@pytest.mark.few(28)
+@pytest.mark.few(18)
 @pytest.mark.parametrize(("name", "mode"), KEYS)
 def test_a_stream_ends_no_command(name: str, mode: str, ends: dict[tuple[str, str], End]) -> None:
     plain, (code, _, errors, files) = ends[name, "plain"], ends[name, mode]

@@ -92,6 +92,7 @@ def chosen(number: int) -> Iterable[str]:
     return COMMANDS if EVERY else (*ALWAYS, *turn)
 
 
+@pytest.mark.few(94)
 @pytest.mark.parametrize("path", WRONG, ids=lambda p: p.stem)
 def test_a_wrong_file_is_refused_by_all(path: Path, tmp_path: Path) -> None:
     checked = invoke("check FILE --json", path, tmp_path)

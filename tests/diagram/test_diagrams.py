@@ -47,7 +47,7 @@ def causal(path: Path) -> CausalGraph:
     return loaded(path).compilation(Scene(None, None, free=EVERYTHING)).causal
 
 
-@pytest.mark.few(20)
+@pytest.mark.few(13)
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_nothing_overlaps(path: Path) -> None:
     assert_clear(drawn(path), CROSSINGS.get(path.stem, 0))
@@ -91,7 +91,7 @@ def lie_on_each_other(
     return False
 
 
-@pytest.mark.few(20)
+@pytest.mark.few(13)
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_strokes_and_half_arrows(path: Path) -> None:
     """Every bond is drawn once, but for those inside of one multibond transducer. Its stroke is across the end that receives the effort, its barb at the head, on the side of the flow."""
@@ -130,6 +130,7 @@ def across(stroke: tuple[tuple[float, float], ...], bond: tuple[tuple[float, flo
     return abs(dot) < 0.02 * math.dist(a, b) * math.dist(c, d) and 12 < math.dist(a, b) < 18
 
 
+@pytest.mark.few(30)
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_bonds_end_at_their_nodes(path: Path) -> None:
     """Tail and head are nearer to the border of their own node than to any other."""

@@ -174,6 +174,7 @@ class TestPassivity:
         assert "note: `r` creates energy" in model.simulate(to=1, energy=True).summary()
         assert "note: `r` creates energy" in str(model.certificate)
 
+    @pytest.mark.few(25)
     @pytest.mark.parametrize("file", sorted(p.name for p in MODELS.glob("*.bg") if p.name != "mems.bg"))
     def test_what_is_noted_of_the_shipped_models(self, file: str) -> None:
         """Nothing, but for van der Pol's oscillator, which lives on a diode that gives energy at small currents."""

@@ -50,6 +50,7 @@ def test_two_springs_on_one_junction_have_one_state() -> None:
     assert certificate.to_json()["following"] == ["b.x follows a.x"]
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("b", [0.0, 2.0, -3.0])
 @pytest.mark.parametrize("a", [0.0, 1.0])
 @pytest.mark.parametrize("ratio", ["v2 = n*v1", "v1 = n*v2", "v2 = 3*v1", "F1 = -2*F2"])

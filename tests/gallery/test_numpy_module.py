@@ -63,7 +63,7 @@ def sizes(path: Path, name: str) -> dict[str, tuple[float, float]]:
     return dict(zip(names, zip(running.start.tolist(), magnitude.tolist(), strict=True), strict=True))
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(8)
 @pytest.mark.parametrize(("path", "name"), MODELS_OF_FILES, ids=[name for _, name in MODELS_OF_FILES])
 def test_module_and_sympy_agree(path: Path, name: str, tmp_path: Path) -> None:
     generated = module(path, name, tmp_path)

@@ -110,6 +110,7 @@ def test_a_loop_stays_as_it_is(name: str) -> None:
     assert body.splitlines()[-1].strip() in pair(body)[2] and "for i in" in pair(body)[2]
 
 
+@pytest.mark.few(22)
 @pytest.mark.parametrize("name", [*REWRITTEN, *KEPT])
 @given(values=arguments())
 @settings(max_examples=30, deadline=None)

@@ -238,6 +238,7 @@ def test_renamed_models_are_the_same_models(workspace: Workspace, tmp_path: Path
 # ---------------------------------------------------------------- completion
 
 
+@pytest.mark.few(17)
 @pytest.mark.parametrize(
     ("line", "first", "absent"),
     [

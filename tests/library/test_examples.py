@@ -44,6 +44,7 @@ def test_a_part_is_documented(part: LibraryPart) -> None:
     assert all(p.domain for p in interface.ports)
 
 
+@pytest.mark.few(100)
 @pytest.mark.parametrize(
     "target",
     [pytest.param("native", marks=pytest.mark.machine_code), pytest.param("numpy", marks=pytest.mark.interpreted)],
@@ -59,6 +60,7 @@ def test_an_example_has_its_closed_form(name: str, target: str) -> None:
         near(found[output] if whole else found.final(output), values, rtol=RTOL * LOOSE.get(name, 1))
 
 
+@pytest.mark.few(75)
 @pytest.mark.parametrize("name", NAMES)
 def test_an_example_can_be_written_flat(name: str) -> None:
     """No part reads a port that nothing shows where its bonds are joined."""

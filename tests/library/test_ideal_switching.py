@@ -286,16 +286,19 @@ def test_bridges(seed: int) -> None:
     agree(bridge(seed))
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("seed", range(10))
 def test_buck_converters(seed: int) -> None:
     agree(converter(seed, boost=False))
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("seed", range(10))
 def test_boost_converters(seed: int) -> None:
     agree(converter(seed, boost=True))
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("seed", range(10))
 def test_h_bridges(seed: int) -> None:
     agree(h_bridge(seed))
@@ -318,6 +321,7 @@ def test_cascades(stages: int) -> None:
     agree(cascade(stages, stages))
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
 @pytest.mark.parametrize("solver", ["explicit", "radau", "rodas"])
 def test_solvers_and_back_ends(solver: str, target: str) -> None:

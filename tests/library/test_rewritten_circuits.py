@@ -79,7 +79,7 @@ def as_numbered(name: str) -> np.ndarray:
     return stored(circuit, found)
 
 
-@pytest.mark.few(7)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", CASES)
 def test_one_motion_however_it_is_written(name: str, seed: int) -> None:
@@ -206,6 +206,7 @@ def test_two_junctions_that_hold_one_motion(arrows: str) -> None:
     np.testing.assert_allclose(found["x"], x, atol=1e-7)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("rungs", [1, 2, 3, 5])
 @pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
 def test_a_mesh_that_rests_while_its_valve_blocks(rungs: int, target: str) -> None:

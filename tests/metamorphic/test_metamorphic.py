@@ -189,7 +189,7 @@ def runs_agree(case: Case, second: Text, changed: Changed, powers: Powers | None
     run_the_same(case, second, columns, by_output)
 
 
-@pytest.mark.few(16)
+@pytest.mark.few(10)
 @every_case
 @each_seed
 def test_all_at_once(case: Case, seed: int) -> None:
@@ -206,6 +206,7 @@ def test_all_at_once_where_runs_hold_the_states(case: Case, seed: int) -> None:
     runs_agree(case, compiled(case, changed), changed, powers)
 
 
+@pytest.mark.few(24)
 @every_case
 def test_formatted(case: Case) -> None:
     """Formatting changes no bit of the program, and formatted text stays as it is."""
@@ -220,6 +221,7 @@ def test_formatted(case: Case) -> None:
 # ---------------------------------------------------------------- words and order
 
 
+@pytest.mark.few(5)
 @each_case
 def test_one_file_for_all(case: Case) -> None:
     """Imported models may as well be in the file, and line breaks, brackets or spaces change nothing: bit by bit."""
@@ -228,6 +230,7 @@ def test_one_file_for_all(case: Case) -> None:
     assert np.array_equal(steps(case, second), steps_of(case), equal_nan=True)
 
 
+@pytest.mark.few(5)
 @each_case
 @each_seed
 def test_other_names(case: Case, seed: int) -> None:
@@ -235,6 +238,7 @@ def test_other_names(case: Case, seed: int) -> None:
     agree(case, changed)
 
 
+@pytest.mark.few(5)
 @each_case
 @each_seed
 def test_other_order(case: Case, seed: int) -> None:
@@ -308,6 +312,7 @@ def test_walls_are_tried(change: Callable[..., tuple[Statements, dict[str, str]]
 # ---------------------------------------------------------------- units
 
 
+@pytest.mark.few(5)
 @each_case
 @each_seed
 def test_other_units(case: Case, seed: int) -> None:

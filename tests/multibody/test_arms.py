@@ -83,6 +83,7 @@ class Manipulator:
         return -np.array(slopes) / masses
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize("arms", [2, 3, 4, 5, 8, 12])
 @pytest.mark.parametrize("axes", ["from", "to", "middle"])
 def test_accelerations_of_any_number_of_arms(arms: int, axes: str) -> None:

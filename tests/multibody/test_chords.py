@@ -43,6 +43,7 @@ CASES = [
 ]  # fmt: skip
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize("case", CASES, ids=str)
 @pytest.mark.parametrize("seed", [3, 5])
 def test_power_and_rates(case: Any, seed: int) -> None:

@@ -127,7 +127,7 @@ class Anywhere:
         return (self.of(function, self.state + step) - self.of(function, self.state - step)) / 2e-6
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", CASES)
 def test_gaps_rates_and_accelerations_belong_together(name: str) -> None:
     at = Anywhere(CASES[name])
@@ -167,7 +167,7 @@ def loaded(folder: Path, text: str) -> Any:
     return bondgraph.load(path)
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", CASES)
 def test_energy_is_kept(name: str, tmp_path: Path) -> None:
     found = loaded(tmp_path, CASES[name]).simulate(to=0.3, rtol=1e-8, points=4, energy=True)

@@ -61,6 +61,7 @@ def test_the_order_in_a_model_decides_no_state(name: str) -> None:
     assert all(states(text_of(permuted(parsed(text), seed))) == first for seed in (1, 2, 3))
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("kinds", LOOPS, ids="-".join)
 def test_the_order_in_a_loop_decides_no_state(kinds: tuple[str, ...]) -> None:
     text = loop(kinds)

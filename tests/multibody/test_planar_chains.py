@@ -127,7 +127,7 @@ def size(model: Any) -> tuple[int, int]:
     return len(model.certificate.states), model.certificate.constraints
 
 
-@pytest.mark.few(7)
+@pytest.mark.few(5)
 @pytest.mark.machine_code
 @pytest.mark.parametrize("name", CASES)
 def test_a_chain_moves_as_its_joints_do(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -226,7 +226,7 @@ OUTSIDE = {
 }  # fmt: skip
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(4)
 @pytest.mark.machine_code
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_what_is_no_such_chain_stays(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

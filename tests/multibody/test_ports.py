@@ -16,6 +16,7 @@ from tests.multibody.random_trees import RandomTree
 SIX = ("x", "y", "z", "rx", "ry", "rz")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("place", ["b3", "tip", "own"])
 @pytest.mark.parametrize("seed", [1, 4])
 def test_wrench_and_twist(place: str, seed: int) -> None:

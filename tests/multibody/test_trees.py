@@ -33,6 +33,7 @@ def check(tree: RandomTree, samples: int = 2, length: float = 1.0) -> None:
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-10 * max(1.0, np.abs(expected).max()))
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("kind", [k for k in KINDS if k != "weld"])
 @pytest.mark.parametrize("seed", range(3))
 def test_chains_of_one_kind(kind: str, seed: int) -> None:

@@ -95,6 +95,7 @@ def test_a_knock_dies_away_as_the_linear_equations_say(wheels: Model) -> None:
         assert np.abs(sign * ride[name] - exact[row]).max() < 1e-6 * np.abs(exact[row]).max()
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("v", [0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 4.6, 5.0, 6.0, 8.0, 10.0])
 def test_modes_of_the_rolling_bicycle(rolling: Model, v: float) -> None:
     modes = rolling.modes(settings={"v": f"{v} [m/s]"}, state="start")

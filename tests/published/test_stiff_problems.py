@@ -53,6 +53,7 @@ def test_ten_digits(name: str) -> None:
     assert error(name, 1e-11) <= 1e-11
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("name", "rtol", "bound"),
     [

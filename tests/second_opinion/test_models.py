@@ -53,6 +53,7 @@ def span_of(path: Path) -> float | None:
     return None if plan.stop is None else plan.stop - plan.start
 
 
+@pytest.mark.few(29)
 @pytest.mark.machine_code  # random models compare the interpreted steps too
 @pytest.mark.parametrize("name", [n for n in FILES if n not in LEFT])
 def test_a_model_has_a_second_opinion(name: str) -> None:

@@ -17,7 +17,7 @@ FOUND = (16, 80, 224, 272, 288, 296, 416)
 """Seeds of networks that gave wrong numbers, or were refused, in small or large units: a magnitude of 1 in SI hid their events."""
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("seed", FOUND)
 def test_no_unit_changes_a_network(seed: int, scale: tuple[float, float, float]) -> None:

@@ -87,6 +87,7 @@ def counted() -> Any:
     sys.setprofile(before)
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("name", LARGE)
 def test_refused_in_words(name: str, counted: None) -> None:
     text, code = LARGE[name]

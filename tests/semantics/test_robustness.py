@@ -52,6 +52,7 @@ def mutated(text: str, chance: random.Random) -> str:
     return "".join(tokens)
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("seed", range(12))
 def test_no_text_breaks_the_compiler(seed: int) -> None:
     """Twelve times thirty mutated files; every message can be rendered."""

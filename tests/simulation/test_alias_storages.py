@@ -65,6 +65,7 @@ def witness(size: float, on: float = ON, to: float = 2.0) -> float:
     return f
 
 
+@pytest.mark.few(24)
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("model", [MASS, TANK], ids=["mass", "tank"])
 @pytest.mark.parametrize("active", ["time > 0.5", "u > 1 and time > 0.5", "time >= 0.3 + 0.2"])

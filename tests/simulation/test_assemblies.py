@@ -72,6 +72,7 @@ def swing(crank: float) -> float:
     return math.degrees(angles[-1] - angles[0])
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("crank", [60, 120, 150, 180, -120, -150, 179.99, 359, 400, -790, 1e-6, -1])
 def test_the_crank_of_the_gallery_s_four_bar(crank: float) -> None:
     text = (MODELS / "four_bar.bg").read_text(encoding="utf-8")

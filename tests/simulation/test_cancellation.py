@@ -69,6 +69,7 @@ def test_zero_by_a_symmetry_is_no_doubt() -> None:
     assert not result.warnings and np.abs(result["gap"]).max() < 1e-13
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     "name",
     [

@@ -58,7 +58,7 @@ def both(path: Path, name: str | None = None, **settings: Any) -> tuple[Result, 
     return tuple(model.simulate(target=target, **settings) for target in ("native", "numpy"))  # type: ignore[return-value]
 
 
-@pytest.mark.few(24)
+@pytest.mark.few(16)
 @pytest.mark.parametrize("solver", ["radau", "automatic"])
 @pytest.mark.parametrize(("path", "name"), RUNNING, ids=lambda x: x if isinstance(x, str) else x.name)
 def test_models_take_the_same_steps(path: Path, name: str, solver: str) -> None:

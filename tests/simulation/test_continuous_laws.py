@@ -102,7 +102,7 @@ def run(law: str, rtol: float, target: str) -> Result:
     return bondgraph.load(text).simulate(to=20, points=41, rtol=rtol, target=target, solver="radau")
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(8)
 @pytest.mark.parametrize("rtol", [1e-4, 1e-7])
 @pytest.mark.parametrize("forms", FORMS, ids=[f for f, _ in FORMS])
 @pytest.mark.parametrize("target", BOTH)
@@ -167,6 +167,7 @@ def levels(tank: str) -> Any:
     return np.maximum(found.y[0], 0.0)
 
 
+@pytest.mark.few(15)
 @pytest.mark.machine_code
 @pytest.mark.parametrize("tank", TANKS)
 @pytest.mark.parametrize("law", WRITINGS)

@@ -127,6 +127,7 @@ OF_STATES = {  # what stands behind the rate of a signal while x rises from 0 to
 }
 
 
+@pytest.mark.few(20)
 @every_method
 @pytest.mark.parametrize("case", OF_STATES)
 def test_counts_of_a_state_behind_a_rate(case: str, solver: str, target: str) -> None:

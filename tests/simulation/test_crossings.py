@@ -71,7 +71,7 @@ EDGES = {
 }
 
 
-@pytest.mark.few(10)
+@pytest.mark.few(6)
 @pytest.mark.parametrize("condition", EDGES)
 @pytest.mark.parametrize("bent", ["", " + 1e-30*w^3"], ids=["linear", "nonlinear"])
 @pytest.mark.parametrize("target", BOTH)
@@ -104,6 +104,7 @@ WINDOWS: dict[str, Callable[[Any, Any], Any]] = {
 }
 
 
+@pytest.mark.few(11)
 @pytest.mark.parametrize("condition", WINDOWS)
 @pytest.mark.parametrize("target", BOTH)
 def test_narrow_windows_on_states_are_seen(condition: str, target: str) -> None:
@@ -362,7 +363,7 @@ BELLS = [
 ]
 
 
-@pytest.mark.few(30)
+@pytest.mark.few(20)
 @pytest.mark.parametrize("condition", BELLS)
 @pytest.mark.parametrize("width", [1e-6, 1e-9])
 @pytest.mark.parametrize("target", BOTH)

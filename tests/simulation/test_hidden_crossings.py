@@ -28,7 +28,7 @@ CLOCK = """plain model Clock {{
 RATES = ["3*on - u^3 - u", "cos(3*u)*(on + 0.5)", "0.1*(on - exp(u))"]
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("share", [0.1, 0.125, 0.25, 0.3125, 0.5, 0.75])
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("target", BOTH)
@@ -81,6 +81,7 @@ LAWS: list[tuple[str, Callable[[int], Any]]] = [  # signals, events; the instant
 ]
 
 
+@pytest.mark.few(11)
 @pytest.mark.parametrize("law", LAWS, ids=[law.splitlines()[0] for law, _ in LAWS])
 @pytest.mark.parametrize("target", BOTH)
 def test_instants_of_nonlinear_laws(law: tuple[str, Callable[[int], Any]], target: str) -> None:

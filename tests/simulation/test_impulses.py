@@ -221,6 +221,7 @@ STOPPED_DUAL = (
 )  # fmt: skip
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("text", [STOPPED, STOPPED_DUAL], ids=["momentum", "charge"])
 @pytest.mark.parametrize("push", [-0.5, 0.5])
 @pytest.mark.parametrize("arrow", ["j -> other", "other -> j"])

@@ -359,7 +359,7 @@ BUMPS = {
 }
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("law", ["1e-9 [N*s/m]*v", "1e-9 [N*s^2/m^2]*v*abs(v)"], ids=["linear", "nonlinear"])
 @pytest.mark.parametrize(
     "way", [w for w in ways() if w.solver not in ("energy", "exponential")], ids=lambda way: way.name

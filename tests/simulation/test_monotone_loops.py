@@ -121,6 +121,7 @@ def test_a_random_network_with_laws_of_pieces_fulfils_its_laws_and_balances(seed
     _is_solved(bondgraph.load(text).simulate(), laws, edges, at)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", [8, 36])
 @pytest.mark.parametrize("more", ["when", "switch", "every"])
 def test_events_leave_a_network_as_it_is(seed: int, more: str) -> None:
@@ -183,6 +184,7 @@ model Bridge {{
 LAWS = ("i = I_s*(exp(u/U_T) - 1)", "u = U_T*log(i/I_s + 1)")
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(
     ("volt", "saturation", "thermal", "inner", "load"),

@@ -29,7 +29,7 @@ def passed(law: str, width: float, rate: str, solver: str, stiff: bool, start: f
     return bondgraph.load(text).simulate(to=6, points=3, solver=solver).final("last")
 
 
-@pytest.mark.few(24)
+@pytest.mark.few(16)
 @pytest.mark.parametrize(
     ("solver", "stiff"), [(s, stiff) for s in SOLVERS for stiff in (False, True) if s != "explicit" or not stiff]
 )

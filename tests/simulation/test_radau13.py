@@ -121,6 +121,7 @@ def test_both_back_ends() -> None:
         assert np.abs(native[column.name] - numpy[column.name]).max() < 1e-5 * largest
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("rtol", [1e-6, 1e-10])
 @pytest.mark.parametrize("name", ["vdpol_mu1000", "robertson", "hires", "transistor_amplifier"])
 def test_published_digits(name: str, rtol: float) -> None:

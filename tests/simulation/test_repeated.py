@@ -67,6 +67,7 @@ SAME = [
 ]  # fmt: skip
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("name", SAME)
 def test_a_second_call_finds_nothing_again(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Magnitudes, consistent starts and methods are those of the first call, also of one with other settings between them."""

@@ -18,6 +18,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("gate", ["time > 0.5", "store.q > 0.5", "not time < 1.1", "time > 0.5 and time < 1.4"])
 @pytest.mark.parametrize("change", CHANGES)
 def test_what_events_set_goes_on_while_it_reaches_nothing(change: str, gate: str) -> None:

@@ -161,6 +161,7 @@ def test_a_value_with_which_nothing_begins_is_told() -> None:
         bondgraph.load(text).simulate(None, settings={"k": -1.0}, to="1 s")
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     "name", ["a", "s", "l_s", "d[1]", "E[2]", "h", "pitch", "r", "r_phi", "m_p", "I_z", "push1", "fx"]
 )

@@ -212,6 +212,7 @@ def stiff(unit: float) -> str:
 """
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("solver", ["automatic", "radau", "rodas", "explicit"])
 @pytest.mark.parametrize("made", [oscillator, stiff])
 def test_nothing_is_absolute_in_time(made: Any, solver: str) -> None:

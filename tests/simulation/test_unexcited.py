@@ -304,6 +304,7 @@ LINKS = (  # from a body `a` to a body `b`, by the number of the link
 SPRINGS = ("3 [N/m]*x + 2 [N/m^3]*x^3", "2 N*sin(x/1 m)", "1 N*(exp(x/1 m) - 1)", "5 [N/m]*x + 1 [N/m^2]*x*abs(x)")
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("seed", range(8))
 def test_random_couplings(seed: int) -> None:
     """Exactly the oscillators that stay at zero in a run of all states are left out."""

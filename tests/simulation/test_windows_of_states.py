@@ -116,6 +116,7 @@ def test_a_window_is_open_as_long_as_it_is_wide(condition: str, width: float) ->
     assert found.final("time_open") == pytest.approx(2 * width / 0.61, rel=1e-6)
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("factor", [2.0, -2.0, 0.0])
 @pytest.mark.parametrize("level", [0.25, -0.25])
 @pytest.mark.parametrize("condition", ["k*x^2 < c", "c > k*x^2", "not (k*x^2 >= c)", "k*x^2 - c < 0"])

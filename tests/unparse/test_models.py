@@ -62,13 +62,14 @@ def test_there_are_models_and_parts() -> None:
     assert {f for f, _, _ in GALLERY} >= {f.name for f in MODELS.glob("*.bg")} - {"mems.bg"}
 
 
-@pytest.mark.few(40)
+@pytest.mark.few(26)
 @pytest.mark.parametrize(("file", "model", "experiment"), GALLERY)
 def test_every_model_comes_back(file: str, model: str, experiment: str | None) -> None:
     original = compiled(MODELS / file, model=model, experiment=experiment, everything=True)
     same_motion(original, again(original))
 
 
+@pytest.mark.few(25)
 @pytest.mark.parametrize("file", sorted({f for f, _, _ in GALLERY}))
 def test_the_text_is_formatted_and_stays(file: str) -> None:
     """`fmt` does not change it, and neither does a second round through a model, except for the former names."""
@@ -128,7 +129,7 @@ def ports(model: tree.ModelSyntax) -> list[tree.PortItem]:
     return [p for s in model.statements if isinstance(s, tree.PortsSyntax) for p in s.items]
 
 
-@pytest.mark.few(50)
+@pytest.mark.few(32)
 @pytest.mark.parametrize(("library", "name"), PARTS)
 def test_every_part_of_the_library_comes_back(library: str, name: str) -> None:
     """With arrows at its ports as they fit."""
