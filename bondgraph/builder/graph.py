@@ -27,7 +27,17 @@ from ..errors import UsageError
 from ..keywords import check_keywords
 from ..model import Model
 from ..simulation.integrators.methods import chosen_solver
-from .argument_checks import Value, description_of, is_one_number, literal_of, mapping_of, path_of, unit_of, value_of
+from .argument_checks import (
+    Value,
+    description_of,
+    is_one_number,
+    law_of,
+    literal_of,
+    mapping_of,
+    path_of,
+    unit_of,
+    value_of,
+)
 from .elements import Elements
 from .mechanism import Multibody
 from .names import model_name_of, name_of
@@ -95,6 +105,10 @@ class Graph(Elements):
     def mode(self, name: str, value: Value, unit: str = "", description: str = "") -> NamedQuantity:
         """Add a discrete variable that only events change, a number or a truth value; `value` is its start: `mode("resting", "false")`."""
         return self._quantity("mode", name, value, unit, description)
+
+    def solve(self, name: str, law: str, guess: Value = None, unit: str = "", description: str = "") -> NamedQuantity:
+        """Add a number that makes an equation true, near a guess: `solve("x", "x^3 + a*x = b", 1, "m")`. Those of several equations read one another."""
+        return self._quantity(f"solve {law_of(law, f'the equation of `{name}`')} for", name, guess, unit, description)
 
     def output(self, name: str, value: Value, unit: str = "", description: str = "") -> NamedQuantity:
         """Add an output: a signal that runs report: `output("position", "spring.x")`."""

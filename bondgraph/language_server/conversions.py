@@ -30,6 +30,7 @@ SYMBOLS = {
     "output": types.SymbolKind.Field, "signal": types.SymbolKind.Variable, "mode": types.SymbolKind.Boolean, "port": types.SymbolKind.Interface,
     "element": types.SymbolKind.Struct, "junction": types.SymbolKind.Operator, "instance": types.SymbolKind.Object, "mechanism": types.SymbolKind.Namespace,
     "part": types.SymbolKind.Struct, "function": types.SymbolKind.Function, "experiment": types.SymbolKind.Method, "index": types.SymbolKind.Number,
+    "solve": types.SymbolKind.Variable,
 }  # fmt: skip
 ITEMS = {
     "keyword": types.CompletionItemKind.Keyword, "kind": types.CompletionItemKind.Class, "domain": types.CompletionItemKind.Enum,

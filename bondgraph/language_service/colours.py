@@ -16,7 +16,7 @@ CLASSES = ("keyword", "operator", "value", "attribute", "kind", "domain", "funct
 _OF_NAMES = {
     "model": "model", "parameter": "parameter", "constant": "constant", "input": "variable", "output": "variable", "signal": "variable", "mode": "variable",
     "port": "port", "component": "port", "element": "element", "junction": "element", "part": "element", "instance": "instance", "mechanism": "instance",
-    "function": "function", "argument": "parameter", "index": "parameter", "experiment": "function",
+    "function": "function", "argument": "parameter", "index": "parameter", "experiment": "function", "solve": "variable",
 }  # fmt: skip
 _PLAIN = {"comment": "comment", "text": "text", "number": "number"}
 

@@ -125,7 +125,7 @@ def _keywords(where: str) -> Iterator[Suggestion]:
 # ---------------------------------------------------------------- models
 
 
-_WITH_EXPRESSIONS = ("parameter", "constant", "input", "signal", "output", "mode", "function", "when", "every", "require", "for")  # fmt: skip
+_WITH_EXPRESSIONS = ("parameter", "constant", "input", "signal", "output", "mode", "solve", "function", "when", "every", "require", "for")  # fmt: skip
 
 
 def _in_model(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:

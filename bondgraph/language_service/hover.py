@@ -16,7 +16,7 @@ from .occurrences import NameUse, model_of
 from .vocabulary import FUNCTION_TEXTS, JUNCTIONS, KEYWORDS, USAGES, kind_text
 from .workspace import Workspace, place_of
 
-QUANTITIES = frozenset({"parameter", "constant", "input", "output", "signal", "mode"})
+QUANTITIES = frozenset({"parameter", "constant", "input", "output", "signal", "mode", "solve"})
 MOST_PARAMETERS = 16
 
 

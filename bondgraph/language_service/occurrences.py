@@ -148,7 +148,8 @@ def _statement(statement: tree.SyntaxNode, home: _Home) -> Iterator[NameUse]:
         case tree.SettingSyntax():
             yield NameUse(name_span(statement.span, statement.name), None, kind="attribute")
             yield from _expression(statement.value, home)
-        case tree.Quantities(items=items):
+        case tree.Quantities(items=items, equations=equations):
+            yield from _expression(equations, home)
             for item in items:
                 yield from _defined(home, item.name, item.span)
                 yield from _expression(item, home)

@@ -45,6 +45,7 @@ _ROWS = (
     Keyword("signal", "model", "signal ${1:name} = $0", "A name for an expression that may change during a run."),
     Keyword("output", "model", "output ${1:name} = $0", "A signal that runs report."),
     Keyword("mode", "model", "mode ${1:on} = ${0:false}", "A number or a truth that only events change; the value is its start."),
+    Keyword("solve", "model", "solve ${1:x^3 + x} = ${2:1} for ${3:x} = ${0:1}", "A number that makes an equation true; the value is a guess near it."),
     Keyword("port", "model", "port ${1:name}: ${2:translation}", "A port of the model, through which it is bonded where it is used."),
     Keyword("multibody", "model", "multibody ${1:name} : ${2|planar,spatial|} {\n  $0\n}", "A mechanism of bodies and joints."),
     Keyword("for", "model mechanism", "for ${1:i} in 1..${2:3} {\n  $0\n}", "Repeats what stands in its braces."),

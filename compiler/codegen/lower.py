@@ -87,7 +87,8 @@ def lower(
         for column, entry in slopes.get(rate, {}).items():
             if entry != ZERO and column < count:
                 result.jacobian[row, column] = entry
-    result.starts = (*(_entry(result, s.start) for s in space.states), *(ZERO for _ in space.unknowns))
+    guesses = (Number(space.variables[u.variable].value or 0.0) for u in space.unknowns)
+    result.starts = (*(_entry(result, s.start) for s in space.states), *guesses)
     _lower_claims(result)
     _lower_invariants(result, slopes)
     result.dependents = tuple(result.values[d.variable] for d in (*space.dependents, *space.momenta))

@@ -131,6 +131,8 @@ class EquationBuilder(EquationCollection):
             return self._discrete(named)
         if named.role == "rate":
             return self._rate(named)
+        if named.role == "solve":
+            return self._unknown(named)
         if adjustable(named) and (named.role == "parameter" or name in self.free or "*" in self.free):
             value = named.value if named.value is not None else _number(named.definition)
             self.quantities[name] = self.variable(name, named.role, named.unit, value)
@@ -174,6 +176,20 @@ class EquationBuilder(EquationCollection):
         def finish() -> None:
             of = self.held(self.folded(definition), f"argument of {named.name}", "", named.span)
             self.differentiated(variable, of, named.span, named.name)
+
+        return iter(definition.arguments), finish
+
+    def _unknown(self, named: Named) -> _Row:
+        """Add the unknown of a `solve`, which makes its definition zero. It gets its variable first, as the definition reads it."""
+        self.quantities[named.name] = variable = self.variable(named.name, "computed", named.unit)
+        definition = named.definition
+        assert definition is not None
+
+        def finish() -> None:
+            arguments = tuple(self.reference(a) for a in definition.arguments)
+            self.add(
+                Assignment(variable, definition.formula, arguments, named.span, named.name, True, None, named.guess)
+            )
 
         return iter(definition.arguments), finish
 

@@ -229,6 +229,7 @@ class EquationCollection:
             Assignment(
                 a.target, a.formula, tuple(map(through, a.arguments)), a.span, a.owner, a.implicit,
                 None if a.residual is None else Bound(a.residual.formula, tuple(map(through, a.residual.arguments))),
+                a.guess,
             )
             for a in self.assignments
         ]  # fmt: skip

@@ -25,7 +25,9 @@ class Variable:
     name: str
     role: str
     unit: str = ""
-    value: float | None = None  # default of a parameter or input
+    value: float | None = (
+        None  # default of a parameter or input; of an unknown near which its solution lies, if the author says it
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +36,7 @@ class Assignment:
 
     An implicit one means `0 = formula(arguments)`, with the target among the arguments. `residual` is the implicit form, over variables, of
     an explicit assignment whose formula is not defined everywhere (a diode's voltage as a logarithm of its current): it replaces the explicit
-    form inside a loop, where an iteration may lead anywhere.
+    form inside a loop, where an iteration may lead anywhere. `guess`: near which the solution of an implicit one lies, if the author says it.
     """
 
     target: int
@@ -44,6 +46,7 @@ class Assignment:
     owner: str  # the element, junction or quantity that it belongs to
     implicit: bool = False
     residual: Bound | None = None
+    guess: float | None = None
 
     @property
     def targets(self) -> tuple[int, ...]:

@@ -11,7 +11,7 @@ from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..algebra.expression import Expression
+from ..algebra.expression import Expression, symbols
 from ..algebra.formula import Bound
 from ..fast_dataclass import dataclass
 from ..source import Span
@@ -138,8 +138,8 @@ class Bond:
 class Named:
     """A parameter, constant, input, signal, mode or output, the rate of an expression, `der(x)`, or a "loop", a signal that depends on itself.
 
-    `definition` computes it (None: it comes from outside; for a mode it is the start; of a rate it is the integral, x). `value` is known if it is constant
-    during a run.
+    `definition` computes it (None: it comes from outside; for a mode it is the start; of a rate it is the integral, x; of the unknown of a `solve` it
+    is zero). `value` is known if it is constant during a run; `guess`: near which the solution of a `solve` lies.
     """
 
     name: str
@@ -149,6 +149,14 @@ class Named:
     value: float | None
     span: Span
     description: str = ""
+    guess: float | None = None
+
+    @property
+    def together(self) -> tuple[str, ...]:
+        """Unknowns of a `solve`, which are the last arguments of each one's definition, beyond those in its expression."""
+        assert self.definition is not None
+        used = len(set(symbols(self.definition.formula.expression)))
+        return tuple(a.name for a in self.definition.arguments[used:] if isinstance(a, Quantity))
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,7 +42,7 @@ def known_zeros(graph: BondGraph, free: frozenset[str]) -> Zeros:
             if (
                 named is not None
                 and named.definition is not None
-                and named.role != "mode"
+                and named.role not in ("mode", "solve")
                 and name not in free
                 and not ("*" in free and adjustable(named))
             ):

@@ -133,7 +133,9 @@ def permuted(statements: Statements, seed: int) -> Statements:
                 isinstance(s, tree.Analysis) for s in node.steps
             ):  # a run begins where they end
                 return replace(node, steps=shuffled(node.steps))
-            case tree.Quantities() | tree.ParameterSet():
+            case tree.Quantities():
+                return replace(node, items=shuffled(node.items), equations=shuffled(node.equations))
+            case tree.ParameterSet():
                 return replace(node, items=shuffled(node.items))
             case tree.PortsSyntax():
                 return replace(node, items=shuffled(node.items))

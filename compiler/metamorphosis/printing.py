@@ -139,6 +139,10 @@ def statement(node: tree.SyntaxNode, margin: str) -> str:
     return margin + _statement(node, margin)
 
 
+def _law(equations: tuple[tree.Equation, ...]) -> str:
+    return ", ".join(f"{expression(e.left)} = {expression(e.right)}" for e in equations)
+
+
 def _block(head: str, statements: tuple[tree.SyntaxNode, ...], margin: str) -> str:
     lines = "".join(statement(s, margin + "  ") + "\n" for s in statements)
     return f"{head} {{\n{lines}{margin}}}"
@@ -156,7 +160,8 @@ def _statement(node: object, margin: str) -> str:
         case tree.RequirementSyntax():
             return f'require {expression(node.condition)} "{node.text}"'
         case tree.Quantities():
-            return f"{node.role} " + ", ".join(map(_item, node.items))
+            law = f"{_law(node.equations)} for " if node.equations else ""
+            return f"{node.role} {law}" + ", ".join(map(_item, node.items))
         case tree.ParameterSet():
             lines = "".join(f"{margin}  {_item(i)}\n" for i in node.items)
             return f"parameters {node.name} {{\n{lines}{margin}}}"
@@ -276,7 +281,7 @@ def _declaration(node: tree.Declaration) -> str:
         case None:
             pass
         case tree.LawSyntax(equations=equations):
-            text += " : " + ", ".join(f"{expression(e.left)} = {expression(e.right)}" for e in equations)
+            text += f" : {_law(equations)}"
         case tree.LinkSyntax(first=first, second=second):
             text += f" : {expression(first)} to {expression(second)}"
         case other:

@@ -65,7 +65,7 @@ def _pieces(node: tree.SyntaxNode) -> Iterator[tree.SyntaxNode]:
             yield from (replace(node, otherwise=s) for s in _reduced(node.otherwise))
         case tree.Experiment():
             yield from (replace(node, steps=s) for s in _reduced(node.steps))
-        case tree.Quantities() if len(node.items) > 1:
+        case tree.Quantities() if len(node.items) > 1 and not node.equations:
             for k in range(len(node.items)):
                 yield replace(node, items=node.items[:k] + node.items[k + 1 :])
         case tree.Declaration() if node.attributes:

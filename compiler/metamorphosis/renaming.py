@@ -20,7 +20,7 @@ from ..syntax.blocks import flat
 from .printing import with_parts
 
 Key = tuple[str, ...]  # ("file", path, name) | ("model", path, model, name, …)
-NUMBERS = ("parameter", "constant", "input", "signal", "mode")  # roles that a law can read
+NUMBERS = ("parameter", "constant", "input", "signal", "solve", "mode")  # roles that a law can read
 
 
 @dataclass(eq=False)

@@ -12,7 +12,7 @@ class SingularLoop(Diagnostic):
     advice = (
         "Nothing in it decides its flow or its effort: no loss, no storage, or they add up to nothing, or no node has a potential. "
         "Put a resistor or a storage into it; a circuit that floats needs an earth, `Se earth : u = 0 V`. "
-        "Of signals one follows from the others: look for a sign."
+        "Of signals one follows from the others: look for a sign. The equations of a `solve` read all that it looks for."
     )
     members: str
 

@@ -241,13 +241,17 @@ class _Reduction:
 
     def _nonlinear(self, cut: list[int], order: list[int], members: tuple[str, ...]) -> list[Step]:
         """Unknowns for the cut variables. The residual is the computed value minus the unknown."""
+        read = {s.key for v in (*cut, *order) for s in symbols(self.assigned[v].expression)}
+        for v in cut:
+            if self.assigned[v].implicit and v not in read:
+                self.diagnostics.append(SingularLoop(self.assigned[v].span, f"`{self.variables[v].name}`"))
         inner: list[Step] = [self.assigned[v] for v in order]
         sums = Sums({v: self.assigned[v].expression for v in order})
         loop = self.unknowns[-1].loop + 1 if self.unknowns else 0
         for variable in cut:
             assignment = self.assigned[variable]
             old = self.variables[variable]
-            self.variables[variable] = Variable(old.name, "unknown", old.unit)
+            self.variables[variable] = Variable(old.name, "unknown", old.unit, assignment.guess)
             residual = assignment.expression if assignment.implicit else assignment.expression - Symbol(variable)
             bound = bind(without_round_trips(residual, sums))
             number = len(self.variables)

@@ -30,6 +30,7 @@ from .network.nodes import Nodes
 from .network.requirements import read_requirements
 from .network.unconnected import unconnected
 from .resolution.elaboration_cache import MAXIMUM_PARTS, ElaborationCache
+from .resolution.solves import read_solves
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,6 +264,7 @@ class _Opened:
         elaborator = self.elaborator
         for pending in elaborator.pending:
             elaborator.guard(elaborator.quantity, pending)
+        read_solves(elaborator)
         nodes = Nodes(elaborator, self.known)
         nodes.build()
         starts = read_initial_values(elaborator, self.experiment, elaborator.root, nodes.nodes)

@@ -107,6 +107,10 @@ class Builder:
     signals = partialmethod(_quantities, "signal")
     modes_ = partialmethod(_quantities, "mode")
 
+    def solve(self, parts: list[Any]) -> tree.Quantities:
+        law, *items = parts
+        return tree.Quantities(self._span(parts), "solve", tuple(items), law.equations)
+
     def item(self, parts: list[Any]) -> tree.Item:
         name, index, unit, value, description = parts
         value = _done(value)

@@ -33,7 +33,7 @@ COMMENT = 2  # columns before a comment at the end of a line
 TABLE = 4  # two rows of a table lie at most so many lines apart
 TAB = 8  # columns from one tab stop to the next, where there are tabs
 
-_INTRODUCES_NAMES = frozenset(["parameter", "constant", "input", "output", "signal", "mode", "port", "sweep"])
+_INTRODUCES_NAMES = frozenset(["parameter", "constant", "input", "output", "signal", "mode", "solve", "port", "sweep"])
 _HAS_BLOCK = frozenset(["model", "plain", "parameters", "multibody", "for", "if", "when", "every", "experiment"])
 _SPACED = frozenset(["=", "->", "=>", "<", "<=", ">", ">=", "==", "!="])
 _CLOSE = frozenset("*/^")

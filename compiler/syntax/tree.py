@@ -171,10 +171,11 @@ class Item(SyntaxNode):
 
 @dataclass(frozen=True, slots=True)
 class Quantities(SyntaxNode):
-    """A statement that introduces named quantities; `role` is its first word."""
+    """A statement that introduces named quantities; `role` is its first word. Those of a `solve` make the equations true."""
 
     role: str
     items: tuple[Item, ...]
+    equations: tuple[Equation, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

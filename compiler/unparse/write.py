@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from ..algebra.expression import Symbol
+from ..algebra.expression import Number, Symbol
+from ..algebra.formula import bind
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..graph.domains import DOMAINS
 from ..graph.elements import TRANSDUCERS
@@ -120,7 +121,21 @@ class _Writer:
 
     # ------------------------------------------------------------ quantities
     def _quantity(self, named: Named) -> Iterator[str]:
+        if named.role == "solve":
+            yield from self._solve(named)
+            return
         yield self._item(ROLES.get(named.role, "signal"), self.names.quantities[named.name], named)
+
+    def _solve(self, first: Named) -> Iterator[str]:
+        """The equations of a `solve`, and what it looks for, at the first of its unknowns."""
+        if first.together[0] != first.name:
+            return
+        unknowns = [self.graph.quantities[name] for name in first.together]
+        zeros = [n.definition for n in unknowns if n.definition is not None]
+        role = f"solve {', '.join(f'{self.words.bound(zero, self.words.usual(zero))} = 0' for zero in zeros)} for"
+        for named in unknowns:
+            yield self._item(role, self.names.quantities[named.name], named)
+            role = "  ,"
 
     def _output(self, name: str, named: Named) -> Iterator[str]:
         if name in self.names.outputs:
@@ -138,6 +153,8 @@ class _Writer:
         elif (delay := self.graph.delays.get(named.name) or self.delayed.get(named.name)) is not None:
             lag = self.words.bound(delay.lag, ONE if self.plain else SECOND)
             value = f"delay({self.words.bound(delay.value, dimension)}, {lag})"
+        elif named.role == "solve":
+            value = "" if named.guess is None else self.words.bound(bind(Number(named.guess)), dimension)
         elif named.definition is not None:
             value = self.words.bound(named.definition, dimension)
         else:
@@ -145,7 +162,7 @@ class _Writer:
         unit = "" if dimension == ONE else f": {unit_text(dimension)}"
         if unit and _NUMBER_WITH_UNIT.fullmatch(value):  # `k: N/m = 5`: a bare number is in that unit
             value = value.split()[0]
-        return f"{role} {name}{unit} = {value}{description_text(named.description)}{former_name(named.name, name)}"
+        return f"{role} {name}{unit}{f' = {value}' * bool(value)}{description_text(named.description)}{former_name(named.name, name)}"
 
     # ------------------------------------------------------------ nodes
     def _node(self, node: Node) -> Iterator[str]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import bondgraph
-from tests.gallery.reference import GALLERY, driven, near, run
+from tests.gallery.reference import GALLERY, driven, integrated, near, run
 
 
 def test_hydraulic_press() -> None:
@@ -64,6 +66,29 @@ def test_surge_tank_is_steady_until_the_gate_shuts() -> None:
     found = run("surge_tank", settings={"shut": 100.0}, to=100.0)
     near(found["Q"], 30 + 0 * found.time)
     near(found["level"], -500 * 30 / 9810 + 0 * found.time)
+
+
+def test_rough_pipe() -> None:
+    """Q' = area/(rho length) (P - loss(Q)), with Colebrook's equation solved by Lambert's function (Keady, J. Hydraul. Eng. 124, 1998)."""
+    area, rough, half = np.pi * 0.05**2 / 4, 0.1e-3 / (3.7 * 0.05), np.log(10) / 2
+
+    def factor(q: float) -> float:
+        reynolds = 1000 * q * 0.05 / (area * 1e-3)
+        b = reynolds / 2.51  # s = -2 log10(rough + s/b): half s + half b rough = W(half b exp(half b rough))
+        w = half * b * rough + np.log(half * b)  # W(exp(w)) = y, y + ln y = w
+        y = w - np.log(w)
+        for _ in range(20):
+            y -= (y + np.log(y) - w) / (1 + 1 / y)
+        return float(((y - half * b * rough) / half) ** -2)
+
+    def rates(_: float, q: Any) -> Any:
+        loss = 50 / 0.05 * 1000 / 2 * factor(q[0]) * (q[0] / area) ** 2
+        return [area / (1000 * 50) * (1e5 - loss)]
+
+    found = run("rough_pipe")
+    flow = integrated(rates, [0.5e-3], found.time)[:, 0]
+    near(found["Q"], flow)
+    near(found["factor"], np.array([factor(q) for q in flow]))
 
 
 def test_bottle() -> None:

@@ -125,6 +125,10 @@ class Assembly:
                 if named.value is None:
                     raise NotHeld(f"{name} has no value")
                 self.quantities[name] = Number(float(named.value))
+            elif named.role in ("solve", "loop"):
+                self.quantities[name] = own = self.unknown()
+                opened = self.opened(named.definition)
+                self.residuals.append((opened if named.role == "solve" else opened - own, None, None))
             else:
                 opened = self.opened(named.definition)
                 self.quantities[name] = self.rate(opened) if named.role == "rate" else opened

@@ -96,3 +96,95 @@ def test_a_loop_in_a_block_of_samples_is_that_of_its_beginning() -> None:
     text = "plain model A {\n  mode m = 0\n  signal x = 0.5*x + m\n  every 1 {\n    m = m + 1\n    m = m + x\n  }\n  output n = m\n}\n"
     assert bondgraph.load(text).simulate(to=3).final("n") == 40.0
     assert math.isclose(numbers("plain model A {\n  signal x = 0.5*x + 1\n  output y = x\n}\n")["y"], 2.0)
+
+
+def solved(body: str, plain: str = "plain ", **what: object) -> bondgraph.Result:
+    return bondgraph.load(f"{plain}model A {{\n{body}\n}}\n").simulate(to=1, points=3, **what)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
+def test_equations_are_solved(target: str) -> None:
+    """x^3 + x = 2 + t and its rate 1/(3 x^2 + 1); x y = 6 with x + y = 5; Hilbert's matrix of order 5, whose inverse has row sums known in whole numbers."""
+    found = solved(
+        "  solve x^3 + x = 2 + time for x = 1\n  output a = x, rate = der(x)\n"
+        "  solve p*q = 6, p + q = 5 for p = 1.5, q = 4\n  output b = p, c = q\n"
+        "  for i in 1..5 { for j in 1..5 { constant H[i, j] = 1/(i + j - 1) } }\n"
+        "  solve H*z = [1, 1, 1, 1, 1] for z = [0, 0, 0, 0, 0]\n  output d = z[1], e = z[5]",
+        target=target,
+    )
+    assert found["a"] ** 3 + found["a"] == pytest.approx(2 + found.time, rel=1e-12)
+    assert found["rate"] == pytest.approx(1 / (3 * found["a"] ** 2 + 1), rel=1e-9)
+    assert [found.final(n) for n in "bcde"] == pytest.approx([2, 3, 5, 630], rel=1e-9)
+
+
+@pytest.mark.parametrize(("guess", "x"), [("-1.5", -2), ("0.1", 0), ("1.2", 2), ("c", 2)])
+def test_the_solution_nearest_to_the_guess_holds(guess: str, x: float) -> None:
+    """x^3 = 4 x, and a second equation behind it, whose own guess decides on its own."""
+    body = f"  parameter c = 3\n  solve x^3 = 4*x for x = {guess}\n  solve y^2 = x^2 + 1 for y = -0.5\n  output a = x, b = y"
+    found = solved(body)
+    assert (found.final("a"), found.final("b")) == pytest.approx((x, -math.sqrt(x**2 + 1)), abs=1e-12)
+    assert "`x`" in " ".join(found.notes) and "nearest to its guess" in found.notes[0]
+
+
+def test_a_guess_that_a_run_sets() -> None:
+    model = bondgraph.load("plain model A {\n  parameter c = 3\n  solve x^2 = 4 for x = c\n  output a = x\n}\n")
+    assert [model.simulate(to=1, settings={"c": c}).final("a") for c in (3.0, -3.0)] == [2.0, -2.0]
+
+
+def test_equations_in_units_loops_branches_and_instances() -> None:
+    found = bondgraph.load(
+        "model Root { input u: m^2 = 1; solve y^2 = u for y: mm = 1500 }\nmodel A {\n  parameter deep = 1\n  Root r { u = 9 [m^2] }\n"
+        "  for i in 1..2 { solve w^3 = i*8 [N^3] for w = 1 N; signal cube[i] = w^3 }\n"
+        "  if deep == 1 { solve k + 1 m = 3 m for k = 0 m } else { solve k = 1 for k }\n"
+        "  output a = r.y, b = cube[2], c = k\n}\n"
+    ).simulate(to=1, points=2)
+    assert [found.final(n) for n in "abc"] == pytest.approx([3.0, 16.0, 2.0], rel=1e-9)
+
+
+def test_equations_that_a_run_refuses() -> None:
+    with pytest.raises(RunFailed, match="more than one solution"):
+        solved("  solve x^2 = 4 for x\n  output a = x")
+    with pytest.raises(RunFailed, match="no solution"):
+        solved("  solve x^2 + 4 = 0 for x = 1\n  output a = x")
+    with pytest.raises(RunFailed, match="more than one solution"):  # as near to the one as to the other
+        solved("  solve x^2 = 4 for x = 0\n  output a = x")
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("solve x = 1, x = 2 for x = 1", "BG119"),
+        ("solve x = 1 for x = 1, y = 2", "BG119"),
+        ("solve x = 1 m for x = 1", "BG103"),
+        ("solve x = 1 for x = time/1 s", "BG106"),
+        ("solve x[1] = 1 m, x[2] = 1 N for x = [1 m, 2 N, 0]", "BG111"),
+        ("solve 3 = 4 for x = 1", "BG502"),
+        ("solve x^2 = 1, x^3 = 1 for x = 1, y = 1", "BG502"),
+        ("solve x = y, y = x + 1 for x = 0, y = 0", "BG502"),
+    ],
+)
+def test_wrong_equations(line: str, code: str) -> None:
+    name = "x[1]" if "[1" in line else "x"
+    mistake(f"model A {{\n  {line}\n  output a = {name}\n}}\n", code)
+
+
+def test_a_declared_unit_of_a_loop_is_read_in_it() -> None:
+    assert solved("  signal z: m = z - ((z + 1 m)^3 - 8 [m^3])/(40 [m^2])\n  output a = z", "").final(
+        "a"
+    ) == pytest.approx(1.0)
+
+
+def test_equations_in_flat_text_builder_and_exports() -> None:
+    """The same numbers, and the same branch, from the flat text, from calls and from a module of numpy."""
+    g = bondgraph.Graph("A")
+    a = g.parameter("a", 4, "m^2")
+    x = g.solve("x", f"x^2 = {a}", -1.5, "m", "side")
+    g.output("b", f"{x}*1", "m")
+    model = g.model()
+    assert "solve x^2 = a for x: m = -1.5" in g.text()
+    assert model.simulate(to=1).final("b") == bondgraph.load(model.text()).simulate(to=1).final("b") == -2.0
+    pair = bondgraph.load('model B {\n  solve y = 2 m, x = y + 1 m for x = 0 m "a", y = 0 m "b"\n  output z = x\n}\n')
+    flat = bondgraph.load(pair.text())
+    assert flat.text() == pair.text() and flat.simulate(to=1).final("z") == 3.0
+    assert "np.array([-1.5])" in model.compile("numpy")
+    assert "start = -1.5" in model.compile("modelica")

@@ -12,7 +12,7 @@ from .markup import Html, joined, tag
 
 WORDS = frozenset((
     "model", "plain", "parameter", "constant", "input", "output", "signal", "port", "import", "from", "for", "in", "function", "multibody",
-    "body", "frame", "mode", "when", "every", "experiment", "set", "sweep", "simulate", "report", "start", *ANALYSIS_STEPS,
+    "body", "frame", "mode", "solve", "when", "every", "experiment", "set", "sweep", "simulate", "report", "start", *ANALYSIS_STEPS,
     "require", "integral", "delay", "der", "hysteresis", "if", "else", "and", "or", "not", "true", "false", "time", "pi", "ground", "to", "over",
 ))  # fmt: skip
 WORDING = {"words": sorted(WORDS), "kinds": sorted(ELEMENT_KINDS)}  # for the editor

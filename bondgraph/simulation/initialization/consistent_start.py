@@ -19,7 +19,7 @@ from ..segments.timeline import Segment
 from .initial_equations import fulfil, slopes_of
 
 if TYPE_CHECKING:
-    from compiler.api import Array, BoolArray, Program, StateSpace
+    from compiler.api import Array, BoolArray, IntArray, Program, StateSpace
 
     from ...compiled_scene import CompiledScene
     from .poses import PoseProblem
@@ -41,8 +41,7 @@ def consistent_start(
     time, mode, count = first.start, first.mode, len(program.states.names)
     if not made.facts.claims and not constraints:
         full = loops.solve(time, state, mode)
-        _check_unique(loops, made, full, (time, mode))
-        return full, ()
+        return _determined(loops, made, full, (time, mode))
     space = made.state_space
 
     def claims(x: Array) -> Any:
@@ -58,7 +57,8 @@ def consistent_start(
     rows = [i for i, c in enumerate(space.claims) if not c.on_pose]
     if constraints:
         poses[constraints.positions] = True
-        return _assembled(program, made, constraints, state, movable & ~poses, poses, first), notes
+        full, several = _assembled(program, made, constraints, state, movable & ~poses, poses, first)
+        return full, (*notes, *several)
 
     def missed(x: Array) -> tuple[Any, Any]:
         full = loops.solve(time, np.concatenate([x, state[count:]]), mode)
@@ -71,8 +71,8 @@ def consistent_start(
         terms = np.abs(x[x != 0])
         reach = np.abs(slopes_of(lambda y: missed(y)[0], x, x != 0, terms)) @ terms
     _check(program, space, constants, value, reach, full, (time, inputs, mode))
-    _check_unique(loops, made, full, (time, mode))
-    return full, notes
+    full, several = _determined(loops, made, full, (time, mode))
+    return full, (*notes, *several)
 
 
 def _with_pose(problem: PoseProblem, state: Array) -> tuple[Any, tuple[str, ...]]:
@@ -88,8 +88,8 @@ def _with_pose(problem: PoseProblem, state: Array) -> tuple[Any, tuple[str, ...]
 
 def _assembled(
     program: Program, made: CompiledScene, constraints: Constraints, state: Array, movable: BoolArray, poses: BoolArray, first: Segment
-) -> Any:  # fmt: skip
-    """Return the consistent state of a model with loop joints: the rates of their residuals vanish as well."""
+) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
+    """Return the consistent state of a model with loop joints, the rates of whose residuals vanish as well, and notes."""
     from .assembly import choose_rows, rates_closed, sizes
 
     time, mode, space = first.start, first.mode, made.state_space
@@ -115,40 +115,63 @@ def _assembled(
     _check(program, made.state_space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
     loops = constraints.loops()  # with the rows that were chosen
     full = loops.solve(time, x, mode)
-    if loose:
-        _check_unique(loops, made, full, (time, mode))
-    return full
+    return _determined(loops, made, full, (time, mode)) if loose else (full, ())
 
 
-def _check_unique(loops: LoopSolver, made: CompiledScene, full: Array, at: Any) -> None:
-    """Raise `RunFailed` if the loops have another solution: the model does not determine which of them holds."""
+def _determined(loops: LoopSolver, made: CompiledScene, full: Array, at: Any) -> tuple[Any, tuple[str, ...]]:
+    """Return the state with the solution of each loop that the model determines, the only one or that nearest to guesses of the text, and notes of others.
+
+    Raises `RunFailed` if a loop without a guess has several.
+    """
     if not len(loops.program.unknowns.names):
-        return
+        return full, ()
     from ..loops.branches import other_solutions
 
     others = other_solutions(loops, at[0], full, at[1])
     if not others:
-        return
+        return full, ()
     solutions = np.array([full[loops.count :], *others])
     size = np.abs(solutions).max(axis=0)
-    differ = np.flatnonzero(np.ptp(solutions, axis=0) > DISTINCT * size)
-    if not len(differ):  # Newton's method led them all to one
-        return
-    unknowns = loops.program.unknowns
+    near, notes, space = np.asarray(loops.program.start(loops.constants))[loops.count :], list[str](), made.state_space
+    for places in loops.separate():
+        differ = places[np.ptp(solutions[:, places], axis=0) > DISTINCT * size[places]]
+        if not len(differ):  # Newton's method led them all to one
+            continue
+        guessed = [i for i in differ if space.variables[space.unknowns[i].variable].value is not None]
+        distance = np.abs((solutions[:, guessed] - near[guessed]) / size[guessed]).max(axis=1, initial=0.0)
+        best = int(np.argmin(distance))
+        apart = (np.abs(solutions - solutions[best]) > DISTINCT * size)[:, differ].any(axis=1)
+        if distance[apart].min() - distance[best] <= DISTINCT:
+            raise _several(made, loops.program, solutions, differ, at[0])
+        if apart[0]:
+            full = loops.solve(at[0], np.concatenate([full[: loops.count], solutions[best]]), at[1])
+            return _determined(loops, made, full, at)
+        left, *rest = _shown(loops.program, solutions[[best, *np.flatnonzero(apart)]], differ)
+        notes.append(f"nearest to its guess, of several solutions: {left}; not {'; '.join(rest)}")
+        solutions = solutions[~apart]
+    return full, tuple(notes)
+
+
+def _shown(program: Program, solutions: Array, differ: IntArray) -> list[str]:
+    """Return solutions in words."""
+    names, units = program.unknowns.names, program.unknowns.units
     lines = [
-        ", ".join(f"`{unknowns.names[i]}` = {z[i]:.6g}{behind(unknowns.units[i])}" for i in differ[:SHOWN])
-        for z in solutions[:SHOWN]
+        ", ".join(f"`{names[i]}` = {z[i]:.6g}{behind(units[i])}" for i in differ[:SHOWN]) for z in solutions[:SHOWN]
     ]
-    if len(solutions) > SHOWN:
-        lines.append(f"and {len(solutions) - SHOWN} more")
+    return [*lines, *([f"and {len(solutions) - SHOWN} more"] if len(solutions) > SHOWN else [])]
+
+
+def _several(made: CompiledScene, program: Program, solutions: Array, differ: IntArray, time: float) -> RunFailed:
+    """Error for a loop with several solutions."""
     space = made.state_space
     members = dict.fromkeys(m for i in differ for m in space.unknowns[i].members)
     elements = ", ".join(f"`{m}`" for m in list(members)[:6])
     line = space.unknowns[differ[0]].span.line
-    raise RunFailed(
-        "BR734", f"at t = {at[0]:.9g} s the algebraic loop of {elements} (line {line}) has more than one solution: {'; '.join(lines)}.",
+    return RunFailed(
+        "BR734", f"at t = {time:.9g} s the algebraic loop of {elements} (line {line}) has more than one solution: "
+        f"{'; '.join(_shown(program, solutions, differ))}.",
         "Nothing in the model chooses between them: put a small storage into the loop (a C beside what gives the flow, an I in line with what gives "
-        "the effort) and start it near the one that you mean, or write the law so that only one is left",
+        "the effort) and start it near the one that you mean, or write the law so that only one is left; give what a `solve` looks for a guess near it",
     )  # fmt: skip
 
 

@@ -172,7 +172,13 @@ class _NumpyModule:
         words = "Derivatives of the rates and residuals (rows) by states and unknowns (columns)."
         size = n + len(e.unknowns)
         yield self._matrix("partials", arguments, words, e.partials, size, size)
-        yield NEWTON.format(more=self.more, passed=self.passed, states=n, unknowns=len(e.unknowns), alike=self._alike())
+        yield NEWTON.format(
+            more=self.more,
+            passed=self.passed,
+            states=n,
+            guesses=[q.value or 0.0 for q in e.unknowns],
+            alike=self._alike(),
+        )
         yield self._vector("outputs", self.arguments, "Outputs.", e.outputs)
 
     def _alike(self) -> list[list[int]]:
@@ -333,7 +339,7 @@ class _NumpyModule:
 
 NEWTON = '''def unknowns(t, x{more}, z=None):
     """Unknowns of the algebraic loops by Newton's method, with steps halved where they make the residuals larger."""
-    z = np.zeros({unknowns}) if z is None else np.array(z, dtype=float)
+    z = np.array({guesses}) if z is None else np.array(z, dtype=float)
     for _ in range(100):
         residual = equations(t, x, z{passed})[{states}:]
         step = np.linalg.solve(partials(t, x, z{passed})[{states}:, {states}:], residual)

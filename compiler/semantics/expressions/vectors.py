@@ -210,7 +210,7 @@ def _square(node: tree.Call, arguments: Sequence[Value]) -> _Minors:
             WrongType(span, "A square matrix", sort_of(arguments[0]), "Write it row by row: `[[1, 2], [3, 4]]`.")
         )
     if len(rows) > LARGEST_INVERSE:
-        hint = "Write the equations as signals that read each other: `signal x1 = (b1 - a12*x2)/a11, …` is solved in the run."
+        hint = "`solve A*x = b for x = …`, with a list as guess, is solved in the run, of any size."
         what = f"A matrix of {LARGEST_INVERSE} by {LARGEST_INVERSE} at most"
         raise Wrong(WrongType(span, what, sort_of(arguments[0]), hint))
     return _Minors(node, rows)

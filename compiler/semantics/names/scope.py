@@ -31,6 +31,7 @@ RESERVED = frozenset(
         "output",
         "signal",
         "mode",
+        "solve",
         "port",
         "multibody",
         "for",

@@ -125,11 +125,14 @@ class Declarations(ParameterSets):
     def declare_quantities(
         self, scope: Scope, statement: tree.Quantities, bindings: Mapping[str, tuple[tree.Attribute, Scope]]
     ) -> None:
+        first = len(self.pending)
         for item in statement.items:
             before = len(self.diagnostics)
             self.guard(self._declare_quantity, scope, statement.role, item, bindings)
             if len(self.diagnostics) > before and scope.vacant(item.name):
                 scope.entries[item.name] = Broken(item.span)
+        if statement.equations:
+            self.solves.append((scope, statement, tuple(self.pending[first:])))
 
     def _declare_quantity(
         self, scope: Scope, role: str, item: tree.Item, bindings: Mapping[str, tuple[tree.Attribute, Scope]]

@@ -34,7 +34,8 @@ from .elaboration_cache import ElaborationCache
 from .memories import MemoryResolver, constant
 from .resolver import SHOWN
 
-UNCHANGING_ROLES = ("parameter", "constant", "mode")  # their values are known before the run; of a mode the first one
+# Their values are known before the run; of a mode the first one, of the unknown of a `solve` the guess.
+UNCHANGING_ROLES = ("parameter", "constant", "mode", "solve")
 MAXIMUM_ROW = 40  # quantities that wait for one another at once
 
 
@@ -45,6 +46,7 @@ class QuantityResolver(MemoryResolver):
         super().__init__(overrides, part, known)
         self._guessing: list[str] = []  # signals of loops whose units are being looked for
         self._loops: dict[str, Scalar] = {}  # signals that depend on themselves, as they are read within
+        self.solves: list[tuple[Scope, tree.Quantities, tuple[Pending, ...]]] = []
         self._waiting = 0  # quantities that are being resolved, one because of the other
         self._entered: set[int] = set()  # those whose turn comes
 
@@ -124,13 +126,13 @@ class QuantityResolver(MemoryResolver):
         return self._loops[pending.name]
 
     def _guessed_unit(self, pending: Pending) -> Dimension | None:
-        """Unit of a signal of a loop whose unit is looked for; None, which fits any, if it is that one, or in other places."""
+        """Unit of a signal that is being resolved: the declared one, or if a loop looks for it that of its definition; else None, which fits any."""
+        if pending.item.unit is not None:
+            return scale_of(pending.item.unit).dimension
         value = pending.value
         memory = value is None or (isinstance(value, tree.Call) and value.function in MEMORIES)
         if not self._guessing or pending.name in self._guessing or memory or isinstance(value, tree.VectorSyntax):
             return None
-        if pending.item.unit is not None:
-            return scale_of(pending.item.unit).dimension
         self._guessing.append(pending.name)
         try:
             assert value is not None
@@ -215,7 +217,8 @@ class QuantityResolver(MemoryResolver):
             raise Wrong(WrongType(item.span, "A bare number", "a unit", "A `plain model` has no units."))
         declared = None if unit is None else unit.dimension
         if item.value is None or (pending.is_default and override is None):
-            return self._settled(pending, override, declared, unit)
+            entered = self._settled(pending, override, declared, unit)
+            return _as_signal(entered) if pending.role == "solve" else entered
         default = self.template(item.value, pending.owner, unit).value
         if declared is None:  # the default gives the dimension; a bare zero is a bare number
             declared = self._dimension(default) or self._bare(pending, guesses)
@@ -307,7 +310,7 @@ class QuantityResolver(MemoryResolver):
     def _without_value(self, pending: Pending, declared: Dimension | None) -> Scalar:
         """Quantity that has no value, which is allowed only in a part."""
         item = pending.item
-        if not self.part:
+        if not self.part and pending.role != "solve":
             roles = {"parameter": "Parameter", "input": "Input", "constant": "Constant", "mode": "Mode"}
             role = roles.get(pending.role, "Signal")
             self.tell(MissingValue(item.span, role, pending.name, item.name, pending.owner.base().stands))
@@ -331,7 +334,8 @@ class QuantityResolver(MemoryResolver):
             hints = {"input": "An input is one signal.", "mode": "Declare a mode for each: `mode on[i] = false`."}
             raise Wrong(WrongType(value.span, "A single number", sort_of(typed), hints[pending.role]))
         own = None if item.unit is None else declared
-        units = _units(default, pending.role, own, pending.owner.plain)
+        role = "parameter" if pending.role == "solve" else pending.role
+        units = _units(default, role, own, pending.owner.plain)
         if shape_of(default) != shape_of(typed):
             if own is None and len(set(units) - {None}) > 1:
                 what = f"{sort_of(default).capitalize()} for `{item.name}`"
@@ -353,7 +357,8 @@ class QuantityResolver(MemoryResolver):
         for slot in template.slots:
             scalar = self.scalar_at(slot, scope)
             if scalar.role not in STATIC_ROLES:
-                raise Wrong(NotStatic(slot.path.span, f"The {pending.role} `{pending.name}`", slot.words))
+                what = f"The {pending.role.replace('solve', 'guess of')} `{pending.name}`"
+                raise Wrong(NotStatic(slot.path.span, what, slot.words))
 
     def _enter_quantity(
         self, pending: Pending, suffix: str, bound: Bound, dimension: Dimension | None, span: Span
@@ -361,6 +366,10 @@ class QuantityResolver(MemoryResolver):
         name = pending.name + suffix
         role = pending.role
         if dimension is None and role != "output" and not pending.owner.plain:
+            if role == "solve":
+                raise Wrong(
+                    WrongType(span, f"A guess with a unit for `{name}`", "a zero without one", "Write `0 [N]`.")
+                )
             if name in self.overrides:
                 self.used_overrides.add(name)
                 hint = "Give the zero in the default the unit that it stands for: `0 [N]`."
@@ -400,6 +409,13 @@ class QuantityResolver(MemoryResolver):
         description = pending.item.description or ""
         self.quantities[name] = Named(name, "parameter", str(dimension or ONE), None, None, span, description)
         return Scalar(Quantity(name), dimension, pending.role, name)
+
+
+def _as_signal(entered: Scalar | Items) -> Scalar | Items:
+    """An unknown as it is read."""
+    if isinstance(entered, Items):
+        return replace(entered, items=tuple(replace(item, role="signal") for item in entered.items))
+    return replace(entered, role="signal")
 
 
 def _units(value: Value, role: str, declared: Dimension | None, plain: bool) -> list[Dimension | None]:
