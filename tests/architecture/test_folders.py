@@ -20,6 +20,8 @@ ALLOWED = {
     "tests",
     "README.md",
     "LICENSE",
+    "CITATION.cff",
+    "Containerfile",
     ".ci",
     ".gitignore",
     ".git",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,6 +13,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
+from click import Context
 from click.testing import CliRunner, Result
 
 from bondgraph.commands import commands
@@ -36,6 +39,17 @@ def test_report_tells_what_is_wrong(tmp_path: Path) -> None:
     assert run("report", "models/rlc.bg", "-o", str(tmp_path / "page.pdf")).exit_code == 2
     assert run("report", str(tmp_path / "none.bg"), "-o", str(out)).exit_code == 2
     assert run("serve", str(tmp_path / "none.bg")).exit_code == 2
+
+
+def test_the_container_serves_a_folder() -> None:
+    """What it copies is there, and it ends with a call that the command takes."""
+    text = (ROOT / "Containerfile").read_text(encoding="utf-8")
+    copied = [name for line in re.findall(r"^COPY (.+) \S+$", text, re.MULTILINE) for name in line.split()]
+    assert len(copied) == 5 and all((ROOT / name).exists() for name in copied)
+    program, name, *options = json.loads(re.findall(r"^CMD (.+)$", text, re.MULTILINE)[0])
+    command = commands.get_command(Context(commands), name)
+    assert program == "bondgraph" and command is not None
+    assert command.make_context(name, options).params["port"] == 8000
 
 
 def _heeds_interrupts() -> None:

@@ -96,6 +96,8 @@ def test_the_version_has_its_changes() -> None:
         re.findall(r"^### (\S+)$", text, re.MULTILINE)[0] == bondgraph.__version__
         and f"version = {{{bondgraph.__version__}}}" in text
     )
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {bondgraph.__version__}\n" in citation
     assert "version" in tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dynamic"]
 
 

@@ -39,7 +39,7 @@ model Clipper {
   Diode d
   source -> 1(series, d.pins)
   output i = series.i
-  experiment sine { set volt = 2 V*sin(2*pi*50 Hz*time); simulate 0 .. 20 ms; report i in mA }
+  experiment sine { set volt = 2 V*sin(2*pi*50 Hz*time); simulate 0 .. 15 ms; report i in mA }
 }
 """
 

@@ -44,7 +44,7 @@ def write_playground(folder: Path, out: Path) -> list[str]:
 
 
 def _packed(folder: Path) -> Iterator[tuple[str, Path]]:
-    """Yield names in the archive, and files: packages, licences of those of others, models."""
+    """Yield names in the archive, and files: packages, licences of those of others, models, and tables that they may read."""
     for package in (*OURS, *PURE):
         spec = find_spec(package)
         (place,) = (spec.submodule_search_locations if spec is not None else None) or ("",)
@@ -56,7 +56,7 @@ def _packed(folder: Path) -> Iterator[tuple[str, Path]]:
         for file in distribution(package).files or ():
             if "dist-info" in str(file.parent) and file.name.startswith(("LICENSE", "METADATA")):
                 yield file.as_posix(), Path(str(file.locate()))
-    for model in models_in(folder):
+    for model in (*models_in(folder), *(p.relative_to(folder).as_posix() for p in folder.rglob("[!.]*.csv"))):
         yield f"models/{model}", folder / model
 
 
