@@ -50,6 +50,11 @@ class Diagnostic:
         """Equal for one error of a definition in all its instances: code, file, place, and the words without names."""
         return self.code, self.span.source.name, self.span.offset, re.sub(r"`[^`]*`", "", self.sentence)
 
+    def to_json(self) -> dict[str, str | int]:
+        """Data for `json.dumps`: {file, line, column, code, message, help}."""
+        place = {"file": self.span.source.name, "line": self.span.line, "column": self.span.column}
+        return {**place, "code": self.code, "message": self.sentence, "help": self.help}
+
     def related(self) -> tuple[tuple[Span, str], ...]:
         """Other relevant places, each with a word why."""
         return ()

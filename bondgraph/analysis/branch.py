@@ -20,8 +20,8 @@ from compiler.api import Array, BoolArray
 
 from ..errors import UsageError
 from ..rendering import Summarised, draw
+from ..results.json_values import arrays_with_units, head, named, with_units
 from .branch_steps import BranchFollower, BranchLine, BranchPlace
-from .json_values import arrays_with_units, head, named, with_units
 from .operating_point import OperatingPoint
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 from ..rendering import Summarised
-from .json_values import finite, head, named, pair, with_units
+from ..results.json_values import entries, head, named, with_units
 from .operating_point import OperatingPoint
 from .pulses import held_note
 from .sampled import is_sampled, sampled_verdict
@@ -66,16 +66,16 @@ class Equilibrium(Summarised):
         `undecided` eigenvalues, `undamped` ones, `steady` rates, and a `note` where time moves the model.
         """
         parts = {word: with_units(getattr(self, word), self.units) for word in ("states", "unknowns", "outputs")}
-        entries = {**head(SCHEMA, self), "time": self.time, **parts}
-        entries |= {"growth": finite(self.growth), "stable": self.stable}
-        if self.verdict.undecided:
-            entries |= {"bound": finite(self.verdict.bound), "undecided": [pair(v) for v in self.verdict.undecided]}
-        if self.verdict.undamped:
-            entries["undamped"] = [pair(v) for v in self.verdict.undamped]
-        entries |= {"note": self.note} if self.note else {}
+        told = {
+            **head(SCHEMA, self),
+            **entries(self, "time", "growth", "stable", *(["note"] if self.note else [])),
+            **parts,
+        }
+        told |= entries(self.verdict, "bound", "undecided") if self.verdict.undecided else {}
+        told |= entries(self.verdict, "undamped") if self.verdict.undamped else {}
         if self.steady:
-            entries["steady"] = with_units(self.steady, dict.fromkeys(self.steady, "1/s"))
-        return entries
+            told["steady"] = with_units(self.steady, dict.fromkeys(self.steady, "1/s"))
+        return told
 
 
 def equilibrium(point: OperatingPoint) -> Equilibrium:

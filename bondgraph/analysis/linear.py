@@ -13,7 +13,7 @@ from compiler.api import Array
 from ..errors import MissingPackage
 from ..quantities import listed
 from ..rendering import Summarised
-from .json_values import head, named, rows_of, with_units
+from ..results.json_values import entries, head, named, with_units
 from .operating_point import OperatingPoint
 from .pulses import held_note, refuse_moving_pulses
 from .rounding import without_rounding
@@ -75,14 +75,15 @@ class Linearization(Summarised):
         {schema, model, experiment, time, states, inputs, outputs: {name: {value, unit}}, A, B, C, D (rows), rates}; and `unneeded`, states that no
         requested output depends on.
         """
-        entries = {**head(SCHEMA, self), "time": self.time}
+        told = {
+            **head(SCHEMA, self),
+            **entries(self, "time", *"ABCD", "rates", *(["unneeded"] if self.unneeded else [])),
+        }
         for word, names, values in (
             ("states", self.states, self.x), ("inputs", self.inputs, self.u), ("outputs", self.outputs, self.y)
         ):  # fmt: skip
-            entries[word] = with_units(named(names, values), self.units)
-        entries |= {word: rows_of(getattr(self, word)) for word in "ABCD"}
-        entries |= {"unneeded": list(self.unneeded)} if self.unneeded else {}
-        return {**entries, "rates": rows_of([self.rates])[0]}
+            told[word] = with_units(named(names, values), self.units)
+        return told
 
 
 def linearization(point: OperatingPoint, partial: bool = False) -> Linearization:

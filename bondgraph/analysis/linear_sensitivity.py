@@ -18,7 +18,7 @@ from compiler.api import Array, ComplexArray
 
 from ..errors import RunFailed, UsageError
 from ..rendering import Summarised
-from .json_values import finite, head, named, pair, with_units
+from ..results.json_values import as_json, head, named, with_units
 from .linear import Linearization, linearization
 from .operating_point import OperatingPoint
 from .response import Response, response
@@ -76,9 +76,9 @@ class ResponseSensitivity(Summarised):
         relative = self.relative
         responses = [
             {
-                "input": given, "output": seen, "values": [pair(complex(x)) for x in told.values[:, i, j]],
-                "slopes": {p: [pair(complex(x)) for x in self.slopes[:, i, j, q]] for q, p in enumerate(self.parameters)},
-                "relative": {p: [finite(x) for x in relative[:, i, j, q]] for q, p in enumerate(self.parameters)},
+                "input": given, "output": seen, "values": as_json(told.values[:, i, j]),
+                "slopes": {p: as_json(self.slopes[:, i, j, q]) for q, p in enumerate(self.parameters)},
+                "relative": {p: as_json(relative[:, i, j, q]) for q, p in enumerate(self.parameters)},
             }
             for j, given in enumerate(told.inputs)
             for i, seen in enumerate(told.outputs)

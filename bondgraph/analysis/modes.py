@@ -17,7 +17,7 @@ from compiler.api import Array, ComplexArray, IntArray, Leaf, letters
 
 from ..numerics.scales import group_numbers, largest_of_group, nonzero
 from ..rendering import Summarised
-from .json_values import finite, head, pair
+from ..results.json_values import entries, head
 from .linear import Linearization, linearization, part_note, state_matrix
 from .operating_point import OperatingPoint
 from .spectrum import Spectrum, spectrum
@@ -97,11 +97,7 @@ class Mode:
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values, a part of `bondgraph-modes/1`."""
-        return {
-            "eigenvalue": pair(self.eigenvalue), "frequency": self.frequency, "damped_frequency": self.damped_frequency,
-            "damping": finite(self.damping), "energy": dict(self.energy),
-            "shape": {n: pair(x) for n, x in self.shape.items()}, "outputs": {n: pair(x) for n, x in self.outputs.items()},
-        }  # fmt: skip
+        return entries(self, "eigenvalue", "frequency", "damped_frequency", "damping", "energy", "shape", "outputs")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -139,10 +135,8 @@ class Modes(Sequence[Mode], Summarised):
         {schema, model, experiment, time, units, modes: [{eigenvalue: {re, im}, frequency, damped_frequency, damping, energy: {element: share}, shape,
         outputs: {name: {re, im}}}]}; `note` where the point changes with time, and of a part of the model, with the states `unneeded`.
         """
-        entries = {**head(SCHEMA, self), "time": self.time}
-        entries |= {"note": self.note} if self.note else {}
-        entries |= {"unneeded": list(self.unneeded)} if self.unneeded else {}
-        return {**entries, "units": dict(self.units), "modes": [m.to_json() for m in self.modes]}
+        some = [word for word in ("note", "unneeded") if getattr(self, word)]
+        return {**head(SCHEMA, self), **entries(self, "time", *some, "units", "modes")}
 
 
 def modes(point: OperatingPoint) -> Modes:

@@ -19,7 +19,7 @@ from compiler.api import Array, IntArray, Leaf, Tape
 
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
-from .json_values import named
+from ..results.json_values import named
 from .reduced import Reduced, tied_coordinates
 from .singular_slopes import (
     CLOSEST,

@@ -16,7 +16,7 @@ from compiler.api import Array
 from ..errors import UsageError
 from ..rendering import Plotted, Summarised, draw
 from ..results.exports import Arrays, Exported, write_csv
-from .json_values import finite, head
+from ..results.json_values import entries, head
 from .outcome_numbers import numbers_of
 
 if TYPE_CHECKING:
@@ -88,18 +88,10 @@ class Point:
 
     def to_json(self) -> dict[str, Any]:
         """Return {settings, equilibrium, modes, responses, analyses: [{step, …}], run, failure}: the existing parts, each by its own schema."""
-        told: dict[str, Any] = {"settings": {n: finite(v) for n, v in self.settings.items()}}
-        for word in ("equilibrium", "modes", "run"):
-            found = getattr(self, word)
-            if found is not None:
-                told[word] = found.to_json()
-        if self.responses:
-            told["responses"] = [r.to_json() for r in self.responses]
-        if self.analyses:
-            told["analyses"] = [{"step": role, **found.to_json()} for role, found in self.analyses]
-        if self.failure:
-            told["failure"] = self.failure
-        return told
+        analyses = [{"step": role, **found.to_json()} for role, found in self.analyses]
+        there = [word for word in ("equilibrium", "modes", "run") if getattr(self, word) is not None]
+        there += [word for word in ("responses", "failure") if getattr(self, word)]
+        return entries(self, "settings", *there) | ({"analyses": analyses} if analyses else {})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -160,8 +152,7 @@ class Outcome(Sequence[Point], Summarised, Plotted, Exported):
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by the schema `bondgraph-outcome/1`: {schema, model, experiment, swept: {name: unit}, points: [{settings, …}], notes}."""
-        points = [p.to_json() for p in self.points]
-        return {**head(SCHEMA, self), "swept": dict(self.swept), "points": points, "notes": list(self.notes)}
+        return {**head(SCHEMA, self), **entries(self, "swept", "points", "notes")}
 
     @property
     def grid(self) -> tuple[int, ...] | None:

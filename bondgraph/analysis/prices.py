@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from compiler.api import CompilationFailed, adjustable, cost
 
 from ..rendering import Summarised
+from ..results.json_values import entries
 
 if TYPE_CHECKING:
     from compiler.api import Compilation
@@ -27,10 +28,6 @@ class Price:
     rates: int
     jacobian: int
 
-    def to_json(self) -> dict[str, int]:
-        """Return {states, rates, jacobian}."""
-        return {"states": self.states, "rates": self.rates, "jacobian": self.jacobian}
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Prices(Summarised):
@@ -47,10 +44,7 @@ class Prices(Summarised):
 
     def to_json(self) -> dict[str, Any]:
         """Return {schema, whole, outputs: {name: price}, zeros: {name: price}, untried}; a price: {states, rates, jacobian}."""
-        outputs, zeros = (
-            {name: price.to_json() for name, price in rows.items()} for rows in (self.outputs, self.zeros)
-        )
-        return {"schema": SCHEMA, "whole": self.whole.to_json(), "outputs": outputs, "zeros": zeros, "untried": list(self.untried)}  # fmt: skip
+        return {"schema": SCHEMA, **entries(self, "whole", "outputs", "zeros", "untried")}
 
 
 def prices(

@@ -13,9 +13,9 @@ from compiler.api import Array, BoolArray, ComplexArray
 
 from ..errors import UsageError
 from ..rendering import Plotted, Summarised
+from ..results.json_values import as_json, entries, head
 from .eigenvalues import bounded_eigenvalues
 from .extrema import Evaluate, Extremum, extrema
-from .json_values import finite, head, pair
 from .linear import Linearization
 from .spectrum import left_shapes
 
@@ -89,18 +89,17 @@ class Response(Summarised, Plotted):
         phase, magnitude = self.phase, self.magnitude
         responses = [
             {
-                "input": given, "output": seen, "unit": self.unit(given, seen), "values": [pair(complex(x)) for x in self.values[:, i, j]],
-                "magnitude": [finite(x) for x in magnitude[:, i, j]], "phase": [finite(x) for x in phase[:, i, j]],
+                "input": given, "output": seen, "unit": self.unit(given, seen), "values": as_json(self.values[:, i, j]),
+                "magnitude": as_json(magnitude[:, i, j]), "phase": as_json(phase[:, i, j]),
                 "extrema": [
-                    {"kind": e.kind, "frequency": e.frequency, "magnitude": finite(e.magnitude), "undamped": math.isinf(e.magnitude), "phase": finite(e.phase)}
+                    entries(e, "kind", "frequency", "magnitude", "phase") | {"undamped": math.isinf(e.magnitude)}
                     for e in self.extrema_of(given, seen)
                 ],
             }
             for j, given in enumerate(self.inputs)
             for i, seen in enumerate(self.outputs)
         ]  # fmt: skip
-        frequencies = self.frequencies.tolist()
-        return {**head(SCHEMA, self), "frequencies": frequencies, "responses": responses, "notes": list(self.notes)}
+        return {**head(SCHEMA, self), **entries(self, "frequencies", "notes"), "responses": responses}
 
     def unit(self, given: str, seen: str) -> str:
         """Return the unit of the output over that of the input, `m/N`."""

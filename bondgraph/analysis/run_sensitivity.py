@@ -20,7 +20,7 @@ from compiler.api import Array, symbols
 
 from ..errors import RunFailed, UsageError
 from ..rendering import Summarised
-from .json_values import head, named, with_units
+from ..results.json_values import head, named, with_units
 from .movable import refuse_structural
 from .operating_point import AnalysisRequest, OperatingPoint
 from .sensitivity import balanced_step, independent, place_in, unit_directions

@@ -20,7 +20,7 @@ from compiler.api import Array, Leaf
 from ..errors import RunFailed, UsageError
 from ..numerics.scales import nonzero
 from ..rendering import Summarised
-from .json_values import finite, head, named, with_units
+from ..results.json_values import as_json, finite, head, named, with_units
 from .linear import Linearization, linearization
 from .modes import STILL, eigenvalues
 from .movable import refuse_choice
@@ -76,8 +76,8 @@ class Sensitivity(Summarised):
         quantities = {
             name: {
                 "value": finite(self.values[i]), "unit": self.units[name],
-                "slopes": {p: finite(x) for p, x in zip(self.parameters, self.slopes[i], strict=True)},
-                "relative": {p: finite(x) for p, x in zip(self.parameters, relative[i], strict=True)},
+                "slopes": as_json(named(self.parameters, self.slopes[i])),
+                "relative": as_json(named(self.parameters, relative[i])),
             }
             for i, name in enumerate(self.quantities)
         }  # fmt: skip

@@ -63,7 +63,12 @@ GROUPS = {
 }
 EXAMPLES = {name: example for commands in GROUPS.values() for name, example in commands.items()}
 COMMANDS = tuple(sorted(EXAMPLES))
-STAGES = ("causality", "certificate", "compile", "equations", "explain", "show")  # commands of `stages.py`
+# Modules with several commands; each other command has a module of its name.
+SHARED = {
+    "stages": ("causality", "certificate", "compile", "equations", "explain", "show"),
+    "analyses": tuple(GROUPS["Analyses"]),
+    "studies": ("benchmark", "fit", "montecarlo", "stress", "sweep"),
+}
 
 
 class Commands(click.Group):
@@ -75,9 +80,8 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
             return None
-        module, function = ("stages", name) if name in STAGES else (name, "command")
-        command = getattr(import_module(f"{__name__}.{module}"), function)
-        assert isinstance(command, click.Command)
+        module = import_module(f"{__name__}.{next((m for m, names in SHARED.items() if name in names), name)}")
+        command = next(c for c in vars(module).values() if isinstance(c, click.Command) and c.name == name)
         command.epilog = f"Example: bondgraph {name} {EXAMPLES[name]}"
         return command
 

@@ -46,8 +46,4 @@ def command(files: Sequence[str], as_json: bool, model: str | None) -> None:
 
 def _check_json(files: Sequence[str], found: Sequence[Diagnostic]) -> dict[str, Any]:
     """`bondgraph-check/1`: {schema, files, diagnostics: [{file, line, column, code, message, help}]}."""
-    told = [
-        {"file": d.span.source.name, "line": d.span.line, "column": d.span.column, "code": d.code, "message": d.sentence, "help": d.help}
-        for d in found
-    ]  # fmt: skip
-    return {"schema": CHECK_SCHEMA, "files": list(files), "diagnostics": told}
+    return {"schema": CHECK_SCHEMA, "files": list(files), "diagnostics": [d.to_json() for d in found]}

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from ..quantities import behind
-from ..results.records import finite
+from ..results.json_values import as_json, entries
 
 SCHEMA = "bondgraph-reproduction/1"
 
@@ -85,12 +85,8 @@ class Reproduction:
         {schema, title, source, agrees, values: [{where, what, unit, published, computed, digits, error, agrees, note}], tables: [{where, what, heads, rows,
         note}], errata: [{where, text}]}.
         """
-        values = [
-            asdict(v) | {"computed": finite(v.computed), "error": finite(v.error), "agrees": v.agrees}
-            for v in self.values
-        ]
-        told = {"schema": SCHEMA, "title": self.title, "source": self.source, "agrees": self.agrees, "values": values}
-        return {**told, "tables": [asdict(t) for t in self.tables], "errata": [asdict(e) for e in self.errata]}
+        values = [as_json(v) | entries(v, "error", "agrees") for v in self.values]
+        return {"schema": SCHEMA, **entries(self, "title", "source", "agrees", "tables", "errata"), "values": values}
 
     def page(self) -> str:
         """Return a page in Markdown, with links to its pictures."""

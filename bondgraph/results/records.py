@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
-
-def finite(value: float) -> float | None:
-    """Return a number for JSON, null where it is not finite."""
-    return float(value) if math.isfinite(value) else None
+from .json_values import entries, finite
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +26,6 @@ class Extremes:
     minimum_at: float
     maximum: float
     maximum_at: float
-
-    def to_json(self) -> dict[str, Any]:
-        """Return JSON values, a part of `bondgraph-result/1`."""
-        return {key: finite(value) for key, value in asdict(self).items()}
 
 
 def widest(parts: Sequence[Extremes]) -> Extremes:
@@ -70,11 +63,11 @@ class EnergyBalance:
     def to_json(self) -> dict[str, Any]:
         """Return JSON values, a part of `bondgraph-result/1`."""
         sums = ("stored", "supplied", "dissipated", "residual")
-        told: dict[str, Any] = {"unit": "J"} | {key: finite(getattr(self, key)) for key in sums}
-        told["elements"] = {
-            e.name: {"kind": e.kind} | {key: finite(getattr(e, key)) for key in sums} for e in self.elements
+        return {
+            "unit": "J",
+            **entries(self, *sums),
+            "elements": {e.name: entries(e, "kind", *sums) for e in self.elements},
         }
-        return told
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +100,7 @@ class LimitLeft:
     def to_json(self) -> dict[str, Any]:
         """Return JSON values, a part of `bondgraph-result/1`."""
         values = {name: {"value": finite(value), "unit": unit} for name, value, unit in self.values}
-        told = {"time": self.time, "owner": self.owner, "condition": self.condition, "text": self.text}
-        return {**told, "values": values, "place": self.place}
+        return {**entries(self, "time", "owner", "condition", "text", "place"), "values": values}
 
 
 @dataclass(frozen=True, slots=True)

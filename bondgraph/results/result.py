@@ -15,7 +15,8 @@ from compiler.api import Reported
 from ..errors import MissingPackage, UnknownOutput, UsageError
 from ..rendering import draw, text_of
 from .exports import Arrays, Exported, write_npz, write_rows
-from .records import Column, EnergyBalance, EventRecord, Extremes, LimitLeft, finite
+from .json_values import as_json, entries, finite, head
+from .records import Column, EnergyBalance, EventRecord, Extremes, LimitLeft
 
 if TYPE_CHECKING:
     import pandas
@@ -251,38 +252,26 @@ class Result(Exported):
         What is not finite is null: a minimum is null if a value anywhere in the run is no number.
         """
         start, stop = self.time[[0, -1]] if len(self.time) else (math.nan, math.nan)
-        told: dict[str, Any] = {
-            "schema": SCHEMA,
-            "model": self.model,
-            "experiment": self.experiment,
-            "time": {"unit": "s", "start": finite(start), "stop": finite(stop), "points": len(self.time)},
-            "outputs": {
-                column.name: {"unit": column.unit, "final": finite(self.final(column.name))}
-                | self.extremes(column.name).to_json()
-                for column in self.columns
-            },
-            "extremes": "solution" if self.searched else "reported instants",
-            "solver": self.solver,
-            "steps": int(self.steps),
-            "evaluations": {what: int(count) for what, count in self.evaluations.items()},
-            "rtol": finite(self.rtol),
-            "wall_time": finite(self.wall_time),
+        outputs = {
+            column.name: {
+                "unit": column.unit,
+                "final": finite(self.final(column.name)),
+                **as_json(self.extremes(column.name)),
+            }
+            for column in self.columns
         }
-        told["warnings"] = [item.to_json() for item in self.warnings]
-        told["notes"] = list(self.notes)
-        told["stopped"] = self.stopped or None
-        if self.truncation is not None:
-            told["bandwidth"] = self.truncation.to_json()
-        told["accuracy"] = self.accuracy
-        if self.error is not None:
-            told["error"] = self.error.to_json()
-        if self.check is not None:
-            told["check"] = self.check.to_json()
-        if self.certificate is not None:
-            told["certificate"] = self.certificate.to_json()
-        if self.energy is not None:
-            told["energy"] = self.energy.to_json()
-        return told
+        told = {
+            **head(SCHEMA, self),
+            "time": {"unit": "s", "start": finite(start), "stop": finite(stop), "points": len(self.time)},
+            "outputs": outputs,
+            "extremes": "solution" if self.searched else "reported instants",
+            "stopped": self.stopped or None,
+            **entries(self, "solver", "steps", "evaluations", "rtol", "wall_time", "warnings", "notes", "accuracy"),
+        }
+        parts = {"bandwidth": self.truncation} | {
+            w: getattr(self, w) for w in ("error", "check", "certificate", "energy")
+        }
+        return told | {word: part.to_json() for word, part in parts.items() if part is not None}
 
     def plot(
         self, path: str | os.PathLike[str] | None = None, over: str | None = None, ax: Axes | None = None

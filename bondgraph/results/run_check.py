@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..quantities import behind
-from .records import finite
+from .json_values import entries, finite
 
 # in units of rtol: difference relative to an output's magnitude that a tolerance covers, as step errors add up
 FACTOR = 30
@@ -80,16 +80,12 @@ class RunCheck:
     def to_json(self) -> dict[str, Any]:
         """Return {holds, sentence, solver, rtol, parts, outputs: {name: {unit, difference, magnitude, covered, holds}}, events, shift}; null: not finite."""
         return {
-            "holds": self.holds, "sentence": self.sentence, "solver": self.solver, "rtol": self.rtol, "parts": self.parts,
+            **entries(self, "holds", "sentence", "solver", "rtol", "parts", "events", "shift"),
             "outputs": {
-                r.name: {
-                    "unit": r.unit, "difference": finite(r.difference), "magnitude": finite(r.magnitude), "covered": finite(r.promised),
-                    "holds": r.holds,
-                }
+                r.name: entries(r, "unit", "difference", "magnitude", "holds") | {"covered": finite(r.promised)}
                 for r in self.outputs
             },
-            "events": list(self.events), "shift": finite(self.shift),
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +119,5 @@ class ErrorEstimate:
 
     def to_json(self) -> dict[str, Any]:
         """Return {rtol of the repetition, outputs: {name: {unit, error, magnitude}}, failure}; null: not finite, or none."""
-        rows = {
-            r.name: {"unit": r.unit, "error": finite(r.difference), "magnitude": finite(r.magnitude)}
-            for r in self.outputs
-        }
+        rows = {r.name: entries(r, "unit", "magnitude") | {"error": finite(r.difference)} for r in self.outputs}
         return {"rtol": finite(self.rtol), "outputs": rows, "failure": self.failure or None}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..quantities import behind
+from .json_values import entries
 
 NAMED = 3  # most modes, outputs and instants in a sentence
 
@@ -72,15 +73,8 @@ class TruncationReport:
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values, a part of `bondgraph-result/1`."""
-        modes = [{"frequency": m.frequency, "damping": m.damping, "elements": list(m.elements)} for m in self.modes]
-        told = {"frequency": self.bandwidth, "faster": self.faster, "modes": modes, "instants": list(self.instants)}
-        return {
-            **told,
-            "outputs": _told(self.outputs),
-            "kept": _told(self.kept),
-            "energy": self.energy,
-            "reason": self.reason or None,
-        }
+        parts = entries(self, "faster", "modes", "instants", "outputs", "kept", "energy")
+        return {"frequency": self.bandwidth, **parts, "reason": self.reason or None}
 
 
 def read_truncation(told: Mapping[str, Any]) -> TruncationReport:
@@ -142,11 +136,6 @@ def _known(values: Mapping[str, float]) -> dict[str, float]:
 
 def _all_known(values: Mapping[str, float]) -> bool:
     return not any(map(math.isnan, values.values()))
-
-
-def _told(values: Mapping[str, float]) -> dict[str, float | None]:
-    """Return the values for JSON, with null for NaN."""
-    return {n: None if math.isnan(v) else v for n, v in values.items()}
 
 
 def _read(values: Mapping[str, float | None]) -> dict[str, float]:

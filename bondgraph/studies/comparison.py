@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from compiler.api import Array
 from ..errors import UsageError
 from ..rendering import Plotted, Summarised
 from ..results.archive import read_result
-from ..results.records import finite
+from ..results.json_values import entries, head
 from ..results.result import Result
 from .measured import check_complete, check_path, read_columns
 
@@ -56,10 +56,6 @@ class CurveDifference:
     root_mean_square: float
     magnitude: float  # largest value of the output of the run
 
-    def to_json(self) -> dict[str, Any]:
-        """Return JSON values."""
-        return {k: finite(v) if isinstance(v, float) else v for k, v in asdict(self).items()}
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CurveComparison(Summarised, Plotted):
@@ -92,14 +88,7 @@ class CurveComparison(Summarised, Plotted):
         differences: [{output, unit, other, instants, largest, at, root_mean_square, magnitude}]}, in SI.
         """
         others = [{"label": o.label, "measured": o.measured, "instants": len(o.time)} for o in self.others]
-        rows = [d.to_json() for d in self.differences]
-        return {
-            "schema": SCHEMA,
-            "model": self.run.model,
-            "experiment": self.run.experiment,
-            "others": others,
-            "differences": rows,
-        }
+        return {**head(SCHEMA, self.run), "others": others, **entries(self, "differences")}
 
 
 def compare(run: Result, *others: Other) -> CurveComparison:

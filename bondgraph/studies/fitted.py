@@ -10,9 +10,9 @@ import numpy as np
 
 from compiler.api import Array
 
-from ..analysis.json_values import finite
 from ..errors import UsageError
 from ..rendering import Summarised, draw
+from ..results.json_values import as_json, entries, finite, head
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -81,35 +81,17 @@ class Fit(Summarised):
         weighted, data: [{file, name, unit, rows, measured, computed, sigma}], directions: [{deviation, open, weights}], explanations: [{values, changes,
         squares, left}], notes}.
         """
-        told: dict[str, Any] = {"schema": SCHEMA, "model": self.model, "experiment": self.experiment}
-        told["parameters"] = {
-            p.name: {
-                "unit": p.unit, "start": p.start, "value": p.value, "standard_error": finite(p.error), "low": finite(p.low), "high": finite(p.high)
-            }
+        parameters = {
+            p.name: entries(p, "unit", "start", "value", "low", "high") | {"standard_error": finite(p.error)}
             for p in self.parameters
-        }  # fmt: skip
-        told["correlations"] = [[finite(x) for x in row] for row in self.correlations]
-        told |= {
-            "squares": finite(self.squares),
-            "freedom": self.freedom,
-            "scatter": finite(self.scatter),
-            "weighted": self.weighted,
         }
-        told["data"] = [
-            {
-                "file": s.file, "name": s.name, "unit": s.unit, "rows": list(s.rows), "measured": s.measured.tolist(),
-                "computed": c.tolist(), "sigma": s.sigma.tolist() if self.weighted else None,
-            }
+        data = [
+            entries(s, "file", "name", "unit", "rows", "measured")
+            | {"computed": as_json(c), "sigma": as_json(s.sigma) if self.weighted else None}
             for s, c in zip(self.series, self.computed, strict=True)
-        ]  # fmt: skip
-        told["directions"] = [
-            {"deviation": finite(d.deviation), "open": d.open, "weights": d.weights} for d in self.directions
         ]
-        told["explanations"] = [
-            {"values": e.values, "changes": {n: finite(x) for n, x in e.changes.items()}, "squares": e.squares, "left": e.left}
-            for e in self.explanations
-        ]  # fmt: skip
-        return {**told, "notes": list(self.notes)}
+        names = ("correlations", "squares", "freedom", "scatter", "weighted", "directions", "explanations", "notes")
+        return {**head(SCHEMA, self), "parameters": parameters, "data": data, **entries(self, *names)}
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write row, measured, computed and sigma of all data in SI, stacked, into a .csv, .npz, .nc or .mat file. Raises OSError, `UsageError`."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ..analysis.json_values import finite, head
 from ..rendering import Summarised
+from ..results.json_values import entries, head
 
 SCHEMA = "bondgraph-stress/1"
 
@@ -19,10 +19,6 @@ class StressBreak:
     change: str
     sentence: str
     files: tuple[str, ...] = ()
-
-    def to_json(self) -> dict[str, Any]:
-        """Return {kind, change, sentence, files}."""
-        return {"kind": self.kind, "change": self.change, "sentence": self.sentence, "files": list(self.files)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +38,7 @@ class StressRow:
 
     def to_json(self) -> dict[str, Any]:
         """Return {kind, changed, tried, held, broke, untried}."""
-        return {
-            "kind": self.kind, "changed": self.changed, "tried": self.tried, "held": self.held, "broke": self.broke, "untried": list(self.untried),
-        }  # fmt: skip
+        return entries(self, "kind", "changed", "tried", "held", "broke", "untried")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -82,8 +76,5 @@ class StressTest(Summarised):
 
     def to_json(self) -> dict[str, Any]:
         """Return {schema, model, experiment, holds, sentence, error, doubt, seconds, seed, rows, breaks}; null: not finite, or none."""
-        return {
-            **head(SCHEMA, self), "holds": self.holds, "sentence": self.sentence, "error": finite(self.error), "doubt": self.doubt or None,
-            "seconds": self.seconds, "seed": self.seed, "rows": [row.to_json() for row in self.rows],
-            "breaks": [item.to_json() for item in self.breaks],
-        }  # fmt: skip
+        told = entries(self, "holds", "sentence", "error", "seconds", "seed", "rows", "breaks")
+        return {**head(SCHEMA, self), **told, "doubt": self.doubt or None}

@@ -12,10 +12,10 @@ import numpy as np
 
 from compiler.api import Array
 
-from ..analysis.json_values import finite
 from ..errors import UsageError
 from ..rendering import Summarised, draw
 from ..results.exports import Arrays, Exported
+from ..results.json_values import as_json, entries, head
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -107,34 +107,23 @@ class MonteCarlo(Summarised, Exported):
         {name: {unit, count, mean, …, swing: {parameter: [low, high]}, indices: {parameter: {first, first_interval, total, total_interval}}}}, failures:
         [{point, why}], notes}.
         """
-        told: dict[str, Any] = {
-            "schema": SCHEMA,
-            "model": self.model,
-            "experiment": self.experiment,
-            "of": list(self.of),
-        }
-        told |= {"samples": len(self), "seed": self.seed}
+        told = {**head(SCHEMA, self), "samples": len(self), **entries(self, "of", "seed", "notes")}
         told["parameters"] = {
             n: {"unit": self.units[n], "distribution": self.distributions[n]} for n in self.parameters
         }
         told["correlations"] = [{"between": list(pair), "value": v} for pair, v in self.correlations.items()]
         told["quantities"] = {n: self._quantity(n, i) for i, n in enumerate(self.quantities)}
         told["failures"] = [{"point": i, "why": why} for i, why in self.failures.items()]
-        return {**told, "notes": list(self.notes)}
+        return told
 
     def _quantity(self, name: str, i: int) -> dict[str, Any]:
-        told: dict[str, Any] = {"unit": self.units[name]}
-        told |= {word: finite(value) for word, value in self.statistics(name).items()}
-        told["swing"] = {p: [finite(x) for x in self.swing.ends[i, j]] for j, p in enumerate(self.parameters)}
+        told: dict[str, Any] = {"unit": self.units[name], **as_json(self.statistics(name))}
+        told["swing"] = {p: as_json(self.swing.ends[i, j]) for j, p in enumerate(self.parameters)}
         if self.indices is not None:
-            found = self.indices
+            parts = {w: getattr(self.indices, w)[i] for w in ("first", "first_interval", "total", "total_interval")}
             told["indices"] = {
-                p: {
-                    "first": finite(found.first[i, j]), "first_interval": [finite(x) for x in found.first_interval[i, j]],
-                    "total": finite(found.total[i, j]), "total_interval": [finite(x) for x in found.total_interval[i, j]],
-                }
-                for j, p in enumerate(self.parameters)
-            }  # fmt: skip
+                p: {word: as_json(part[j]) for word, part in parts.items()} for j, p in enumerate(self.parameters)
+            }
         return told
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:

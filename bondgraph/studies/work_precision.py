@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..analysis.json_values import finite, head
 from ..rendering import Plotted, Summarised
+from ..results.json_values import entries, head
 
 SCHEMA = "bondgraph-benchmark/1"
 HARDLY = 1.2  # ratio of times that is within their scatter
@@ -35,11 +35,8 @@ class WorkPoint:
 
     def to_json(self) -> dict[str, Any]:
         """Return {solver, peer, rtol, error, seconds, steps, evaluations, errors: {name: relative}, failure}; null: not finite, or none."""
-        return {
-            "solver": self.solver, "peer": self.peer, "rtol": self.rtol, "error": finite(self.error), "seconds": finite(self.seconds),
-            "steps": self.steps, "evaluations": self.evaluations, "errors": {n: finite(e) for n, e in self.errors.items()},
-            "failure": self.failure or None,
-        }  # fmt: skip
+        names = ("solver", "peer", "rtol", "error", "seconds", "steps", "evaluations", "errors")
+        return {**entries(self, *names), "failure": self.failure or None}
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -89,9 +86,6 @@ class WorkPrecision(Summarised, Plotted):
 
     def to_json(self) -> dict[str, Any]:
         """Return {schema, model, experiment, references, agreement, error, recommended: {solver, rtol} or null, points: [as a point's], refused}."""
-        best = self.recommended
-        return {
-            **head(SCHEMA, self), "references": list(self.references), "agreement": finite(self.agreement), "error": self.error,
-            "recommended": None if best is None else {"solver": best.solver, "rtol": best.rtol},
-            "points": [point.to_json() for point in self.points], "refused": dict(self.refused),
-        }  # fmt: skip
+        best = None if self.recommended is None else entries(self.recommended, "solver", "rtol")
+        told = entries(self, "references", "agreement", "error", "points", "refused")
+        return {**head(SCHEMA, self), **told, "recommended": best}

@@ -15,7 +15,7 @@ from compiler.api import Array
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
 from ...rendering import Plotted, Summarised
-from ..json_values import arrays_with_units, head, pair, with_units
+from ...results.json_values import arrays_with_units, entries, head, with_units
 from .drives import Drive
 
 SCHEMA = "bondgraph-feed-forward/1"
@@ -63,11 +63,10 @@ class FeedForward(Summarised, Plotted):
         {schema, model, experiment, wanted, time, inputs, outputs: {name: {unit, values}}, degrees, internal: [{re, im}], start: {name: {value, unit}},
         notes}.
         """
-        entries = {**head(SCHEMA, self), "wanted": dict(self.wanted)}
-        entries |= arrays_with_units({"time": self.time}, {"time": "s"})
-        entries |= {word: arrays_with_units(getattr(self, word), self.units) for word in ("inputs", "outputs")}
-        entries |= {"degrees": dict(self.degrees), "internal": [pair(v) for v in self.internal]}
-        return {**entries, "start": with_units(self.start, self.units), "notes": list(self.notes)}
+        told = {**head(SCHEMA, self), **entries(self, "wanted", "degrees", "internal", "notes")}
+        told |= arrays_with_units({"time": self.time}, {"time": "s"})
+        told |= {word: arrays_with_units(getattr(self, word), self.units) for word in ("inputs", "outputs")}
+        return {**told, "start": with_units(self.start, self.units)}
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write time, inputs and outputs, in SI, with the units in the header; the file is written completely or not at all."""

@@ -19,10 +19,10 @@ from compiler.api import Array
 from ...errors import RunFailed, UsageError
 from ...numerics.scales import equilibrated
 from ...rendering import Summarised
+from ...results.json_values import head, named, with_units
 from ...simulation.equilibrium.search import search_at
 from ...simulation.segments.timeline import Segment
 from ..equilibrium import units_of
-from ..json_values import head, named, with_units
 from ..operating_point import OperatingPoint
 from ..rounding import without_rounding
 from ..sensitivity import balanced_step

@@ -78,10 +78,6 @@ class CausalityExplanation:
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by `bondgraph-causality/1`."""
-        told = [
-            {"file": d.span.source.name, "line": d.span.line, "column": d.span.column, "code": d.code, "message": d.sentence, "help": d.help}
-            for d in self.diagnostics
-        ]  # fmt: skip
         return {
             "schema": SCHEMA, "model": self.model, "left_out": self.left_out,
             "strokes": [asdict(r) for r in self.strokes],
@@ -89,7 +85,7 @@ class CausalityExplanation:
             "loops": [
                 asdict(r) | {"cycle": [{"variable": v, "owner": o, "place": p} for v, o, p in r.cycle]} for r in self.loops
             ],
-            "diagnostics": told,
+            "diagnostics": [d.to_json() for d in self.diagnostics],
         }  # fmt: skip
 
     def text(self) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from compiler.api import Compilation, cost
 
+from ...results.json_values import as_json, entries, head
 from ...results.truncation import frequency_text
 from .tables import columns, counted, short, some_of, visible
 
@@ -47,19 +48,13 @@ class RunExplanation:
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by `bondgraph-explanation/1`."""
-        count = self.cost
+        kind, count = self.certificate, self.cost
+        words = ("once", "with_time", "rates", "jacobian", "outputs")
         return {
-            "schema": SCHEMA, "model": self.model, "experiment": self.experiment, "outputs": list(self.outputs),
-            "gives_nothing": [{"name": x.name, "place": x.place, "because": list(x.because)} for x in self.left_out],
-            "unneeded": list(self.certificate.unneeded), "unexcited": list(self.certificate.unexcited),
-            "certificate": self.certificate.to_json(),
-            "operations": {
-                "once": count.once, "with_time": count.with_time, "rates": count.rates, "jacobian": count.jacobian,
-                "jacobian_entries": count.entries, "outputs": count.outputs,
-            },
-            "functions": dict(count.functions), "conditions": list(self.conditions), "bends": self.bends,
-            "bandwidth": self.bandwidth,
-            "lines": [{"place": x.span.file_and_line, "owners": list(x.owners), "operations": x.operations} for x in count.lines],
+            **head(SCHEMA, self), **entries(self, "outputs", "certificate", "conditions", "bends", "bandwidth"), **entries(kind, "unneeded", "unexcited"),
+            "gives_nothing": as_json(self.left_out), "operations": entries(count, *words) | {"jacobian_entries": count.entries},
+            "functions": dict(count.functions),
+            "lines": [entries(x, "owners", "operations") | {"place": x.span.file_and_line} for x in count.lines],
         }  # fmt: skip
 
     def text(self) -> str:
