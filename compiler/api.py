@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .codegen.limits import Leaf
     from .codegen.numpy.generate import load_module
     from .codegen.llvm.bind import bind
-    from .codegen.llvm.library import LibraryModule, library_module
+    from .codegen.llvm.generate import LibraryModule, library_module
     from .codegen.errors import NotInUnit
     from .codegen.lower import lower
     from .codegen.lowered import Lowered

@@ -52,8 +52,10 @@ class Diagnostic:
 
     def to_json(self) -> dict[str, str | int]:
         """Data for `json.dumps`: {file, line, column, code, message, help}."""
-        place = {"file": self.span.source.name, "line": self.span.line, "column": self.span.column}
-        return {**place, "code": self.code, "message": self.sentence, "help": self.help}
+        place = self.span
+        return {
+            "file": place.source.name, "line": place.line, "column": place.column, "code": self.code, "message": self.sentence, "help": self.help
+        }  # fmt: skip
 
     def related(self) -> tuple[tuple[Span, str], ...]:
         """Other relevant places, each with a word why."""

@@ -27,7 +27,6 @@ from .interface import llvm_data, llvm_interface
 from .interface_c import c_unit
 from .model_description import UnitHead, build_description, model_description
 from .obstacles import refuse
-from .platforms import PLATFORMS
 from .start import StartValues, start_values
 from .variables import variables_of
 
@@ -41,6 +40,32 @@ READABLE = 0o644 << 16
 OPTIMISED = 1  # level of the runtime
 CHOICES = api.Choices(LEFT_OUT, VECTORS)
 LONG_AGO = (1980, 1, 1, 0, 0, 0)  # date of the files, so that equal models give equal bytes
+_MATHEMATICS = frozenset((
+    "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "ceil", "copysign", "cos", "cosh", "erf", "erfc", "exp", "exp2", "expm1",
+    "fabs", "floor", "fma", "fmod", "hypot", "lgamma", "log", "log10", "log1p", "log2", "pow", "remainder", "rint", "round", "sin", "sinh", "sqrt",
+    "tan", "tanh", "tgamma", "trunc",
+))  # fmt: skip
+_MEMORY = frozenset(("calloc", "free", "malloc", "memcmp", "memcpy", "memmove", "memset", "strcmp", "strlen"))
+_GNU = (("libm.so.6", _MATHEMATICS), ("libc.so.6", _MEMORY))
+
+
+@dataclass(frozen=True, slots=True)
+class FmuPlatform:
+    """A platform: its word for us and for LLVM, the folders of FMI 2.0 and 3.0, the ending of its libraries, and those of the system."""
+
+    word: str
+    folders: Mapping[str, str]
+    system: tuple[tuple[str, frozenset[str]], ...]
+    ending: str = ".so"
+
+
+PLATFORMS: Mapping[str, FmuPlatform] = {
+    p.word: p
+    for p in (
+        FmuPlatform("linux64", {"2.0": "linux64", "3.0": "x86_64-linux"}, _GNU),
+        FmuPlatform("linux-aarch64", dict.fromkeys(("2.0", "3.0"), "aarch64-linux"), _GNU),
+    )
+}
 
 
 @dataclass(frozen=True, slots=True)

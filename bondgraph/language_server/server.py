@@ -9,9 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from cattrs import transform_error
 from lsprotocol import types
-from pygls.exceptions import JsonRpcInvalidParams
+from pygls.exceptions import JsonRpcException, JsonRpcInvalidParams
 from pygls.lsp.server import LanguageServer
+from pygls.protocol import LanguageServerProtocol
 from pygls.uris import to_fs_path
 
 from ..language_service.calls import call_usage
@@ -29,9 +31,23 @@ from ..language_service.problems import problems
 from ..language_service.workspace import Workspace
 from ..version import VERSION
 from .conversions import TOKEN_MODIFIERS, TOKEN_TYPES, Converter, signature
-from .protocol import AnsweringProtocol
 
 PAUSE = 0.3  # s without a key press after which large models are looked at
+
+
+class AnsweringProtocol(LanguageServerProtocol):  # type: ignore[misc]
+    """Protocol in which each request has an answer; the error is also told to the reader of the log."""
+
+    def structure_message(self, data: dict[str, Any]) -> Any:
+        """Return a message as an object. `json` calls this for each object within it too, which have no `id` and `method`."""
+        try:
+            return super().structure_message(data)
+        except JsonRpcException as problem:
+            if "id" in data and "method" in data:
+                why = "; ".join(transform_error(problem.__cause__)) if problem.__cause__ is not None else str(problem)
+                refused = JsonRpcInvalidParams(f"The parameters of {data['method']} cannot be read: {why}")
+                self._send_response(data["id"], error=refused.to_response_error())
+            raise
 
 
 class EditorSession:

@@ -36,8 +36,8 @@ RENDERERS = {
     ("Result", "summary"): "bondgraph.presentation.text.tables:summary",
     ("RunSensitivity", "summary"): "bondgraph.presentation.text.studies:run_sensitivity_text",
     ("Sensitivity", "summary"): "bondgraph.presentation.text.analyses:sensitivity_text",
-    ("StressTest", "summary"): "bondgraph.presentation.text.stressed:stress_text",
+    ("StressTest", "summary"): "bondgraph.presentation.text.studies:stress_text",
     ("Summarised", "html"): "bondgraph.presentation.page.notebook:summary_html",
-    ("WorkPrecision", "plot"): "bondgraph.presentation.plots.work_precision:plot_work_precision",
-    ("WorkPrecision", "summary"): "bondgraph.presentation.text.work_precision:work_precision_text",
+    ("WorkPrecision", "plot"): "bondgraph.presentation.plots.studies:plot_work_precision",
+    ("WorkPrecision", "summary"): "bondgraph.presentation.text.studies:work_precision_text",
 }

@@ -5,16 +5,27 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from ..algebra.expression import Number, Symbol
+from ..algebra.expression import Number, Symbol, add, divide, multiply
 from ..algebra.formula import bind
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..graph.domains import DOMAINS
-from ..graph.elements import TRANSDUCERS
-from ..graph.network import BondEnd, BondGraph, Delay, Event, Junction, MechanismNode, Named, Node, Requirement
+from ..graph.elements import TRANSDUCERS, Kind
+from ..graph.network import (
+    BondEnd,
+    BondGraph,
+    Delay,
+    Element,
+    Event,
+    Junction,
+    MechanismNode,
+    Named,
+    Node,
+    PortVariable,
+    Requirement,
+)
 from ..graph.units import ONE, SECOND
 from .element import element_line
 from .errors import UnwrittenDomain, UnwrittenFile
-from .implicit_nodes import heating_resistors, shared_ports
 from .literals import NotWritable, bond_lines, braces, description_text, former_name, number_text, unit_text
 from .mechanism import mechanism_lines
 from .names import choose_names, lone_bonds
@@ -200,3 +211,30 @@ class _Writer:
 
 
 _NUMBER_WITH_UNIT = re.compile(r"-?[0-9.e+-]+ (\[[^\]]*\]|\w+)")
+
+
+def shared_ports(graph: BondGraph) -> dict[str, BondEnd]:
+    """Map from the junctions that the compiler adds at a mechanism's port with several bonds to that port."""
+    found = {}
+    for bond in graph.bonds:
+        node, other = graph.nodes[bond.tail.node], graph.nodes[bond.head.node]
+        if not (isinstance(node, Junction) and isinstance(other, MechanismNode)):
+            continue
+        if node.name == f"{other.name}.{other.ports[bond.head.port].name}":
+            found[node.name] = bond.head
+    return found
+
+
+def heating_resistors(graph: BondGraph) -> set[str]:
+    """Resistors whose last port has an outgoing bond and gives the heat: in text an `RS`, without that equation."""
+    found = set()
+    for bond in graph.bonds:
+        node = graph.nodes[bond.tail.node]
+        if isinstance(node, Element) and node.kind is Kind.RESISTOR and bond.tail.port == len(node.ports) - 1 > 0:
+            last = len(node.ports) - 1
+            power = add(*(multiply(Symbol(PortVariable(p, "e")), Symbol(PortVariable(p, "f"))) for p in range(last)))
+            if node.law.equations[-1:] == (
+                (Symbol(PortVariable(last, "f")), divide(power, Symbol(PortVariable(last, "e")))),
+            ):
+                found.add(node.name)
+    return found

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from bondgraph.language_server.positions import lines_of
+from bondgraph.language_server.conversions import lines_of
 from tests.compiling import ROOT
 
 pytest.importorskip("pygls")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import UsageError
 from ..text.tables import labelled, short
-from .sheet import COLOURS, PANELS, heading, picture, sheet, tell_omitted, without_frame
+from .sheet import COLOURS, PANELS, curve_style, heading, legend, picture, sheet, tell_omitted, without_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,10 +17,13 @@ if TYPE_CHECKING:
 
     from ...studies.fitted import Fit
     from ...studies.tolerances import MonteCarlo
+    from ...studies.work_precision import WorkPrecision
 
 COLUMNS = 2
 MOST_BINS = 60
 STRONGEST = 10
+MARKERS = "osD^vPX*<>"
+LEAST = 1e-16  # error at which a point without one is drawn, as that of the reference
 
 
 def _panels(found: MonteCarlo, what: str, height: float) -> tuple[Figure, list[Axes]]:
@@ -99,4 +103,32 @@ def plot_fit(found: Fit) -> Figure:
         panel.set_ylabel(labelled(one.name, one.unit, 24), parse_math=False)
         panel.set_xlabel("line of data (dots: measured; crosses: computed)", fontsize=8)
         without_frame(panel)
+    return figure
+
+
+@picture
+def plot_work_precision(found: WorkPrecision) -> Figure:
+    """Return time over error, a curve for each solver, from loose tolerances at the left to tight ones; the wanted error and what is recommended."""
+    figure = sheet(f"{heading(found.model, found.experiment)}, run time against error", 8.0, 5.0)
+    panel = figure.subplots()
+    panel.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
+    names = []
+    for place, solver in enumerate(found.solvers):
+        points = [p for p in found.points if p.solver == solver and math.isfinite(p.error)]
+        if not points:
+            continue
+        style = curve_style(place) | ({"linewidth": 0.9, "alpha": 0.7} if points[0].peer else {})
+        panel.loglog(
+            [max(p.error, LEAST) for p in points], [1e3 * p.seconds for p in points], marker=MARKERS[place % len(MARKERS)], markersize=4, **style
+        )  # fmt: skip
+        names.append(solver)
+    panel.invert_xaxis()
+    panel.set_xlabel("largest error of an output, relative to its magnitude (dashed: the wanted one; ringed: recommended)")  # fmt: skip
+    panel.set_ylabel("time of a run [ms]")
+    legend(panel, names, beside=True)
+    panel.axvline(found.error, color="#444444", linewidth=0.8, linestyle=(0, (4, 2)))
+    best = found.recommended
+    if best is not None:
+        panel.plot(max(best.error, LEAST), 1e3 * best.seconds, "o", markersize=13, markerfacecolor="none", markeredgecolor="#444444")  # fmt: skip
+    without_frame(panel)
     return figure

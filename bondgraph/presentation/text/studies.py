@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +14,9 @@ if TYPE_CHECKING:
     from ...analysis.run_sensitivity import RunSensitivity
     from ...studies.comparison import CurveComparison
     from ...studies.fitted import Fit
+    from ...studies.stressed import StressTest
     from ...studies.tolerances import MonteCarlo
+    from ...studies.work_precision import WorkPoint, WorkPrecision
 
 STRONGEST = 8  # most parameters of a quantity
 SLIGHT = 0.05  # smaller weights in a direction are not shown
@@ -144,3 +147,45 @@ def run_sensitivity_text(found: RunSensitivity) -> str:
             moved = (f"{share * column[-1]:.4g}", f"{share * column[peak]:.4g}", f"{found.time[peak]:.4g} s")
             rows.append((short(name), short(parameter), f"{column[-1]:.7g}", unit, *moved))
     return f"{title(found.model, found.experiment, 'sensitivity of a run')}\n\n{aligned(rows, '<<><>>>')}"
+
+
+def stress_text(test: StressTest) -> str:
+    """Return a table with a row for each kind of change, the breaks with their files, and the conclusion."""
+    rows = [("", "tried", "held", "broke", "")]
+    for row in test.rows:
+        untried = "" if row.tried or not row.untried else f" ({row.untried[0]})"
+        rows.append((row.kind, str(row.tried), str(row.held), str(row.broke), visible(row.changed + untried)[:120]))
+    estimate = (
+        f"no estimate of the error: {test.doubt}" if test.doubt else f"estimated error of the run: {test.error:.1e}"
+    )
+    parts = [title(test.model, test.experiment, "stress test"), aligned(rows, "<>>><"), visible(estimate)]
+    for item in test.breaks:
+        files = f"\n  smallest files that show it: {', '.join(item.files)}" * bool(item.files)
+        parts.append(visible(f"{item.kind}, {item.change}: {item.sentence}") + files)
+    return "\n\n".join([*parts, f"{test.sentence} ({test.seconds:.0f} s, seed {test.seed})"])
+
+
+def work_precision_text(found: WorkPrecision) -> str:
+    """Return a table with a row for each solver and tolerance, the references, and the recommendation."""
+    best = found.recommended
+    rows: list[tuple[str, ...]] = [("solver", "rtol", "error", "time, ms", "steps", "evaluations", "")]
+    for solver in found.solvers:
+        points = [point for point in found.points if point.solver == solver]
+        rows += [_row(point, solver if point is points[0] else "", point is best) for point in points]
+    agree = "" if math.isnan(found.agreement) else f", which differ by {found.agreement:.1e}"
+    parts = [
+        title(found.model, found.experiment, "work and precision"), aligned(rows, "<>>>>><"),
+        f"errors beside {' and '.join(found.references)}{agree}; of outputs, relative to their largest magnitudes",
+        "times of a repeated run: program, magnitudes and start are known, to the solvers of other programs, too",
+        *(visible(f"{solver}: {reason}") for solver, reason in found.refused.items()), found.sentence,
+    ]  # fmt: skip
+    return "\n\n".join(parts)
+
+
+def _row(point: WorkPoint, solver: str, best: bool) -> tuple[str, ...]:
+    if point.failure:
+        return solver, f"{point.rtol:g}", "", "", "", "", visible(point.failure)[:60]
+    rtol = "" if point.solver == "exponential" else f"{point.rtol:g}"
+    return (
+        solver, rtol, f"{point.error:.1e}", f"{1e3 * point.seconds:.3g}", str(point.steps or ""), str(point.evaluations or ""), "<- recommended" * best,
+    )  # fmt: skip

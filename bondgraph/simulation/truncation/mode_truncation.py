@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array
+from compiler.api import Array, Program
 
 from ...errors import RunFailed
 from ...results.truncation import frequency_text
-from ..segments.timeline import Segment
-from .input_spectrum import content
+from ..segments.timeline import GOLDEN, Segment, inside
 from .slow_manifold import SlowState, second, settled
 from .spectrum_split import ScaledDynamics, Split, one
 
@@ -32,6 +31,9 @@ AFTER = 50  # number of steps after which the step size is checked
 LOUD = 0.3  # fraction of a state's magnitude: a larger oscillation falsifies magnitudes that a pilot run found
 IN_A_TURN = 65  # instants per period at which requirements of the model are checked for the removed oscillation
 SHORT = 0.02  # in periods of the bandwidth: steps shorter than this are short
+PLACES = 128  # number of sample places per segment
+AHEAD = 1e-3  # radians at the bandwidth: time step of difference quotients
+SMALL = 1e-9  # relative change of a signal within that time that counts as rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,3 +162,22 @@ def _ask(stepper: IntegrationState, magnitude: Array, removal: Removal) -> None:
 def _size(flow: ScaledDynamics, change: Array) -> float:
     """Return the norm of a change in units of the tolerance, as the integrators measure their errors."""
     return float(np.linalg.norm(change / flow.allowed) / max(1, len(change)) ** 0.5)
+
+
+def content(program: Program, inputs: Array, constants: Array, stretch: Segment, bandwidth: float) -> float:
+    """Return a frequency in Hz: how fast the fastest signal of time changes, from its largest second and first derivative; 0 if below the bandwidth."""
+    ahead = AHEAD / (2 * np.pi * bandwidth)
+    first, last = inside(stretch)
+    if last - first < 4 * ahead:
+        return 0.0
+    numbers = np.arange(PLACES)
+    times = first + (last - 2 * ahead - first) * (numbers + (GOLDEN * numbers + 0.5) % 1.0) / PLACES
+    close = (times + ahead * np.arange(3.0)[:, None]).ravel()
+    values = np.asarray(program.signals(close, inputs, constants, stretch.mode)).reshape(3, PLACES, -1)
+    if not values.size or not np.isfinite(values).all():
+        return 0.0
+    slopes, bends = (np.abs(np.diff(values, k, axis=0)[0]).max(axis=0) for k in (1, 2))
+    sure = slopes > SMALL * np.abs(values).max(axis=(0, 1))
+    rates = bends[sure] / slopes[sure] / ahead
+    found = float(rates.max(initial=0.0)) / (2 * np.pi)
+    return found if found > bandwidth else 0.0

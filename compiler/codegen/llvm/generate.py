@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
+from ...fast_dataclass import dataclass
 from ...jit.machine import AS_WRITTEN, object_code
 from ..description import image_of
 from ..lowered import Lowered
 from ..numpy.write import Writer
 from ..program import Program
 from ..program_image import ProgramImage
+from ..structure import slope_places, slopes_of
 from ..time_functions import constants_of_signals, time_functions_of
 from .bind import bind
 from .module import Module
@@ -42,3 +44,22 @@ def level_of(module: Module) -> int:
     """Optimization level of a module. Loops over kernels are limited by memory: LLVM's passes only make their code longer."""
     level = next((level for most, level in LEVELS if module.operations <= most), 0)
     return AS_WRITTEN if level and module.rows is not None and not module.needs.called else level
+
+
+@dataclass(frozen=True, slots=True)
+class LibraryModule:
+    """Text of a module, optimization level, number of values of each function, and rows and columns of the slopes (see `structure.py`)."""
+
+    text: str
+    level: int
+    counts: Mapping[str, int]
+    slopes: tuple[tuple[int, int], ...]
+
+
+def library_module(lowered: Lowered, names: Sequence[str]) -> LibraryModule:
+    """Return the module with these functions of the program, as far as it has them, and `slopes`."""
+    row, slopes = slopes_of(lowered)
+    module = Module(Writer(lowered, ((row, slopes),)), True, frozenset((*names, row.name)))
+    text = module.text()
+    counts = {name: count for name, _, count in module.functions}
+    return LibraryModule(text, level_of(module), counts, tuple(slope_places(lowered)))
