@@ -7,18 +7,13 @@ all states, inputs and instants. A search for an equilibrium keeps their initial
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compiler.api import Array, dependent_rates, evaluate
+from compiler.api import Array, EquationSystem, Expression, dependent_rates, evaluate
 
+from ..compiled_scene import CompiledScene
 from ..numerics.scales import nonzero
-
-if TYPE_CHECKING:
-    from compiler.api import EquationSystem, Expression
-
-    from ..compiled_scene import CompiledScene
 
 ROUNDING = 1e-11  # relative to the largest factor: remainder of cancelling factors
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from compiler.api import Reported
 
 from ..errors import UsageError
 from ..rendering import Summarised
@@ -14,9 +16,6 @@ from .operating_point import OperatingPoint
 from .pulses import held_note
 from .sampled import is_sampled, sampled_verdict
 from .verdict import Verdict, verdict
-
-if TYPE_CHECKING:
-    from compiler.api import Reported
 
 SCHEMA = "bondgraph-equilibrium/1"
 

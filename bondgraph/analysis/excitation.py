@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from ..compiled_model import CompiledModel
 from ..errors import UsageError
 from ..simulation.repetition import simulate
 from ..simulation.run_options import RunOptions, RunRequest
@@ -12,9 +12,6 @@ from .linear import linearization
 from .operating_point import AnalysisRequest
 from .placement import operating_point
 from .response import Measured, first_harmonic, settling_time
-
-if TYPE_CHECKING:
-    from ..compiled_model import CompiledModel
 
 PERIODS = 4  # periods evaluated, after the settling time
 SAMPLES = 64  # samples per period

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Array, symbols
 
+from ..compiled_model import CompiledModel
 from ..errors import RunFailed, UsageError
 from ..rendering import Summarised
 from ..results.json_values import head, named, with_units
@@ -25,10 +26,6 @@ from .movable import refuse_structural
 from .operating_point import AnalysisRequest, OperatingPoint
 from .sensitivity import balanced_step, independent, place_in, unit_directions
 from .singular_slopes import Beside
-
-if TYPE_CHECKING:
-    from ..compiled_model import CompiledModel
-
 
 SCHEMA = "bondgraph-run-sensitivity/1"
 RTOL = 1e-8

@@ -9,16 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, IntArray
+from compiler.api import Array, IntArray, Program
 
 from ..numerics.scales import group_numbers, largest_of_group
-
-if TYPE_CHECKING:
-    from compiler.api import Program
 
 ROUNDING = 1e-13  # relative to the size that a state would have without a value: less is rounding of zero
 RESTING = 1e-8  # relative to the terms in a rate: less is rounding of zero

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from compiler.api import AUTOMATIC
+from compiler.api import AUTOMATIC, Array, Program, Scene
 
-from ..compiled_scene import chosen_target, many_runs
+from ..compiled_model import CompiledModel
+from ..compiled_scene import CompiledScene, chosen_target, many_runs
 from ..simulation.integration.method import LARGEST
 from ..simulation.integrators.compiled.fields import is_sparse
 from ..simulation.integrators.compiled.run import obstacle
@@ -18,12 +19,6 @@ from ..simulation.monitors.state_selection import Choice
 from ..simulation.phase import PhaseOptions
 from ..simulation.phases.cancellation import MOST_STATES, PLACES
 from ..simulation.run_options import RunOptions, planned
-
-if TYPE_CHECKING:
-    from compiler.api import Array, Program, Scene
-
-    from ..compiled_model import CompiledModel
-    from ..compiled_scene import CompiledScene
 
 
 @dataclass(frozen=True, slots=True, eq=False)

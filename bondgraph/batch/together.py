@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from compiler.api import Array, BoolArray
+
+from ..compiled_model import CompiledModel
 from ..compiled_scene import chosen_target
 from ..numerics.threads import one_thread
 from ..results.checkpoint import Checkpoint
@@ -26,11 +29,6 @@ from .runs import BatchCourse, Runs, grouped
 from .scope import BatchScene, batch_scene
 from .steps import BatchIntegrator
 from .trajectories import BatchTrajectories
-
-if TYPE_CHECKING:
-    from compiler.api import Array, BoolArray
-
-    from ..compiled_model import CompiledModel
 
 FEWEST = 3  # runs of a group; fewer take longer together than alone
 MOST_NUMBERS = 8_000_000  # in states and outputs of runs that are stepped at once

@@ -5,26 +5,21 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from compiler.api import SOLVERS, CompilationFailed
+from compiler.api import SOLVERS, CompilationFailed, Scene
 
-from ..compiled_scene import chosen_target, many_runs
+from ..compiled_model import CompiledModel
+from ..compiled_scene import CompiledScene, chosen_target, many_runs
 from ..errors import RunFailed, UsageError
 from ..numerics.threads import one_thread
 from ..results.result import Result
+from .phase import PhaseOptions
 from .phase_sequence import PhaseSequence
 from .run_options import RunOptions, RunRequest, planned
 from .settings import refused_with_values, settle
-
-if TYPE_CHECKING:
-    from compiler.api import Scene
-
-    from ..compiled_model import CompiledModel
-    from ..compiled_scene import CompiledScene
-    from .phase import PhaseOptions
 
 
 @dataclass(frozen=True, slots=True)

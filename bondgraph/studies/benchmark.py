@@ -8,11 +8,12 @@ import time as clock
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from compiler.api import AUTOMATIC, SOLVERS, CompilationFailed
 
+from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
+from ..results.result import Result
 from ..results.run_check import ErrorEstimate
 from ..simulation.repetition import compare
 from ..simulation.run import simulate_once
@@ -20,10 +21,6 @@ from ..simulation.run_options import LEAST_RTOL, RunRequest
 from .peers import peers_of
 from .time_limit import TooLong, within
 from .work_precision import WorkPoint, WorkPrecision
-
-if TYPE_CHECKING:
-    from ..analysed_model import AnalysedModel
-    from ..results.result import Result
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 13))
 REFERENCES = ("exponential", "explicit", "radau13", "radau", "rodas")  # the first two that can

@@ -7,14 +7,16 @@ found, and intervals are Student's (Seber and Wild, Nonlinear Regression, 1989, 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Array
 
+from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
 from ..simulation.settings import Settings
 from .fit_problem import BoundedParameter, Problem, sought
@@ -22,12 +24,6 @@ from .fitted import Fit, Fitted
 from .identify import OPEN, SearchEnd, directions, explanations, uncertainty
 from .measured import Measurements, read_measured
 from .scalar_study import units_of
-
-if TYPE_CHECKING:
-    import os
-
-    from ..analysed_model import AnalysedModel
-
 
 TOLERANCE = 1e-9  # relative tolerance of steps, of the sum of squares, and of its gradient at the start
 MOST_STEPS = 100

@@ -7,7 +7,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,13 +16,11 @@ from ..analysis.operating_point import AnalysisRequest
 from ..analysis.placement import operating_point
 from ..analysis.run_sensitivity import run_sensitivity
 from ..analysis.sensitivity import sensitivity
+from ..compiled_model import CompiledModel
 from ..errors import RunFailed, UsageError
 from ..simulation.settings import Settings
 from .measured import OF_MODES, Measurements, Series
 from .point_failure import why
-
-if TYPE_CHECKING:
-    from ..compiled_model import CompiledModel
 
 
 @dataclass(frozen=True, slots=True)

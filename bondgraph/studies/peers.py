@@ -12,18 +12,16 @@ from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from inspect import getmembers, isfunction
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Array, CompilationFailed
 
+from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
-
-if TYPE_CHECKING:
-    from ..analysed_model import AnalysedModel
-    from ..results.result import Result
-    from ..simulation.run_options import RunRequest
+from ..results.result import Result
+from ..simulation.run_options import RunRequest
 
 SCIPY = ("DOP853", "Radau", "LSODA", "BDF")
 PACKAGES = {"SUNDIALS CVODE": "scikit-sundae", "CasADi CVODES": "casadi", "diffsol BDF": "pydiffsol"}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,15 +15,13 @@ from ..analysis.operating_point import AnalysisRequest
 from ..analysis.outcome import MODES
 from ..analysis.placement import operating_point
 from ..batch.together import is_together, simulate_together
+from ..compiled_model import CompiledModel
 from ..errors import RunFailed, UsageError
+from ..results.result import Result
 from ..simulation.repetition import simulate
 from ..simulation.run_options import RunRequest
 from ..simulation.settings import Settings, compiled_in
 from .point_failure import kept, why
-
-if TYPE_CHECKING:
-    from ..compiled_model import CompiledModel
-    from ..results.result import Result
 
 STEPS = (*(word for word, row in ANALYSIS_STEPS.items() if row.scalar), "simulate")
 

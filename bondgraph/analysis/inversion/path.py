@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +17,7 @@ from compiler.api import Array, Leaf, TaylorSeries
 
 from ...compiled_model import CompiledModel
 from ...errors import UsageError
-
-if TYPE_CHECKING:
-    from ...simulation.segments.timeline import Segment
+from ...simulation.segments.timeline import Segment
 
 BESIDE = 1e-9  # fraction of the path's length: distance from an instant at which both sides are compared
 DEGREE = 9  # degree of a curve through points

@@ -10,12 +10,13 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Array
 
+from ...compiled_model import CompiledModel
 from ...errors import RunFailed, UsageError
 from ...numerics.scales import equilibrated
 from ...rendering import Summarised
@@ -29,9 +30,6 @@ from ..sensitivity import balanced_step
 from ..sizes import natural
 from ..verdict import verdict
 from .drives import PROBE, Drive
-
-if TYPE_CHECKING:
-    from ...compiled_model import CompiledModel
 
 SCHEMA = "bondgraph-inversion/1"
 ITERATIONS = 30

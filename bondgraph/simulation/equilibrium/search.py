@@ -9,7 +9,7 @@ the model rotates steadily (a running motor). Any other state that does not come
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from ..constraints.constraints import Constraints
 from ..integrators.linear_algebra.factorise import is_large
 from ..segments.timeline import Segment
 from .dense import CLOSE, EquilibriumSearch
-
-if TYPE_CHECKING:
-    from .dense import EquilibriumSearch
 
 STEPS = 400
 GROWTH = 2.0

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Program
+from compiler.api import Array, Program, RunMetadata, Scene
 
+from ...compiled_scene import CompiledScene
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
 from ..initialization.assembly import choose_rows
@@ -23,11 +24,6 @@ from .impulse import StorageJump, after_impulse
 from .indicators import EventIndicators, HybridState, conditions_of
 from .mode_iteration import settled
 from .resets import reset
-
-if TYPE_CHECKING:
-    from compiler.api import RunMetadata, Scene
-
-    from ...compiled_scene import CompiledScene
 
 MOST_MODES = 30  # modes tried at a start
 

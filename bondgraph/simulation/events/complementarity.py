@@ -15,19 +15,17 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from compiler.api import Array, BoolArray, Program, RunMetadata
+
+from ...compiled_scene import CompiledScene
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
 from ..loops.loops import LoopSolver
 from ..segments.timeline import with_discrete_variables
-
-if TYPE_CHECKING:
-    from compiler.api import Array, BoolArray, Program, RunMetadata
-
-    from ...compiled_scene import CompiledScene
 
 # fractions of the time between switching instants: the steps h in the order of their trial
 STEPS = (1e-5, 1e-6, 1e-4, 1e-7, 1e-3, 1e-9)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from compiler.api import Array, Program
 
 from ....numerics.indicators import PLACES
+from ...segments.context import SegmentContext
 from ...segments.timeline import LOOKS, Segment, Signals, inside
 from .. import dop853
 from ..linear_algebra.exponentials import LARGEST, room_for_tables
@@ -19,9 +20,6 @@ from ..linear_algebra.factors import ComplexFactors, Factors, room_for
 from ..methods import METHODS
 from ..radau import STUBBORN
 from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance, stagnation_tolerance
-
-if TYPE_CHECKING:
-    from ...segments.context import SegmentContext
 
 COUNTS = "steps", "rejected", "derivatives", "jacobians", "factorisations", "negative"
 # Fields of a new solver: of the search for the fastest mode, and of what steps share with each other.

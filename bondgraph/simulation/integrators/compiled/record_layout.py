@@ -9,16 +9,13 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from compiler.api import INTS, Array, Fields, Handed, Record, address_of, record_of
+from compiler.api import INTS, Array, Fields, Handed, Program, Record, address_of, record_of
 
 from .code import POINTER, WHOLE, called
-
-if TYPE_CHECKING:
-    from compiler.api import Program
 
 WORD = 8  # bytes
 _WHOLE, _DOUBLE = np.dtype(np.int64), np.dtype(float)

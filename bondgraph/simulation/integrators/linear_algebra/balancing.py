@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from math import isfinite, sqrt
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from compiler.api import Floats
+from compiler.api import Floats
 
 LESS = 0.95  # largest ratio of the sums of the norms for which a factor is applied
 ROOT = sqrt(2.0)

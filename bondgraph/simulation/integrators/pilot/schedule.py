@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
+
+from compiler.api import Program
 
 from ....numerics.scales import group_numbers
-
-if TYPE_CHECKING:
-    from compiler.api import Program
 
 MOST_STEPS = 600  # most steps, where its Newton iteration needs shorter ones
 GROWN, SAME = 1.5, 1.2  # growth factor in a step, and the one that counts as no growth
