@@ -55,14 +55,16 @@ class Differentiator:
                 if endless is not None:
                     self._tell(self._without_rest(endless))
                     return
-            chain = self._chain(variable, item)
-            self._assign(self._derivatives[variable], chain, item, self.assigned[variable].owner)
+            law = self.assigned[variable]
+            self._assign(self._derivatives[variable], self._chain(variable, item), item, law.owner, law.implicit)
         self._shorten()
 
-    def _assign(self, target: int, expression: Expression, item: Derivative, owner: str | None = None) -> None:
+    def _assign(
+        self, target: int, expression: Expression, item: Derivative, owner: str | None = None, implicit: bool = False
+    ) -> None:
         bound = bind(expression)
         owner = owner if owner is not None else item.owner
-        self.assigned[target] = Assignment(target, bound.formula, tuple(bound.arguments), item.span, owner)
+        self.assigned[target] = Assignment(target, bound.formula, tuple(bound.arguments), item.span, owner, implicit)
 
     def _derivative(self, variable: int, item: Derivative) -> Expression:
         """Time derivative of a variable: a number, or the variable for it."""
@@ -139,22 +141,20 @@ class Differentiator:
         return self._moving[variable]
 
     def _chain(self, variable: int, item: Derivative) -> Expression:
-        """Chain rule over the assignment of a variable; for an implicit law the part without its own derivative."""
+        """Chain rule over the assignment of a variable; that of an implicit one is implicit, as its own slope may be zero, but for others of its loop."""
         assignment = self.assigned[variable]
         terms: list[Expression] = []
         self._look_for_jumps(variable, item)
         for slot, argument in enumerate(assignment.arguments):
-            if isinstance(argument, float) or (assignment.implicit and argument == variable):
+            if isinstance(argument, float):
                 continue
-            inner = self._derivative(argument, item)  # also if the slope is zero: a jump in time has no derivative
+            own = assignment.implicit and argument == variable
+            # also if the slope is zero: a jump in time has no derivative
+            inner = Symbol(self._derivatives[variable]) if own else self._derivative(argument, item)
             slope = ZERO if inner == ZERO else derivative(assignment.formula.expression, Symbol(slot))
             if slope != ZERO:
                 terms.append(multiply(over(slope, assignment.arguments), inner))
-        total = add(*terms)
-        if not assignment.implicit:
-            return total
-        own = derivative(assignment.formula.expression, Symbol(assignment.arguments.index(variable)))
-        return multiply(Number(-1.0), total) / over(own, assignment.arguments)
+        return add(*terms)
 
     def _without_end(self) -> Derivative | None:
         """The first storage that depends on derivatives of ever higher order; None if there is none, or if it is unknown.
@@ -211,7 +211,8 @@ class Differentiator:
         """Remove variables of derivatives that turned out to be a copy or a number, but those by which a run looks for jumps."""
         short: dict[int, int | float] = {}
         for variable in self.order.keys() - {rate for _, rate, _ in self.forced}:
-            expression = self.assigned[variable].expression if variable in self.assigned else None
+            law = self.assigned.get(variable)
+            expression = None if law is None or law.implicit else law.expression
             if isinstance(expression, Number):
                 short[variable] = expression.value
             elif isinstance(expression, Symbol) and expression.key != variable:

@@ -168,6 +168,17 @@ def test_wrong_equations(line: str, code: str) -> None:
     mistake(f"model A {{\n  {line}\n  output a = {name}\n}}\n", code)
 
 
+@pytest.mark.parametrize("target", [pytest.param("native", marks=pytest.mark.machine_code), "numpy"])
+def test_rates_of_what_equations_give(target: str) -> None:
+    """z = 1 + t twice: read through its sine alone, and beside a slope of its own that goes through zero."""
+    found = solved(
+        "  signal at = 1 + time, s = sin(y/4), c = z^3 + 2*z, f = time - 0.5\n"
+        "  solve s = sin(at/4) for y = 1\n  solve f*z + c = f*at + at^3 + 2*at for z = 1\n  output a = der(y), b = der(z)",
+        target=target,
+    )
+    assert [*found["a"], *found["b"]] == pytest.approx([1.0] * 6, rel=1e-12)
+
+
 def test_a_declared_unit_of_a_loop_is_read_in_it() -> None:
     assert solved("  signal z: m = z - ((z + 1 m)^3 - 8 [m^3])/(40 [m^2])\n  output a = z", "").final(
         "a"
