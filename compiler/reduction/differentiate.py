@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from ..algebra.derivative import derivative
 from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, multiply, symbols
-from ..algebra.formula import bind, over
+from ..algebra.formula import Formula, bind, over
 from ..algebra.operators import CURVES
 from ..equations.system import Assignment, Derivative, EquationSystem, Variable
 from ..errors import Diagnostic
@@ -62,9 +62,8 @@ class Differentiator:
     def _assign(
         self, target: int, expression: Expression, item: Derivative, owner: str | None = None, implicit: bool = False
     ) -> None:
-        bound = bind(expression)
         owner = owner if owner is not None else item.owner
-        self.assigned[target] = Assignment(target, bound.formula, tuple(bound.arguments), item.span, owner, implicit)
+        self.assigned[target] = _bound(Assignment(target, Formula(0, ZERO), (), item.span, owner, implicit), expression)
 
     def _derivative(self, variable: int, item: Derivative) -> Expression:
         """Time derivative of a variable: a number, or the variable for it."""
@@ -228,5 +227,13 @@ class Differentiator:
         for target in (*self.order, *(d.target for d in self._system.derivatives)):
             if target in self.assigned and target not in short:
                 old = self.assigned[target]
-                bound = bind(over(old.formula.expression, [end(a) for a in old.arguments]))
-                self.assigned[target] = replace(old, formula=bound.formula, arguments=tuple(bound.arguments))
+                self.assigned[target] = _bound(old, over(old.formula.expression, [end(a) for a in old.arguments]))
+
+
+def _bound(assignment: Assignment, expression: Expression) -> Assignment:
+    """Return an assignment with another expression over variables. An implicit one always depends on its target: a loop is cut there."""
+    bound = bind(expression)
+    arguments = tuple(bound.arguments)
+    if assignment.implicit and assignment.target not in arguments:
+        arguments = (*arguments, assignment.target)
+    return replace(assignment, formula=replace(bound.formula, arity=len(arguments)), arguments=arguments)

@@ -179,6 +179,24 @@ def test_rates_of_what_equations_give(target: str) -> None:
     assert [*found["a"], *found["b"]] == pytest.approx([1.0] * 6, rel=1e-12)
 
 
+@pytest.mark.parametrize("order", ["sqtdr", "qtdsr", "rdtqs", "dqrts"])
+def test_rates_in_a_loop_that_is_cut_anywhere(order: str) -> None:
+    """A place on a round rail, which its equation reads by the slope there alone."""
+    lines = {
+        "q": "signal q = -d/t",
+        "t": "signal t = sqrt(1 - d^2)",
+        "d": "signal d = x*c + r*s - 1",
+        "r": "signal r = 0.1 + 0.03*(x - 1)",
+        "s": "solve q*(0.1*s + c) + 0.2*c - s = 0 for x = 1",
+    }
+    found = solved(
+        "  signal h = 0.3*sin(2*time), s = sin(h), c = cos(h)\n  "
+        + "\n  ".join(lines[k] for k in order)
+        + "\n  output a = der(q), b = der((s - 0.2*c)/(0.1*s + c))"
+    )
+    assert found["a"] == pytest.approx(found["b"], rel=1e-9)
+
+
 def test_a_declared_unit_of_a_loop_is_read_in_it() -> None:
     assert solved("  signal z: m = z - ((z + 1 m)^3 - 8 [m^3])/(40 [m^2])\n  output a = z", "").final(
         "a"
