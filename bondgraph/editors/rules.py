@@ -35,6 +35,7 @@ _SYMBOL = r"%|[A-Za-z\u00b5\u03bc\u03a9\u2126][A-Za-z_0-9\u00b5\u03bc\u03a9\u212
 _UNIT = rf"(?:{_SYMBOL}|1)(?:[*/^](?:{_SYMBOL}|-?[0-9]+|\([^()\n]*\)))*"
 _END_OF_UNIT = r'(?=[ \t]*(?:[=,;}"#]|$))'
 _SPACE = (r"[ \t]+", "")
+_WITHIN = ("for", "when")  # `solve x^2 = a for x = 1`, `idle -> run when x > 1`
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,7 @@ def rules() -> tuple[Rule, ...]:
 def expression_rules() -> tuple[Rule, ...]:
     """Rules of what may stand anywhere."""
     words = classes()
-    infix = _any((*words["operator"], *words["timing"]))
+    infix = _any((*words["operator"], *words["timing"], *_WITHIN))
     number = r"[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?"
     alone = r"(?<![.A-Za-z_0-9])"
     return (
@@ -104,7 +105,7 @@ def expression_rules() -> tuple[Rule, ...]:
         Rule((("in", "operator"), _SPACE, (_UNIT, "unit")), alone, _END_OF_UNIT),
         Rule(((":", ""), (r"[ \t]*", ""), (_any(words["domain"]), "domain")), after=r"(?![ \t]*[.=*/+^\-(])"),
         Rule(((_any(words["function"]), "function"),), alone, r"(?=[ \t]*\()"),
-        Rule(((_any(words["timing"]), "keyword"),), alone, r"(?=[ \t]+[A-Za-z_0-9])"),
+        Rule(((_any((*words["timing"], *_WITHIN)), "keyword"),), alone, r"(?=[ \t]+[A-Za-z_0-9])"),
         Rule(((_any(words["operator"]), "operator"),), alone),
         Rule(((_any(words["value"]), "value"),), alone, r"(?![ \t]*(?:=(?!=)|\())"),
         Rule((("->|=>|\\.\\.|<=|>=|==|!=|[-+*/^<>=]", "sign"),)),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from compiler.api import tree
+
 from .answers import MarkedWord
 from .context import WORD
 from .names import path_of
@@ -26,12 +28,15 @@ def marked_words(workspace: Workspace, path: Path, start: int = 0, end: int | No
     document, _ = workspace.names(path)
     path = path.resolve()
     named: dict[int, tuple[str, bool]] = {}
+    words: dict[str, str] = {}
     for occurrence in workspace.occurrences(path):
         kind = _OF_NAMES.get(occurrence.name.kind, "") if occurrence.name is not None else _builtin(occurrence.kind)
         if kind and path_of(occurrence.span) == path:
             named[occurrence.span.offset] = (kind, occurrence.is_definition)
-    words = {word: kind for kind, listed in classes().items() if kind != "timing" for word in listed}
-    timing = classes()["timing"]
+        if occurrence.is_definition and occurrence.name is not None and isinstance(occurrence.name.node, tree.Item):
+            words |= {word: "value" for word, _ in occurrence.name.node.choices}
+    words |= {word: kind for kind, listed in classes().items() if kind != "timing" for word in listed}
+    timing = {*classes()["timing"], "solve"}
     for match in WORD.finditer(document.text, start, len(document.text) if end is None else end):
         sort = match.lastgroup or ""
         kind, defined = named.get(match.start(), (_PLAIN.get(sort, ""), False))

@@ -44,7 +44,7 @@ _ROWS = (
     Keyword("input", "model", "input ${1:name} = ${0:0}", "A signal from outside; the value is what holds without it."),
     Keyword("signal", "model", "signal ${1:name} = $0", "A name for an expression that may change during a run."),
     Keyword("output", "model", "output ${1:name} = $0", "A signal that runs report."),
-    Keyword("mode", "model", "mode ${1:on} = ${0:false}", "A number or a truth that only events change; the value is its start."),
+    Keyword("mode", "model", "mode ${1:on} = ${0:false}", "A number, a truth or one of several words, which only events change; the value is its start."),
     Keyword("solve", "model", "solve ${1:x^3 + x} = ${2:1} for ${3:x} = ${0:1}", "A number that makes an equation true; the value is a guess near it."),
     Keyword("port", "model", "port ${1:name}: ${2:translation}", "A port of the model, through which it is bonded where it is used."),
     Keyword("multibody", "model", "multibody ${1:name} : ${2|planar,spatial|} {\n  $0\n}", "A mechanism of bodies and joints."),

@@ -69,7 +69,12 @@ class Workspace:
         if before is None or file is None or before[0] is not file:
             file = self.project.scope(path) if file is None else file
             with uncollected():
-                listed = sorted(occurrences(file, document.tree.statements), key=lambda o: o.span.offset)
+                found: dict[tuple[int, str], NameUse] = {}
+                for use in occurrences(
+                    file, document.tree.statements
+                ):  # transitions name their mode where it is declared
+                    found.setdefault((use.span.offset, use.span.source.name), use)
+                listed = [found[place] for place in sorted(found)]
             before = self._occurrences[path] = (file, listed)
         return before[1]
 

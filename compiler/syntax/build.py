@@ -69,7 +69,11 @@ class Builder:
     def _all(self, parts: list[Any]) -> tuple[Any, ...]:
         return tuple(parts)
 
-    start = block = ports = attributes = places = mechanism_block = resets = _all
+    start = ports = attributes = places = mechanism_block = resets = transitions = transition = _all
+
+    def block(self, parts: list[Any]) -> tuple[tree.SyntaxNode, ...]:
+        """Statements; a mode with transitions is several."""
+        return tuple(s for part in parts for s in (part if isinstance(part, tuple) else (part,)))
 
     # ------------------------------------------------------------ files and models
     def alone(self, parts: list[Any]) -> tree.ExpressionSyntax:
@@ -105,7 +109,26 @@ class Builder:
     inputs = partialmethod(_quantities, "input")
     outputs = partialmethod(_quantities, "output")
     signals = partialmethod(_quantities, "signal")
-    modes_ = partialmethod(_quantities, "mode")
+
+    def modes_(self, parts: list[Any]) -> tuple[tree.SyntaxNode, ...]:
+        """Modes, and a `when` for each transition of the last one."""
+        *items, transitions = parts
+        start, name = items[-1].span.start, items[-1].name
+        span = Span(self.source, start, start + len(name))
+        path = tree.PathSyntax(span, 1, name, tuple(filter(None, [items[-1].index])))
+        return tree.Quantities(self._span(items), "mode", tuple(items)), *(
+            self._when(path, t) for t in transitions or ()
+        )
+
+    def _when(self, mode: tree.PathSyntax, parts: tuple[Any, ...]) -> tree.EventSyntax:
+        *words, condition, resets = parts
+        condition, span = _done(condition), self._span([words[0], _done(condition)])
+        *before, after = (tree.PathSyntax(self._span([w]), 1, str(w), ()) for w in words)
+        there = [tree.Comparison(word.span, 2, "==", mode, word) for word in before]
+        one = there[0] if len(there) == 1 else deepened(tree.Logical, self._span(before), there, "or", tuple(there))
+        whole = deepened(tree.Logical, span, (one, condition), "and", (one, condition))
+        step = tree.Reset(after.span, mode, after)
+        return tree.EventSyntax(span, whole, (*(resets or ()), step), False)
 
     def solve(self, parts: list[Any]) -> tree.Quantities:
         law, *items = parts

@@ -68,6 +68,18 @@ def test_surge_tank_is_steady_until_the_gate_shuts() -> None:
     near(found["level"], -500 * 30 / 9810 + 0 * found.time)
 
 
+def test_batch_tank() -> None:
+    """Filled in V/flow, kept for a minute, drained by exp(-k t/r) to an eighth in r/k ln 8: 0.35 m^3 are left to fill from the second batch on."""
+    found, drain = run("batch_tank"), 50 * np.log(8)
+    ends = np.cumsum([200, 60, drain, 175, 60, drain, 175, 60])
+    assert [e.time for e in found.events] == pytest.approx(ends, rel=1e-9)
+    assert found.final("done") == 2
+    assert found.final("V") == pytest.approx(0.4 * np.exp(-(1000 - ends[-1]) / 50), rel=1e-8)
+    assert found["heating"] == pytest.approx(
+        sum((a < found.time) & (found.time < b) for a, b in zip(ends[::3], ends[1::3], strict=True))
+    )
+
+
 def test_rough_pipe() -> None:
     """Q' = area/(rho length) (P - loss(Q)), with Colebrook's equation solved by Lambert's function (Keady, J. Hydraul. Eng. 124, 1998)."""
     area, rough, half = np.pi * 0.05**2 / 4, 0.1e-3 / (3.7 * 0.05), np.log(10) / 2

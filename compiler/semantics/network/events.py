@@ -90,7 +90,9 @@ def _read(elaborator: Elaborator, scope: Scope, event: tree.EventSyntax, element
             elaborator.tell(LateStorage(reset.target.span, action.words))
         actions.append(action)
     span = event.condition.span
-    words = " ".join(span.source.text[span.start :].partition("{")[0].split())
+    words = " ".join(span.source.text[span.start :].partition("{")[0].split()) if event.sampled else span.words
+    if "->" in words:  # a transition: its condition first, as in any `when`
+        words = ", ".join(reversed(words.split(" when ", 1)))
     return Event(_owner(scope), condition, words, tuple(actions), span, sampling)
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from fractions import Fraction
+
 from ...algebra.expression import ONE as TRUE
 from ...algebra.expression import ZERO, select
 from ...algebra.formula import Bound, Formula
@@ -10,15 +13,27 @@ from ...syntax import tree
 from ..expressions.template import Typed
 from ..names.errors import DimensionMismatch, NotStatic, WrongType
 from ..names.scope import STATIC_ROLES, Scalar, Scope
-from ..names.statement_errors import Wrong, describe, unit_hint
+from ..names.statement_errors import Wrong, describe, suggestion, unit_hint
 from .elaborate import Elaborator
+
+
+def _in_numbers(value: tree.ExpressionSyntax, choices: tuple[str, ...]) -> tree.ExpressionSyntax:
+    """A value of a mode that is one of several words, with numbers for these. Raises `Wrong`."""
+    if isinstance(value, tree.ChoiceSyntax):
+        first, other = (_in_numbers(v, choices) for v in (value.value, value.otherwise))
+        return replace(value, value=first, otherwise=other)
+    word = value.words if isinstance(value, tree.PathSyntax) else ""
+    if word not in choices:
+        hint = suggestion(word, choices, f"It can be: {', '.join(choices)}.")
+        raise Wrong(WrongType(value.span, f"One of {', '.join(choices)}", f"`{value.span.words}`", hint))
+    return tree.Literal(value.span, 1, Fraction(1 + choices.index(word)), None)
 
 
 def read_value(
     elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, target: Scalar, what: str, static: bool = False
 ) -> Bound:
     """New value of a target: for a mode that is a truth a condition (1 or 0), else a number of its unit. Raises `Wrong`."""
-    template = elaborator.template(value, scope)
+    template = elaborator.template(_in_numbers(value, target.choices) if target.choices else value, scope)
     typed = template.value
     if not isinstance(typed, Typed):
         raise Wrong(WrongType(value.span, "A single number", "a list"))

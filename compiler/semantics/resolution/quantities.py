@@ -233,8 +233,8 @@ class QuantityResolver(MemoryResolver):
         for number, (word, span) in enumerate(item.choices):
             if word in words[:number]:
                 raise Wrong(DuplicateName(span, word, item.choices[words.index(word)][1]))
-        if pending.role != "parameter":
-            hint = "Only a parameter is one of several words; a `mode` is a number or a truth."
+        if pending.role not in ("parameter", "mode"):
+            hint = "Only a parameter or a mode is one of several words."
             raise Wrong(WrongType(item.choices[0][1], "A number", "a choice", hint))
         value = override.value if override is not None else pending.value
         if override is not None and value is None:  # structure: a run's program is made for one choice
@@ -250,14 +250,22 @@ class QuantityResolver(MemoryResolver):
             return Scalar(value, ONE, "parameter", pending.name, choices=words)
         word = value.words if isinstance(value, tree.PathSyntax) else ""
         if word in words:
-            return Scalar(1.0 + words.index(word), ONE, "parameter", pending.name, choices=words)
+            return self._chosen(pending, 1.0 + words.index(word))
         scope = self.root if override is not None else pending.scope
         if isinstance(value, tree.PathSyntax) and scope.find(value.head) is not None:
             other = self.lookup(value, scope)
-            if isinstance(other, Scalar) and other.choices == words:
-                return replace(other, name=pending.name)
+            if isinstance(other, Scalar) and other.choices == words and isinstance(other.reference, float):
+                return self._chosen(pending, other.reference)
         hint = suggestion(word, words, hint)
         raise Wrong(WrongValue(value.span, item.name, pending.owner.definition.name, value.span.words, hint))
+
+    def _chosen(self, pending: Pending, number: float) -> Scalar:
+        """A parameter that is the word with a number, or a mode that begins with it."""
+        words = tuple(word for word, _ in pending.item.choices)
+        if pending.role == "parameter":
+            return Scalar(number, ONE, "parameter", pending.name, choices=words)
+        entered = self._enter_quantity(pending, "", Bound(constant(number), ()), ONE, pending.item.span)
+        return replace(entered, choices=words)
 
     def _settled(
         self, pending: Pending, override: Override | None, declared: Dimension | None, unit: Scale | None
