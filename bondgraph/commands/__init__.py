@@ -6,9 +6,12 @@ Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a def
 from __future__ import annotations
 
 import gc
+import re
 import sys
 from difflib import get_close_matches
 from importlib import import_module
+from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 import click
@@ -90,7 +93,8 @@ class Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command; for a name that none has, tell those that are near it."""
         if args[0] not in COMMANDS and not args[0].startswith("-"):
-            near = get_close_matches(args[0], COMMANDS, n=2)
+            near = [f"run {args[0]}"] if Path(args[0]).is_file() else get_close_matches(args[0], COMMANDS, n=2)
+            near = ["run"] if args[0] == "simulate" else near
             hint = f"did you mean `{'` or `'.join(near)}`?" if near else "`bondgraph --help` lists the commands"
             ctx.fail(f"there is no command `{args[0]}`: {hint}")
         return super().resolve_command(ctx, args)
@@ -102,7 +106,10 @@ class Commands(click.Group):
             with formatter.section(title):
                 limit = formatter.width - 6 - width
                 found = [(name, self.get_command(ctx, name)) for name in examples]
-                formatter.write_dl([(name.ljust(width), c.get_short_help_str(limit)) for name, c in found if c])
+                texts = ((name, re.split("[:;(]", c.get_short_help_str(1000))[0].strip(" .")) for name, c in found if c)
+                formatter.write_dl(
+                    [(name.ljust(width), shorten(text, limit, placeholder=" …")) for name, text in texts]
+                )
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; its errors become a message and an exit code."""

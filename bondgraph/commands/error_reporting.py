@@ -43,7 +43,9 @@ def problems_told() -> Iterator[None]:
     except UnicodeDecodeError as problem:
         stop(f"bondgraph: a file is not a text in UTF-8 ({problem.reason})", USAGE)
     except OSError as problem:
-        stop(f"bondgraph: {problem.filename or 'file'}: {problem.strerror or problem}", USAGE)
+        name = problem.filename or "file"
+        hint = f"; did you mean `{name}.bg`?" if os.path.isfile(f"{name}.bg") else ""
+        stop(f"bondgraph: {name}: {problem.strerror or problem}{hint}", USAGE)
     except Exception as problem:
         from compiler.api import CompilationFailed, render
 

@@ -51,7 +51,7 @@ settings_option = click.option(
     multiple=True,
     metavar="NAME=VALUE",
     shell_complete=completion.settings,
-    help="Set a parameter (`a=171 um`) or an input.",
+    help="Set a parameter (`a=171 um`) or an input; once for each.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print it as JSON, in SI and Hz.")
 inputs_option = click.option(

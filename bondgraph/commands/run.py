@@ -67,7 +67,7 @@ class Beside:
 @model_option
 @click.option(
     "--set", "settings", multiple=True, metavar="NAME=VALUE", shell_complete=completion.settings,
-    help="Set a parameter (`a=171 um`) or an input (any expression of time).",
+    help="Set a parameter (`a=171 um`) or an input (any expression of time); once for each.",
 )  # fmt: skip
 @click.option("--to", metavar="TIME", help="Where the run ends: `20 ms`, or a number of seconds.")
 @click.option("--points", type=int, metavar="N", help="How many equally spaced instants to report, both ends included (501).")  # fmt: skip

@@ -124,7 +124,9 @@ def explain(
 @click.option(
     "--port", multiple=True, metavar="NAME=effort|flow", help="Of an FMU: an open port, and what comes in there."
 )
-@click.option("--experiment", metavar="NAME", help="Of an FMU: with the settings of this experiment; by default none.")
+@click.option(
+    "-e", "--experiment", metavar="NAME", help="Of an FMU: with the settings of this experiment; by default none."
+)
 @click.option("--part", metavar="INSTANCE", help="One instance alone, such as a controller.")
 @click.option("--float", "single", is_flag=True, help="C in float instead of double.")
 @model_option

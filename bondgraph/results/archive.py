@@ -36,9 +36,11 @@ def read_result(path: str | os.PathLike[str]) -> Result:
                 "BR908", f"{path} was written by another version of bondgraph ({told['schema']});", "run it again with this version",
             )  # fmt: skip
         return _result(told, arrays)
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError, EOFError, zipfile.BadZipFile) as problem:
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, EOFError, zipfile.BadZipFile):
         raise UsageError(
-            "BR909", f"{path} is no result of a run, as `--out R.npz` writes it ({type(problem).__name__})"
+            "BR909",
+            f"{path} is no result of a run, as `--out R.npz` writes it;",
+            "of a model `bondgraph run FILE` makes one",
         ) from None
 
 

@@ -9,6 +9,7 @@ from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
 from bondgraph.commands import COMMANDS, EXAMPLES, commands
+from tests.compiling import MODELS
 
 COMPLETER = ShellComplete(commands, {}, "bondgraph", "_BONDGRAPH_COMPLETE")
 MODEL = """model Rc {
@@ -47,11 +48,15 @@ def test_commands_near_a_wrong_one() -> None:
     assert completed(typed="ru") == ["run"]
     found = CliRunner().invoke(commands, ["rum"])
     assert found.exit_code == 2 and "there is no command `rum`: did you mean `run`?" in found.output
+    for line, hint in (("simulate", "run"), (f"{MODELS / 'rlc.bg'}", f"run {MODELS / 'rlc.bg'}")):
+        assert f"did you mean `{hint}`?" in CliRunner().invoke(commands, [line]).output
+    assert f"did you mean `{MODELS / 'rlc.bg'}`?" in CliRunner().invoke(commands, ["check", str(MODELS / "rlc")]).output
 
 
 def test_the_list_has_every_command() -> None:
     listed = CliRunner().invoke(commands, ["--help"]).output
     assert all(f"\n  {name} " in listed for name in COMMANDS)
+    assert "Write a first model to start from\n" in listed  # the first thought alone
 
 
 @pytest.mark.parametrize("name", COMMANDS)
