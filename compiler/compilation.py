@@ -273,7 +273,7 @@ class Compilation:
                 space = self._reduced
                 if self.scene.companion:  # lossy at each valve, whatever its numbers are
                     return space
-                refuse_singular_loops(linear_loops(space, self.equations), self.scene.free)
+                refuse_singular_loops(linear_loops(space, self.equations, self.scene.free))
             except CompilationFailed as failed:
                 if not all(isinstance(d, SingularLoop) for d in failed.diagnostics) or not self._ties(
                     len(failed.diagnostics)
@@ -318,7 +318,7 @@ class Compilation:
         graph = preferring(self._wished, {**dict.fromkeys(self.given_way), **wishes})
         try:
             found = derive(graph, self._request)
-            refuse_singular_loops(linear_loops(found.reduced, found.equations), self.scene.free)
+            refuse_singular_loops(linear_loops(found.reduced, found.equations, self.scene.free))
         except CompilationFailed as failed:
             own = all(isinstance(d, SingularLoop) for d in failed.diagnostics)
             return len(failed.diagnostics) if own else MANY
@@ -336,7 +336,7 @@ class Compilation:
                 raise
         self.cancels = True
         # Parts that nothing reads any longer must have a solution too.
-        refuse_singular_loops(linear_loops(reduce_equations(less, True, span), less), self.scene.free)
+        refuse_singular_loops(linear_loops(reduce_equations(less, True, span), less, self.scene.free))
         return reduce_equations(less, self.everything, span, self.scene.opened)
 
     def look_at_laws(self) -> None:
@@ -403,11 +403,11 @@ class Compilation:
 
     def refuse_values(self, values: Mapping[str, float]) -> None:
         """Raise `CompilationFailed` if a linear loop has no solution with these values of quantities set when a run begins."""
-        refuse_singular_loops(self._linear_loops, self.scene.free, values)
+        refuse_singular_loops(self._linear_loops, values)
 
     @cached_property
     def _linear_loops(self) -> LinearLoops:
-        return linear_loops(self.whole_space, self.equations)
+        return linear_loops(self.whole_space, self.equations, self.scene.free)
 
     @cached_property
     def program(self) -> Program:

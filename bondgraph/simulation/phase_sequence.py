@@ -185,11 +185,9 @@ def _extremes(legs: Sequence[Phase]) -> tuple[Extremes, ...]:
     return tuple(map(widest, zip(*phases, strict=True)))
 
 
-def _halts(acted: Sequence[EventRecord]) -> Iterator[str]:
-    """Yield a note on each condition that ended the run."""
-    for event in acted:
-        if event.stops:
-            yield f"at t = {event.time:.9g} s `stop when {event.condition}` ({event.place}) ended the run"
+def _halts(acted: Sequence[EventRecord]) -> list[str]:
+    """Return a note on each condition that ended the run."""
+    return [f"at t = {e.time:.9g} s `stop when {e.condition}` ({e.place}) ended the run" for e in acted if e.stops]
 
 
 def _left_out(legs: Sequence[Phase], balance: EnergyBalance | None) -> TruncationReport | None:

@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import NamedTuple
 
-from ..algebra.expression import Apply, Expression, Number, Symbol, evaluate
+from ..algebra.expression import Apply, Expression, Number, Symbol
 from ..algebra.operators import value_of
 from ..equations.system import Assignment, EquationSystem
 from ..errors import CompilationFailed
+from ..fast_dataclass import dataclass
 from .errors import SingularLoop
 from .state_space import Entry, LinearLoop, StateSpace
 
@@ -24,6 +25,8 @@ ROUNDING = 5e-15  # remainder of terms that cancel
 LARGEST = 60  # unknowns of a loop that is looked at; a larger one shows at the start of its run
 SAMPLES = 6  # a loop that is singular in all of them is taken to be so always
 DECADES = (-6.0, 3.0)
+
+Operation = float | tuple[str, tuple[int, ...]]
 
 
 class Sized(NamedTuple):
@@ -37,37 +40,36 @@ class Sized(NamedTuple):
         return math.isfinite(self.size) and abs(self.value) <= ROUNDING * self.size
 
 
-class LinearLoops(NamedTuple):
-    """Linear loops of a reduced system, the assignments behind their matrices, in order, and the inputs of these."""
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearLoops:
+    """Linear loops of a reduced system, and the operations behind their matrices, in order, equal ones once.
+
+    An operation is a number, or an operator and the places of its operands before it; one without an operator is a variable that no assignment gives.
+    """
 
     space: StateSpace
     loops: tuple[LinearLoop, ...]
-    steps: tuple[Assignment, ...]
-    leaves: tuple[int, ...]
+    operations: tuple[Operation, ...]
+    places: Mapping[int, int]  # of variables among the operations
     explicit: frozenset[int]  # targets of explicit assignments
+    free: frozenset[str]  # parameters that may take other values ("*": all may)
+    kept: dict[object, tuple[list[Sized | None], list[int]]] = field(
+        default_factory=dict
+    )  # of a sample, what settings do not move
 
 
-def linear_loops(space: StateSpace, system: EquationSystem) -> LinearLoops:
-    """Return the loops of `space`, the reduced `system`, that are looked at."""
+def linear_loops(space: StateSpace, system: EquationSystem, free: frozenset[str]) -> LinearLoops:
+    """Return the loops of `space`, the reduced `system`, that are looked at. `free` parameters may take other values ("*": all may)."""
     loops = tuple(s for s in space.steps if isinstance(s, LinearLoop) and len(s.targets) <= LARGEST)
     explicit = frozenset(a.target for a in system.assignments if not a.implicit) if loops else frozenset()
-    return LinearLoops(space, loops, *_behind(space, loops), explicit)
+    return LinearLoops(space, loops, *_behind(space, loops), explicit, free)
 
 
-def refuse_singular_loops(linear: LinearLoops, free: frozenset[str], values: Mapping[str, float] | None = None) -> None:
-    """Raise `CompilationFailed` for loops without a unique solution. `values`: of quantities set when a run begins, by name.
-
-    `free` parameters may take other values ("*": all may).
-    """
-    loops, fixed, singular = [*linear.loops], dict[int, Sized](), set()
-    for number in linear.leaves if loops else ():
-        variable = linear.space.variables[number]
-        value = (values or {}).get(variable.name, variable.value)
-        if variable.role == "parameter" and value is not None and not {variable.name, "*"} & free:
-            fixed[number] = Sized(value, abs(value))
-    open_ = [leaf for leaf in linear.leaves if leaf not in fixed]
+def refuse_singular_loops(linear: LinearLoops, values: Mapping[str, float] | None = None) -> None:
+    """Raise `CompilationFailed` for loops without a unique solution. `values`: of quantities set when a run begins, by name."""
+    loops, singular, space = [*linear.loops], set(), linear.space
     for sample in range(SAMPLES if loops else 0):
-        known = _evaluated(linear.steps, {leaf: _guess(sample, leaf) for leaf in open_} | fixed)
+        known = _evaluated(linear, sample, values or {})
         for loop in [*loops]:
             matrix = _matrix(loop, known, linear.explicit)
             if matrix is not None and not _is_singular(matrix):
@@ -78,7 +80,6 @@ def refuse_singular_loops(linear: LinearLoops, free: frozenset[str], values: Map
         if not loops:
             return
     if singular:
-        space = linear.space
         if values:
             space = replace(
                 space, variables=tuple(replace(v, value=values.get(v.name, v.value)) for v in space.variables)
@@ -86,8 +87,8 @@ def refuse_singular_loops(linear: LinearLoops, free: frozenset[str], values: Map
         raise CompilationFailed([SingularLoop(x.span, _members(space, x)) for x in loops if x in singular])
 
 
-def _behind(space: StateSpace, loops: Sequence[LinearLoop]) -> tuple[tuple[Assignment, ...], tuple[int, ...]]:
-    """Assignments needed for the matrices of the loops, in order, and their inputs. Solutions of loops count as inputs."""
+def _behind(space: StateSpace, loops: Sequence[LinearLoop]) -> tuple[tuple[Operation, ...], Mapping[int, int]]:
+    """Operations needed for the matrices of the loops, and the places of variables. Solutions of loops count as variables that no assignment gives."""
     wanted = {e for loop in loops for e in loop.gains}
     steps = []
     for step in reversed(space.steps) if loops else ():
@@ -95,7 +96,25 @@ def _behind(space: StateSpace, loops: Sequence[LinearLoop]) -> tuple[tuple[Assig
             steps.append(step)
             wanted.remove(step.target)
             wanted |= {a for a in step.arguments if not isinstance(a, float)}
-    return tuple(steps[::-1]), tuple(sorted(wanted))
+    operations: dict[Operation, int] = {}
+
+    def place(operation: Operation) -> int:
+        return operations.setdefault(operation, len(operations))
+
+    def place_of(x: Expression, arguments: Sequence[int]) -> int:
+        if isinstance(x, Number):
+            return place(x.value)
+        if isinstance(x, Symbol):
+            assert isinstance(x.key, int)
+            return arguments[x.key]
+        assert isinstance(x, Apply)
+        return place((x.operator, tuple(place_of(o, arguments) for o in x.operands)))
+
+    places = {variable: place(("", (variable,))) for variable in sorted(wanted)}
+    for step in reversed(steps):
+        arguments = [place(a) if isinstance(a, float) else places[a] for a in step.arguments]
+        places[step.target] = place_of(step.formula.expression, arguments)
+    return tuple(operations), places
 
 
 def _guess(sample: int, variable: int) -> Sized:
@@ -105,11 +124,45 @@ def _guess(sample: int, variable: int) -> Sized:
     return Sized(value, abs(value))
 
 
-def _evaluated(steps: Sequence[Assignment], known: Mapping[int, Sized]) -> Mapping[int, Sized | None]:
-    values: dict[int, Sized | None] = {**known}
-    for step in steps:
-        values[step.target] = _value(step.formula.expression, [_entry(a, values) for a in step.arguments])
-    return values
+def _evaluated(linear: LinearLoops, sample: int, values: Mapping[str, float]) -> Mapping[int, Sized | None]:
+    """Values of variables in a sample. Only what settings move is computed anew for others."""
+    key = sample, *values
+    if key not in linear.kept:
+        linear.kept[key] = _without(linear, sample, values)
+    kept, moved = linear.kept[key]
+    known = kept.copy()
+    for place in moved:
+        operation = linear.operations[place]
+        if isinstance(operation, tuple) and not operation[0]:
+            value = values[linear.space.variables[operation[1][0]].name]
+            known[place] = Sized(value, abs(value))
+        else:
+            known[place] = _value(operation, known)
+    return {variable: known[place] for variable, place in linear.places.items()}
+
+
+def _without(linear: LinearLoops, sample: int, values: Mapping[str, float]) -> tuple[list[Sized | None], list[int]]:
+    """Values of the operations that settings of these names do not move, and the places of the others."""
+    known: list[Sized | None] = []
+    moved: dict[int, None] = {}
+    for place, operation in enumerate(linear.operations):
+        found = None
+        if isinstance(operation, tuple) and not operation[0]:
+            number = operation[1][0]
+            variable = linear.space.variables[number]
+            fixed = variable.role == "parameter" and not {variable.name, "*"} & linear.free
+            if fixed and variable.name in values:
+                moved[place] = None
+            elif fixed and variable.value is not None:
+                found = Sized(variable.value, abs(variable.value))
+            else:
+                found = _guess(sample, number)
+        elif isinstance(operation, tuple) and any(o in moved for o in operation[1]):
+            moved[place] = None
+        else:
+            found = _value(operation, known)
+        known.append(found)
+    return known, [*moved]
 
 
 def behind_loops(space: StateSpace) -> frozenset[str]:
@@ -161,30 +214,23 @@ def _entry(entry: Entry, known: Mapping[int, Sized | None]) -> Sized | None:
     return Sized(entry, abs(entry)) if isinstance(entry, float) else known.get(entry)
 
 
-def _value(expression: Expression, arguments: Sequence[Sized | None]) -> Sized | None:
-    """Value of a formula for its arguments; None if one is unknown, or if there is no value."""
-    known = [a for a in arguments if a is not None]
-    if len(known) < len(arguments):
+def _value(operation: Operation, known: Sequence[Sized | None]) -> Sized | None:
+    """Value of an operation; None if an operand is unknown, or if there is no value."""
+    if isinstance(operation, float):
+        return Sized(operation, abs(operation))
+    operator, operands = operation
+    parts = [part for o in operands if (part := known[o]) is not None]
+    if operator == "select":  # the branch not taken may have no value
+        condition = known[operands[0]]
+        taken = None if condition is None else known[operands[1] if condition.value else operands[2]]
+        return None if taken is None else Sized(taken.value, abs(taken.value))
+    if len(parts) < len(operands):
         return None
     try:
-        return _sized(expression, known)
+        value = value_of(operator, [p.value for p in parts])
+        return Sized(value, _SIZES.get(operator, _size_of_value)(parts, value))
     except (ArithmeticError, ValueError):
         return None
-
-
-def _sized(x: Expression, known: Sequence[Sized]) -> Sized:
-    if isinstance(x, Number):
-        return Sized(x.value, abs(x.value))
-    if isinstance(x, Symbol):
-        assert isinstance(x.key, int)
-        return known[x.key]
-    assert isinstance(x, Apply)
-    if x.operator == "select":
-        value = evaluate(x, lambda key: known[key].value)
-        return Sized(value, abs(value))
-    parts = [_sized(o, known) for o in x.operands]
-    value = value_of(x.operator, [p.value for p in parts])
-    return Sized(value, _SIZES.get(x.operator, _size_of_value)(parts, value))
 
 
 def _size_of_sum(parts: list[Sized], value: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import compress
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -99,6 +100,10 @@ def _method_in_any_mode(stepper: EventRun) -> int:
     return -1 if stepper.result.settled is None else stepper.result.settled
 
 
+def _marked(row: list[int]) -> tuple[int, ...]:
+    return tuple(compress(range(len(row)), row))
+
+
 class PassedEvents:
     """Record of the events of a run that machine code passes, beside the solver."""
 
@@ -146,7 +151,7 @@ class PassedEvents:
         if not record.logged:
             return stepper.piece
         modes = values["log_mode"].reshape(ROOM, -1)[: record.logged].copy()
-        crossed, acted = (values[n].reshape(ROOM, -1)[: record.logged] != 0 for n in ("log_crossed", "log_acted"))
+        crossed, acted = (values[n].reshape(ROOM, -1)[: record.logged].tolist() for n in ("log_crossed", "log_acted"))
         kinds = values["log_kind"][: record.logged].tolist()
         start, stop, mode, resolution = (
             stepper.piece.start,
@@ -157,8 +162,7 @@ class PassedEvents:
         for number, time in enumerate(values["log_time"][: record.logged].tolist()):
             stepper.result.pieces.append(Segment(start, time, mode))
             if kinds[number] == FOUND:
-                conditions, own = (tuple(mask[number].nonzero()[0].tolist()) for mask in (crossed, acted))
-                events.log.append(EventInstant(time, conditions, own))
+                events.log.append(EventInstant(time, _marked(crossed[number]), _marked(acted[number])))
             start, mode = time, modes[number]
         stepper.piece = Segment(start, stop, mode, resolution)
         stepper.mode = mode

@@ -28,7 +28,8 @@ def terms_of_outputs(
 
     `output`: of instants (places,), states (..., places, moves, n) and a mode; `states`: (..., points, n).
     """
-    longest = segments[0] if len(segments) == 1 else max(segments, key=lambda s: s.stop - s.start)
+    lengths = [s.stop - s.start for s in segments]
+    longest = segments[lengths.index(max(lengths))]
     begin, end = instants.searchsorted((longest.start, longest.stop)).tolist()
     points, count = states.shape[-2:]
     if not begin < end <= points or not 0 < count <= MOST_STATES:
