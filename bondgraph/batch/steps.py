@@ -11,12 +11,13 @@ from compiler.api import Array, IntArray
 
 from ..simulation.constraints.constraints import Constraints
 from ..simulation.integration.method import TRIAL, UNCLEAR, after_trial, clear_method, scaled_entries, spectrum
+from ..simulation.integrators.compiled.code import link_step
 from ..simulation.integrators.compiled.fields import FORGOTTEN, fields_at, given_at, room_of
 from ..simulation.integrators.compiled.record_layout import RecordBatch, form_of
 from ..simulation.integrators.compiled.run import order_of
 from ..simulation.integrators.compiled.selection_record import selection_batch
 from ..simulation.integrators.methods import EXPLICIT, METHODS, RADAU
-from ..simulation.integrators.outcomes import FAILURES, FINISHED, MORE, STIFF
+from ..simulation.integrators.outcomes import ABSENT, FAILURES, FINISHED, MORE, STIFF
 from ..simulation.integrators.workspace import IntegratorWorkspace
 from ..simulation.monitors.step_size_diagnosis import BEYOND, MANY
 from ..simulation.phases.notes import ROUNDED
@@ -179,8 +180,11 @@ class BatchIntegrator:
             answers = solver.call("advance", going, SEVERAL)
             stiff, more = answers == STIFF, (answers == MORE) & (solver["steps"][going] < MANY)
             self._go_on_with_radau(solver, rows, going[stiff])
-            self.sound[rows[going[(answers != FINISHED) & ~stiff & ~more]]] = False
-            going = going[stiff | more]
+            absent = answers == ABSENT
+            for method in set(solver["method"][going[absent]].tolist()):
+                link_step(method)
+            self.sound[rows[going[(answers != FINISHED) & ~stiff & ~more & ~absent]]] = False
+            going = going[stiff | more | absent]
         if self.choice:
             self.choice.peak[rows] = solver["selection"]["peak"]
         self.position[rows] = solver["position"]

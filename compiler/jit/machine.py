@@ -26,7 +26,7 @@ _view: Any = (ctypes.c_char * 0).from_buffer  # of arrays without items, too
 # functions that only one C library has, such as `sincos`.
 PLATFORMS = {"linux64": ("x86_64-unknown-linux", "x86-64"), "linux-aarch64": ("aarch64-unknown-linux", "generic")}
 # Cost up to which level 1 copies a function to its calls, in LLVM's units, which copies up to 225.
-LARGEST_INLINED = 100
+LARGEST_INLINED = 25
 AS_WRITTEN = -1  # a level: the text with the best instructions, but without optimization passes
 
 
@@ -55,6 +55,13 @@ class MachineCode:
                 return found
         raise KeyError(name)
 
+    def link(self, name: str, address: int) -> None:
+        """Let the code, if it calls this function of another module (`Choices.elsewhere`), do it at an address."""
+        for engine in self._engines:
+            place = engine.get_global_value_address(f"{name}.at")
+            if place:
+                ctypes.c_uint64.from_address(place).value = address
+
     def addresses(self, names: Iterable[str]) -> Mapping[str, int]:
         """Addresses of functions."""
         return {name: self.address(name) for name in names}
@@ -82,9 +89,9 @@ def object_code(text: str, level: int, platform: str = "") -> bytes:
     module.verify()
     if level > 0:
         options = binding.create_pipeline_tuning_options(speed_level=level)
-        options.slp_vectorization = True  # rounds as before, and takes an eighth off a Jacobian
+        options.slp_vectorization = level > 1  # rounds as before, and takes an eighth off a Jacobian
         options.loop_unrolling = False  # takes as long as all other passes, and runs are no faster
-        if level == 1:  # a tenth of the time of the solvers, and their steps are no slower
+        if level == 1:  # a fifth of the time of the solvers, and their steps are no slower
             options.inlining_threshold = LARGEST_INLINED
         builder = binding.create_pass_builder(machine, options)
         builder.getModulePassManager().run(module, builder)

@@ -15,6 +15,8 @@ from typing import Any
 from .kinds import BOOL, INT, NOTHING, TranslationError, Value, text_of
 from .values import EVERYTHING, Choices, SubsetModule, ValueWriter, apart
 
+LONGEST_INLINED = 200  # lines of a function that may become a part of its only caller: LLVM takes longer for both as one, and runs are no faster
+
 
 def translate(exported: Sequence[Callable[..., Any]], attributes: str = "", choices: Choices = EVERYTHING) -> str:
     """Text of a module with these functions and all that they call. The names of the exported ones are visible."""
@@ -46,7 +48,8 @@ class _Function(ValueWriter):
             self.lines.append("  ret void")
         given = ", ".join(f"{text_of(k)} %{n}" for n, k in zip(names, self.arguments, strict=True))
         linkage = "" if self.exported else "internal "
-        head = f"define {linkage}{text_of(self.result)} @{self.tree.name}({given}) {attributes}{{"
+        whole = "noinline " if len(self.lines) > LONGEST_INLINED else ""
+        head = f"define {linkage}{text_of(self.result)} @{self.tree.name}({given}) {attributes}{whole}{{"
         return "\n".join([head, "entry:", *self.opening, *self.lines, "}"])
 
     # ------------------------------------------------------------ statements

@@ -72,10 +72,13 @@ class Choices:
     """Parts of a module that cost much to compile and are not always worth it.
 
     `left_out`: functions that a call by number never reaches. `vectors`: files whose loops LLVM may compute several rounds at once of; None: all.
+    `elsewhere`: functions of other modules, which a caller links (`MachineCode.link`); one that is not linked answers `absent`.
     """
 
     left_out: frozenset[Callable[..., Any]] = frozenset()
     vectors: frozenset[str] | None = None
+    elsewhere: frozenset[Callable[..., Any]] = frozenset()
+    absent: int = 0
 
     def in_vectors(self, function: Callable[..., Any]) -> bool:
         """Return True if LLVM may compute several rounds of the loops of a function at once."""
@@ -104,6 +107,15 @@ class SubsetModule:
         if function not in self.waiting and f"{name} done" not in self.declared:
             self.declared[f"{name} done"] = ""
             self.waiting.append(function)
+
+    def elsewhere(self, function: Callable[..., Any]) -> str:
+        """Declare a function of another module; return the global variable that has its address."""
+        name, (arguments, result) = function.__name__, signature(function)
+        head = f"define internal {text_of(result)} @{name}.absent({', '.join(map(text_of, arguments))})"
+        absent = {FLOAT: float_text(self.choices.absent), NOTHING: ""}.get(result, self.choices.absent)
+        body = f"  ret {text_of(result)} {absent}"
+        self.declared[f"{name}.at"] = f"@{name}.at = global ptr @{name}.absent\n{head} {{\n{body}\n}}"
+        return f"@{name}.at"
 
     def external(self, name: str, result: str, arguments: Sequence[str]) -> str:
         """Declare a function of LLVM or of the mathematical library."""
@@ -387,9 +399,15 @@ class ValueWriter:
         arguments, result = signature(known)
         if is_declared(known):
             self.module.external(name, text_of(result), [text_of(k) for k in arguments])
-        else:
-            self.module.need(known)
-        return self._called(f"@{name}", arguments, result, node)
+            return self._called(f"@{name}", arguments, result, node)
+        return self._called(self._function(known), arguments, result, node)
+
+    def _function(self, function: Callable[..., Any]) -> str:
+        """The address of a function, of this module or another."""
+        if function in self.module.choices.elsewhere:
+            return self._emit(None, f"load ptr, ptr {self.module.elsewhere(function)}").text
+        self.module.need(function)
+        return f"@{function.__name__}"
 
     def _chosen_call(self, which: ast.Subscript, node: ast.Call) -> Value:
         """Call the item of a tuple of functions that an index names; the last for any other index."""
@@ -400,12 +418,12 @@ class ValueWriter:
         chosen = ""
         present = [(i, f) for i, f in enumerate(functions) if f not in self.module.choices.left_out]
         for number, function in reversed(present):
-            self.module.need(function)
+            address = self._function(function)
             if not chosen:
-                chosen = f"@{function.__name__}"
+                chosen = address
                 continue
             equal = self._emit(BOOL, f"icmp eq i64 {index.text}, {number}")
-            chosen = self._emit(None, f"select i1 {equal.text}, ptr @{function.__name__}, ptr {chosen}").text
+            chosen = self._emit(None, f"select i1 {equal.text}, ptr {address}, ptr {chosen}").text
         return self._called(chosen, *signature(functions[0]), node)
 
     def _called(self, function: str, kinds: Sequence[Any], result: Any, node: ast.Call) -> Value:

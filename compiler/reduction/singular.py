@@ -146,7 +146,7 @@ def _without(linear: LinearLoops, sample: int, values: Mapping[str, float]) -> t
     known: list[Sized | None] = []
     moved: dict[int, None] = {}
     for place, operation in enumerate(linear.operations):
-        found = None
+        sized = None
         if isinstance(operation, tuple) and not operation[0]:
             number = operation[1][0]
             variable = linear.space.variables[number]
@@ -154,14 +154,14 @@ def _without(linear: LinearLoops, sample: int, values: Mapping[str, float]) -> t
             if fixed and variable.name in values:
                 moved[place] = None
             elif fixed and variable.value is not None:
-                found = Sized(variable.value, abs(variable.value))
+                sized = Sized(variable.value, abs(variable.value))
             else:
-                found = _guess(sample, number)
+                sized = _guess(sample, number)
         elif isinstance(operation, tuple) and any(o in moved for o in operation[1]):
             moved[place] = None
         else:
-            found = _value(operation, known)
-        known.append(found)
+            sized = _value(operation, known)
+        known.append(sized)
     return known, [*moved]
 
 

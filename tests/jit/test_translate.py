@@ -284,6 +284,15 @@ class TestChoices:
         assert value == 4 * 1.5 + 6.0
         assert "@doubled" not in text
 
+    def test_a_function_of_another_module(self) -> None:
+        """It answers that it is absent until it is linked."""
+        text = translate([by_number], choices=Choices(elsewhere=frozenset((doubled,)), absent=5))
+        code, other = MachineCode(object_code(text, 1)), MachineCode(object_code(translate([doubled]), 1))
+        function = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.c_int64)(code.address("by_number"))
+        assert function(3.0, 4) == 2 * (5.0 + 1.5) + 4.0
+        code.link("doubled", other.address("doubled"))
+        assert function(3.0, 4) == by_number(3.0, 4)
+
     def test_loops_that_stay_loops_give_the_same(self) -> None:
         text, value = self.compiled(Choices(vectors=frozenset()))
         assert value == by_number(3.0, 4)

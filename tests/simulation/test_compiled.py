@@ -24,6 +24,7 @@ from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.advance import advance, begin
 from bondgraph.simulation.integrators.compiled.plain import functions_of
 from bondgraph.simulation.integrators.linear_algebra.sparse import FINE, Pattern, real_back, real_factors
+from bondgraph.simulation.integrators.methods import SHARED
 from bondgraph.simulation.integrators.projection.projection import ProjectionWorkspace
 from bondgraph.simulation.integrators.workspace import IntegratorWorkspace
 from bondgraph.simulation.phases import tolerances
@@ -342,4 +343,4 @@ def test_files_with_vectors_are_files_of_the_source() -> None:
     """A file of another name would be compiled without vectors, and long models would run more slowly without a word."""
     folder = Path(compiled.__file__).parent.parent
     assert {p.stem for p in folder.rglob("*.py")} >= sources.VECTORS
-    assert {f.__name__ for f in sources.NAMED} == {"radau13_step", "rodas_step", "energy_step"}
+    assert {f.__name__ for f in sources.APART} == {"radau_step", "radau13_step", "rodas_step", "energy_step", *SHARED}

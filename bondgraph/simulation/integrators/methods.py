@@ -9,7 +9,8 @@ from ...errors import UsageError
 METHODS = tuple(row for row in SOLVERS.values() if row.parts)
 EXPLICIT, EXPONENTIAL, RADAU = (METHODS.index(SOLVERS[word]) for word in ("explicit", "exponential", "radau"))
 CHOSEN = frozenset((EXPLICIT, EXPONENTIAL, RADAU))  # those that `automatic` chooses among
-ANY = "advance_by_any"  # the loop over steps that has all of them
+# Functions of the first module of machine code that others call (`compiled/code.py`).
+SHARED = "advance", "begin", "roots_along", "states_along", "real_factors"
 # Facts of the methods, for compiled code.
 PARTS, ESTIMATES = (tuple(getattr(row, name) for row in METHODS) for name in ("parts", "estimate"))
 STIFF, CONSERVING, EXACT, THROUGH_ENDS = (

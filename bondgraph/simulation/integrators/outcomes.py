@@ -11,4 +11,5 @@ CROSS, REDUNDANT = 8, 9  # a singular pose is ahead; a redundant constraint open
 STIFF = 10  # stability limits the steps of an explicit method
 FLIP = 11  # a condition may cross zero in the last step: the caller sets its end (`until`), or another mode
 CROSSED = 12  # pilot run: a condition has changed
+ABSENT = 13  # the step of the method has no machine code yet
 FAILURES = {NEWTON: "newton", ERROR: "error", ROUND_OFF: "round-off"}

@@ -19,11 +19,11 @@ from ...monitors.state_selection import Choice
 from ...segments.timeline import Segment, Signals
 from .. import dop853, radau, rodas
 from ..linear_algebra.sparse import FINE, Pattern
-from ..methods import ANY, CHOSEN, METHODS, THROUGH_ENDS
-from ..outcomes import FAILURES, LOOK, MORE, NEWTON, ORDER
+from ..methods import METHODS, THROUGH_ENDS
+from ..outcomes import ABSENT, FAILURES, LOOK, MORE, NEWTON, ORDER
 from ..radau import StepFailed
 from ..workspace import IntegratorWorkspace
-from .code import POINTER, WHOLE, called
+from .code import POINTER, WHOLE, called, link_step
 from .fields import FORGOTTEN, UNMEASURED, fields_at, given_at, is_sparse, room_of
 from .ordering import DIAGONAL, on_diagonal, ordered, room_in
 from .plain import Unordered, record_for
@@ -269,6 +269,9 @@ class CompiledMethod:
         `StepFailed`."""
         advance = through or self._advance
         answer = advance(most)
+        while answer == ABSENT:
+            link_step(self._record.method)
+            answer = advance(most)
         self.order.record.tolerant = 0
         while answer == ORDER:
             # With an order computed for just these numbers, small pivots are accepted.
@@ -283,7 +286,7 @@ class CompiledMethod:
         return answer
 
     def _advance(self, most: int) -> int:
-        return self.values.call("advance" if self._record.method in CHOSEN else ANY, most)
+        return self.values.call("advance", most)
 
     @property
     def _shift(self) -> float:

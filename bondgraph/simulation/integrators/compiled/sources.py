@@ -14,7 +14,7 @@ from ..linear_algebra.eliminations import plan_eliminations, put_rows
 from ..linear_algebra.least_degree import least_degree
 from ..linear_algebra.sparse import real_factors
 from ..loop_newton import measured_loops, solve_rows
-from ..methods import ANY, CHOSEN
+from ..methods import EXPLICIT, EXPONENTIAL, SHARED
 from ..pilot.loop import coarse, last_step
 from ..pilot.step import euler
 from ..projection.projection import least_singular_values, project_all, rates_projected
@@ -28,9 +28,9 @@ SOURCES: dict[str, Callable[..., Any]] = {
         measured_loops, solve_rows,
     )
 }  # fmt: skip
-SOURCES[ANY] = advance
-# Steps of the solvers that run only where they are named.
-NAMED = frozenset(step for number, step in enumerate(STEPS) if number not in CHOSEN)
+SOURCES |= {step.__name__: step for step in STEPS}
+# Functions that modules call in another one: the steps that are long, and what all of them need of the first module.
+APART = frozenset({*STEPS, *(SOURCES[name] for name in SHARED)} - {STEPS[EXPLICIT], STEPS[EXPONENTIAL]})
 # Files with loops over all states in each step. LLVM takes as long for the vectors of a loop as for the rest of it; elsewhere runs are no faster by them.
 VECTORS = frozenset((
     "evaluation", "explicit_step", "radau_step", "rodas_step", "sparse", "factors", "norms", "step_control", "dop853_dense", "trial_interpolant",
