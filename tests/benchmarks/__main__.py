@@ -19,6 +19,8 @@ NAMES = (
     "large_files",
     "state_equations",
     "pages",
+    "language_service",
+    "diagrams",
     "tolerances",
     "errors",
 )

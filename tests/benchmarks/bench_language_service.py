@@ -81,7 +81,7 @@ def median(action: Callable[[int], object]) -> float:
     return 1e3 * statistics.median(times[2:])
 
 
-def main(folder: Path) -> None:
+def main(folder: Path = HERE / "results") -> None:
     with tempfile.TemporaryDirectory() as work:
         (Path(work) / "parts.bg").write_text(PARTS, encoding="utf-8")
         path, text, workspace = Path(work) / "train.bg", text_of(2000), Workspace()
@@ -116,4 +116,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "results")
+    main(*map(Path, sys.argv[1:]))

@@ -19,6 +19,7 @@ from bondgraph.presentation.diagram import svg_text
 from bondgraph.presentation.diagram.diagram_model import diagram_model_of
 from compiler.api import Scene
 from compiler.causality.assign import CausalGraph
+from tests.benchmarks.bench_diagrams import MASSES, SECTIONS
 from tests.compiling import MODELS
 from tests.conftest import Golden
 from tests.diagram.reading import Read, cross, middle, overlap, read, segments, through
@@ -26,7 +27,7 @@ from tests.diagram.reading import Read, cross, middle, overlap, read, segments, 
 FILES = sorted(p for p in [*MODELS.glob("*.bg"), *(MODELS / "published").glob("*.bg")] if p.name != "mems.bg")
 EVERYTHING = frozenset({"*"})
 # Bonds that cross: graphs that have no drawing without, or for which none was found.
-CROSSINGS = {"hires": 16, "transistor_amplifier": 6, "rectifier": 5, "stiffness_frames": 4}
+CROSSINGS = {"hires": 6, "transistor_amplifier": 4, "rectifier": 3, "stiffness_frames": 1, "side_instability": 1}
 
 
 def name(path: Path) -> str:
@@ -79,6 +80,25 @@ def assert_clear(picture: Read, crossings: int) -> None:
         assert n == m or not lie_on_each_other(a, b, c, d), (picture.bonds[n], picture.bonds[m])
     for _, text, (left, top, right, bottom) in picture.texts:
         assert left >= 0 and top >= 0 and right <= picture.size[0] and bottom <= picture.size[1], text
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("text", [MASSES, SECTIONS], ids=["masses", "sections"])
+def test_a_long_chain_goes_back_and_forth(text: str, closed: bool) -> None:
+    """Rows of about a page's width (a straight one is 1800 to 2900 px wide); every bond stays one straight line."""
+    picture = read(svg_text(bondgraph.load(text).draw(closed=closed)))
+    assert_clear(picture, 0)
+    assert picture.size[0] < 1250
+    assert all(len(way) == 2 for bond in picture.bonds for way in bond.ways)
+
+
+@pytest.mark.few(20)
+@pytest.mark.parametrize("path", FILES, ids=name)
+def test_names_keep_clear_of_strokes(path: Path) -> None:
+    for bond in (picture := drawn(path)).bonds:
+        (x, y), (u, v) = bond.stroke
+        stroke = (min(x, u) - 3, min(y, v) - 3, max(x, u) + 3, max(y, v) + 3)
+        assert not any(overlap(stroke, box) for look, _, box in picture.texts if look == "name")
 
 
 def lie_on_each_other(
@@ -217,6 +237,21 @@ def test_instances_as_boxes() -> None:
         "comb[3]",
     }
     assert {"CombDrive", "Flexure"} <= {t for look, t, _ in picture.texts if look == "kind"}
+
+
+@pytest.mark.parametrize("model", ["car", "manipulator", "end_stops", "rectifier"])
+def test_instances_of_a_model_have_equal_boxes(model: str) -> None:
+    picture = drawn(MODELS / f"{model}.bg", closed=True)
+    kinds = {n: g.get("data-letter") for n, g in picture.nodes.items() if n in picture.boxes}
+    for kind in set(kinds.values()):
+        sizes = {(round(x1 - x0), round(y1 - y0)) for n, (x0, y0, x1, y1) in picture.boxes.items() if kinds[n] == kind}
+        assert len(sizes) == 1, kind
+
+
+def test_ports_of_boxes_have_their_names() -> None:
+    """Both tyres, although the pieces of road in them are not drawn."""
+    ports = [t for look, t, _ in drawn(MODELS / "car.bg", closed=True).texts if look == "port"]
+    assert ports.count("x, turn") == ports.count("y") == 2
 
 
 def test_frames_hold_their_instances() -> None:

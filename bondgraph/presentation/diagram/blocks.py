@@ -68,6 +68,8 @@ class TreeBranch:
     outwards: bool  # True if the arrow points to the child
     heavy: bool  # True if the child has branches
     towards: Vector | None = None  # for a bond that is routed later: last known direction of its other end
+    side: Vector | None = None  # the only side at which it may leave
+    least: float = 0.0  # length
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .blocks import DOWN, LEFT, RIGHT, UP, Block, Boxed, Draft, Growth, TreeBranch
-from .diagram_model import HEAD, TAIL, DiagramLine, DiagramNode
+from .diagram_model import HEAD, TAIL, DiagramLine
 from .glyphs import GAP, NAME, PORT, shortest
 from .lettering import text_width
 from .overlap import NOTHING, Rectangles, Vector, corridor, joined, lane, moved, push, rectangles
@@ -30,7 +30,7 @@ def box_around(tree: Growth, node: int, along: Vector | None) -> Block:
     sides = _sides(tree, node, along)
     widths = _widths(tree.lines, node, sides, along)
     rows = {side: _stacked(tree, sides[side], side, widths[side]) for side in sides}
-    half, (above, below) = _size(tree.nodes[node], widths, rows, along)
+    half, (above, below) = _size(_like(tree, node), widths, rows, along)
     borders = {LEFT: half, RIGHT: half, UP: above, DOWN: below}
     title = (0.0, -above + 16 + 14 * (bool(sides[UP]) or along == DOWN))
     boxed = Boxed(-half, -above, half, below, title)
@@ -64,7 +64,7 @@ def _level(
     for branch, offset in row:
         block = tree.part(branch, side)
         shifted = moved(block.taken, *((0.0, offset) if side[0] else (offset, 0.0)))
-        least = border + shortest(tree.child(branch)) + 2 * GAP + block.reach
+        least = border + max(branch.least, shortest(tree.child(branch))) + 2 * GAP + block.reach
         spare = 14.0 if tree.child(branch).inside else 0.0  # so that a frame has room
         level = max(level, (push(taken, shifted, side, least) + spare) * branch.heavy)
     return level
@@ -82,7 +82,7 @@ def _sides(tree: Growth, node: int, along: Vector | None) -> dict[Vector, list[T
 
     for branch in tree.branches[node]:
         natural, other = (RIGHT, LEFT) if branch.outwards else (LEFT, RIGHT)
-        sides[natural if natural in free else other].append(branch)
+        sides[branch.side if branch.side in free else natural if natural in free else other].append(branch)
     for _ in tree.branches[node]:  # move light elements until the sides are balanced
         loads = {s: sum(height(b, s) for b in sides[s]) for s in (LEFT, RIGHT)}
         full = max((LEFT, RIGHT), key=loads.__getitem__)
@@ -90,6 +90,7 @@ def _sides(tree: Growth, node: int, along: Vector | None) -> dict[Vector, list[T
         last = sides[full][-1] if sides[full] else None
         if (
             last is None
+            or last.side in free
             or other not in free
             or loads[full] - height(last, full) < loads[other] + height(last, other) - 1
         ):
@@ -117,15 +118,27 @@ def _stacked(tree: Growth, branches: Sequence[TreeBranch], side: Vector, width: 
     return [o - middle for o in offsets]
 
 
+def _like(tree: Growth, node: int) -> float:
+    """Return the width of the names of a box, and of all boxes of its model: they are drawn alike."""
+    own = tree.nodes[node]
+    alike = [n for n, x in enumerate(tree.nodes) if x.shape == "box" and x.letter == own.letter]
+    names = max(text_width(tree.nodes[n].label, NAME + 1) for n in alike)
+    ports = [[text_width(port_of(x, n), PORT) for x in tree.lines if n in x.ends] for n in alike]
+    sides = max((sum(sorted(widths)[-2:]) + PADDING * (len(widths) > 1) for widths in ports), default=0.0)
+    return max(names, text_width(own.letter, PORT), sides * (len(alike) > 1)) + 2 * PADDING
+
+
 def _size(
-    node: DiagramNode, widths: Mapping[Vector, float], rows: Mapping[Vector, Sequence[float]], along: Vector | None
+    named: float, widths: Mapping[Vector, float], rows: Mapping[Vector, Sequence[float]], along: Vector | None
 ) -> tuple[float, tuple[float, float]]:
     """Return half the width, and the heights above and below the middle of the rows."""
-    named = max(text_width(node.label, NAME + 1), text_width(node.letter, PORT)) + 2 * PADDING
     across = max((2 * max(map(abs, rows[s])) + widths[s] + 2 * PADDING for s in (UP, DOWN) if rows[s]), default=0.0)
     half = max(named, widths[LEFT] + widths[RIGHT] + 3 * PADDING, widths[UP], widths[DOWN], across, 72.0) / 2
-    inner = max((abs(o) for s in (LEFT, RIGHT) for o in rows[s]), default=0.0) + PADDING
     above, below = bool(rows[UP]) or along == DOWN, bool(rows[DOWN]) or along == UP
+    if not rows[LEFT] and not rows[RIGHT] and along not in (LEFT, RIGHT):
+        level = PADDING + TITLE / 2 + 7 * (above and below)  # the names of ports stand in the place of a row
+        return float(round(half)), (level, level)
+    inner = max((abs(o) for s in (LEFT, RIGHT) for o in rows[s]), default=0.0) + PADDING
     return float(round(half)), (inner + TITLE + 14 * above, inner + 14 * below)
 
 

@@ -77,7 +77,7 @@ def diagram_model_of(compilation: Compilation, closed: bool = False) -> DiagramM
     of = {member: number for number, group in enumerate(groups) for member in group}
     derivative = frozenset(end.node for end in causal.derivative)
     nodes = tuple(_node(graph, group, instances, derivative, looping, closed) for group in groups)
-    lines = tuple(_lines(causal, of, nodes, compilation.whole_graph.walls))
+    lines = tuple(_lines(causal, of, nodes))
     signals = tuple(s for s in signals_of(graph, of) if s.source is not None or nodes[s.target].shape != "box")
     kept = {node.name for node in graph.nodes}
     left_out = tuple(n.name for n in compilation.whole_graph.nodes if n.name not in kept)
@@ -193,9 +193,7 @@ def _label(graph: BondGraph, group: tuple[int, ...]) -> str:
 # ---------------------------------------------------------------- bonds
 
 
-def _lines(
-    causal: CausalGraph, of: Mapping[int, int], nodes: Sequence[DiagramNode], walls: Mapping[tuple[str, str], int]
-) -> Iterator[DiagramLine]:
+def _lines(causal: CausalGraph, of: Mapping[int, int], nodes: Sequence[DiagramNode]) -> Iterator[DiagramLine]:
     """Yield the lines between different nodes: parallel bonds with equal strokes as one."""
     graph = causal.graph
     alike: dict[tuple[int, int, int, str], list[int]] = defaultdict(list)
@@ -205,7 +203,7 @@ def _lines(
             whole = "" if _bundled(nodes[tail], nodes[head], graph, number) else str(number)
             alike[tail, head, causal.effort_from[number], whole].append(number)
     doors: dict[int, str] = {}
-    for (port, _), crossing in walls.items():
+    for (port, _), crossing in graph.walls.items():  # those of the bonds that are drawn
         if port.count(".") == 1:
             doors.setdefault(crossing, port.partition(".")[2])
     for (tail, head, effort_from, _), bonds in alike.items():

@@ -51,7 +51,7 @@ def beside(node: DiagramNode, along: Vector) -> tuple[str, float, float, str]:
 
 def above(node: DiagramNode) -> tuple[str, float, float, str]:
     """Return the label of a node with several bonds, at its upper left, away from strokes and half arrows."""
-    return node.label, -9.5, -12.5, "end"
+    return node.label, -12.5, -15.5, "end"
 
 
 def text_rectangle(text: str, x: float, y: float, anchor: str, size: float = NAME) -> tuple[float, float, float, float]:

@@ -70,13 +70,14 @@ def lane(start: Point, end: Point, width: float = LANE) -> Rectangles:
     (x0, y0), (x1, y1) = start, end
     if x0 == x1 or y0 == y1:
         sides = (width * (x0 == x1), width * (y0 == y1))
-        return rectangles(
+        return np.array(
             [(min(x0, x1) - sides[0], min(y0, y1) - sides[1], max(x0, x1) + sides[0], max(y0, y1) + sides[1])]
         )
     count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / 8))
     half = 0.6 * width
-    middles = [(x0 + (x1 - x0) * i / count, y0 + (y1 - y0) * i / count) for i in range(count + 1)]
-    return rectangles((x - half, y - half, x + half, y + half) for x, y in middles)
+    shares = np.arange(count + 1)
+    x, y = x0 + (x1 - x0) * shares / count, y0 + (y1 - y0) * shares / count
+    return np.stack((x - half, y - half, x + half, y + half), axis=1)
 
 
 def corridor(along: Vector, start: float) -> Rectangles:

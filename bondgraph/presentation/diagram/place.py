@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, pairwise
 
 import networkx as nx
@@ -13,13 +14,17 @@ from .blocks import Block, Boxed, TreeBranch
 from .diagram_model import DiagramModel, DiagramNode
 from .glyphs import letter_rectangle, text_rectangle
 from .overlap import NOTHING, Point, Rectangles, bounds, joined, lane, moved, rectangles
-from .route import HARD, Ground, Rectangle, between, routed
+from .route import HARD, Ground, Rectangle, all_routed, between, routed
 from .tree import grow_tree
+from .wrap import wrapped
 
 APART = 46.0  # between two parts
-WIDEST = 1000.0  # largest width of a row of parts
-TURNED = 3  # rounds in which the ends of routed bonds are turned
-ROUTES = 18  # most ways searched, over all attempts
+WIDEST = 1000.0  # largest width of a row, of one part or of several
+TURNED = 160  # nodes of the layouts of a tree in which the ends of its routed bonds are turned
+ROUTES = 40  # most ways searched, over all attempts
+ROUNDS = 3  # of turning, and searches of each way of the best tree
+HUB = 3  # bonds of a box around which all others are placed
+SIGNAL = 0.4  # price of a signal beside that of a bond
 ROOMIER = (24.0, 60.0, 120.0)
 NARROW = 4.0  # free space of a signal at each side
 
@@ -79,24 +84,35 @@ def _network(model: DiagramModel, nodes: Iterable[int]) -> nx.MultiGraph:
 def _part(model: DiagramModel, part: Sequence[int]) -> DiagramLayout:
     network = _network(model, part)
     trees = sorted((_rooted(model, network, root) for root in _roots(model, network)), key=lambda t: t.worth)
-    best: tuple[float, DiagramLayout] | None = None
-    open_ = len(trees[0].closing)
-    turns = min(TURNED, max(1, ROUTES // open_)) if open_ else 1
-    for tree in trees[: max(1, ROUTES // (turns * open_)) if open_ else 1]:
-        for _ in range(turns):
-            worth, layout = _finished(model, tree)
-            if best is None or worth < best[0]:
-                best = worth, layout
-            tree = _turned(model, tree)
-    assert best is not None
-    return best[1]
+    if closing := trees[0].closing:
+        rounds = TURNED // len(part)
+        for tree in trees[: max(2, rounds // ROUNDS)]:
+            for _ in range(max(2, min(2 * ROUNDS, rounds))):
+                trees.append(tree := _turned(model, tree))
+    lines = len(closing) + sum(x.source in network and x.target in network for x in model.signals)
+    if lines:
+        different = {tree.worth: tree for tree in trees}
+        chosen = sorted(different)[: max(2, ROUTES // lines)]
+        trees = [min((different[worth] for worth in chosen), key=lambda tree: _finished(model, tree, 1)[0])]
+    longest = max(trees, key=lambda tree: sum(bounds(tree.block.taken)[::2]))  # one that goes to the right
+    layouts = [_finished(model, tree, ROUNDS)[1] for tree in (trees[0], *_rows(model, longest))]
+    return min(layouts, key=lambda layout: max(WIDEST, bounds(layout.taken)[2] - bounds(layout.taken)[0]))
+
+
+def _rows(model: DiagramModel, tree: _Tree) -> Iterator[_Tree]:
+    """Yield the tree in rows of a page's width, if it is one long row and closes no ring."""
+    left, _, right, _ = bounds(tree.block.taken)
+    rows = math.ceil((right - left) / WIDEST)
+    for count in range(rows, rows + 3) if rows > 1 and not tree.closing else ():
+        branches = wrapped(tree.web.nodes, tree.branches, tree.block, tree.root, count)
+        yield replace(tree, branches=branches, block=grow_tree(tree.web.nodes, model.lines, branches, tree.root))
 
 
 def _roots(model: DiagramModel, network: nx.MultiGraph) -> list[int]:
-    """Return the box with most bonds; if there is none, both ends and the middle of a longest path through inner nodes."""
-    boxes = [n for n in network if model.nodes[n].shape == "box"]
-    if boxes:
-        return [max(boxes, key=network.degree)]
+    """Return the box with many bonds; if there is none, both ends and the middle of a longest path through inner nodes."""
+    hub = max((n for n in network if model.nodes[n].shape == "box"), key=network.degree, default=None)
+    if hub is not None and network.degree(hub) > HUB:
+        return [hub]
     inner = [n for n in network if len(network[n]) > 1] or list(network)[:1]
     core = _network(model, inner)
     *_, first = (inner[0], *(n for _, n in nx.bfs_edges(core, inner[0])))
@@ -140,21 +156,34 @@ def _between(start: Point, end: Point) -> Point:
 
 
 def _worth(model: DiagramModel, web: _Web, closing: Sequence[int], block: Block) -> float:
-    left, top, right, bottom = bounds(block.taken)
     far = sum(math.dist(*(block.places[web.stubs[n, e]] for e in model.lines[n].ends)) for n in closing)
-    return block.cost + far + 0.15 * (right - left) + 0.25 * (bottom - top)
+    read = [[block.places.get(n) for n in (x.source, x.target) if n is not None] for x in model.signals]
+    apart = sum(math.dist(a, b) for a, b in (ends for ends in read if len(ends) == 2) if a and b)
+    return round(_size(block) + far + SIGNAL * apart, 3)
 
 
-def _finished(model: DiagramModel, tree: _Tree) -> tuple[float, DiagramLayout]:
+def _size(block: Block) -> float:
+    left, top, right, bottom = bounds(block.taken)
+    return block.cost + 0.15 * (right - left) + 0.25 * (bottom - top)
+
+
+def _finished(model: DiagramModel, tree: _Tree, rounds: int) -> tuple[float, DiagramLayout]:
     """Return the cost and the layout of a tree with its rings closed, with more space if no way is found otherwise."""
-    layout = _with_ways(model, tree, tree.block)
+    layout = _with_ways(model, tree, tree.block, rounds)
     for roomy in ROOMIER:
         if layout is None:
             block = grow_tree(tree.web.nodes, model.lines, tree.branches, tree.root, roomy)
-            layout = _with_ways(model, tree, block, last=roomy == ROOMIER[-1])
+            layout = _with_ways(model, tree, block, rounds, last=roomy == ROOMIER[-1])
     assert layout is not None
-    bends = sum(max(0, len(way) - 2) for way in layout.bonds.values())
-    return round(tree.worth + 30 * bends + 150 * _crossings(list(layout.bonds.values())), 3), layout
+    bonds, signals = list(layout.bonds.values()), list(layout.signals.values())
+    routed = [layout.bonds[n] for n in tree.closing]
+    prices = _price(routed) + SIGNAL * _price(signals) + 150 * (_crossings([*bonds, *signals]))
+    return round(_size(tree.block) + prices, 3), layout
+
+
+def _price(ways: Sequence[Sequence[Point]]) -> float:
+    """Return the length of some ways, with the price of their bends."""
+    return sum(30 * (len(way) - 2) + sum(math.dist(a, b) for a, b in pairwise(way)) for way in ways)
 
 
 def _crossings(ways: Sequence[Sequence[Point]]) -> int:
@@ -199,7 +228,7 @@ def _branches(
     return branches
 
 
-def _with_ways(model: DiagramModel, tree: _Tree, block: Block, last: bool = False) -> DiagramLayout | None:
+def _with_ways(model: DiagramModel, tree: _Tree, block: Block, rounds: int, last: bool = False) -> DiagramLayout | None:
     """Return the layout with the ways of ring-closing bonds and of signals; None if such a bond finds no way.
 
     In the `last` attempt such a bond goes straight across.
@@ -215,15 +244,12 @@ def _with_ways(model: DiagramModel, tree: _Tree, block: Block, last: bool = Fals
             ground.take(bonds[number])
     for number, end in web.stubs:
         ground.block(lane(block.ends[number, end], block.ends[number, web.stubs[number, end]]), HARD)
-    for number in closing:
-        tail, head = model.lines[number].ends
-        feet = [(block.ends[number, n], block.ends[number, web.stubs[number, n]]) for n in (tail, head)]
-        way = routed(ground, *feet[0], *reversed(feet[1]))
-        if way is None and not last:
-            return None
-        way = way or (feet[0][0], feet[1][0])
-        bonds[number] = way
-        ground.take(way)
+    feet = {n: [(block.ends[n, e], block.ends[n, web.stubs[n, e]]) for e in model.lines[n].ends] for n in closing}
+    near = sorted(closing, key=lambda n: math.dist(feet[n][0][1], feet[n][1][1]))
+    found = all_routed(ground, {n: partial(routed, ground, *feet[n][0], *reversed(feet[n][1])) for n in near}, rounds)
+    if len(found) < len(closing) and not last:
+        return None
+    bonds |= {n: found.get(n, (feet[n][0][0], feet[n][1][0])) for n in closing}
     texts, signals = dict[int, Point](), dict[int, tuple[Point, ...]]()
     for number, name in web.names.items():
         if name in block.places:
@@ -231,13 +257,13 @@ def _with_ways(model: DiagramModel, tree: _Tree, block: Block, last: bool = Fals
             texts[number] = block.places[name]
             signals[number] = (block.ends[line, name], block.ends[line, model.signals[number].target])
             ground.take(signals[number], NARROW)
-    for number, signal in enumerate(model.signals):
-        if signal.source is not None and signal.source in block.places and signal.target in block.places:
-            source, target = (_outline(web.nodes[n], block, n) for n in (signal.source, signal.target))
-            way = between(ground, source, target)
-            if way is not None:
-                signals[number] = way
-                ground.take(way, NARROW)
+    inner = {
+        number: [_outline(web.nodes[n], block, n) for n in (signal.source, signal.target)]
+        for number, signal in enumerate(model.signals)
+        if signal.source in block.places and signal.source is not None and signal.target in block.places
+    }
+    near = sorted(inner, key=lambda n: math.dist(inner[n][0][:2], inner[n][1][:2]))
+    signals |= all_routed(ground, {n: partial(between, ground, *inner[n]) for n in near}, rounds, NARROW)
     places = {n: p for n, p in block.places.items() if n < len(model.nodes)}
     labels = {n: t for n, t in block.labels.items() if n < len(model.nodes) and n not in block.boxes}
     taken = joined(block.taken, *(lane(a, b) for n in closing for a, b in pairwise(bonds[n])))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -38,18 +38,18 @@ class Ground:
         self.columns = math.ceil((right - left) / STEP) + 2 * AROUND + 1
         self.rows = math.ceil((bottom - top) / STEP) + 2 * AROUND + 1
         self.cells = bytearray(self.columns * self.rows)
+        self.table = np.frombuffer(self.cells, np.uint8).reshape(self.rows, self.columns)
 
     def block(self, items: Rectangles, how: int) -> None:
         """Occupy the cells of some rectangles."""
         for left, top, right, bottom in items.tolist():
-            first, last = self._inside(left - CLEAR - self.left, right + CLEAR - self.left, self.columns)
-            for row in range(*self._inside(top - CLEAR - self.top, bottom + CLEAR - self.top, self.rows)):
-                for place in range(row * self.columns + first, row * self.columns + last):
-                    self.cells[place] |= how
+            rows = self._inside(top - CLEAR - self.top, bottom + CLEAR - self.top, self.rows)
+            columns = self._inside(left - CLEAR - self.left, right + CLEAR - self.left, self.columns)
+            self.table[rows, columns] |= how
 
     @staticmethod
-    def _inside(low: float, high: float, count: int) -> tuple[int, int]:
-        return max(0, math.ceil(low / STEP)), min(count, math.floor(high / STEP) + 1)
+    def _inside(low: float, high: float, count: int) -> slice:
+        return slice(max(0, math.ceil(low / STEP)), max(0, min(count, math.floor(high / STEP) + 1)))
 
     def take(self, way: Sequence[Point], width: float = LANE) -> None:
         """Add a way; its ends, with strokes and half arrows, are hard."""
@@ -74,6 +74,25 @@ class Ground:
     def point(self, column: int, row: int) -> Point:
         """Return the middle of a cell."""
         return self.left + column * STEP, self.top + row * STEP
+
+
+def all_routed(
+    ground: Ground, ways: Mapping[int, Callable[[], tuple[Point, ...] | None]], rounds: int, width: float = LANE
+) -> dict[int, tuple[Point, ...]]:
+    """Return the ways found and add them to the ground: each is searched in every round, from the second on around all others."""
+    free, found = bytes(ground.cells), dict[int, tuple[Point, ...]]()
+    for number, search in [*ways.items()] * rounds:
+        ground.cells[:] = free
+        for other, way in found.items():
+            if other != number:
+                ground.take(way, width)
+        found[number] = search() or found.get(number, ())
+        if not found[number]:
+            del found[number]
+    ground.cells[:] = free
+    for way in found.values():
+        ground.take(way, width)
+    return found
 
 
 def routed(ground: Ground, foot: Point, start: Point, end: Point, tip: Point) -> tuple[Point, ...] | None:

@@ -122,6 +122,8 @@ def _arrangements(tree: Growth, node: int, along: Vector | None) -> Iterator[Arr
     named = bool(own.label)  # a label is left above
     open_to = [s for s in (*CORNERS, *BETWEEN) if not (named and s[0] < 0 and s[1] < 0)]
     for sides in permutations(free, min(len(heavy), len(free))):
+        if any(b.side in free and b.side != s for b, s in zip(heavy, sides, strict=False)):
+            continue
         taken: list[tuple[TreeBranch, Vector]] = list(zip(heavy, sides, strict=False))
         left, slanted = [s for s in free if s not in sides], list(open_to)
         for branch in (*light, *heavy[len(free) :]):
@@ -133,7 +135,7 @@ def _arrangements(tree: Growth, node: int, along: Vector | None) -> Iterator[Arr
             if likes:
                 left.remove(side)
             taken.append((branch, side))
-        yield sorted(taken, key=lambda item: (item[0].heavy, item[1] not in SIDES))
+        yield sorted(taken, key=lambda item: (item[0].heavy, item[0].side is not None, item[1] not in SIDES))
 
 
 def _likes(node: DiagramNode, branch: TreeBranch) -> Sequence[Vector]:
@@ -162,7 +164,7 @@ def _arranged(tree: Growth, sides: Arrangement, node: int, along: Vector | None)
     for branch, side in sides:
         block = tree.part(branch, side)
         start = _foot(letter, side)
-        least = start + shortest(tree.child(branch)) + tree.roomy * branch.heavy + GAP + block.reach
+        least = start + max(branch.least, shortest(tree.child(branch))) + tree.roomy * branch.heavy + GAP + block.reach
         x, y = side
         # slanted bonds separate from the others there
         free = start if not (x and y) else max(start, 14.5 / min(abs(x), abs(y)))
