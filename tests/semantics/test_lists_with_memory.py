@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bondgraph
-from tests.compiling import mistake
+from tests.compiling import mistake, mistakes
 
 SPACE = """
 model Space {
@@ -67,3 +67,42 @@ def test_a_matrix_of_integrals_and_an_event_on_one_of_them() -> None:
 )
 def test_wrong_lists_are_told(signal: str, code: str, words: str) -> None:
     assert words in mistake(f"model A {{\n  output y = {signal}\n}}\n", code).sentence
+
+
+def test_lists_are_set_and_started_as_wholes() -> None:
+    """x' = (1, 2) from (5, 6), and swapped at half a second; modes and what springs store, too: x = x_0 cos 2t with v = 0."""
+    text = (
+        "model A {\n  parameter n = 2, x_0 = [1 mm, 3 mm]\n  signal x = integral([1 [1/s], 2 [1/s]], [0, 0])\n  for i in 1..2 { mode s[i] = 0 }\n"
+        "  when time > 0.5 s { x = [x[2], x[1]]; s = 2*x }\n"
+        "  1 body : translation[n]\n  I m(p: translation[n]) : p.p = 2 kg*p.v\n  C k(p: translation[n]) : p.F = 8 [N/m]*p.x\n  body => m, k\n"
+        "  output a = x[1], b = x[2], c = s[1], d = s[2], e = k.p.x[2]\n"
+        "  experiment go { start x = [5, 6]; start k.p.x = x_0; simulate 0 .. 1 s }\n}\n"
+    )
+    found = bondgraph.load(text).simulate(rtol=1e-9)
+    assert [found.final(n) for n in "abcd"] == pytest.approx([7.5, 6.5, 11, 14], rel=1e-9)
+    assert found.final("e") == pytest.approx(3e-3 * np.cos(2), rel=1e-7)
+    assert bondgraph.load(bondgraph.load(text).text()).simulate(to=1).final("c") == pytest.approx(
+        2 * 0.5, rel=1e-9
+    )  # without its experiment
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("when time > 1 s { x = 3 }", "BG111"),
+        ("when time > 1 s { x = [1, 2, 3] }", "BG111"),
+        ("when time > 1 s { x = [1 m, 2] }", "BG103"),
+        ("when time > 1 s { x = [1, 2]; x[2] = 1 }", "BG153"),
+        ("every 1 s { x = [1, 2] }", "BG111"),
+        ("experiment e { start x = [1, 2, 3]; simulate 0 .. 1 s }", "BG111"),
+        ("experiment e { start x = [1, time]; simulate 0 .. 1 s }", "BG103"),
+        ("experiment e { start x = [1, 2]; start x[1] = 1; simulate 0 .. 1 s }", "BG150"),
+    ],
+)
+def test_lists_that_do_not_fit(line: str, code: str) -> None:
+    mistake(f"model A {{\n  signal x = integral([1 [1/s], 2 [1/s]], [0, 0])\n  output y = x[1]\n  {line}\n}}\n", code)
+
+
+def test_a_zero_over_a_unit_has_it() -> None:
+    assert mistakes("model A { parameter w = 0/1 s, v = 0*2 m/1 s; output y = w + 1 [1/s], z = v + 1 [m/s] }\n") == ()
+    mistake("model A { parameter w = 0/1 s; output y = w + 1 }\n", "BG103")

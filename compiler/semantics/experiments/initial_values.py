@@ -18,12 +18,12 @@ from ...graph.units import ONE
 from ...source import Span
 from ...syntax import tree
 from ..mechanisms.part_attributes import attitude_bounds, static_bounds
-from ..names.errors import WrongExperiment, WrongType
+from ..names.errors import WrongExperiment
 from ..names.scope import Items, Scalar, Scope
 from ..names.statement_errors import Wrong
 from ..network.elaborate import Elaborator
 from ..network.events import storage_advice
-from ..network.values import read_value
+from ..network.values import read_value, read_values
 
 Given = tuple[str, Bound]
 Part = TypeVar("Part", Body, Frame, Joint)
@@ -101,14 +101,27 @@ def _read(
         if _is_attitude(found):
             _read_attitude(elaborator, step, root, found, result)
             return
-        raise Wrong(WrongType(step.target.span, "One quantity", "a list", f"Start its items: `{words}[1]`."))
-    what = f"`start {words}`"
-    if found.role == "mode" and isinstance(found.reference, Quantity):
-        _once(step, ("", found.reference.name), result)
-        result.modes[found.reference.name] = read_value(elaborator, step.value, root, found, what, static=True)
+        bounds = read_values(elaborator, step.value, root, found.items, f"`start {words}`", static=True)
+        for item, bound in zip(found.items, bounds, strict=True):
+            _enter(elaborator, step, item, bound, elements, result)
         return
-    (bound,) = static_bounds(elaborator, step.value, root, found.dimension or ONE, what, 1)
+    what = f"`start {words}`"
+    if found.role == "mode":
+        bound = read_value(elaborator, step.value, root, found, what, static=True)
+    else:
+        (bound,) = static_bounds(elaborator, step.value, root, found.dimension or ONE, what, 1)
+    _enter(elaborator, step, found, bound, elements, result)
+
+
+def _enter(
+    elaborator: Elaborator, step: tree.Set, found: Scalar, bound: Bound, elements: dict[str, Element], result: InitialValues
+) -> None:  # fmt: skip
+    """Enter the start of one quantity."""
+    words = step.target.words
     match found.reference:
+        case Quantity(name) if found.role == "mode":
+            _once(step, ("", name), result)
+            result.modes[name] = bound
         case Quantity(name):
             if not elaborator.is_integral(name):
                 hint = "Of signals, only those that are `integral(…)` have a start, and modes; parameters and inputs are given by `set`."

@@ -46,6 +46,7 @@ from .template import (
     Typed,
     Value,
     bare_number,
+    beside,
     common_dimension,
     has_value,
     negated,
@@ -328,7 +329,7 @@ class ExpressionCompiler:
         result: Value = Typed(NUMBER_ONE, ONE)
         before = node.factors[0][1].span
         for direction, factor in node.factors:
-            value = self.numbers(self.value(factor), factor.span)
+            value = beside(self.numbers(self.value(factor), factor.span), node)
             if isinstance(value, Typed):
                 result = each(lambda t, n=value, d=direction: times(t, n, d), result)  # type: ignore[misc]
             elif isinstance(result, Typed) and direction > 0:
@@ -342,11 +343,8 @@ class ExpressionCompiler:
         base, exponent = self.value(node.base), self.scalar(node.exponent)
         if isinstance(base, tuple):
             words = node.base.span.words
-            hint = (
-                f"Write `{words}*{words}`, or `inverse({words})`."
-                if rows_of(base)
-                else f"Write `dot({words}, {words})`, or item by item."
-            )
+            ways = (f"dot({words}, {words})`, or item by item", f"{words}*{words}`, or `inverse({words})`")
+            hint = f"Write `{ways[bool(rows_of(base))]}."
             raise Wrong(WrongType(node.base.span, "A single number", sort_of(base), hint))
         base = self._number(base, node.base.span)
         bare_number(exponent, node.exponent, "The exponent")

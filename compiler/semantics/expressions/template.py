@@ -183,6 +183,14 @@ def times(a: Typed, b: Typed, direction: int) -> Typed:
     return Typed(divide(a.expression, b.expression), None if a.dimension is None else a.dimension / bottom)
 
 
+def beside(value: Value, node: tree.Product) -> Value:
+    """A factor of a product: a zero beside literals with a unit is a bare number, as in `0/1 s`; any other fits any unit."""
+    if not isinstance(value, Typed) or value.dimension is not None:
+        return value
+    literals = [f.unit for _, f in node.factors if isinstance(f, tree.Literal)]
+    return Typed(value.expression, ONE) if len(literals) == len(node.factors) and any(literals) else value
+
+
 def common_dimension(parts: list[tuple[Typed, Span]], what: str) -> Dimension | None:
     """Dimension that all values share; None if all are bare zeros. Raises `Wrong`."""
     known: tuple[Dimension, Span] | None = None

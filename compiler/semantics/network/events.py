@@ -10,13 +10,13 @@ from ...graph.domains import DOMAINS
 from ...graph.network import Action, Element, Event, Node, Quantity, Reading, Sampling
 from ...syntax import tree
 from ..names.errors import LateStorage, WrongEvent, WrongExperiment, WrongType
-from ..names.scope import Scalar, Scope
+from ..names.scope import Items, Scalar, Scope
 from ..names.statement_errors import Wrong
 from ..resolution.conditions import known_or_later, rising
 from ..resolution.resolver import read_condition
 from .elaborate import Elaborator
 from .samples import read_sampling
-from .values import read_value
+from .values import read_values
 
 STORED_BY = {"q": "qe", "p": "pf"}  # stored quantity -> variables that determine it
 
@@ -80,15 +80,16 @@ def _read(elaborator: Elaborator, scope: Scope, event: tree.EventSyntax, element
         _, condition = read_condition(elaborator, event.condition, scope, hint)
     actions: list[Action] = []
     for reset in event.resets:
-        action = elaborator.guard(_action, elaborator, scope, reset, elements)
-        if action is None:
-            continue
-        if not event.sampled and any(action.target == a.target for a in actions):
-            what = f"`{action.words}` is set twice at one instant"
-            elaborator.tell(WrongEvent(reset.span, what, "Leave one of the two out, or choose with `a if c else b`."))
-        if sampling is not None and sampling.delay is not None and not _is_mode(elaborator, action.target):
-            elaborator.tell(LateStorage(reset.target.span, action.words))
-        actions.append(action)
+        for action in elaborator.guard(_actions, elaborator, scope, reset, elements, event.sampled) or ():
+            if not event.sampled and any(action.target == a.target for a in actions):
+                what, hint = (
+                    f"`{action.words}` is set twice at one instant",
+                    "Leave one of the two out, or choose with `a if c else b`.",
+                )
+                elaborator.tell(WrongEvent(reset.span, what, hint))
+            if sampling is not None and sampling.delay is not None and not _is_mode(elaborator, action.target):
+                elaborator.tell(LateStorage(reset.target.span, action.words))
+            actions.append(action)
     span = event.condition.span
     words = " ".join(span.source.text[span.start :].partition("{")[0].split()) if event.sampled else span.words
     if "->" in words:  # a transition: its condition first, as in any `when`
@@ -105,12 +106,26 @@ def _is_mode(elaborator: Elaborator, target: Quantity | Reading) -> bool:
     return isinstance(target, Quantity) and elaborator.quantities[target.name].role == "mode"
 
 
-def _action(elaborator: Elaborator, scope: Scope, reset: tree.Reset, elements: dict[str, Element]) -> Action:
+def _actions(
+    elaborator: Elaborator, scope: Scope, reset: tree.Reset, elements: dict[str, Element], sampled: bool
+) -> list[Action]:
+    """The assignment of an event; that of a list is one for each item. In an `every` these would read one another."""
     words = reset.target.words
     found = elaborator.lookup(reset.target, scope)
-    if not isinstance(found, Scalar):
+    if isinstance(found, Items) and (sampled or found.columns):
         raise Wrong(WrongType(reset.target.span, "One quantity", "a list", f"Set its items: `{words}[1] = …`."))
-    target, hint = found.reference, ""
+    items = found.items if isinstance(found, Items) else (found,)
+    targets = [_target(elaborator, reset, item, elements) for item in items]
+    values = read_values(elaborator, reset.value, scope, items, f"`{words}`")
+    named = [item.name for item in items] if isinstance(found, Items) else [words]
+    return [Action(t, v, w, reset.span) for t, v, w in zip(targets, values, named, strict=True)]
+
+
+def _target(
+    elaborator: Elaborator, reset: tree.Reset, found: Scalar, elements: dict[str, Element]
+) -> Quantity | Reading:
+    """Target of an assignment. Raises `Wrong` for what follows from others."""
+    words, target, hint = reset.target.words, found.reference, ""
     match target:
         case Quantity(name):
             if found.role != "mode" and not elaborator.is_integral(name):
@@ -125,7 +140,7 @@ def _action(elaborator: Elaborator, scope: Scope, reset: tree.Reset, elements: d
     if hint:
         raise Wrong(WrongEvent(reset.target.span, f"`{words}` cannot be set", hint))
     assert not isinstance(target, float)
-    return Action(target, read_value(elaborator, reset.value, scope, found, f"`{words}`"), words, reset.span)
+    return target
 
 
 def storage_advice(element: Element | None, port: str, variable: str, verb: str, example: str) -> str:

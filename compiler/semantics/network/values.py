@@ -10,6 +10,7 @@ from ...algebra.expression import ZERO, select
 from ...algebra.formula import Bound, Formula
 from ...graph.units import ONE
 from ...syntax import tree
+from ..expressions.lists import columns_of, parts_of, sort_of
 from ..expressions.template import Typed
 from ..names.errors import DimensionMismatch, NotStatic, WrongType
 from ..names.scope import STATIC_ROLES, Scalar, Scope
@@ -33,10 +34,42 @@ def read_value(
     elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, target: Scalar, what: str, static: bool = False
 ) -> Bound:
     """New value of a target: for a mode that is a truth a condition (1 or 0), else a number of its unit. Raises `Wrong`."""
-    template = elaborator.template(_in_numbers(value, target.choices) if target.choices else value, scope)
-    typed = template.value
-    if not isinstance(typed, Typed):
-        raise Wrong(WrongType(value.span, "A single number", "a list"))
+    (bound,) = read_values(elaborator, value, scope, (target,), what, static)
+    return bound
+
+
+def read_values(
+    elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, targets: tuple[Scalar, ...], what: str, static: bool = False
+) -> list[Bound]:  # fmt: skip
+    """New values of the items of a list, or of a single target. Raises `Wrong`."""
+    words = targets[0].choices if len(targets) == 1 else ()
+    template = elaborator.template(_in_numbers(value, words) if words else value, scope)
+    parts = parts_of(template.value)
+    if (
+        len(parts) != len(targets)
+        or columns_of(template.value)
+        or (len(targets) == 1 and parts[0] is not template.value)
+    ):
+        expected = (
+            ("A single number", "a list")
+            if len(targets) == 1
+            else (f"A list of {len(targets)}", sort_of(template.value))
+        )
+        raise Wrong(WrongType(value.span, *expected))
+    for target, typed in zip(targets, parts, strict=True):
+        _check_kind(value, scope, target, typed, what)
+    for slot in template.slots if static else ():
+        if elaborator.scalar_at(slot, scope).role not in STATIC_ROLES:
+            raise Wrong(NotStatic(slot.path.span, what, slot.words))
+    numbers = (
+        Formula(len(template.slots), select(t.expression, TRUE, ZERO)) if t.truth else f
+        for t, f in zip(parts, template.formulas, strict=True)
+    )
+    return [elaborator.bind(template, formula, scope) for formula in numbers]
+
+
+def _check_kind(value: tree.ExpressionSyntax, scope: Scope, target: Scalar, typed: Typed, what: str) -> None:
+    """Raise `Wrong` for a condition in place of a number, or a wrong unit."""
     if target.truth != typed.truth:
         kinds = ("A condition", "a number") if target.truth else ("A number", "a condition")
         example = "true" if target.truth else "1 if c else 0"
@@ -45,9 +78,3 @@ def read_value(
     if not scope.plain and typed.dimension not in (None, wanted):
         text = f"{what} is {describe(wanted)}, but `{value.span.text}` is {describe(typed.dimension)}"
         raise Wrong(DimensionMismatch(value.span, text, unit_hint(typed.dimension, wanted, value)))
-    for slot in template.slots if static else ():
-        if elaborator.scalar_at(slot, scope).role not in STATIC_ROLES:
-            raise Wrong(NotStatic(slot.path.span, what, slot.words))
-    if not typed.truth:
-        return elaborator.bind(template, template.formulas[0], scope)
-    return elaborator.bind(template, Formula(len(template.slots), select(typed.expression, TRUE, ZERO)), scope)
