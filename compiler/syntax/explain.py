@@ -47,6 +47,11 @@ def explain(source: Source, problem: Unreadable) -> Diagnostic:
     unclosed = _unclosed(source, word, problem.open_brackets)
     if unclosed is not None:
         return unclosed
+    end = missing_brace(source, problem)
+    if end is not None:
+        head = source.line(Span(source, end, end).line).split("#")[0].split("//")[0].strip()
+        hint = f"What belongs to it stands in braces: `{head} {{ … }}`."
+        return Unexpected(Span(source, end, end + 1), "The end of the line", hint)
     if word.type == END:
         end = len(source.text.rstrip())
         return Unexpected(Span(source, max(0, end - 1), max(1, end)), "The end of the file", _hint(problem, source))
@@ -57,6 +62,15 @@ def explain(source: Source, problem: Unreadable) -> Diagnostic:
     text = "The end of the line" if word.type == "_NL" else f"`{str(word).strip()}`"
     end = start + 1 if word.type == "_NL" else start + len(word)
     return Unexpected(Span(source, start, end), text, _hint(problem, source))
+
+
+def missing_brace(source: Source, problem: Unreadable) -> int | None:
+    """Return the end of the line in which the brace of a block is missing; None if that is not what is wrong."""
+    if problem.word is None or "LBRACE" not in problem.expected or "_NL" in problem.expected:
+        return None
+    start, _ = place_of(problem.word)
+    head = source.text[:start].rstrip()
+    return source.text.find("\n", len(head)) if head and "\n" in source.text[len(head) : start] else None
 
 
 def _character(source: Source, start: int, problem: Unreadable) -> Diagnostic:

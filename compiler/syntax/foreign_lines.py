@@ -20,6 +20,10 @@ _ROWS = (
     (r"\b(?:run|sim)\s+(?P<a>[^;{}]+?\.\.[^;{}]+)", "A run is `simulate {a}`."),
     (r"\bsimulate\b[^;{}]*\s(?:step|dt)\b.*", "The solver chooses its steps; `--points 501` chooses how many instants are reported."),
     (r"\bsimulate\b[^;{}]*\s(?P<a>report|set|modes|sweep)\b.*", "Steps of an experiment stand on lines of their own, or `;` is between them: `; {a} …`."),
+    (
+        r"(?:^|[;{])\s*(?P<a>rtol|atol|reltol|abstol|tolerance|accuracy|points|solver|method|bandwidth)\b[^;{}]*",
+        "Settings of a run stand in braces behind it: `simulate 0 .. 1 s {{ rtol = 1e-8, points = 501 }}`.",
+    ),
     (r"^\s*simulate\b.*", "It belongs into an experiment: `experiment run {{ simulate 0 .. 1 s }}`."),
     (r"\bplot\s+(?P<a>[^;{}]+)", "Results are chosen by `report {a}`."),
     (r"\breport\s+(?P<a>\S+)\s+(?:as|unit)\s+(?P<b>\S+)", "A unit follows the word `in`: `report {a} in {b}`."),

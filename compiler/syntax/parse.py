@@ -11,7 +11,7 @@ from ..errors import CompilationFailed, Diagnostic
 from ..garbage_collection import uncollected
 from ..source import Source, Span
 from .errors import ForeignFile, TooLarge
-from .explain import explain
+from .explain import explain, missing_brace
 from .hidden import without_hidden
 from .refused import Refused, Unreadable
 from .tree import ExpressionSyntax, LawSyntax, SyntaxTree
@@ -65,6 +65,8 @@ def parse_what_can_be_read(source: Source, part: str | None = None) -> tuple[Syn
             repeated = any(m.span.line == mistake.span.line for m in mistakes)
             if not repeated:
                 mistakes.append(mistake)
+            if isinstance(problem, Unreadable) and missing_brace(source, problem) is not None:
+                break  # what is in the block, and what behind it, is not known
             text, changed = _blank_statement(text, source, mistake.span)
             if not changed or repeated or len(mistakes) >= MAXIMUM_MISTAKES or len(text) > 200_000:
                 break

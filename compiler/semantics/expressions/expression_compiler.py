@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 
 from ...algebra.expression import ONE as NUMBER_ONE
@@ -29,7 +30,7 @@ from ..names.errors import (
     WrongType,
 )
 from ..names.scope import Scope
-from ..names.statement_errors import Wrong, describe, suggestion
+from ..names.statement_errors import Wrong, describe, reading_of, suggestion
 from . import tables
 from .functions import FUNCTIONS
 from .lists import each, item_of, parts_of, place_in, product, rows_of, selected, shape_of, shaped, sort_of, total
@@ -335,7 +336,11 @@ class ExpressionCompiler:
             elif isinstance(result, Typed) and direction > 0:
                 result = each(lambda t, n=result: times(n, t, 1), value)  # type: ignore[misc]
             else:
-                result = product(result, value, (before, factor.span), direction < 0)
+                try:
+                    result = product(result, value, (before, factor.span), direction < 0)
+                except Wrong as wrong:
+                    hint = reading_of(node)
+                    raise Wrong(replace(wrong.diagnostic, hint=hint)) if hint else wrong from None
             before = before.to(factor.span)
         return result
 

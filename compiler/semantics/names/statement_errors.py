@@ -58,11 +58,14 @@ def unit_hint(found: Dimension | None, wanted: Dimension | None, written: tree.E
         return "Write a bare number; an angle may be in `deg`, a share in `percent`."
     if isinstance(written, tree.Literal) and wanted is not None:
         return f"Write a quantity in [{wanted}], as `2 [{wanted}]`."
-    reading = None if written is None else next(ambiguous_products(written, written.span.source), None)
-    if reading is not None:
-        _, _, words = reading.partition(": ")
-        return f"{words}."
-    return "Check the units of the names in it, and whether a factor is missing."
+    otherwise = "Check the units of the names in it, and whether a factor is missing."
+    return otherwise if written is None else reading_of(written) or otherwise
+
+
+def reading_of(written: tree.ExpressionSyntax) -> str:
+    """Return how a unit without brackets is read in an expression, because of a name of the model; "" if there is none."""
+    reading = next(ambiguous_products(written, written.span.source), None)
+    return "" if reading is None else f"{reading.partition(': ')[2]}."
 
 
 def reason_of(error: Exception) -> str:
