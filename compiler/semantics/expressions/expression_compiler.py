@@ -339,8 +339,10 @@ class ExpressionCompiler:
                 try:
                     result = product(result, value, (before, factor.span), direction < 0)
                 except Wrong as wrong:
-                    hint = reading_of(node)
-                    raise Wrong(replace(wrong.diagnostic, hint=hint)) if hint else wrong from None
+                    told, hint = wrong.diagnostic, reading_of(node)
+                    if not hint or not isinstance(told, WrongType):
+                        raise
+                    raise Wrong(replace(told, hint=hint)) from None
             before = before.to(factor.span)
         return result
 
