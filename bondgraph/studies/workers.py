@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
@@ -18,7 +19,7 @@ from functools import partial
 from itertools import islice
 from operator import index
 from queue import SimpleQueue
-from time import perf_counter, thread_time
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, Protocol
 from warnings import warn
 
@@ -39,6 +40,8 @@ AHEAD = 3  # tasks submitted in advance for each of our own workers, and number 
 FEW = 3  # points that are first answered together
 MORE = 8  # largest factor on their number from one time to the next
 MOST_KEPT = 8  # most models that a worker keeps compiled
+
+thread_time = getattr(time, "thread_time", time.process_time)  # a browser has one thread, and no clock of it
 
 _MODELS: dict[str, AnalysedModel] = {}  # models of this process
 _OWNERS: dict[str, int] = {}  # number of studies of each that run from here

@@ -1,6 +1,7 @@
 // A double of Pyodide: the worker of a playground is the real one, and what it asks of Python goes to a process of the test.
 
 function call(request) {
+  if (request.includes(null)) throw new Error("null is not None in Pyodide, undefined is");
   const sent = new XMLHttpRequest();
   sent.open("POST", "/python", false);
   sent.send(JSON.stringify(request));

@@ -12,6 +12,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from typing import Any, NoReturn
 
 
@@ -37,6 +38,7 @@ def main() -> None:
     for name in ("fork", "geteuid", "posix_spawn"):
         if hasattr(os, name):
             delattr(os, name)
+    del time.thread_time
     from bondgraph.presentation.page.serve.playground import answers_of
 
     answer: Any = None

@@ -30,6 +30,6 @@ function asking() {
     if (path === "/stop") { done({ stopped: false }); return; }  // a worker hears nothing while it runs
     if (failure) { if (!path.startsWith("/changes")) failed(new Error(failure)); return; }
     open.set(++count, { path, body, done, failed });
-    worker.postMessage({ id: count, path, body: body === undefined ? null : JSON.stringify(body) });
+    worker.postMessage({ id: count, path, body: body && JSON.stringify(body) });  // undefined is None in Python, null is not
   });
 }
