@@ -33,6 +33,10 @@ def _not_utf8(path: Path, name: str) -> Diagnostic:
     start = len(_lines(data[:place]))
     is_utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     hint = "It begins as UTF-16 does: save it as UTF-8." if is_utf16 else "Save it as UTF-8, if it is a text."
+    if data.startswith(b"PK"):  # a zip archive
+        hint = (
+            f'It is an archive. If it is a unit of another tool, a model imports it: `import Name from "{path.name}"`.'
+        )
     what = f"byte {place + 1} is 0x{data[place]:02x}" if data else "it has changed"
     return NotUtf8(Span(Source(name, text, path), start, min(start + 4, len(text))), what, hint)
 

@@ -85,7 +85,11 @@ def _with_source(definition: ModelDefinition, port: str, given: str) -> ModelDef
     places = [p for s in model.statements if isinstance(s, tree.PortsSyntax) for p in s.items]
     single = [p for p in places if not (p.index or p.components or p.width) and DOMAINS.get(p.domain or "") is not None]
     if port not in (p.name for p in single):
-        hint = f"Ports of one bond: {', '.join(f'`{p.name}`' for p in single) or 'none'}; each says its domain, `port {port}: translation`."
+        hint = f"Its ports of one bond with a domain are {', '.join(f'`{p.name}`' for p in single)}."
+        if any(p.name == port for p in places):
+            hint = "Only a port of one bond can be open, and it says its domain: `port end: translation`."
+        elif not single:
+            hint = f"It has none: inside it, write `port {port}: translation`, or of another domain, and its bond, `{port} -> NAME`."
         raise CompilationFailed([WrongConnection(model.name_span, f"`{port}` is no port of one bond of `{model.name}`", hint)])  # fmt: skip
     domain = DOMAINS[next(p.domain for p in single if p.name == port) or ""]
     variable, kind, other = ("e", "MSe", "f") if given == "effort" else ("f", "MSf", "e")

@@ -105,9 +105,15 @@ def test_strokes_that_forbid_a_way_are_told_with_their_reason(tmp_path: Path) ->
         model.to_fmu(tmp_path / "never.fmu", ports={"end": "flow"})
     assert "`mass`" in failed.value.diagnostics[0].sentence and "`end_v`" in failed.value.diagnostics[0].sentence
     wide = bondgraph.load(text.replace("port end", "port tip: translation[2], end"))
-    for case in (model, wide):
-        with pytest.raises(CompilationFailed, match="`tip` is no port of one bond of `Mass`"):
+    alone = bondgraph.load("model Mass { I mass : p = 2 kg*v\n Se push : F = 1 N\n push -> 1(mass) }")
+    for case, advice in (
+        (model, "are `end`"),
+        (wide, "Only a port of one bond"),
+        (alone, "write `port tip: translation`"),
+    ):
+        with pytest.raises(CompilationFailed, match="`tip` is no port of one bond of `Mass`") as unknown:
             case.to_fmu(tmp_path / "never.fmu", ports={"tip": "flow"})
+        assert advice in str(unknown.value)
     with pytest.raises(UsageError, match="takes its `effort` or its `flow`"):
         model.to_fmu(tmp_path / "never.fmu", ports={"end": "both"})
     plain = "plain model Mass { port end: translation\n I mass : p = 2*f\n end -> 1(mass)\n output speed = mass.f\n experiment e { simulate 0 .. 1 } }"

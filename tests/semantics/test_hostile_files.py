@@ -233,6 +233,7 @@ def test_the_limits_of_a_relative_tolerance(value: str) -> None:
 BAD_BYTES = [
     (b"\xff\xfem\0", 1, 1, "UTF-16"),
     (b"\xfe\xff\0m", 1, 1, "UTF-16"),
+    (b"PK\3\4\n\xba", 2, 1, "a model imports it"),
     (b"model A { # caf\xe9 }\n", 1, 16, "0xe9"),
     (b"model A {\n  output l = 1 \xb5m\n}\n", 2, 16, "0xb5"),
     (b"model A {\r\n\r\n  # \xc3\xa9 \xc3\x28\r\n}\r\n", 3, 7, "0xc3"),
