@@ -91,6 +91,8 @@ class Phase:
         self.parameters, self.constants = self.constraints.parameters, self.constraints.constants
         self.stretches[0] = start.first
         self.state, self.start_notes, self.events, self.jumps = start.state, start.notes, start.events, start.jumps
+        if self.events is not None:
+            self.events.record.record.relative = options.rtol
         self.begins_without, self.goes_on_without = start.begins_without, start.goes_on_without
         self.known: Mapping[str, float] = dict(begin.magnitudes) if begin is not None else {}  # magnitudes by name
         self.looked_from = self.state  # state from which a pilot run starts

@@ -222,6 +222,11 @@ class Switching:
         locatable = (
             self.located and moves and condition.operator in ("less", "less_equal") and condition not in self.guards
         )
+        if condition.operator == "equal" and not alone and self.located and moves and condition not in self.guards:
+            both = [call("less_equal", *pair) for pair in (condition.operands, condition.operands[::-1])]
+            self.authored.update(both)
+            self.modes[condition] = call("and", *map(self.replaced, both))
+            return self.modes[condition]
         if condition.operator in ("and", "or", "not") or not (alone or locatable):
             return _rebuilt(condition.operator, operands)
         events, a, b = self.result.events, *condition.operands

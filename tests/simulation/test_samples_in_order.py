@@ -9,6 +9,8 @@ import pytest
 from scipy.linalg import expm
 
 import bondgraph
+from bondgraph.errors import RunFailed
+from bondgraph.simulation.integration import event_integrator
 from tests.compiling import compiled
 
 TARGETS = ["numpy", pytest.param("native", marks=pytest.mark.machine_code)]
@@ -68,6 +70,36 @@ def test_a_when_acts_at_once() -> None:
     text = "model Q {\n mode a = 1, b = 2\n when time > 1 s { a = b; b = a }\n output A = a, B = b\n}\n"
     found = bondgraph.load(text).simulate(to="2 s", target="numpy")
     assert (found.final("A"), found.final("B")) == (2, 1)
+
+
+@pytest.mark.parametrize("solver", ["automatic", "explicit", "radau", "rodas"])
+@pytest.mark.parametrize("target", TARGETS)
+def test_a_when_and_a_sample_at_one_instant_do_not_see_each_other(solver: str, target: str) -> None:
+    """x = t is 1 at the sample at 1 s but for rounding; what a sample makes true acts after it."""
+    text = """model Q {
+  signal x = integral(1 [1/s], 0)
+  mode a = 0, b = 0, n = 0, late = 0
+  when x >= 1 { a = a + 1 + n }
+  when time >= 1 s { late = 5 + b }
+  every 0.5 s { b = 10*b + a + late; n = n + 1 }
+  when n > 2.5 { b = b + 0.25 }
+  output A = a, B = b, L = late
+}"""
+    found = bondgraph.load(text).simulate(to=1.3, target=target, solver=solver)
+    assert [found.final(name) for name in "ABL"] == [3, 0.25, 5]
+
+
+def test_a_sampled_loop_that_grows_without_bound_ends_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(event_integrator, "MANY_EVENTS", 5)
+    monkeypatch.setattr(event_integrator, "GROWING", 2)
+    text = """model Q {
+  mode u = 0
+  signal y = integral((u - floor(y))/(0.1 s), 1.5)
+  every 10 ms { u = -80*y }
+  output Y = y
+}"""
+    with pytest.raises(RunFailed, match="grows without bound, `y` most of all"):
+        bondgraph.load(text).simulate(to="1 s", target="numpy", points=2)
 
 
 def test_storages_and_integrals_that_lines_set() -> None:

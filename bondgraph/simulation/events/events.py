@@ -112,12 +112,19 @@ class Events(EventIndicators):
             raise RunFailed(
                 "BR774", f"at t = {at.time:.9g} s {names} cause each other without end;", "let one of them ask for more"
             )
+        self._hold_slow(changed[now.mode[self.places[changed]] != at.mode[self.places[changed]]])
         if not acted and len(changed):
             places = self.places[changed]
             self._contradict(now, changed[now.mode[places] == at.mode[places]], floor)
         self._record(EventInstant(at.time, tuple(map(int, changed)), tuple(acted)))
         self._check_left(at.time, acted)
         return now
+
+    def _hold_slow(self, changed: IntArray) -> None:
+        """Keep changed conditions that are in doubt even so, as no look ahead shows them, until they are beyond the tolerance."""
+        slow = changed[self.record["sought"][changed] > 0]
+        if len(slow):
+            self.floor[slow] = np.fmax(self.floor, self.tolerated(self.record["noise"]))[slow]
 
     def _contradict(self, at: HybridState, conditions: IntArray, floor: Array) -> None:
         """Keep conditions as they are that the flow leads back within rounding of a located zero crossing, until they are beyond doubt.

@@ -18,6 +18,7 @@ from compiler.api import Array, Hybrid
 from ...errors import RunFailed
 from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
+from ..integrators.acceptance.event_indicators import NOISE, SLOWLY
 from ..integrators.compiled.indicator_record import indicator_record, interpreted_record
 
 if TYPE_CHECKING:
@@ -61,6 +62,9 @@ class EventIndicators:
         self.all_strict = bool(self.strict.all())
         self.steers = np.array([c.steers for c in hybrid.conditions], dtype=bool)
         self.floor = np.zeros(len(self.places))  # rounding of roots that were zero at the last instant
+        self.slow = np.zeros(
+            len(self.places), dtype=bool
+        )  # roots that leave zero more slowly than a look ahead shows at once
 
     def measure(self, magnitude: Array) -> None:
         """Set the magnitudes of states and unknowns."""
@@ -73,15 +77,22 @@ class EventIndicators:
     def measure_anew(self, magnitude: Array, at: HybridState) -> None:
         """Set better magnitudes, and what counts as rounding of the roots at this hybrid state by them: where nothing was known, a magnitude was 1."""
         before = self.noise(at)
-        if (before.all() and not self.floor.any()) or (magnitude == self.magnitude).all():
+        same = (before.all() and not self.floor.any()) or (magnitude == self.magnitude).all()
+        if same and not self.slow.any():
             self.measure(magnitude)
             return
         self.measure(magnitude)
         roots, noise, _ = self.evaluated(at)
         share = np.minimum(noise / nonzero(before), 1.0)
         against = self.truth(roots) != at.mode[self.places]  # the mode was decided, and the root has to leave first
+        tolerated = self.tolerated(noise)
         least = np.where(before > 0, np.minimum(self.floor, 2 * np.abs(roots)), UNMEASURED * noise)
-        self.floor = np.maximum(share * self.floor, np.where(against, least, 0.0))
+        least = np.maximum(np.where(against, least, 0.0), np.where(self.slow, tolerated, 0.0))
+        self.floor = np.maximum(share * self.floor, least)
+
+    def tolerated(self, noise: Array) -> Any:
+        """Return how far the tolerance of the run moves the roots with these rounding errors."""
+        return self.record.record.relative / NOISE * noise
 
     def with_values(self, constraints: Constraints, magnitude: Array) -> EventIndicators:
         """Return the same conditions for other inputs, parameters and magnitudes: for `guess`, not for a search, whose bounds stay those of the first."""
@@ -144,7 +155,7 @@ class EventIndicators:
             with suppress(RunFailed):  # loops may have no solution there
                 ahead.call("look_ahead")
             record.call("decide")
-        self.floor = np.array(record["floor"])
+        self.floor, self.slow = np.array(record["floor"]), record["sought"] == SLOWLY
         return record["truth"] != 0
 
     def _solve(self, time: float, state: Array, inputs: Array, constants: Array, mode: Array, out: Array) -> None:

@@ -18,8 +18,9 @@ from compiler.api import Array, BoolArray, IntArray
 
 from ...errors import RunFailed
 from ...numerics.indicators import COEFFICIENTS, FINER, ON_GRID, SHARES
-from ..integrators.acceptance.crossing_search import WIDTH
+from ..integrators.acceptance.crossing_search import CHANGES, WIDTH
 from ..integrators.acceptance.event_passing import FEWEST, SMALLEST
+from ..integrators.acceptance.zero_crossings import FREE
 from ..integrators.compiled.indicator_record import interpreted_record
 from .bounds import Overlooked
 from .events import Events
@@ -94,9 +95,10 @@ def first_flip(
         found = step.first_in((low, high))
         if found is not None:
             events.spacing = high - low
-            there = np.array([found])
-            return Flip(found, state_at(there, True)[0], _wrong(events, step.roots(there, True), step.said)[0])
+            return Flip(found, state_at(np.array([found]), True)[0], step.touching == CHANGES)
     events.spacing = np.inf
+    last = np.abs(step.roots(np.array([stop]), False)[0])
+    events.floor = np.where((last > FREE * events.floor) & np.isfinite(last), 0.0, events.floor)
     return None
 
 
@@ -110,6 +112,7 @@ class _SearchedStep:
     state_at: StateAt
     within: CompiledMethod | None  # the method whose last step it is
     noise: Any = None  # rounding of the indicators, found on use
+    touching: Any = None  # of the conditions at the zero crossing, as `goes_on` says it
 
     @property
     def solved_for(self) -> bool:
@@ -191,6 +194,7 @@ class _SearchedStep:
 
             record = interpreted_record(self.events.program, record, {"exactly": exactly})
             crosses = record.call("narrow", None, 1, len(times), times, roots)
+        self.touching = record["touching"]
         return float(record["found"]) if crosses else None
 
 

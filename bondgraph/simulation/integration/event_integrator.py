@@ -13,7 +13,7 @@ from compiler.api import Array, BoolArray
 from ...errors import RunFailed, StepsCollapsed
 from ..events.indicators import HybridState
 from ..events.locate import Flip, StateAt, first_flip
-from ..integrators.acceptance.event_passing import HARMLESS
+from ..integrators.acceptance.event_passing import HARMLESS, SHORT
 from ..monitors.validity import ValidityMonitor
 from ..segments.timeline import Segment, discrete_variables, mode_after, with_time_of
 from ..segments.trajectory import Tolerances, Trajectory
@@ -27,6 +27,12 @@ if TYPE_CHECKING:
 
 PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a pilot run
 CLOSE = 1e-8  # fraction of the run: a zero crossing this soon after collapsed steps is their cause
+MANY_EVENTS = 2000  # of a segment, from which on a sampled loop is looked at that grows
+GROWN, STEADY, GROWING = (
+    1.5,
+    0.9,
+    4,
+)  # least factor of a segment, and of one such factor to the next; number of segments in a row that show it
 MOST_EVENTS = 10_000_000  # most events of one run
 
 
@@ -39,6 +45,8 @@ class EventIntegrator(SegmentIntegrator):
         self.events, self.off = problem.events, problem.off
         self.switched = False  # True if other junctions are off now
         self.most_events = MOST_EVENTS
+        # segments in a row in which the states have grown as powers do, the last factor, and their largest size in magnitudes
+        self.growing, self.factor, self.size = 0, 0.0, np.inf
         self.has_conditions = len(self.events.places) > 0
         self.linear = self.linear and not self.has_conditions
 
@@ -50,6 +58,8 @@ class EventIntegrator(SegmentIntegrator):
             self._stop_at(now.time)
         else:
             now = self._happen(HybridState(stretch.start, x, with_time_of(self.program, stretch.mode, self.mode)), None)
+        self._note_growth(now.state)
+        began = len(events.log)
         while True:
             self.mode = now.mode
             if self.result.stopped is not None or self._switched(now) or now.time >= stretch.stop:
@@ -68,6 +78,8 @@ class EventIntegrator(SegmentIntegrator):
             if flip is None:
                 now = HybridState(stop, x, self.mode)
                 continue
+            if len(events.log) - began >= MANY_EVENTS:
+                self.check_runaway(stop, flip.state)
             if len(events.log) >= self.most_events:
                 raise RunFailed("BR764", f"more than {self.most_events} events act before t = {stop:.9g} s")
             now = self._happen(HybridState(flip.time, flip.state, self.mode), flip.conditions)
@@ -81,7 +93,9 @@ class EventIntegrator(SegmentIntegrator):
             return x, self.mode
         events, stop = self.events, last.stop
         mode = mode_after(self.program, self.constants, stop, replace(last, mode=self.mode))
-        if (mode == self.mode).all() and not events.due(stop):
+        roots = events.roots(stop, x, mode)
+        equal = (roots == 0) & (events.truth(roots) != (mode[events.places] == 1.0))  # no step follows that would tell
+        if (mode == self.mode).all() and not events.due(stop) and not equal.any():
             return x, self.mode
         now = self._happen(HybridState(stop, x, mode), None)
         self.result.pieces.append(Segment(stop, stop, now.mode))
@@ -149,6 +163,23 @@ class EventIntegrator(SegmentIntegrator):
                 return True
         return False
 
+    def _note_growth(self, x: Array) -> None:
+        """Count a segment in which the states grow by a factor as large as before: a motion in t^n grows by ever less."""
+        size = float(np.abs(x / self.tolerances.magnitude)[: len(self.program.states.names)].max(initial=0.0))
+        factor = size / self.size if self.size > 0 else np.inf
+        self.growing = self.growing + 1 if factor > max(GROWN, STEADY * self.factor) else 0
+        self.size, self.factor = size, factor
+
+    def check_runaway(self, time: float, x: Array) -> None:
+        """Raise `RunFailed` if the states have grown from sample to sample for long: then ever more steps and events lead to the next one."""
+        if self.growing >= GROWING:
+            sizes = np.abs(x / self.tolerances.magnitude)[: len(self.program.states.names)]
+            name = self.program.states.names[int(np.argmax(sizes))]
+            raise RunFailed(
+                "BR795", f"at t = {time:.9g} s a sampled loop grows without bound, `{name}` most of all: thousands of steps or events do not lead to the next "
+                "sample;", "give it a smaller gain or a shorter period",
+            )  # fmt: skip
+
     def marked(self) -> Any:
         """Return the current segment, the number of segments, and the truth of the events' conditions."""
         return self.piece, len(self.result.pieces), dict(self.events.on)
@@ -175,9 +206,11 @@ class EventIntegrator(SegmentIntegrator):
         Conditions that only events read change on the way, and so do those that have no effect yet.
         """
         events = self.events
+        if within is not None:
+            events.floor = within.values["root_floor"].copy()
         while start < stop:
             flip = first_flip(events, start, stop, stretch.mode, state_at, within)
-            if flip is None:
+            if flip is None or self._is_at_sample(flip.time, stretch.stop):
                 break
             mode = np.array(stretch.mode)
             mode[events.places[flip.conditions]] = 1.0 - mode[events.places[flip.conditions]]
@@ -194,6 +227,10 @@ class EventIntegrator(SegmentIntegrator):
             self.piece = stretch = stretch.up_to(flip.time, stretch.stop, mode)
             start = flip.time
         return stretch
+
+    def _is_at_sample(self, time: float, stop: float) -> bool:
+        """Return True if a zero crossing is at the sample that ends a segment, but for rounding: what becomes true there acts with it."""
+        return stop - time <= SHORT * abs(stop) and len(self.events.due(stop)) > 0
 
     def _passes(self, flip: Flip, before: Array, after: Array, state_at: StateAt) -> bool:
         """Return True if the laws of both sides agree, far below the tolerance, up to the end of the step: then it need not end where they change.

@@ -276,6 +276,9 @@ class IntegrationState:
     def grow(self, x: Array) -> None:
         """Update the largest magnitudes; only for integrators with events."""
 
+    def check_runaway(self, time: float, x: Array) -> None:
+        """Raise `RunFailed` if a sampled loop grows without bound; only integrators with events do."""
+
     def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt, within: CompiledMethod | None = None) -> Segment:  # fmt: skip
         """Search a step for events; only integrators with events do this, here the segment is returned unchanged."""
         return stretch

@@ -16,6 +16,7 @@ from ..integrators.projection.limits import NEAR
 from ..integrators.radau import StepFailed
 from ..monitors.extremes import PLACES
 from ..monitors.step_failure import MOST_COMPILED, MOST_STEPS
+from ..monitors.step_size_diagnosis import MANY
 from ..segments.timeline import Segment
 from .cut import is_sure
 from .poses import beyond, chosen_anew
@@ -191,12 +192,16 @@ class NativeIntegrator:
         most = MOST_COMPILED if native else MOST_STEPS
         if stepper.most_steps < MOST_STEPS:
             most = stepper.most_steps - stepper.steps
-        passed = self.events
+        passed, events = self.events, stepper.passable_events
+        soon = most if events is None or not len(events.sampled) else min(most, self.solver.steps + MANY)
         if passed is not None:
             passed.hand_over()
         try:
-            return steps(self.solver, self._look, most, pause, passed)
+            return steps(self.solver, self._look, soon, pause, passed)
         except StepFailed as failed:
+            if failed.what == "steps" and soon < most:
+                stepper.check_runaway(self.solver.time, self._state)
+                return MORE
             told = stepper.failed(self.solver, failed.what, self.stretch.mode)
             if isinstance(told, StepsCollapsed) and stepper.flips_just_ahead(told, self.stretch):
                 return FINISHED

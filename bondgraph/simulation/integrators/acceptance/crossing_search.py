@@ -18,6 +18,8 @@ CONVERGED, SURE, LEFT, EXACT = indicators.CONVERGED, indicators.SURE, indicators
 RESTS = 4.0  # in units of the rounding of a root: as far behind its zero rounding may leave it where a step begins
 RETURNS = 1.1  # ratio of roots that get no further
 WIDTH = 4.0  # units in the last place of a time: end of the narrowing
+AT_END = 64.0  # widths that are one instant: what is zero for less before the end of a part may be so there alone
+CHANGES = 3  # what `touching` says of a condition that changes
 LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defined
 
 
@@ -77,7 +79,7 @@ def is_near(k: IndicatorWorkspace, j: int, begins: int) -> int:
         if place >= PLACES - LAST:
             k.error[j] += size
     k.converged[j] = 1 if finite == PLACES and k.error[j] <= CONVERGED * k.variation[j] else 0
-    if begins != 0 and differs(k, j, first) != 0 and abs(first) <= RESTS * k.floor[j] and returns != 0:
+    if begins != 0 and differs(k, j, first) != 0 and abs(first) < RESTS * k.floor[j] and returns != 0:
         return 0  # rounding left it behind its zero
     if behind != 0:
         return 1
@@ -153,16 +155,73 @@ def put_suspects(k: IndicatorWorkspace) -> None:
 
 
 def narrow(k: IndicatorWorkspace, s: IntegratorWorkspace, exact: int, count: int, times: Floats, roots: Floats) -> int:
-    """Put the first instant of a part, to rounding, at which a condition has changed into `found`; return 0 if none has at these instants.
+    """Put the first instant of a part, to rounding, from which on a condition has changed into `found`; return 0 if none has at these instants.
 
-    The crossing is behind the last place of the grid before, unless rounding has hidden it from the search: then it is behind the instant before.
     `exact`: 1 if loops are solved for the roots, by Python.
     """
-    first = first_behind(k, count, roots)
-    if first < 0:
-        return 0
-    high = times[first]
-    right = times[first - 1] if first > 0 else k.low
+    behind = k.low
+    first = first_behind(k, 0, count, roots)
+    while first >= 0:
+        narrow_before(k, s, exact, times[first], max(behind, times[first - 1]) if first > 0 else behind)
+        behind = goes_on(k, s, exact)
+        if behind < 0.0:
+            return 1
+        first += 1
+        while first < count and times[first] <= behind:
+            first += 1
+        first = first_behind(k, first, count, roots)
+    return 0
+
+
+def goes_on(k: IndicatorWorkspace, s: IntegratorWorkspace, exact: int) -> float:
+    """Return -1 if a condition is behind its crossing from the found instant on; else an instant at which all that is zero there alone has gone back.
+
+    `touching` is `CHANGES` for what has changed, at that instant or so soon behind it that it is the same one, and 2 for what only touches zero, which takes no
+    time. What is zero at the end of a part is left to the next one.
+    """
+    distance(k, s, exact, k.found)
+    span = WIDTH * ulp(max(abs(k.low), abs(k.high)))
+    waiting = 0
+    changed = 0
+    for j in range(k.root_count):
+        k.touching[j] = 0
+        if k.behind[j] != 0:
+            k.touching[j] = 1 if k.seen[j] == 0.0 else CHANGES
+            waiting += 1 if k.seen[j] == 0.0 else 0
+            changed += 0 if k.seen[j] == 0.0 else 1
+    if waiting + changed == 0:  # a loop that is solved for once more has another rounding
+        for j in range(k.root_count):
+            k.touching[j] = CHANGES if k.flipping[j] != 0 else 0
+        return -1.0
+    soon = min(k.found + AT_END * span, k.high)
+    lasts = 1 if soon < k.high else 0
+    time = k.found
+    while waiting > 0 and time < k.high:
+        time = min(time + span, k.high)
+        span *= 8.0
+        distance(k, s, exact, time)
+        for j in range(k.root_count):
+            if k.touching[j] == 1 and (k.seen[j] != 0.0 or (time == k.high and lasts != 0)):
+                k.touching[j] = CHANGES if k.behind[j] != 0 else 2
+                changed += k.behind[j]
+                waiting -= 1
+    for j in range(k.root_count):
+        if k.touching[j] == 1:
+            k.touching[j] = 2
+    if changed == 0:
+        return time
+    distance(k, s, exact, soon)
+    for j in range(k.root_count):
+        if k.touching[j] == 0 and k.behind[j] != 0 and k.seen[j] != 0.0:
+            k.touching[j] = CHANGES
+    return -1.0
+
+
+def narrow_before(k: IndicatorWorkspace, s: IntegratorWorkspace, exact: int, high: float, right: float) -> None:
+    """Put the first instant at which a condition is behind its crossing into `found`: up to `high` one is, with the roots there in `seen`.
+
+    The crossing is behind the last place of the grid before, unless rounding has hidden it from the search: then it is behind `right`.
+    """
     low = right
     for place in range(GRID + 1):
         time = k.low + (k.high - k.low) * FINER[place]
@@ -175,7 +234,7 @@ def narrow(k: IndicatorWorkspace, s: IntegratorWorkspace, exact: int, count: int
     k.found = high
     width = 0.5 * WIDTH * ulp(max(abs(low), abs(high)))
     if high - low <= 2.0 * width:
-        return 1
+        return
     at_low = distance(k, s, exact, low)
     if at_low > 0.0 and low > right:
         high = low
@@ -186,19 +245,18 @@ def narrow(k: IndicatorWorkspace, s: IntegratorWorkspace, exact: int, count: int
         at_high = distance(k, s, exact, high)
     if at_high < 0.0:  # a loop that is solved for once more has another rounding
         k.found = high
-        return 1
+        return
     begin_bracket(k.bracket, low, -abs(at_low), high, at_high)
     for _ in range(MOST):
         place_at = bracket_place(k.bracket)
         if closes_at(k.bracket, place_at, distance(k, s, exact, place_at), width):
             break
     k.found = k.bracket.a if k.bracket.at_a > 0.0 else k.bracket.b
-    return 1
 
 
-def first_behind(k: IndicatorWorkspace, count: int, roots: Floats) -> int:
-    """Return the first of several instants at which a condition differs from the mode, with the roots there in `seen`; -1 if there is none."""
-    for place in range(count):
+def first_behind(k: IndicatorWorkspace, first: int, count: int, roots: Floats) -> int:
+    """Return the first of several instants, from one on, at which a condition differs from the mode, with the roots there in `seen`; -1 if none is."""
+    for place in range(first, count):
         wrong = 0
         for j in range(k.root_count):
             k.seen[j] = roots[place * k.root_count + j]

@@ -14,6 +14,13 @@ from .zero_crossings import truth
 NOISE = 1e-13  # relative to the magnitudes: rounding in a root that is zero
 REACHES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # relative to the magnitudes: how far the flow is followed to find a sign
 TRIES = len(REACHES)
+FAR, FARTHER, FURTHER = (
+    (1e-2, 1e-1),
+    2,
+    8,
+)  # reaches, their number, and iterations at them: a motion from rest as t^n shows itself in the n-th
+SLOWLY = -2  # what `sought` says of a sign that these iterations have found
+AGREE = 0.5  # of a change: as well do two iterations agree that show it
 SHARE = 1e-7  # of a magnitude, and of the time in which the flow moves a state by one: steps by which rounding of roots is found
 ROUNDED = NOISE / SHARE
 LATE = 32.0  # units in the last place of a time: the change of a root within it counts as zero
@@ -41,6 +48,7 @@ class IndicatorWorkspace(Record):
     strict: Ints  # m: 1 where the condition does not hold at zero
     steers: Ints  # m: 1 where a law reads it, not only events
     horizon: float  # length of the run, s
+    relative: float  # tolerance of the run; 0 where it is not known
     magnitude: Floats  # n: 0 where it is not known
     # the hybrid state
     time: float
@@ -54,7 +62,7 @@ class IndicatorWorkspace(Record):
     whole: float  # time in which the flow moves a state by its magnitude, at most the run's length
     # roots a little later
     truth: Ints  # m: 1 where the condition holds just after
-    sought: Ints  # m: 1 where the sign is sought, -1 where it was found, 0 where it was clear
+    sought: Ints  # m: 1 where the sign is sought, -1 where it was found, `SLOWLY` in a motion from rest, 0 where it was clear
     moved: Floats  # m: change that shows it, or 0
     later: Floats  # n
     slope: Floats  # n
@@ -89,6 +97,7 @@ class IndicatorWorkspace(Record):
     scale: Floats  # m: size of the roots behind the crossing
     flipping: Ints  # m: 1 for the conditions that are followed
     behind: Ints  # m: 1 where a condition differs from the mode at the last instant
+    touching: Ints  # m: 2 where a condition is zero at the found instant alone, `CHANGES` where it changes
     bracket: Bracket
     found: float  # first instant behind the crossing
 
@@ -185,21 +194,55 @@ def look_ahead(k: IndicatorWorkspace) -> int:
             if k.sought[j] > 0:
                 change = k.change[j] - k.root[j]
                 again = k.again[j] - k.root[j]
-                if abs(change) > CERTAIN * k.noise[j] or abs(again) > CERTAIN * k.noise[j]:
+                if change != 0.0 and max(abs(change), abs(again)) > CERTAIN * k.noise[j]:
                     k.moved[j] = change if change * again > 0.0 else 0.0
                     k.sought[j] = -1
                 else:
                     left += 1
         if left == 0:
             return 0
+    return look_further(k)
+
+
+def look_further(k: IndicatorWorkspace) -> int:
+    """Iterate on where `look_ahead` shows nothing: of a chain of states at rest one moves after the other."""
+    for r in range(FARTHER):
+        span = FAR[r] * k.whole
+        put_later(k, span, k.rate)
+        for j in range(k.root_count):
+            k.again[j] = k.root[j]
+        for _ in range(FURTHER):
+            put_slope(k, span)
+            put_later(k, span, k.slope)
+            for j in range(k.root_count):
+                k.change[j] = k.again[j]
+            k.roots(k.time + span, k.later, k.inputs, k.constants, k.mode, k.again)
+            if find_slow(k) == 0:
+                return 0
     return 0
+
+
+def find_slow(k: IndicatorWorkspace) -> int:
+    """Put the changes of the sought roots on which two iterations agree into `moved`; return the number of those still sought."""
+    left = 0
+    for j in range(k.root_count):
+        if k.sought[j] > 0:
+            change = k.change[j] - k.root[j]
+            again = k.again[j] - k.root[j]
+            if abs(again) > CERTAIN * k.noise[j] and abs(again - change) <= AGREE * abs(again):
+                k.moved[j] = again
+                k.sought[j] = SLOWLY
+            else:
+                left += 1
+    return left
 
 
 def decide(k: IndicatorWorkspace) -> int:
     """Decide the truth of the conditions in doubt by the changes in `moved`, and put the rounding level of each into `floor`.
 
     A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then. Nor must that of a law which
-    is still on the other side: the law would change again and again.
+    is still on the other side: the law would change again and again. What leaves zero so slowly that it stays within the tolerance for some steps is
+    not contradicted there: the dense output of these has any sign.
     """
     for j in range(k.root_count):
         if k.sought[j] != 0:
@@ -208,6 +251,8 @@ def decide(k: IndicatorWorkspace) -> int:
                 k.truth[j] = 1 if k.moved[j] < 0.0 else 0
                 if k.steers[j] == 0 or k.truth[j] == truth(k.root[j], k.strict[j]):
                     k.floor[j] = 0.25 * k.noise[j]
+            if k.sought[j] == SLOWLY:
+                k.floor[j] = max(k.floor[j], k.relative / NOISE * k.noise[j])
     return 0
 
 

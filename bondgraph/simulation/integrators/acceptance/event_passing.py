@@ -13,7 +13,7 @@ from ...monitors import step_size_diagnosis
 from ..cuts import ALLOWED, BACK, HALVES, NEAR, PARTED, SHORTEST, SLOPE
 from ..methods import EXACT, PARTS
 from ..workspace import Function, IntegratorWorkspace
-from .crossing_search import narrow, survey
+from .crossing_search import CHANGES, narrow, survey
 from .event_indicators import INFINITE, IndicatorWorkspace, decide, doubt, evaluate, keep, look_ahead, reread
 from .zero_crossings import (
     COEFFICIENTS,
@@ -21,7 +21,7 @@ from .zero_crossings import (
     ON_GRID,
     PLACES,
     SHARES,
-    contradicts,
+    free_roots,
     full_at,
     roots_along,
     roots_at,
@@ -158,6 +158,8 @@ def crossing(e: EventWorkspace) -> int:
             if answer != THROUGH:
                 return answer
             begin = k.found
+    roots_at(s, stop, s.root_seen)
+    free_roots(s)
     return NONE
 
 
@@ -239,12 +241,11 @@ def judged(e: EventWorkspace, start: float, stop: float) -> int:
     k = e.conditions
     k.time = k.found
     full_at(s, k.found, k.state)
-    roots_at(s, k.found, k.change)
     for i in range(e.mode_size):
         k.mode[i] = s.mode[i]
     steers = 0
     for j in range(s.root_count):
-        e.crossed[j] = contradicts(k.change[j], k.floor[j], k.strict[j], k.said[j])
+        e.crossed[j] = 1 if k.touching[j] == CHANGES else 0
         if e.crossed[j] != 0:
             k.mode[k.places[j]] = 1.0 - k.mode[k.places[j]]
             steers += k.steers[j]
@@ -323,7 +324,12 @@ def happening(e: EventWorkspace) -> int:
     s = e.solver
     k = e.conditions
     time = k.found
-    if time - e.recent <= SHORT * abs(time) or time >= s.stop or e.logged >= ROOM or e.most_events <= 0:
+    if (
+        time - e.recent <= SHORT * abs(time)
+        or s.stop - time <= SHORT * abs(s.stop)
+        or e.logged >= ROOM
+        or e.most_events <= 0
+    ):
         return LEFT
     if s.steps >= e.many:
         return LEFT
@@ -342,8 +348,8 @@ def happening(e: EventWorkspace) -> int:
             if e.stops[i] != 0 or (e.on[i] != 0 and e.left[i] >= OFTEN):
                 return LEFT
     for j in range(s.root_count):
-        if acted == 0 and e.crossed[j] != 0 and k.mode[k.places[j]] == s.mode[k.places[j]]:
-            return LEFT  # the flow contradicts the crossing
+        if e.crossed[j] != 0 and (k.sought[j] > 0 or (acted == 0 and k.mode[k.places[j]] == s.mode[k.places[j]])):
+            return LEFT  # no look ahead shows the crossing, or the flow contradicts it
     for i in range(e.event_count):
         if e.acted[i] != 0:
             e.left[i] = e.left[i] + 1 if e.on[i] == 0 else 0

@@ -16,6 +16,8 @@ PLACES, GRID, LAST = indicators.PLACES, indicators.GRID, indicators.LAST
 SHARES = tuple(indicators.SHARES.tolist())
 COEFFICIENTS, ON_GRID = (tuple(a.ravel().tolist()) for a in (indicators.COEFFICIENTS, indicators.ON_GRID))
 CONVERGED, SURE, LEFT = indicators.CONVERGED, indicators.SURE, indicators.LEFT
+FREE = 8.0  # in units of its rounding level: a root that has left zero so far
+INFINITE = float("inf")
 
 
 def may_flip(s: IntegratorWorkspace) -> bool:
@@ -36,7 +38,15 @@ def may_flip(s: IntegratorWorkspace) -> bool:
                 return True
             s.root_seen[j] = s.root_seen[(PLACES - 1) * s.root_count + j]
         begin = end
+    free_roots(s)
     return False
+
+
+def free_roots(s: IntegratorWorkspace) -> None:
+    """Let the rounding level of a root end where the root is far from it at the end of a step: on a plateau at zero, as of `max(x, 0)`, it counts again."""
+    for j in range(s.root_count):
+        if FREE * s.root_floor[j] < abs(s.root_seen[j]) < INFINITE:
+            s.root_floor[j] = 0.0
 
 
 def is_clear(s: IntegratorWorkspace, j: int, part: int) -> bool:

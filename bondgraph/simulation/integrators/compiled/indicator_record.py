@@ -26,11 +26,14 @@ def _room(program: Program, constants: Array) -> dict[str, Any]:
     conditions, count = program.hybrid.conditions, len(program.states.names)
     n, m = count + len(program.unknowns.names), len(conditions)
     numbers: dict[str, Any] = {"n": n, "count": count, "root_count": m}
-    numbers |= dict.fromkeys(("time", "whole", "low", "high", "found"), 0.0)
+    numbers |= dict.fromkeys(("time", "whole", "low", "high", "found", "relative"), 0.0)
     numbers |= dict.fromkeys(("flows", "near_count", "unsure_count", "clear_count", "suspect_count"), 0)
     arrays = {name: np.zeros(n) for name in ("magnitude", "state", "rate", "later", "slope")}
     arrays |= {name: np.zeros(m) for name in ("root", "noise", "moved", "change", "again", "floor", "seen", "scale", "error", "variation")}  # fmt: skip
-    arrays |= {name: np.zeros(m, dtype=np.int64) for name in ("truth", "sought", "said", "flipping", "behind", *MASKS)}
+    arrays |= {
+        name: np.zeros(m, dtype=np.int64)
+        for name in ("truth", "sought", "said", "flipping", "behind", "touching", *MASKS)
+    }
     arrays |= {"values": np.zeros(PLACES * m), "form": np.zeros(PLACES * m), "grid": np.zeros((GRID + 1) * m)}
     arrays |= {"suspects": np.zeros(PLACES + GRID + 1), "at_place": np.zeros(PLACES, dtype=np.int64)}
     arrays |= {"at_grid": np.zeros(GRID + 1, dtype=np.int64), "dips": np.zeros((GRID + 1) * m, dtype=np.int64)}
