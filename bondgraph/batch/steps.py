@@ -148,8 +148,9 @@ class BatchIntegrator:
             "redundant": int(self.closed.redundant),
             "pattern": order_of(program).values,
         }
-        bends = 0 if program.bends is None else program.bends(*self._at(stretch, x)).shape[-1]
-        form = form_of(IntegratorWorkspace, program, method, _room(program, method, len(signals.allowed), bends))
+        at = self._at(stretch, x)
+        bends, peaks = (0 if f is None else f(*at).shape[-1] for f in (program.bends, program.peaks))
+        form = form_of(IntegratorWorkspace, program, method, _room(program, method, len(signals.allowed), bends, peaks))
         solver = RecordBatch(form, len(rows), fields)
         solver.put({"automatic": int(method == EXPLICIT)})
         solver.call("begin", np.arange(len(rows)))
@@ -211,8 +212,8 @@ def _evaluations(solver: RecordBatch) -> Any:
     return np.stack([solver[name] for name in EVALUATIONS.values()], axis=1)
 
 
-def _room(program: Any, method: int, signals: int, bends: int) -> Callable[[], dict[str, Any]]:
-    return lambda: room_of(program, method, signals, bends)
+def _room(program: Any, method: int, signals: int, bends: int, peaks: int) -> Callable[[], dict[str, Any]]:
+    return lambda: room_of(program, method, signals, bends, peaks)
 
 
 def _names_of(methods: dict[int, None]) -> str:

@@ -32,7 +32,7 @@ NAMES = {
     "find_sampling": "sampling",
 }  # fmt: skip
 FUNCTIONS = (
-    "constants", "start", "derivative", "jacobian_entries", "output", "instants", "periods", "switches", "holds", "limit_values", "bends",
+    "constants", "start", "derivative", "jacobian_entries", "output", "instants", "periods", "switches", "holds", "limit_values", "bends", "peaks",
     "recurring", "mode_start", "roots", "counts", "triggers", "values", "sampling",
 )  # fmt: skip
 NOW = Segment(0.0, 1.0, np.empty(0))
@@ -110,7 +110,7 @@ def _solver(program: Program, counts: Mapping[str, int], values: StartValues) ->
     context = SegmentContext(program, constants, np.array(values.inputs, dtype=float), nothing, values.tolerances)
     signals = Signals(nothing, nothing, np.zeros((0, 0)), True)
     at_start = given_at(context, NOW, values.state, np.inf, signals)
-    room = room_of(program, EXPLICIT, 0, counts.get("bends", 0))
+    room = room_of(program, EXPLICIT, 0, counts.get("bends", 0), counts.get("peaks", 0))
     mode = {"mode": np.zeros(counts["switches"] if program.hybrid is None else program.hybrid.size), "root_narrow": 0}
     checked = {"limit_count": len(program.limits)}  # those of parameters alone too: whoever holds the unit may set them
     return room | at_start | mode | checked | {"closed": {}, "redundant": 0, "pattern": {"n": len(values.state)}}

@@ -229,7 +229,7 @@ def power(base: Expression, exponent: Expression) -> Expression:
         if isinstance(base, Apply) and n == int(n):
             if base.operator == "multiply":
                 return multiply(*(power(f, exponent) for f in base.operands))
-            if base.operator == "sqrt" and n % 2 == 0 and _never_negative(base.operands[0]):
+            if base.operator == "sqrt" and n % 2 == 0 and never_negative(base.operands[0]):
                 return power(base.operands[0], Number(n / 2))
             if base.operator == "sign" and n > 0:
                 return base if n % 2 else multiply(base, base)
@@ -254,14 +254,14 @@ def _of_sizes(x: Expression, exponent: float) -> Expression | None:
     return multiply(*(power(call("abs", base), Number(n * exponent)) for base, n in totals.items()))
 
 
-def _never_negative(x: Expression) -> bool:
+def never_negative(x: Expression) -> bool:
     match x:
         case Number(value):
             return value >= 0
         case Apply(operator="power", operands=(_, Number(n))) if n == int(n) and n % 2 == 0:
             return True
         case Apply(operator=("multiply" | "add"), operands=parts):
-            return all(map(_never_negative, parts))
+            return all(map(never_negative, parts))
         case Apply(operator=operator) if operator in OPERATORS:
             return OPERATORS[operator].never_negative
     return False

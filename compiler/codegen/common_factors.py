@@ -25,7 +25,7 @@ from .order import operations_in_order
 LONGEST = 12  # factors; a longer product has too many pairs to look at, and stays as it is
 PRINTED = (
     "values", "labels", "rates", "jacobian", "claims", "forced", "invariants", "invariant_slopes", "dependents", "sensitivities", "outputs",
-    "switches", "crossings", "events", "limits", "delayed", "bends", "signals", "solved", "energy",
+    "switches", "crossings", "events", "limits", "delayed", "bends", "peaks", "signals", "solved", "energy",
 )  # fmt: skip
 
 _HOLDERS = (Count, Limit, LimitValue, Located, LoweredEvents, Solved)  # classes with expressions among their fields

@@ -88,6 +88,8 @@ _ROWS = (
                     _sorted(lambda low: low.invariant_slopes), hot=True),
     ProgramFunction("signals", "What the rates read of time alone.", lambda low: low.signals, "time, inputs, constants, mode", hot=True),
     ProgramFunction("bends", "Zero where a law of states bends.", lambda low: low.bends or None, hot=True),
+    ProgramFunction("peaks", "What turns where a law of states may have a narrow peak, then what may be narrow there.",
+                    lambda low: low.peaks or None, hot=True),
     ProgramFunction("powers", "Power into each port, energies of mechanisms, stored quantities: for an energy balance.", _powers),
     ProgramFunction("power_balance", "Power that sources supply, that resistors dissipate, and that storages take: the first is the sum of the others.",
                     _power_balance),

@@ -39,6 +39,7 @@ from .limits import Leaf, ranges, requirement
 from .lowered import Label, Lowered
 from .multipliers import solve_multipliers
 from .order import operations_in_order
+from .peaks import peaks
 from .stored_energy import stored_energy
 from .switching import Switching
 from .time_functions import narrow_operations, time_roots
@@ -111,6 +112,7 @@ def lower(
     _lower_events(result)
     result.lags = tuple(_entry(result, d.lag) for d in space.delays)
     if whole:
+        result.peaks = peaks(result.rates, lambda node: bool(result.dependence(node) & STATE))
         narrow = narrow_operations(result.signals, lambda node: bool(result.dependence(node) & TIME))
         result.time_roots = (*time_roots(result.crossings), *narrow)
     return result

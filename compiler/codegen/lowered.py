@@ -71,6 +71,8 @@ class Lowered:
     delayed: tuple[Expression, ...] = ()  # their undelayed values
     # zero where a law of states bends: steps end there if it shows
     bends: list[Expression] = field(default_factory=list)
+    # functions that turn where a law of states may have a narrow peak, then what may be narrow there
+    peaks: tuple[Expression, ...] = ()
     signals: tuple[Expression, ...] = ()  # signals of time alone: a step must not pass over their extrema
     solved: Solved | None = None  # with the multipliers of closing joints solved for
     energy: tuple[Expression, ...] = ()  # stored energy, then its gradient by the states, on request

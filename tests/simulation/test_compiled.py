@@ -119,7 +119,9 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
     original = compiled.CompiledMethod.begin
 
     def keep(solver: compiled.CompiledMethod) -> None:
-        room = fields.room_of(solver.program, solver.method, solver.signal_count, solver.bend_count)
+        room = fields.room_of(
+            solver.program, solver.method, solver.signal_count, solver.bend_count, 2 * solver.peak_count
+        )
         numbers = [
             n for n, kind in IntegratorWorkspace.__annotations__.items() if kind in ("float", "int", "Floats", "Ints")
         ]

@@ -128,7 +128,7 @@ class History:
 
         names = (
             "derivative", "jacobian_entries", "jacobian", "output", "claims", "dependent", "sensitivities", "forced", "powers", "holds",
-            "limit_values", "invariant", "invariant_slopes", "solved", "bends",
+            "limit_values", "invariant", "invariant_slopes", "solved", "bends", "peaks",
         )  # fmt: skip
         present: dict[str, Any] = {n: wrap(getattr(program, n)) for n in names if getattr(program, n, None) is not None}
         hybrid, delays = program.hybrid, program.delays

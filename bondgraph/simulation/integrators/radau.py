@@ -66,7 +66,6 @@ GROWN = 2.0  # factor behind a step whose estimate is rounding: a longer step ha
 # A step over a kink of a law with an error above this fraction of the tolerance ends at the kink instead, unless the kink is nearer to
 # its start than a fraction of it; but not repeatedly.
 BENT, NEAREST, MOST_BENDS = 0.1, 1e-2, 4
-HALVINGS = 40  # of the distance at which what a law is beside a kink is looked at
 CLOSE = 1e-9  # fraction of a step: accuracy of the place of a kink
 BEYOND = 1e-6  # fraction of a step that ends at a kink: distance behind it at which the other side is evaluated
 STUBBORN, SHORTER = 8, 1e-3  # rejected tries after which steps shorter by this factor must have reduced the error

@@ -29,6 +29,7 @@ class IntegratorWorkspace(Record):
     holds: Function
     powers: Function
     bends: Function
+    peaks: Function
     stored_energy: Function
     roots: Function
     # values of the run, sizes, and the pattern of the Jacobian
@@ -71,8 +72,15 @@ class IntegratorWorkspace(Record):
     # kinks of laws
     bend_count: int
     bend_seen: Floats  # 6 bend_count: values at places of a step, and work space
-    beside: Floats  # 4n: rates at a kink, the bend of the polynomial there, and rates on both sides
     bend_side: Floats  # bend_count: side of each kink at which the Jacobian was computed
+    # peaks of laws: places and values, see `steps/peaks.py`
+    peak_node_count: int
+    peak_nodes: Floats  # 8: fractions of a step at which they are evaluated
+    peak_count: int
+    peak_seen: Floats  # 18 peak_count: values at places of a step, and work space
+    beside: Floats  # 3n: what rates are beside the slope of the step in a peak and outside of it
+    peak_ahead: float  # size of the step after one that ends before a peak; else 0
+    peak_cuts: int  # tries of this step in which peaks were looked for
     # conditions that may cross zero
     root_count: int
     root_said: Ints  # root_count: 1 where the condition holds in the mode

@@ -71,7 +71,7 @@ def given_at(
     }  # fmt: skip
 
 
-def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str, Any]:
+def room_of(program: Program, method: int, signals: int, bends: int, peaks: int) -> dict[str, Any]:
     """Return the other fields, which depend on the program and the method alone."""
     n = len(program.states.names) + len(program.unknowns.names)
     differential, entries = len(program.states.names), len(program.pattern[0])
@@ -89,7 +89,8 @@ def room_of(program: Program, method: int, signals: int, bends: int) -> dict[str
         "root_count": len(conditions), "root_said": whole(len(conditions)),
         "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "root_floor": room(len(conditions)),
         "root_seen": room(PLACES * len(conditions)), "root_narrow": int(narrow), "root_form": room(PLACES), "greatest": room(n),
-        "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends), "beside": room(4 * n if bends else 0),
+        "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends), "beside": room(3 * n if peaks else 0),
+        "peak_count": peaks // 2, "peak_seen": room(9 * peaks), "peak_ahead": 0.0, "peak_node_count": 0, "peak_nodes": room(8), "peak_cuts": 0,
         "n": n, "differential": differential, "method": method, "entry_count": entries,
         "seen": room(max(len(LOOKS), len(dop853.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),
         "ahead": 0.0, "behind": 0.0, "tried": 0.0, "comes": 0, "size": 0.0, "rate": room(n),

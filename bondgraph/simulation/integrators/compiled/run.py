@@ -134,8 +134,8 @@ class CompiledMethod:
 
         def room() -> dict[str, Any]:
             at = stretch.start, state, context.inputs, context.constants, stretch.mode
-            bends = 0 if program.bends is None else len(program.bends(*at))
-            return room_of(program, method, len(signals.allowed), bends)
+            bends, peaks = (0 if f is None else len(f(*at)) for f in (program.bends, program.peaks))
+            return room_of(program, method, len(signals.allowed), bends, peaks)
 
         self.values = record_for(IntegratorWorkspace, program, method, room, given, self.native)
         if not self.native:  # Python examines many instants at once

@@ -10,7 +10,7 @@ from compiler.api import Floats
 from .. import dop853
 from ..workspace import IntegratorWorkspace
 from .evaluation import rates
-from .kinks import bends_at, first_between
+from .kinks import first_bend
 from .trial_interpolant import value_at
 
 C, STARTS, FROM, A, D = dop853.C, dop853.STARTS, dop853.FROM, dop853.A, dop853.D
@@ -41,16 +41,25 @@ def densify_between(s: IntegratorWorkspace, start: float, stop: float, first: Fl
         for i in range(n):
             s.rest[i] = first[i] + size * s.rest[i]
         rates(s, start + C[stage] * size, s.rest, s.slope[stage * n :])
+    put_cubic(s, size, first, last)
     for i in range(n):
-        change = last[i] - first[i]
-        s.dense[i] = change
-        s.dense[n + i] = size * s.slope[i] - change
-        s.dense[2 * n + i] = 2.0 * change - size * (s.slope[STAGES * n + i] + s.slope[i])
         for row in range(4):
             total = 0.0
             for stage in range(ALL_STAGES):
                 total += D[row * ALL_STAGES + stage] * s.slope[stage * n + i]
             s.dense[(3 + row) * n + i] = size * total
+
+
+def put_cubic(s: IntegratorWorkspace, size: float, first: Floats, last: Floats) -> None:
+    """Put the cubic polynomial through two states and the rates there in the place of the dense output, of which it is a part."""
+    n = s.n
+    for i in range(n):
+        change = last[i] - first[i]
+        s.dense[i] = change
+        s.dense[n + i] = size * s.slope[i] - change
+        s.dense[2 * n + i] = 2.0 * change - size * (s.slope[STAGES * n + i] + s.slope[i])
+    for i in range(3 * n, 7 * n):
+        s.dense[i] = 0.0
 
 
 def polynomial(s: IntegratorWorkspace, time: float, out: Floats) -> None:
@@ -66,11 +75,4 @@ def first_bend_of_pair(s: IntegratorWorkspace, size: float, least: float) -> flo
     """Return the fraction of the tried step at which a law first has a kink; 1 if there is none, or if it is nearer than a step of the least size."""
     rates(s, s.time + size, s.new, s.slope[STAGES * s.n :])
     densify_between(s, s.time, s.time + size, s.state, s.new)
-    return first_bend_along(s, size, max(NEAREST, 2.0 * least / size))
-
-
-def first_bend_along(s: IntegratorWorkspace, size: float, nearest: float) -> float:
-    """Return the same where the dense output of the tried step is known; `nearest`: as in `first_between`."""
-    for k in range(5):
-        bends_at(s, size, PLACES[k], s.bend_seen[k * s.bend_count :])
-    return first_between(s, size, PLACES, 5, nearest)
+    return first_bend(s, size, PLACES, 5, max(NEAREST, 2.0 * least / size))

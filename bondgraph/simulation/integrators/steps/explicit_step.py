@@ -15,12 +15,14 @@ from compiler.api import Floats
 from .. import dop853
 from ..outcomes import ERROR, ROUND_OFF
 from ..workspace import IntegratorWorkspace
-from .dop853_dense import first_bend_of_pair
+from .dop853_dense import first_bend_of_pair, put_cubic
 from .evaluation import put_end, rates, renew
+from .peaks import first_peak
 from .step_control import GROWN, first_size, is_rounding, is_stubborn
 
 C, STARTS, FROM, A, E5, E3 = dop853.C, dop853.STARTS, dop853.FROM, dop853.A, dop853.E5, dop853.E3
 SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH = dop853.SEEN, dop853.UNSEEN, dop853.LOOKS, dop853.BETWEEN, dop853.THROUGH
+NODES = (C[6], C[9], C[10], 1.0)  # some fractions of a step at which it evaluates rates that have a weight
 STAGES, CAREFUL, MOST_BENDS, REGAINED = dop853.STAGES, dop853.CAREFUL, dop853.MOST_BENDS, dop853.REGAINED
 SHORTEST, LONGEST, SAFETY = dop853.SHORTEST, dop853.LONGEST, dop853.SAFETY
 STABLE, SELDOM, LOOK_AGAIN, ITERATIONS = dop853.STABLE, dop853.SELDOM, dop853.LOOK_AGAIN, dop853.ITERATIONS
@@ -59,7 +61,14 @@ def explicit_step(s: IntegratorWorkspace) -> int:
             combine(s, STAGES - 1, size, s.rest)  # that search has used its room
         if norm <= 1.0:
             if has_rates_at(s, end):
-                break
+                if s.peak_count == 0:
+                    break
+                put_cubic(s, size, s.state, s.new)
+                cut = first_peak(s, size, NODES, 0, 4)
+                if cut == 1.0:
+                    break
+                size *= cut
+                continue
             rejected += 1  # the law has no value within the step
             size *= 0.5
             continue

@@ -16,9 +16,11 @@ from ..linear_algebra.factors import back_complex
 from ..linear_algebra.sparse import FINE, SINGULAR
 from ..outcomes import ERROR, NEWTON, ROUND_OFF
 from ..workspace import IntegratorWorkspace
-from .dop853_dense import NEAREST, first_bend_along
+from .dop853_dense import NEAREST, PLACES
 from .evaluation import has_loops, put_end, put_end_rates, put_terms, renew
+from .kinks import first_bend
 from .newton_matrices import factorise_pair, factorise_real, solve_real
+from .peaks import first_peak
 from .radau13_coefficients import MU, TI, WITHIN, C, E, T
 from .radau_step import BENT, MOST_BENDS, misses
 from .step_control import (
@@ -78,9 +80,9 @@ def radau13_step(s: IntegratorWorkspace) -> int:
         norm = estimate_stages(s, size, rejected > 0)
         most = 2.0 * float(ITERATIONS[(s.stage_count - LEAST) // 2])
         safety = 0.9 * (most + 1.0) / (most + float(iterations))
-        if s.bend_count > 0 and bent < MOST_BENDS:
+        if norm > BENT and s.bend_count > 0 and bent < MOST_BENDS:
             put_rows_of_stages(s)
-            share = first_bend_along(s, size, max(NEAREST, 2.0 * least / size) if norm > BENT else 1.0)
+            share = first_bend(s, size, PLACES, 5, max(NEAREST, 2.0 * least / size))
             if share < 1.0:
                 cut = share
                 bent += 1
@@ -89,6 +91,11 @@ def radau13_step(s: IntegratorWorkspace) -> int:
         if norm > 1.0 and is_rounding(s, norm, 1.0, 0.0):
             norm = 1.0
         if norm <= 1.0:
+            put_rows_of_stages(s)
+            share = first_peak(s, size, C, FIRST[(s.stage_count - LEAST) // 2], s.stage_count)
+            size *= share
+            if share < 1.0:
+                continue
             for i in range(n):
                 s.f[2 * n + i] = s.f[last + i]  # the place that `misses` reads
             if not misses(s, end, size):
@@ -119,7 +126,6 @@ def use_stages(s: IntegratorWorkspace, stages: int) -> None:
 def accept_stages(s: IntegratorWorkspace, end: float, size: float, norm: float, grown: float, iterations: int) -> None:
     """Complete a step, and choose the size and the number of stages of the next."""
     n = s.n
-    put_rows_of_stages(s)
     for i in range(ROWS * n):
         s.stages[i] = s.dense[i]
     s.dense_known = 1

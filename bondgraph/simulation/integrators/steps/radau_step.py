@@ -14,6 +14,7 @@ from .evaluation import drop_noise, has_loops, put_end, put_end_rates, put_terms
 from .kinks import first_bend
 from .newton_matrices import factorise, factorise_real, solve_complex, solve_real
 from .norms import squares
+from .peaks import first_peak
 from .step_control import (
     choose_next,
     diverges,
@@ -29,6 +30,7 @@ from .step_control import (
 )  # fmt: skip
 
 C, E, D = (tuple(a.tolist()) for a in (radau.C, radau.E, radau.D))
+PLACES = (0.0, *C)  # fractions of a step at which kinks are searched
 T, TI, P = (tuple(a.ravel().tolist()) for a in (radau.T, radau.TI, radau.P))
 MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 NEWTON_ITERATIONS, UNSOLVED, SOLVED, ROUNDED = radau.NEWTON_ITERATIONS, radau.UNSOLVED, radau.SOLVED, radau.ROUNDED
@@ -70,16 +72,19 @@ def radau_step(s: IntegratorWorkspace) -> int:
             s.new[i] = s.state[i] + s.z[2 * n + i]
         norm = estimate(s, size, rejected > 0)
         safety = 0.9 * (2.0 * NEWTON_ITERATIONS + 1.0) / (2.0 * NEWTON_ITERATIONS + float(iterations))
-        if s.bend_count > 0 and bent < MOST_BENDS:
-            share = first_bend(s, size, NEAREST if norm > BENT else 1.0)
+        if norm > BENT and s.bend_count > 0 and bent < MOST_BENDS:
+            share = first_bend(s, size, PLACES, 4, NEAREST)
             if share < 1.0:
                 cut = share
                 bent += 1
                 size *= cut
                 continue
-        if norm > 1.0 and is_rounding(s, norm, 1.0, 0.0):
-            norm = 1.0
+        norm = 1.0 if norm > 1.0 and is_rounding(s, norm, 1.0, 0.0) else norm
         if norm <= 1.0:
+            share = first_peak(s, size, C, 0, 3)
+            size *= share
+            if share < 1.0:
+                continue
             if not misses(s, end, size):
                 break
             reason = NEWTON

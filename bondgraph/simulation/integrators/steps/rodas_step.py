@@ -12,17 +12,19 @@ from .. import radau, rodas
 from ..linear_algebra.sparse import ANEW, SINGULAR
 from ..outcomes import ERROR, NEWTON, ORDER, ROUND_OFF
 from ..workspace import IntegratorWorkspace
-from .dop853_dense import NEAREST, first_bend_along
+from .dop853_dense import NEAREST, PLACES
 from .evaluation import look_at_side, put_end, rates, renew
-from .kinks import after_bend
+from .kinks import after_bend, first_bend
 from .newton_matrices import factorise_real, solve_real
 from .norms import factor
+from .peaks import first_peak
 from .step_control import BETWEEN, BEYOND, CUBIC, GROWN, LOOKS, SEEN, UNSEEN, first_size, is_rounding, is_stubborn
 
 STAGES, WRITTEN, ROWS, GAMMA = rodas.STAGES, rodas.WRITTEN, rodas.ROWS, rodas.GAMMA
 C, D, A, COUPLING, WITHIN = rodas.C, rodas.D, rodas.A, rodas.COUPLING, rodas.WITHIN
 SHORTEST, LONGEST, SAFETY, POWER, ASIDE = rodas.SHORTEST, rodas.LONGEST, rodas.SAFETY, rodas.POWER, rodas.ASIDE
 CAREFUL, MOST_BENDS, BENT = rodas.CAREFUL, rodas.MOST_BENDS, radau.BENT
+NODES = (C[2], C[1], C[3], 1.0)  # fractions of a step at which it evaluates rates, in order
 LEAP = 1e3  # times its magnitude, or itself: a state that a step leads further was not followed, whatever the estimate says beside its new size
 
 
@@ -52,7 +54,7 @@ def rodas_step(s: IntegratorWorkspace) -> int:
             continue
         norm = try_step(s, size)
         if s.bend_count > 0 and bent < MOST_BENDS and isfinite(norm):
-            share = first_bend_along(s, size, max(NEAREST, 2.0 * least / size))
+            share = first_bend(s, size, PLACES, 5, max(NEAREST, 100.0 * least / size))
             if share < 1.0 or (wish > 0.0 and norm > BENT):
                 wish = max(wish, size)
                 bent += 1
@@ -61,6 +63,10 @@ def rodas_step(s: IntegratorWorkspace) -> int:
         if norm > 0.1 and is_rounding(s, norm, CAREFUL, 0.0):
             norm = 1.0
         if norm <= 1.0:
+            share = first_peak(s, size, NODES, 0, 4)
+            size *= share
+            if share < 1.0:
+                continue
             break
         reason = ERROR
         rejected += 1
@@ -74,7 +80,7 @@ def rodas_step(s: IntegratorWorkspace) -> int:
     s.last_size = size
     s.last_error = max(norm, 1e-2)
     s.current = 0
-    if wish > 0.0:
+    if wish > 0.0 and s.bend_count > 0:
         look_at_side(s, BEYOND * size)
         if s.current != 0:  # another branch of a law applies
             after_bend(s, wish)

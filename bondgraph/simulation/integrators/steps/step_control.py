@@ -38,6 +38,10 @@ def first_size(
 ) -> float:
     """Return the size of the first try of a step, at most `size`: up to the end if that is near, and short enough to resolve the signals of time."""
     size = min(size, s.stop - s.time, s.longest)
+    if s.peak_ahead > 0.0:
+        size = min(size, s.peak_ahead)
+    s.peak_ahead = 0.0
+    s.peak_cuts = 0
     if s.time + 1.01 * size >= s.stop:
         size = s.stop - s.time
     least = 10.0 * ulp(s.time)
