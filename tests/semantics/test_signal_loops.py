@@ -217,3 +217,14 @@ def test_equations_in_flat_text_builder_and_exports() -> None:
     assert flat.text() == pair.text() and flat.simulate(to=1).final("z") == 3.0
     assert "np.array([-1.5])" in model.compile("numpy")
     assert "start = -1.5" in model.compile("modelica")
+
+
+def test_a_solution_is_kept_where_junctions_switch() -> None:
+    """z = 3 t + 1 is nearest to the guess at the start, z = 3 t - 1 is at 2 s, where another program goes on."""
+    text = (
+        "model A {\n  solve (z - 3*time/1 s)^2 = 1 for z = 1\n  signal w = integral(z*1 [1/s], 0)\n  output a = z, b = w, c = mass.v\n"
+        "  mode on = false\n  when time > 2 s { on = true }\n  1 way : translation { active = not on }\n  Se push : F = 1 N\n"
+        "  I mass : p = 1 kg*v\n  push -> way -> mass\n}\n"
+    )
+    found = bondgraph.load(text).simulate(to=4, points=9)
+    assert found["a"] == pytest.approx(3 * found.time + 1, rel=1e-6)

@@ -142,12 +142,15 @@ def _determined(loops: LoopSolver, made: CompiledScene, full: Array, at: Any) ->
         best = int(np.argmin(distance))
         apart = (np.abs(solutions - solutions[best]) > DISTINCT * size)[:, differ].any(axis=1)
         if distance[apart].min() - distance[best] <= DISTINCT:
-            raise _several(made, loops.program, solutions, differ, at[0])
+            every = np.flatnonzero(np.ptp(solutions, axis=0) > DISTINCT * size)
+            raise _several(made, loops.program, solutions, every, at[0])
         if apart[0]:
             full = loops.solve(at[0], np.concatenate([full[: loops.count], solutions[best]]), at[1])
             return _determined(loops, made, full, at)
         left, *rest = _shown(loops.program, solutions[[best, *np.flatnonzero(apart)]], differ)
-        notes.append(f"nearest to its guess, of several solutions: {left}; not {'; '.join(rest)}")
+        notes.append(
+            f"nearest to its guess, of several solutions: {left}; not {'; '.join(rest)}; only being near holds the run to it"
+        )
         solutions = solutions[~apart]
     return full, tuple(notes)
 

@@ -131,8 +131,8 @@ class EventIntegrator(SegmentIntegrator):
         self.switched = True
         if choice is None:
             return True
-        stored, peaks = choice.stored(now.time, now.state, now.mode)
-        self.result.handover = self._carrying(PhaseTransition(now.time, stored, peaks, off=off))
+        handover = choice.transition(now.time, now.state, now.mode)
+        self.result.handover = self._carrying(replace(handover, off=off))
         return True
 
     def _carrying(self, handover: PhaseTransition) -> PhaseTransition:

@@ -9,7 +9,6 @@ import numpy as np
 from compiler.api import Array
 
 from ..segments.timeline import Segment
-from ..segments.transition import PhaseTransition
 
 if TYPE_CHECKING:
     from ..constraints.crossing import Crossed
@@ -20,7 +19,7 @@ def chosen_anew(stepper: IntegrationState, time: float, state: Array, mode: Arra
     """Return True if the phase must end here because other constraints should be active from now on: the next phase selects them."""
     if stepper.choice is None or not stepper.singular.other_rows(time, state, mode, step):
         return False
-    stepper.result.handover = PhaseTransition(time, *stepper.choice.stored(time, state, mode))
+    stepper.result.handover = stepper.choice.transition(time, state, mode)
     return True
 
 

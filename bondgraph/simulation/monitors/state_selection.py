@@ -9,6 +9,7 @@ derivatives are pivoted for the same reason: Mattsson and Söderlind, SIAM J. Sc
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -53,13 +54,18 @@ class Choice:
         """Return the transition that exchanges two storages after a step that ended here; None if none is needed."""
         if not len(self.rows):
             return None
-        values, peaks = self.stored(time, state, mode)
         gain = self._gain(time, state, mode)
         worst = int(np.argmax(gain))
         if not gain[worst] > WORST:
             return None
         dependent = self.program.dependents.names[self.rows[worst]].rpartition(".")[0]
-        return PhaseTransition(time, values, peaks, dependent, self._element(self.columns[worst]))
+        element = self._element(self.columns[worst])
+        return replace(self.transition(time, state, mode), dependent=dependent, state=element)
+
+    def transition(self, time: float, state: Array, mode: Array) -> PhaseTransition:
+        """Return the transition of another program that goes on here, near the solutions of the loops as they are."""
+        names, solved = self.program.unknowns.names, state[len(self.program.states.names) :].tolist()
+        return PhaseTransition(time, *self.stored(time, state, mode), unknowns=dict(zip(names, solved, strict=True)))
 
     def _gain(self, time: float, state: Array, mode: Array) -> Any:
         """Return the relative changes of dependent storages per relative change of a state, shape (chosen,)."""
